@@ -1,0 +1,1 @@
+"""Continuation and bifurcation analysis of elastic contact with coexisting solutions."""

@@ -1,0 +1,13 @@
+"""The errors that contbranch raises on purpose."""
+
+from __future__ import annotations
+
+__all__ = ["InputError", "ModelError"]
+
+
+class InputError(ValueError):
+    """A value given by the user cannot be used; the message names the field, the value and the remedy in one line."""
+
+
+class ModelError(RuntimeError):
+    """A computation could not deliver what was asked for; the message says what was reached and why it stopped."""
