@@ -1,0 +1,332 @@
+"""The result of a trace: branches, events and thresholds with their error estimates, as plain data."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbranch.contact import Contact
+from contbranch.errors import InputError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["Branch", "Cost", "Diagram", "Event", "Exponent", "LocalExponent", "ModelChoice", "Profile", "Solution", "State", "Window"]
+
+Array = NDArray[np.float64]
+EventKind = Literal["fold", "touch", "symmetry", "inadmissible", "end"]
+
+OBSERVABLES = ("load", "displacement", "contact_radius", "central_gap")
+
+
+@dataclass(frozen=True)
+class Profile:
+    """Fields of one state as functions of the radius, in the contact's units.
+
+    Attributes
+    ----------
+    r, gap, pressure, wall_pressure : array (M,)
+        Radius (increasing, from the centre), gap, total pressure and the wall's share of it (zero outside the contact).
+    """
+
+    r: Array
+    gap: Array
+    pressure: Array
+    wall_pressure: Array
+
+
+@dataclass(frozen=True)
+class State:
+    """One equilibrium, in the contact's units.
+
+    Attributes
+    ----------
+    unstable_load, unstable_displacement : int
+        Morse indices: the number of axisymmetric unstable modes under load and under displacement control.
+    residual : float
+        Largest residual of the equilibrium equations relative to the largest value of the unknown.
+    error : mapping
+        Error estimates of load, displacement, contact_radius and central_gap.
+    profile : Profile or None
+        Gap and pressures.
+    """
+
+    load: float
+    displacement: float
+    contact_radius: float
+    central_gap: float
+    energy: float
+    unstable_load: int
+    unstable_displacement: int
+    residual: float
+    error: Mapping[str, float] = field(default_factory=dict)
+    profile: Profile | None = None
+
+    def stable(self, control: str) -> bool:
+        """Whether the state is stable under ``"load"`` or ``"displacement"`` control."""
+        return (self.unstable_displacement if control == "displacement" else self.unstable_load) == 0
+
+
+@dataclass(frozen=True)
+class Window:
+    """A power law fitted over a window of the excess control, ``Δa = prefactor · Δ^kappa`` (the paper's Table 1).
+
+    Attributes
+    ----------
+    start, stop : float
+        Ends of the window in the excess over the fold's control value.
+    kappa, kappa_error, prefactor : float
+        Fitted exponent, its uncertainty (the change of the local exponent across the window) and prefactor.
+    """
+
+    start: float
+    stop: float
+    kappa: float
+    kappa_error: float
+    prefactor: float
+
+
+@dataclass(frozen=True)
+class Exponent:
+    """Critical behaviour at a fold.
+
+    Attributes
+    ----------
+    kappa : float
+        Exponent at the fold itself: 1/2 at every quadratic fold.
+    crossover_load : float or None
+        Excess of the fold's control (load or displacement) at which the next term of the expansion has changed the order
+        parameter as much as the leading one.
+    window : Window or None
+        The fit over a window, which measures the crossover.
+    prefactor : float
+        c of the normal form ``order parameter = c · excess^(1/2)``.
+    order_parameter : str
+        ``"contact_radius"``, or ``"central_gap"`` at a fold without contact.
+    """
+
+    kappa: float
+    crossover_load: float | None
+    window: Window | None
+    prefactor: float | None = None
+    order_parameter: str = "contact_radius"
+
+
+@dataclass(frozen=True)
+class LocalExponent:
+    """Local exponent ``dln|Δorder parameter| / dlnΔ`` on the contact side of a fold or touch.
+
+    Attributes
+    ----------
+    excess : array (M,)
+        Excess ΔF of the load (or displacement) over the event's, increasing.
+    order_parameter : array (M,)
+        Distance of the contact radius (or central gap) from its value at the event.
+    kappa, error : array (M,)
+        Local exponent and its error estimate.
+    """
+
+    excess: Array
+    order_parameter: Array
+    kappa: Array
+    error: Array
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something that happens on the curve; every number is in the contact's units.
+
+    Attributes
+    ----------
+    kind : str
+        ``fold``, ``touch``, ``symmetry``, ``inadmissible`` or ``end``.
+    control : str or None
+        Control whose fold this is: ``load``, ``displacement`` or ``spring``.
+    name : str or None
+        ``pull-off``, ``jump-in``, ``squeeze-out``, ``wetting``; None for a fold that bounds no stable part.
+    load, displacement, contact_radius, central_gap : float
+    error : mapping
+        Error estimate of each of the four.
+    exponent : Exponent or None
+        Critical exponent (folds).
+    stiffness : float or None
+        Stiffness of the spring (spring folds).
+    message : str
+        What happened, where the kind does not say it all.
+    branch, position : int, float
+        Branch, and position on it in units of points (between points i and i + 1: i + 0.5).
+    """
+
+    kind: EventKind
+    load: float
+    displacement: float
+    contact_radius: float
+    central_gap: float
+    error: Mapping[str, float]
+    control: str | None = None
+    name: str | None = None
+    exponent: Exponent | None = None
+    stiffness: float | None = None
+    message: str = ""
+    branch: int = 0
+    position: float = 0.0
+
+
+@dataclass(frozen=True)
+class Branch:
+    """One connected curve of equilibria, as arrays over its points, in the contact's units.
+
+    Attributes
+    ----------
+    load, displacement, contact_radius, central_gap, energy : array (M,)
+    unstable_load, unstable_displacement : integer array (M,)
+        Morse indices under load and displacement control.
+    load_error, displacement_error : array (M,)
+        Error estimates of load and displacement at every point.
+    """
+
+    load: Array
+    displacement: Array
+    contact_radius: Array
+    central_gap: Array
+    energy: Array
+    unstable_load: NDArray[np.int64]
+    unstable_displacement: NDArray[np.int64]
+    load_error: Array
+    displacement_error: Array
+    profiles: Sequence[Profile | Callable[[], Profile]] = field(default=(), repr=False)
+
+    def __len__(self) -> int:
+        return len(self.load)
+
+    def state(self, i: int) -> State:
+        """Point `i` with its profile: r, gap, pressure and wall_pressure are attributes of ``state(i).profile``."""
+        profile: Profile | Callable[[], Profile] | None = self.profiles[i] if len(self.profiles) else None
+        return State(
+            *(float(getattr(self, name)[i]) for name in (*OBSERVABLES, "energy")),
+            unstable_load=int(self.unstable_load[i]),
+            unstable_displacement=int(self.unstable_displacement[i]),
+            residual=0.0,
+            error={"load": float(self.load_error[i]), "displacement": float(self.displacement_error[i])},
+            profile=profile() if callable(profile) else profile,
+        )
+
+    def unstable(self, control: str) -> NDArray[np.int64]:
+        """Morse index under ``"load"`` or ``"displacement"`` control."""
+        return self.unstable_displacement if control == "displacement" else self.unstable_load
+
+
+@dataclass(frozen=True)
+class ModelChoice:
+    """Which model was used, why, and how many unknowns it had at most."""
+
+    kind: Literal["exact", "axisymmetric", "periodic", "free"]
+    why: str
+    unknowns: int
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Wall time in seconds, Newton iterations and pairs of transforms."""
+
+    wall_s: float
+    newton: int
+    fft_pairs: int = 0
+
+
+@dataclass(frozen=True)
+class Diagram:
+    """A bifurcation diagram.
+
+    Attributes
+    ----------
+    contact : Contact or None
+        What was traced (None when a file's contact cannot be rebuilt, for laws defined outside the package).
+    branches : tuple of Branch
+    events : tuple of Event
+        In the order in which they lie on the curve.
+    thresholds : dict
+        Named loads, displacements and radii; no key for what does not exist.
+    model : ModelChoice
+    control : str
+        The control whose stability plots speak of.
+    accuracy : float
+        Error allowed to every event, relative to max(1, |value|) in reduced units.
+    status, message : str
+        ``"complete"`` or ``"incomplete"``, and the reason.
+    """
+
+    contact: Contact | None
+    branches: tuple[Branch, ...]
+    events: tuple[Event, ...]
+    thresholds: Mapping[str, float]
+    model: ModelChoice
+    cost: Cost
+    control: str = "load"
+    accuracy: float = 1e-6
+    status: Literal["complete", "incomplete"] = "complete"
+    message: str = ""
+    description: Mapping[str, Any] = field(default_factory=dict)
+    unit_names: Mapping[str, str] = field(default_factory=dict)
+    local_exponents: Callable[[Event], LocalExponent] | Mapping[int, LocalExponent] | None = field(default=None, repr=False)
+
+    def folds(self, control: str | None = None) -> Iterator[Event]:
+        """The folds of one control, or all of them."""
+        return (e for e in self.events if e.kind == "fold" and (control is None or e.control == control))
+
+    def local_exponent(self, event: Event) -> LocalExponent:
+        """Local exponent κ_local(ΔF) on the contact side of a fold or touch, with its error estimate.
+
+        Raises
+        ------
+        InputError
+            If the event is not a fold or touch of this diagram, or the diagram keeps no curve to take it from.
+        """
+        if event.kind not in ("fold", "touch") or event not in self.events:
+            raise InputError(f"event: {event.kind} is not a fold or touch of this diagram; take one from diagram.events")
+        source = self.local_exponents
+        if callable(source):
+            return source(event)
+        found = (source or {}).get(self.events.index(event))
+        if found is None:
+            raise InputError("event: this diagram keeps no local exponent for it; trace the contact again")
+        return found
+
+    def save(self, path: str | Path) -> None:
+        """Write an HDF5 file; see ``docs/file-layout.md``."""
+        from contbranch.store import save
+
+        save(self, path)
+
+    def plot(self, x: str = "load", y: str = "contact_radius") -> Figure:
+        """Draw observable `y` against `x` with dashed unstable parts and marked events."""
+        from contbranch.plot import bifurcation_diagram
+
+        return bifurcation_diagram(self, x, y)
+
+
+@dataclass(frozen=True)
+class Solution(State):
+    """The equilibrium that `solve` returns: a State, and where it comes from.
+
+    Attributes
+    ----------
+    model : ModelChoice
+    cost : Cost
+    status, message : str
+        The message says how many equilibria there are, if that is known.
+    states : tuple of State
+        The equilibria found, this one first.
+    """
+
+    model: ModelChoice = field(default_factory=lambda: ModelChoice("axisymmetric", "", 0))
+    cost: Cost = field(default_factory=lambda: Cost(0.0, 0))
+    status: Literal["complete", "incomplete"] = "complete"
+    message: str = ""
+    states: tuple[State, ...] = ()
+    contact: Contact | None = None

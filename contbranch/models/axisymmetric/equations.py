@@ -1,0 +1,249 @@
+"""The equilibrium of an axisymmetric contact as N equations for N values of h and one contact coordinate.
+
+For a given contact coordinate y (see `ContactCoordinate`) everything follows from ``h(tau)``:
+
+    h(0) = rim value of h,     d = h(0) + zeta(a)  (contact),     d = h(0) − g(0)  (no contact)
+    gap(rho) = plane(a) [h − h(0)] + gap of the undeformed tip + max(−y, 0)
+    R(h, y)  = h − abel p_fr(gap) = 0
+
+so the rim condition phi(a) = 0 is built in, and the displacement is a result and not an unknown.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbranch.interactions import Interaction
+from contbranch.tips import Tip
+
+from .mesh import Mesh
+from .rim import Rim, make_rim
+
+__all__ = ["ContactCoordinate", "Equations", "Fields"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ContactCoordinate:
+    """One signed number that orders states: y = a^m in contact, y = −g(0) without (reduced units).
+
+    ``m = min(n, 2)`` for a tip that starts like r^n, so that load and displacement have a finite slope in y at first touch.
+    """
+
+    tip: Tip
+    power: float
+
+    def radius(self, y: float) -> float:
+        """Contact radius a(y); 0 for y <= 0."""
+        return float(y) ** (1 / self.power) if y > 0 else 0.0
+
+    def of(self, contact_radius: float, central_gap: float) -> float:
+        """The coordinate of a state with this contact radius or this central gap."""
+        return contact_radius**self.power if contact_radius > 0 else -central_gap
+
+    def slopes(self, y: float) -> tuple[float, float, float]:
+        """(da/dy, d(a²)/dy, dzeta(a)/dy), right-hand derivatives at y = 0+."""
+        a = max(self.radius(y), 1e-12)
+        da = a ** (1 - self.power) / self.power
+        return da, 2 * a * da, float(self.tip.transform_derivative(np.float64(a))) * da
+
+
+@dataclass(frozen=True)
+class Fields:
+    """All that follows from one (h, y): fields at the mesh's nodes, reduced units."""
+
+    h: Array
+    y: float
+    rim: Rim
+    rim_value: float  # h(0)
+    gap: Array
+    energy_density: Array
+    pressure: Array
+    stiffness: Array  # v'' = −dp/dg
+    residual: Array
+
+    @property
+    def finite(self) -> bool:
+        """Whether the residual is finite, so that the law could be evaluated everywhere."""
+        return bool(np.isfinite(self.residual).all())
+
+
+class Equations:
+    """Residual, linearisation and observables of one contact (reduced units) on one mesh.
+
+    Parameters
+    ----------
+    tip, interaction : Tip, Interaction or None
+        In reduced units.
+    mesh : Mesh
+    """
+
+    def __init__(self, tip: Tip, interaction: Interaction | None, mesh: Mesh, coordinate: ContactCoordinate) -> None:
+        self.tip = tip
+        self.interaction = interaction
+        self.mesh = mesh
+        self.coordinate = coordinate
+        self.rim_row = np.zeros(mesh.size)
+        self.rim_row[: mesh.order] = mesh.rule.rim
+        self._rim: Rim | None = None
+        self._fields: Fields | None = None
+        self._response: tuple[Fields, Array] | None = None
+        self._slope: tuple[Fields, bool, Array] | None = None
+
+    # -- fields -------------------------------------------------------------------------------------------------------
+    def rim(self, y: float) -> Rim:
+        """Operators for the rim of y (the last one is kept)."""
+        a = self.coordinate.radius(y)
+        if self._rim is None or self._rim.radius != a:
+            self._rim = make_rim(self.mesh, a)
+        return self._rim
+
+    def fields(self, h: Array, y: float) -> Fields:
+        """Gap, pressure and residual of (h, y)."""
+        last = self._fields
+        if last is not None and last.y == y and (last.h is h or np.array_equal(last.h, h)):
+            return last
+        rim = self.rim(y)
+        rim_value = float(self.rim_row @ h)
+        shape, _ = self.tip.shape_gap(self.mesh.nodes, rim.radius)
+        gap = rim.plane @ (h - rim_value) + shape
+        if y < 0:
+            gap = gap - y
+        if self.interaction is None:
+            zero = np.zeros_like(gap)
+            energy, pressure, stiffness = zero, zero, zero
+        else:
+            energy, pressure, stiffness = self.interaction.evaluate(gap)
+        residual = h - self.mesh.abel @ pressure
+        self._fields = Fields(h, y, rim, rim_value, gap, energy, pressure, stiffness, residual)
+        return self._fields
+
+    # -- linearisation ------------------------------------------------------------------------------------------------
+    def response(self, fields: Fields) -> Array:
+        """``abel v'' plane``: change of −abel p with h at fixed displacement and rim; (N, N)."""
+        if self._response is None or self._response[0] is not fields:
+            self._response = (fields, (self.mesh.abel * fields.stiffness) @ fields.rim.plane)
+        return self._response[1]
+
+    def jacobian(self, fields: Fields) -> Array:
+        """dR/dh at fixed y, (N, N): I + response (I − 1 rimᵀ)."""
+        response = self.response(fields)
+        matrix = response.copy()
+        n = self.mesh.order
+        matrix[:, :n] -= response.sum(axis=1)[:, None] * self.rim_row[:n]
+        matrix.flat[:: self.mesh.size + 1] += 1.0
+        return matrix
+
+    def gap_slope(self, fields: Fields, contact_side: bool) -> Array:
+        """dgap/dy at fixed h, (N,)."""
+        if not contact_side:
+            return np.full(self.mesh.size, -1.0)
+        da, dc, _ = self.coordinate.slopes(fields.y)
+        radius = max(fields.rim.radius, 1e-12)
+        _, shape_slope = self.tip.shape_gap(self.mesh.nodes, radius)
+        return fields.rim.plane_slope(fields.h - fields.rim_value) * dc + shape_slope * da
+
+    def slope(self, fields: Fields, contact_side: bool) -> Array:
+        """dR/dy at fixed h, (N,)."""
+        last = self._slope
+        if last is None or last[0] is not fields or last[1] != contact_side:
+            value = self.mesh.abel @ (fields.stiffness * self.gap_slope(fields, contact_side))
+            self._slope = last = (fields, contact_side, value)
+        return last[2]
+
+    # -- observables --------------------------------------------------------------------------------------------------
+    def displacement(self, fields: Fields) -> float:
+        """Far-field displacement d."""
+        if fields.y <= 0:
+            return fields.rim_value + fields.y
+        return fields.rim_value + float(self.tip.transform(np.float64(fields.rim.radius)))
+
+    def load(self, fields: Fields) -> float:
+        """Load F = 2 ∫_0^∞ h dt (E = 1), with h = d − zeta inside the contact."""
+        a = fields.rim.radius
+        inside = self.displacement(fields) * a - float(self.tip.transform_integral(np.float64(a))) if a > 0 else 0.0
+        return 2 * (inside + float(fields.rim.weights @ fields.h))
+
+    def energy(self, fields: Fields) -> float:
+        """V_ela + V_fr, with the contact's own −work pi a² and the law's tail beyond the mesh."""
+        a = fields.rim.radius
+        d = self.displacement(fields)
+        elastic = float(fields.rim.weights @ fields.h**2)
+        if a > 0:
+            tip = self.tip
+            elastic += d * d * a - 2 * d * float(tip.transform_integral(np.float64(a)))
+            elastic += float(tip.transform_square_integral(np.float64(a)))
+        if self.interaction is None:
+            return elastic
+        rho = self.mesh.nodes
+        surface = 2 * np.pi * float(self.mesh.weights @ (rho * fields.energy_density))
+        if a > 0:
+            surface += np.pi * a * a * float(self.interaction.evaluate(np.zeros(1)).energy[0])
+        return elastic + surface + self.outside(fields)[1]
+
+    def outside(self, fields: Fields) -> tuple[float, float]:
+        """Load and energy of the interaction beyond the mesh, where the gap is the tip's own: ∫ p r dr = ∫ p (r/z') dg."""
+        if self.interaction is None:
+            return 0.0, 0.0
+        end = float(self.mesh.edges[-1])
+        r = float(np.hypot(end, fields.rim.radius))
+        step = 1e-6 * r
+        slope = (self.tip.height(np.float64(r)) - self.tip.height(np.float64(r - step))) / step
+        gap = fields.gap[-1]
+        ring = 2 * np.pi * r / float(slope)
+        return ring * float(self.interaction.evaluate(np.array([gap])).energy[0]), ring * float(
+            self.interaction.tail_energy(np.array([gap]))[0]
+        )
+
+    def displacement_rate(self, fields: Fields, h_rate: Array, y_rate: float, contact_side: bool) -> float:
+        """Directional derivative of d along (h_rate, y_rate)."""
+        moved = self.coordinate.slopes(fields.y)[2] if contact_side else 1.0
+        return float(self.rim_row @ h_rate) + moved * y_rate
+
+    def load_rate(self, fields: Fields, h_rate: Array, y_rate: float, contact_side: bool) -> float:
+        """Directional derivative of F along (h_rate, y_rate)."""
+        a = fields.rim.radius
+        rate = 2 * float(fields.rim.weights @ h_rate)
+        if contact_side:
+            rate += 2 * a * self.displacement_rate(fields, h_rate, y_rate, True)
+            rate += 2 * fields.rim.weights_slope(fields.h) * self.coordinate.slopes(fields.y)[1] * y_rate
+        return rate
+
+    def unstable_modes(self, fields: Fields) -> int:
+        """Morse index under displacement control (m = 0): negative eigenvalues of the second variation, by inertia.
+
+        The second variation of the energy divided by 2E, ``W + π planeᵀ (rho v'' w) plane`` with ``W = w dt/dtau``: a sum of
+        congruences, so that a stiff film (v'' > 0) can never look unstable, however coarse the mesh.
+        """
+        weights = self.mesh.weights * fields.rim.factor
+        plane = fields.rim.plane
+        # The congruence with W^(-1/2) leaves the inertia alone and makes the unit matrix the bulk of the spectrum.
+        scaled = plane / np.sqrt(weights)
+        matrix = scaled.T @ ((np.pi * self.mesh.weights * self.mesh.nodes * fields.stiffness)[:, None] * scaled)
+        matrix.flat[:: self.mesh.size + 1] += 1.0
+        return negative_eigenvalues(matrix)
+
+
+def negative_eigenvalues(matrix: Array) -> int:
+    """Number of negative eigenvalues of a symmetric matrix: Cholesky if there are none, otherwise LDLᵀ (Sylvester)."""
+    from scipy.linalg import lapack
+
+    _, info = lapack.dpotrf(matrix, lower=1, clean=0)
+    if info == 0:
+        return 0
+    factor, pivots, _ = lapack.dsytrf(matrix, lower=1)
+    count, k, size = 0, 0, len(pivots)
+    diagonal = np.diagonal(factor)
+    while k < size:
+        if pivots[k] > 0:
+            count += int(diagonal[k] < 0)
+            k += 1
+        else:  # a 2 × 2 block of the Bunch–Kaufman factorisation
+            determinant = diagonal[k] * diagonal[k + 1] - factor[k + 1, k] ** 2
+            count += 1 if determinant < 0 else 2 * int(diagonal[k] < 0)
+            k += 2
+    return count

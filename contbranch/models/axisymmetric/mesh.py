@@ -1,0 +1,193 @@
+"""Panels of Gauss–Legendre nodes, and the two Abel integrals on them.
+
+With the rim radius ``a`` and the coordinates ``tau = sqrt(t² − a²)`` and ``rho = sqrt(r² − a²)`` the kernels lose the rim:
+``√(r² − t²) = √(rho² − tau²)`` and ``s ds = sigma dsigma``. So the matrices below are computed once per mesh, and a
+moving rim only scales columns by ``tau/t``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Mesh", "PanelRule", "panel_rule"]
+
+Array = NDArray[np.float64]
+
+# A source panel closer to the target than this many of its own lengths is integrated with the kernel's substitution;
+# farther away the kernel is analytic in a Bernstein ellipse of parameter > 5.8 and the panel's own nodes suffice.
+NEAR = 1.0
+
+
+@dataclass(frozen=True)
+class PanelRule:
+    """What all panels of one order share: nodes on [−1, 1], weights and transforms to polynomial coefficients."""
+
+    order: int
+    nodes: Array  # (n,)
+    weights: Array  # (n,)
+    to_legendre: Array  # (n, n): nodal values -> Legendre coefficients
+    even_order: int  # number of even polynomials in tau on the innermost panel
+    to_even: Array  # (m, n): nodal values -> Chebyshev coefficients in (tau/L)²; least squares
+    project_even: Array  # (n, n): nodal values -> values of their even fit at the nodes
+    rim: Array  # (n,): nodal values -> value of the even fit at tau = 0
+
+
+def legendre_values(count: int, x: Array) -> Array:
+    """Legendre polynomials 0 … count − 1 at `x`; shape (count, *x.shape)."""
+    values = np.empty((count, *x.shape))
+    values[0] = 1.0
+    if count > 1:
+        values[1] = x
+    for k in range(1, count - 1):
+        values[k + 1] = ((2 * k + 1) * x * values[k] - k * values[k - 1]) / (k + 1)
+    return values
+
+
+def chebyshev_values(count: int, x: Array) -> Array:
+    """Chebyshev polynomials 0 … count − 1 at `x`; shape (count, *x.shape)."""
+    values = np.empty((count, *x.shape))
+    values[0] = 1.0
+    if count > 1:
+        values[1] = x
+    for k in range(1, count - 1):
+        values[k + 1] = 2 * x * values[k] - values[k - 1]
+    return values
+
+
+def chebyshev_slopes(values: Array, x: Array) -> Array:
+    """Derivatives with respect to x of the Chebyshev polynomials whose `values` are given; same shape."""
+    slopes = np.zeros_like(values)
+    if len(values) > 1:
+        slopes[1] = 1.0
+    for k in range(1, len(values) - 1):
+        slopes[k + 1] = 2 * values[k] + 2 * x * slopes[k] - slopes[k - 1]
+    return slopes
+
+
+@lru_cache(maxsize=None)
+def gauss(count: int) -> tuple[Array, Array]:
+    """Gauss–Legendre nodes and weights on [−1, 1]."""
+    nodes, weights = np.polynomial.legendre.leggauss(count)
+    return nodes, weights
+
+
+@lru_cache(maxsize=None)
+def panel_rule(order: int) -> PanelRule:
+    """The rule of `order` Gauss–Legendre nodes a panel."""
+    nodes, weights = gauss(order)
+    to_legendre = (np.arange(order) + 0.5)[:, None] * legendre_values(order, nodes) * weights
+    even_order = max(3, int(0.75 * order))
+    squares = ((1 + nodes) / 2) ** 2
+    vandermonde = chebyshev_values(even_order, 2 * squares - 1).T
+    to_even = np.linalg.pinv(vandermonde)
+    signs = (-1.0) ** np.arange(even_order)
+    return PanelRule(order, nodes, weights, to_legendre, even_order, to_even, vandermonde @ to_even, signs @ to_even)
+
+
+class Mesh:
+    """Panels ``[edges[k], edges[k+1]]`` with `order` nodes each, from tau = 0 outwards.
+
+    Parameters
+    ----------
+    edges : array (P + 1,)
+        Increasing, ``edges[0] = 0``; reduced in-plane units.
+    order : int
+        Nodes a panel.
+
+    Attributes
+    ----------
+    nodes, weights : array (N,)
+        Nodes tau (and rho: they are the same) and Gauss weights; N = P · order.
+    plane : array (N, N)
+        ``(plane @ f)(rho) = (2/π) ∫_0^rho f(tau) / √(rho² − tau²) dtau``.
+    abel : array (N, N)
+        ``(abel @ p)(tau) = 2 ∫_tau^∞ sigma p(sigma) / √(sigma² − tau²) dsigma`` (E = 1; nothing beyond the last edge).
+    """
+
+    def __init__(self, edges: Array, order: int) -> None:
+        self.edges = np.asarray(edges, dtype=float)
+        self.rule = panel_rule(order)
+        self.order = order
+        left, right = self.edges[:-1], self.edges[1:]
+        half = (right - left) / 2
+        self.panels = len(half)
+        self.half = half
+        self.nodes: Array = ((left + right)[:, None] / 2 + half[:, None] * self.rule.nodes).ravel()
+        self.weights: Array = (half[:, None] * self.rule.weights).ravel()
+        self.size = len(self.nodes)
+        self.innermost = float(self.edges[1])
+        self.plane = self._plane()
+        self.abel = self._abel()
+
+    # -- the matrices -------------------------------------------------------------------------------------------------
+    def _pairs(self, above: bool) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """(node, panel) pairs whose kernel needs its substitution; `above`: panels that reach beyond the node."""
+        left, right = self.edges[:-1], self.edges[1:]
+        x = self.nodes[:, None]
+        touched = (right > x) if above else (left < x)
+        distance = np.maximum(0.0, np.maximum(left - x, x - right))
+        return np.nonzero(touched & (distance < NEAR * (right - left)))
+
+    def _moments(self, points: Array, panel: NDArray[np.intp], factors: Array) -> Array:
+        """Weights of the panel's nodal values in ``Σ_m factors · f(points)``; (pairs, m) -> (pairs, order)."""
+        local = (points - self.edges[panel][:, None]) / self.half[panel][:, None] - 1.0
+        values = legendre_values(self.order, local)
+        return np.einsum("kpm,pm->pk", values, factors) @ self.rule.to_legendre
+
+    def _fill(self, matrix: Array, node: NDArray[np.intp], panel: NDArray[np.intp], rows: Array) -> None:
+        matrix.reshape(self.size, self.panels, self.order)[node, panel] = rows
+
+    def _plane(self) -> Array:
+        x = self.nodes
+        difference = x[:, None] ** 2 - x[None, :] ** 2
+        with np.errstate(invalid="ignore", divide="ignore"):
+            matrix = np.where(difference > 0, (2 / np.pi) * self.weights / np.sqrt(difference), 0.0)
+        node, panel = self._pairs(above=False)
+        # tau = rho sin(theta) removes the half-order weight and leaves a polynomial in sin(theta).
+        rho = x[node]
+        start = np.arcsin(self.edges[panel] / rho)
+        end = np.arcsin(np.minimum(1.0, self.edges[panel + 1] / rho))
+        z, w = gauss(self.order + 6)
+        theta = (start + end)[:, None] / 2 + ((end - start) / 2)[:, None] * z
+        factors = (2 / np.pi) * ((end - start) / 2)[:, None] * w
+        self._fill(matrix, node, panel, self._moments(rho[:, None] * np.sin(theta), panel, factors))
+        matrix.reshape(self.size, self.panels, self.order)[self.edges[None, :-1] >= x[:, None]] = 0.0
+        return matrix
+
+    def _abel(self) -> Array:
+        x = self.nodes
+        difference = x[None, :] ** 2 - x[:, None] ** 2
+        with np.errstate(invalid="ignore", divide="ignore"):
+            matrix = np.where(difference > 0, 2 * self.weights * x / np.sqrt(difference), 0.0)
+        node, panel = self._pairs(above=True)
+        for inner, count in ((True, 2 * self.order + 16), (False, self.order + 10)):
+            # sigma = tau cosh(y) removes the weight; seen from the innermost nodes the range of y is long.
+            pick = (panel == 0) == inner
+            rows, cols = node[pick], panel[pick]
+            tau = x[rows]
+            start = np.arccosh(np.maximum(1.0, self.edges[cols] / tau))
+            end = np.arccosh(self.edges[cols + 1] / tau)
+            z, w = gauss(count)
+            y = (start + end)[:, None] / 2 + ((end - start) / 2)[:, None] * z
+            sigma = tau[:, None] * np.cosh(y)
+            factors = 2 * ((end - start) / 2)[:, None] * w * sigma
+            self._fill(matrix, rows, cols, self._moments(sigma, cols, factors))
+        matrix.reshape(self.size, self.panels, self.order)[self.edges[None, 1:] <= x[:, None]] = 0.0
+        return matrix
+
+    # -- fields on the mesh -------------------------------------------------------------------------------------------
+    def interpolate(self, values: Array, points: Array) -> Array:
+        """Values at `points` of the panel polynomials through nodal `values`; 0 beyond the last edge."""
+        panel = np.clip(np.searchsorted(self.edges, points, side="right") - 1, 0, self.panels - 1)
+        local = (points - self.edges[panel]) / self.half[panel] - 1.0
+        coefficients = values.reshape(self.panels, self.order) @ self.rule.to_legendre.T
+        inside = np.einsum("kp,pk->p", legendre_values(self.order, local), coefficients[panel])
+        return np.where(points <= self.edges[-1], inside, 0.0)
+
+    def legendre(self, values: Array) -> Array:
+        """Legendre coefficients on every panel; shape (P, order)."""
+        return values.reshape(self.panels, self.order) @ self.rule.to_legendre.T
