@@ -1,0 +1,49 @@
+"""Pseudo-arclength continuation of any problem F(x, p) = 0; it knows nothing of contact.
+
+`trace_curve` follows the solution curve of a `Problem` in both directions and returns a `Curve` with its points,
+folds, branch points and the user's events. The pieces (bordered solves, Newton's corrector, step control, location of
+zeros along a curve) can be used by themselves.
+"""
+
+from contbranch.continuation.bordered import Bordered, SingularBorderedError, factorise
+from contbranch.continuation.curve import BranchPoint, Curve, EventPoint, Fold, IndexChange, Located, Point
+from contbranch.continuation.events import Crossing, Event, Extremum, TangentCrossing
+from contbranch.continuation.folds import locate_fold
+from contbranch.continuation.locate import find_root
+from contbranch.continuation.metric import Balance, Metric
+from contbranch.continuation.newton import CorrectionError, correct
+from contbranch.continuation.options import Options, StopAt
+from contbranch.continuation.outcomes import End, Outcome
+from contbranch.continuation.problem import Adaptation, Linearisation, Problem
+from contbranch.continuation.trace import trace_curve
+
+__all__ = [
+    "Adaptation",
+    "Balance",
+    "Bordered",
+    "BranchPoint",
+    "CorrectionError",
+    "Crossing",
+    "Curve",
+    "End",
+    "Event",
+    "EventPoint",
+    "Extremum",
+    "Fold",
+    "IndexChange",
+    "Linearisation",
+    "Located",
+    "Metric",
+    "Options",
+    "Outcome",
+    "Point",
+    "Problem",
+    "SingularBorderedError",
+    "StopAt",
+    "TangentCrossing",
+    "correct",
+    "factorise",
+    "find_root",
+    "locate_fold",
+    "trace_curve",
+]

@@ -1,0 +1,270 @@
+"""The result of a trace: points, events and how it ended. Plain data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Literal, Self
+
+import numpy as np
+
+from contbranch.continuation.outcomes import End, Outcome
+from contbranch.continuation.problem import Array, Problem
+
+__all__ = ["BranchPoint", "Curve", "EventPoint", "Fold", "IndexChange", "Located", "Point"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Point:
+    """One computed point of a curve.
+
+    Attributes
+    ----------
+    problem : Problem
+        The problem, on the discretisation that `x` belongs to.
+    x : (n,) array
+        State.
+    parameter : float
+        Parameter p.
+    tangent_x, tangent_parameter : (n,) array, float
+        Unit tangent along the curve's direction, in the metric that was in use at this point.
+    determinant_sign : int or None
+        Sign of the bordered determinant; it changes at simple branch points and not at folds.
+    morse_index : int or None
+        Number of unstable directions, if the problem knows it.
+    observables : mapping
+        What the problem recorded.
+    label : str
+        "" for an ordinary point, otherwise the kind of event or end that put it there.
+    """
+
+    problem: Problem
+    x: Array
+    parameter: float
+    tangent_x: Array
+    tangent_parameter: float
+    determinant_sign: int | None = None
+    morse_index: int | None = None
+    observables: Mapping[str, float] = field(default_factory=dict)
+    label: str = ""
+
+    def turned(self) -> Point:
+        """Return the point as seen along the opposite direction of the curve."""
+        sign = None if self.determinant_sign is None else -self.determinant_sign
+        return replace(
+            self, tangent_x=-self.tangent_x, tangent_parameter=-self.tangent_parameter, determinant_sign=sign
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Located:
+    """A point of the curve where something happens, located to machine precision.
+
+    Attributes
+    ----------
+    point : Point
+        The point of the curve.
+    error : float
+        Estimated error of the parameter.
+    state_error : float
+        Estimated error of the state, in the norm of `Problem.inner`.
+    index : int
+        Its place among the curve's points.
+    """
+
+    point: Point
+    error: float
+    state_error: float
+    index: int = -1
+
+    @property
+    def parameter(self) -> float:
+        """Parameter of the event."""
+        return self.point.parameter
+
+    @property
+    def x(self) -> Array:
+        """State of the event."""
+        return self.point.x
+
+    @property
+    def observables(self) -> Mapping[str, float]:
+        """What the problem recorded at the event."""
+        return self.point.observables
+
+    @property
+    def kind(self) -> str:
+        """Kind of the event."""
+        return "event"
+
+    def turned(self) -> Self:
+        """Return the event as seen along the opposite direction of the curve."""
+        return replace(self, point=self.point.turned())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fold(Located):
+    """A quadratic extremum of the parameter along the curve.
+
+    Near it x = x_fold + α φ + O(α²) and p = p_fold + curvature α²/2 + O(α³), with φ the null vector of the Jacobian.
+
+    Attributes
+    ----------
+    null_vector : (n,) array
+        φ, with inner(φ, φ) = 1, along the curve's direction.
+    curvature : float
+        d²p/dα². Positive: the parameter has a minimum here.
+    """
+
+    null_vector: Array = field(default_factory=lambda: np.empty(0))
+    curvature: float = float("nan")
+
+    @property
+    def kind(self) -> str:
+        """Kind of the event."""
+        return "fold"
+
+    def turned(self) -> Fold:
+        """Return the fold as seen along the opposite direction of the curve."""
+        return replace(self, point=self.point.turned(), null_vector=-self.null_vector)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BranchPoint(Located):
+    """A point where another curve crosses this one.
+
+    Attributes
+    ----------
+    type : str
+        "pitchfork" (one of the two curves is at an extremum of the parameter there), "transcritical", or
+        "branch point" where the second derivatives do not tell.
+    other_x, other_parameter : (n,) array, float
+        Direction of the crossing curve, where it could be computed.
+    """
+
+    type: Literal["pitchfork", "transcritical", "branch point"] = "branch point"
+    other_x: Array | None = None
+    other_parameter: float | None = None
+
+    @property
+    def kind(self) -> str:
+        """Kind of the event."""
+        return "branch point"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class IndexChange(Located):
+    """A change of the Morse index that no fold and no simple branch point explains."""
+
+    before: int = 0
+    after: int = 0
+
+    @property
+    def kind(self) -> str:
+        """Kind of the event."""
+        return "index change"
+
+    def turned(self) -> IndexChange:
+        """Return the change as seen along the opposite direction of the curve."""
+        return replace(self, point=self.point.turned(), before=self.after, after=self.before)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EventPoint(Located):
+    """A zero of a user's event function."""
+
+    name: str = "event"
+
+    @property
+    def kind(self) -> str:
+        """Kind of the event: the name that the user gave."""
+        return self.name
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A solution curve.
+
+    Attributes
+    ----------
+    points : tuple of Point
+        In order along the curve, events and ends included.
+    events : tuple of Located
+        Folds, branch points, changes of index and user events, in order along the curve.
+    ends : (End, End)
+        How the curve ends before its first and after its last point.
+    closed : bool
+        Whether the curve came back to its start; first and last point are then the same.
+    """
+
+    points: tuple[Point, ...]
+    events: tuple[Located, ...]
+    ends: tuple[End, End]
+    closed: bool = False
+
+    @cached_property
+    def parameter(self) -> Array:
+        """Parameters of the points, shape (m,)."""
+        return np.array([point.parameter for point in self.points])
+
+    @property
+    def x(self) -> list[Array]:
+        """States of the points; their lengths differ where the discretisation was adapted."""
+        return [point.x for point in self.points]
+
+    @cached_property
+    def tangent_parameter(self) -> Array:
+        """Parameter components of the unit tangents, shape (m,)."""
+        return np.array([point.tangent_parameter for point in self.points])
+
+    @property
+    def tangent_x(self) -> list[Array]:
+        """State components of the unit tangents."""
+        return [point.tangent_x for point in self.points]
+
+    @property
+    def morse_index(self) -> list[int | None]:
+        """Morse indices of the points."""
+        return [point.morse_index for point in self.points]
+
+    def observable(self, name: str) -> Array:
+        """Return one observable along the curve, shape (m,).
+
+        Raises
+        ------
+        KeyError
+            If the problem records no observable of that name.
+        """
+        return np.array([point.observables[name] for point in self.points])
+
+    @property
+    def folds(self) -> list[Fold]:
+        """The folds, in order along the curve."""
+        return [event for event in self.events if isinstance(event, Fold)]
+
+    @property
+    def branch_points(self) -> list[BranchPoint]:
+        """The branch points, in order along the curve."""
+        return [event for event in self.events if isinstance(event, BranchPoint)]
+
+    def named(self, name: str) -> list[EventPoint]:
+        """Return the user events of one name, in order along the curve."""
+        return [event for event in self.events if isinstance(event, EventPoint) and event.name == name]
+
+    @property
+    def outcome(self) -> Outcome:
+        """The outcome that matters most: what kept the curve from being complete, if anything did."""
+        first, last = self.ends
+        return first.outcome if last.outcome.complete and not first.outcome.complete else last.outcome
+
+    @property
+    def status(self) -> Literal["complete", "incomplete"]:
+        """Whether the curve asked for was followed to both ends."""
+        return "complete" if all(end.outcome.complete for end in self.ends) else "incomplete"
+
+    @property
+    def message(self) -> str:
+        """How the curve ended, as sentences; what kept it from being complete comes first."""
+        messages = [end.message for end in sorted(self.ends, key=lambda end: end.outcome.complete)]
+        return " ".join(dict.fromkeys(messages))

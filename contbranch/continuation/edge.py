@@ -1,0 +1,131 @@
+"""The ends of a curve: landing exactly on an edge of the parameter range, and coming back to the start."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from contbranch.continuation.curve import Point
+from contbranch.continuation.locate import find_root
+from contbranch.continuation.metric import Metric
+from contbranch.continuation.newton import CorrectionError, correct
+from contbranch.continuation.options import Options
+from contbranch.continuation.outcomes import Outcome
+from contbranch.continuation.segment import Segment
+from contbranch.continuation.walk import corrected_point, point_on, to_point
+
+__all__ = ["Range", "closes", "land"]
+
+
+@dataclass(frozen=True, slots=True)
+class Range:
+    """The interval of the parameter in which a curve is followed."""
+
+    low: float
+    high: float
+
+    @property
+    def width(self) -> float:
+        """Length of the interval."""
+        return self.high - self.low
+
+    def contains(self, p: float) -> bool:
+        """Whether a parameter lies in the interval, edges included."""
+        return self.low <= p <= self.high
+
+    def edge_beyond(self, p: float) -> float | None:
+        """Return the edge that lies between p and the interval, None if p is inside."""
+        if p > self.high:
+            return self.high
+        return self.low if p < self.low else None
+
+    def edge_close_to(self, p: float, tolerance: float) -> float | None:
+        """Return the edge within tolerance times the width of p, if there is one."""
+        if not math.isfinite(self.width):
+            return None
+        for edge in (self.low, self.high):
+            if abs(p - edge) <= tolerance * self.width:
+                return edge
+        return None
+
+
+def land(segment: Segment, edge: float, options: Options, beyond: float = 1.0) -> Point:
+    """Return the first point of a segment whose parameter is the edge, exactly.
+
+    Parameters
+    ----------
+    beyond : float
+        Position θ within the segment at which the parameter lies beyond the edge.
+
+    Raises
+    ------
+    CorrectionError
+        If the curve cannot be corrected there.
+    """
+    c0, c1, c2, c3 = segment.parameter_coefficients()
+    begin = segment.begin.parameter - edge
+
+    def distance(theta: float) -> float:
+        return c0 - edge + theta * (c1 + theta * (c2 + theta * c3))
+
+    far = distance(beyond)
+    guess = beyond if far == 0.0 or (far > 0) == (begin > 0) else find_root(distance, (0.0, begin), (beyond, far))
+    x, _ = segment.at(guess)
+    tangent_x, tangent_p = segment.direction(guess)
+    problem = segment.begin.problem
+    size = segment.metric.norm(problem, tangent_x, tangent_p)
+    if abs(tangent_p) / segment.metric.parameter_scale > 1e-3 * size:
+        fixed = (np.zeros_like(x), math.copysign(1.0, tangent_p) / segment.metric.parameter_scale)
+        corrected = correct(problem, x, edge, fixed, segment.metric, tolerance=options.tolerance)
+        point = to_point(problem, corrected, segment.metric)
+        away = segment.metric.norm(problem, point.x - x, 0.0)
+        if away <= 0.2 * segment.length:
+            return replace(point, parameter=edge, label="edge")
+
+    # The curve all but touches the edge: there its parameter determines the state badly, its arclength does not.
+    def along(theta: float) -> float:
+        return point_on(segment, theta, options)[0].parameter - edge
+
+    if (along(beyond) > 0) == (begin > 0):
+        raise CorrectionError(*_no_edge(edge))
+    theta = find_root(along, (0.0, begin), (beyond, along(beyond)))
+    point, bordered = point_on(segment, theta, options)
+    return replace(point, parameter=edge, determinant_sign=bordered.determinant_sign(), label="edge")
+
+
+def _no_edge(edge: float) -> tuple[Outcome, str]:
+    return Outcome.STEP_TOO_SMALL, f"(The edge {edge:.6g} of the parameter range was not found on the curve.)"
+
+
+def closes(segment: Segment, start: Point, options: Options) -> Point | None:
+    """Return the start, as the segment's new end, if the curve passes through it inside the segment."""
+    problem = segment.begin.problem
+    if start.x.shape != segment.begin.x.shape:
+        return None
+    metric: Metric = segment.metric
+    away = metric.norm(problem, start.x - segment.begin.x, start.parameter - segment.begin.parameter)
+    if away > 1.5 * segment.length:
+        return None
+    theta = segment.position(start.x, start.parameter)
+    if not 0.0 < theta <= 1.0 + 1e-9:
+        return None
+    x, p = segment.at(theta)
+    if metric.norm(problem, start.x - x, start.parameter - p) > 0.2 * segment.length:
+        return None
+    tangent = segment.direction(theta)
+    along = metric.dot(problem, *tangent, start.tangent_x, start.tangent_parameter)
+    if along <= 0.5 * metric.norm(problem, *tangent) * metric.norm(problem, start.tangent_x, start.tangent_parameter):
+        return None
+    # The curve's own point in the plane through the start must be the start itself, not a neighbouring sheet.
+    row = (start.tangent_x, start.tangent_parameter)
+    unit = metric.norm(problem, *row)
+    offset = metric.dot(problem, start.x - x, start.parameter - p, *row) / unit**2
+    x, p = x + offset * row[0], p + offset * row[1]
+    try:
+        point, _ = corrected_point(problem, x, p, row, metric, options)
+    except CorrectionError:
+        return None
+    apart = metric.norm(problem, point.x - start.x, point.parameter - start.parameter)
+    return start if apart <= 1e-5 * segment.length else None

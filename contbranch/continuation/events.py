@@ -1,0 +1,89 @@
+"""Functions along a curve whose zeros a user wants located."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from contbranch.continuation.curve import Point
+from contbranch.continuation.problem import Array
+
+__all__ = ["Crossing", "Event", "Extremum", "TangentCrossing"]
+
+_CUBE_ROOT_OF_ROUNDING = 6e-6
+
+
+class Event(ABC):
+    """A number along the curve; its zeros are the event.
+
+    Attributes
+    ----------
+    name : str
+        Name of the located points.
+    terminal : bool
+        Whether the curve is to end at the first zero.
+    """
+
+    name: str = "event"
+    terminal: bool = False
+
+    @abstractmethod
+    def value(self, point: Point) -> float:
+        """Return the number at a point of the curve; `point` has problem, x, parameter and the unit tangent."""
+
+
+@dataclass(frozen=True)
+class Crossing(Event):
+    """Zeros of a function of state and parameter, function(x, p)."""
+
+    function: Callable[[Array, float], float]
+    name: str = "crossing"
+    terminal: bool = False
+
+    def value(self, point: Point) -> float:
+        """Return function(x, p)."""
+        return float(self.function(point.x, point.parameter))
+
+
+@dataclass(frozen=True)
+class TangentCrossing(Event):
+    """Zeros of a function of state, parameter and unit tangent, function(x, p, tangent_x, tangent_p)."""
+
+    function: Callable[[Array, float, Array, float], float]
+    name: str = "crossing"
+    terminal: bool = False
+
+    def value(self, point: Point) -> float:
+        """Return function(x, p, tangent_x, tangent_p)."""
+        return float(self.function(point.x, point.parameter, point.tangent_x, point.tangent_parameter))
+
+
+@dataclass(frozen=True)
+class Extremum(Event):
+    """Extrema of one of the problem's observables along the curve.
+
+    The derivative along the curve is a central difference along the true tangent, so the position is good to about
+    1e-10 and the extreme value to rounding. Where the observable is a component of x, a `TangentCrossing` on that
+    component of the tangent is exact and costs nothing.
+    """
+
+    observable: str
+    name: str = ""
+    terminal: bool = False
+
+    def __post_init__(self) -> None:
+        if not self.name:
+            object.__setattr__(self, "name", f"extremum of {self.observable}")
+
+    def value(self, point: Point) -> float:
+        """Return the derivative of the observable along the unit tangent."""
+        problem = point.problem
+        size = math.sqrt(problem.inner(point.x, point.x) + point.parameter**2)
+        slope = math.sqrt(problem.inner(point.tangent_x, point.tangent_x) + point.tangent_parameter**2)
+        step = _CUBE_ROOT_OF_ROUNDING * max(size, slope) / slope
+        dx, dp = step * point.tangent_x, step * point.tangent_parameter
+        above = problem.observables(point.x + dx, point.parameter + dp)[self.observable]
+        below = problem.observables(point.x - dx, point.parameter - dp)[self.observable]
+        return (above - below) / (2 * step)

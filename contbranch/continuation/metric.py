@@ -1,0 +1,70 @@
+"""Lengths and angles in the space of states and parameter."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from contbranch.continuation.problem import Array, Problem
+
+__all__ = ["Balance", "Metric"]
+
+# Share of the earlier path that still counts after one more step: a memory of about ten steps follows a curve over
+# many magnitudes, and is long enough that a fold, where the parameter rests for a few steps, does not upset it.
+MEMORY = 0.9
+# A scale never falls below this share of the whole path, lest a coordinate that has come to rest is blown up.
+FLOOR = 0.01
+
+
+@dataclass(frozen=True, slots=True)
+class Metric:
+    """The inner product <(u, a), (v, b)> = inner(u, v)/state_scale² + a b/parameter_scale²."""
+
+    state_scale: float
+    parameter_scale: float
+
+    def dot(self, problem: Problem, u: Array, a: float, v: Array, b: float) -> float:
+        """Return the inner product of two directions."""
+        return problem.inner(u, v) / self.state_scale**2 + a * b / self.parameter_scale**2
+
+    def norm(self, problem: Problem, u: Array, a: float) -> float:
+        """Return the length of a direction."""
+        return math.sqrt(max(self.dot(problem, u, a, u, a), 0.0))
+
+    def row(self, problem: Problem, u: Array, a: float) -> tuple[Array, float]:
+        """Return the border (c, d) with c @ v + d b = <(u, a), (v, b)>."""
+        return problem.dual(u) / self.state_scale**2, a / self.parameter_scale**2
+
+    def angle(self, problem: Problem, u: Array, a: float, v: Array, b: float) -> float:
+        """Return the angle between two unit directions, accurate for small angles too."""
+        half = self.norm(problem, u - v, a - b) / 2
+        return 2 * math.asin(min(half, 1.0))
+
+
+@dataclass(frozen=True, slots=True)
+class Balance:
+    """Scales of state and parameter taken from the path itself, so that neither rules the arclength.
+
+    Each scale is the path length of its part over about the last ten steps. Both therefore carry their own units, and
+    multiplying x or p by a constant changes nothing.
+    """
+
+    state: float
+    parameter: float
+    state_total: float = 0.0
+    parameter_total: float = 0.0
+
+    def advance(self, state_change: float, parameter_change: float) -> Balance:
+        """Return the scales after a step with these changes of state (its norm) and of parameter."""
+        state_total = self.state_total + state_change
+        parameter_total = self.parameter_total + parameter_change
+        return Balance(
+            max(MEMORY * self.state + state_change, FLOOR * state_total),
+            max(MEMORY * self.parameter + parameter_change, FLOOR * parameter_total),
+            state_total,
+            parameter_total,
+        )
+
+    def metric(self, weight: float = 1.0) -> Metric:
+        """Return the metric; weight > 1 lets the parameter count for more."""
+        return Metric(self.state, self.parameter / weight)

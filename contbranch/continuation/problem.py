@@ -1,0 +1,109 @@
+"""What a problem F(x, p) = 0 must offer to be followed."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+__all__ = ["Adaptation", "Array", "Linearisation", "Problem"]
+
+Array = npt.NDArray[np.float64]
+
+_CUBE_ROOT_OF_ROUNDING = float(np.finfo(float).eps ** (1 / 3))
+
+
+class Linearisation(NamedTuple):
+    """Residual (n,), Jacobian (n, n) and derivative with respect to the parameter (n,) at one point."""
+
+    residual: Array
+    jacobian: Any
+    parameter_derivative: Array
+
+
+class Adaptation(NamedTuple):
+    """A new discretisation of the same curve.
+
+    Attributes
+    ----------
+    problem : Problem
+        The problem on the new discretisation. The old one stays untouched: earlier points still belong to it.
+    x : (m,) array
+        The state, carried over to the new discretisation.
+    transfer : callable, optional
+        Carries any vector of states, a tangent for instance, from the old discretisation to the new one.
+    """
+
+    problem: Problem
+    x: Array
+    transfer: Callable[[Array], Array] | None = None
+
+
+class Problem(ABC):
+    """A family of equations F(x, p) = 0 with n unknowns x and one parameter p.
+
+    Only `residual` and `jacobian` must be written. A problem should be a function of (x, p) alone: the curve is
+    followed in two directions, and every point keeps the problem object it was computed with.
+    """
+
+    @abstractmethod
+    def residual(self, x: Array, p: float) -> Array:
+        """Return F(x, p), shape (n,)."""
+
+    @abstractmethod
+    def jacobian(self, x: Array, p: float) -> Any:
+        """Return dF/dx, shape (n, n): a dense array, a scipy sparse matrix or array, or a LinearOperator."""
+
+    def parameter_derivative(self, x: Array, p: float) -> Array:
+        """Return dF/dp, shape (n,). Default: a central difference, with an error of about 1e-10 relative."""
+        step = _CUBE_ROOT_OF_ROUNDING * max(1.0, abs(p))
+        above, below = p + step, p - step
+        difference: Array = (self.residual(x, above) - self.residual(x, below)) / (above - below)
+        return difference
+
+    def linearise(self, x: Array, p: float) -> Linearisation:
+        """Return residual, Jacobian and parameter derivative together, for problems where they share work."""
+        return Linearisation(self.residual(x, p), self.jacobian(x, p), self.parameter_derivative(x, p))
+
+    def second_derivative(self, x: Array, p: float, u: Array, a: float) -> Array | None:
+        """Return the second derivative of F along (u, a), d²F(x + s u, p + s a)/ds² at s = 0, shape (n,).
+
+        Default: None, and the engine takes a second difference of residuals. It enters the rate at which folds
+        are located, not their position.
+        """
+        return None
+
+    def inner(self, u: Array, v: Array) -> float:
+        """Return the inner product of two states, which measures steps and angles.
+
+        Default: the mean of u v, so that refining a uniform grid changes neither steps nor number of points. On a
+        graded mesh, override it (and `dual`) with the quadrature of the integral of u v.
+        """
+        return float(u @ v) / u.size
+
+    def dual(self, u: Array) -> Array:
+        """Return the vector w with w @ v = inner(u, v) for all v. Default: u/n."""
+        return u / u.size
+
+    def observables(self, x: Array, p: float) -> Mapping[str, float]:
+        """Return named numbers to record at every point. Default: none."""
+        return {}
+
+    def morse_index(self, x: Array, p: float) -> int | None:
+        """Return the number of unstable directions, None if it is not known (the default)."""
+        return None
+
+    def preconditioner(self, x: Array, p: float) -> Callable[[Array], Array] | None:
+        """Return a function that applies an approximate inverse of dF/dx; only for Jacobians without matrix."""
+        return None
+
+    def adapt(self, x: Array, p: float) -> Adaptation | Array | None:
+        """Offer a better discretisation after an accepted point; None (the default) keeps the present one.
+
+        An array alone is the state on the new discretisation of the same problem object (which then tells the
+        discretisations apart by their length).
+        """
+        return None

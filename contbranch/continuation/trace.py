@@ -1,0 +1,152 @@
+"""The driver: follows a curve from its start, in both directions, to its ends."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from contbranch.continuation.curve import Curve, Located, Point
+from contbranch.continuation.edge import Range
+from contbranch.continuation.events import Event
+from contbranch.continuation.follow import Branch, follow
+from contbranch.continuation.metric import Balance
+from contbranch.continuation.newton import CorrectionError, border, correct_start, linearise, tangent_at
+from contbranch.continuation.options import Options, StopAt
+from contbranch.continuation.outcomes import End, Outcome
+from contbranch.continuation.problem import Array, Problem
+from contbranch.continuation.walk import annotated
+from contbranch.errors import InputError
+
+__all__ = ["trace_curve"]
+
+
+def trace_curve(
+    problem: Problem,
+    x0: npt.ArrayLike,
+    p0: float,
+    parameter_range: tuple[float, float],
+    options: Options | None = None,
+    events: Sequence[Event] = (),
+    stop: StopAt | None = None,
+) -> Curve:
+    """Follow the solution curve of F(x, p) = 0 through (x0, p0) in both directions.
+
+    Each direction ends where p leaves the range (exactly on its edge), where the curve closes, or at a stop
+    condition; a start on an edge goes inwards. What could be followed is always returned; `Curve.status`,
+    `Curve.message` and `Curve.ends` say whether and why something is missing.
+
+    Parameters
+    ----------
+    problem : Problem
+        F and its derivatives.
+    x0 : (n,) array_like
+        State close to a solution at p0.
+    p0 : float
+        Parameter of the start, inside the range.
+    parameter_range : (float, float)
+        Lowest and highest parameter; either may be infinite.
+    options : Options, optional
+        Step control, tolerances.
+    events : sequence of Event
+        Functions whose zeros along the curve are located.
+    stop : StopAt, optional
+        Conditions that end the curve earlier.
+
+    Returns
+    -------
+    Curve
+        Points, folds, branch points, events and how the curve ended, oriented so that p increases at the start.
+
+    Raises
+    ------
+    InputError
+        If the start or the range cannot be used. Failures of the problem are not raised but reported.
+    """
+    options = options or Options()
+    stop = stop or StopAt()
+    interval = _interval(parameter_range, p0)
+    x = np.atleast_1d(np.array(x0, dtype=float))
+    if x.ndim != 1 or x.size == 0 or not np.all(np.isfinite(x)):
+        raise InputError("x0 must be a one-dimensional array of finite numbers with at least one element.")
+    # Overflow in a trial point is answered by a shorter step; a warning would only alarm.
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        try:
+            start, balance = _start(problem, x, float(p0), interval, options)
+        except CorrectionError as error:
+            end = End(Outcome.START_FAILED if error.outcome.complete else _at_start(error.outcome), error.detail)
+            return Curve((), (), (end, end))
+        forward, backward = _both_directions(start, balance, interval, options, events, stop)
+    return _join(start, forward, backward)
+
+
+def _interval(parameter_range: tuple[float, float], p0: float) -> Range:
+    low, high = (float(edge) for edge in parameter_range)
+    if not low < high:
+        raise InputError(f"parameter_range is ({low}, {high}): give the lower edge first.")
+    if not (math.isfinite(p0) and low <= p0 <= high):
+        raise InputError(f"p0 is {p0}: give a start inside parameter_range ({low}, {high}).")
+    return Range(low, high)
+
+
+def _at_start(outcome: Outcome) -> Outcome:
+    """Return the outcome of a failure at the start; a problem that raises or returns NaN is told apart."""
+    return outcome if outcome in (Outcome.NOT_FINITE, Outcome.EVALUATION_FAILED) else Outcome.START_FAILED
+
+
+def _start(problem: Problem, x: Array, p: float, interval: Range, options: Options) -> tuple[Point, Balance]:
+    """Return the corrected start, oriented towards increasing p, and the first scales."""
+    x = correct_start(problem, x, p)
+    u, a, _ = tangent_at(problem, x, p)
+    if a < 0:
+        u, a = -u, -a
+    state_slope = math.sqrt(max(problem.inner(u, u), 0.0))
+    size = math.sqrt(max(problem.inner(x, x), 0.0))
+    parameter = interval.width if math.isfinite(interval.width) else max(1.0, abs(p))
+    state = state_slope / a * parameter if a > 0 else math.inf
+    # Close to a fold the tangent says nothing about how far x will go for this change of p.
+    if state > 10 * size > 0:
+        state = 10 * size
+        parameter = max(state * a / state_slope, 1e-6 * parameter)
+    if not (math.isfinite(state) and state > 0):
+        state = size if size > 0 else 1.0
+    balance = Balance(state, parameter)
+    metric = balance.metric(options.weight)
+    unit = metric.norm(problem, u, a)
+    # The determinant's sign belongs to the orientation: rebordering with the oriented, scaled tangent settles it.
+    row = metric.row(problem, u / unit, a / unit)
+    sign = border(problem, x, p, linearise(problem, x, p), row).determinant_sign()
+    point = annotated(Point(problem, x, p, u / unit, a / unit, sign), label="start")
+    return point, balance
+
+
+def _both_directions(
+    start: Point, balance: Balance, interval: Range, options: Options, events: Sequence[Event], stop: StopAt
+) -> tuple[Branch, Branch]:
+    """Follow the curve forwards and, unless it closes, backwards."""
+    reverse = start.turned()
+    skipped = Branch([], [], End(Outcome.STARTED_ON_EDGE))
+    inwards = abs(start.tangent_parameter) > 1e-12
+    if start.parameter == interval.high and inwards:
+        return skipped, follow(reverse, balance, interval, options, events, stop)
+    forward = follow(start, balance, interval, options, events, stop)
+    if forward.end.outcome is Outcome.CLOSED:
+        return forward, Branch([], [], End(Outcome.CLOSED))
+    if start.parameter == interval.low and inwards:
+        return forward, skipped
+    return forward, follow(reverse, balance, interval, options, events, stop)
+
+
+def _join(start: Point, forward: Branch, backward: Branch) -> Curve:
+    """Return one curve from both branches, oriented along the forward one."""
+    before = [point.turned() for point in reversed(backward.points)]
+    points = (*before, start, *forward.points)
+    located: list[Located] = []
+    for event, index in reversed(backward.events):
+        located.append(replace(event.turned(), index=len(before) - 1 - index))
+    located += [replace(event, index=len(before) + 1 + index) for event, index in forward.events]
+    closed = forward.end.outcome is Outcome.CLOSED
+    return Curve(points, tuple(located), (backward.end, forward.end), closed)
