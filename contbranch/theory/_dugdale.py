@@ -1,0 +1,217 @@
+"""The Maugis-Dugdale contact written in one angle, which makes the whole contact branch explicit.
+
+With the rim angle theta = arccos(a/c), that is a = c cos(theta) and sqrt(c^2-a^2) = c sin(theta), Maugis' condition
+g(c) = z0 becomes
+
+    A(theta) c^2 / R + 2 (sigma/E) B(theta) c = pi z0 / 2,
+    A = [sin(theta) cos(theta) - theta cos(2 theta)] / 2,      B = theta sin(theta) - [1 - cos(theta)],
+
+a quadratic equation for c. Everything else follows without solving an equation and without cancellation: theta -> 0
+is the JKR-like end (c - a = 2 c sin^2(theta/2)), theta = pi/2 is first touch. The coordinate kept is its tangent, tau
+= tan(theta) = sqrt(m^2-1) of eq (42), because it resolves both ends; tau = inf is first touch. Both a and c fall
+monotonically as tau grows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from contbranch.errors import InputError
+
+from ._inputs import FloatArray, finite, positive
+
+__all__ = ["Angle", "Slopes", "Zone"]
+
+
+class Angle(NamedTuple):
+    """The rim angle with its cosine and sine, each accurate at both ends."""
+
+    theta: FloatArray
+    cos: FloatArray
+    sin: FloatArray
+
+    @classmethod
+    def from_tangent(cls, tau: FloatArray) -> Angle:
+        """Return the angle whose tangent is ``tau``, which is greater than zero and may be infinite."""
+        return cls(np.arctan(tau), 1.0 / np.hypot(1.0, tau), 1.0 / np.hypot(1.0, 1.0 / tau))
+
+
+class Slopes(NamedTuple):
+    """Derivatives with respect to the rim angle; those of load and displacement have their factor cos(theta) taken
+    out.
+    """
+
+    load: FloatArray
+    displacement: FloatArray
+    contact_radius: FloatArray
+    load_terms: FloatArray
+    displacement_terms: FloatArray
+
+
+_OPENING_SERIES = [0.0]
+_factorial = 1.0
+for _k in range(1, 10):
+    _factorial *= (2 * _k) * (2 * _k + 1)
+    _OPENING_SERIES.append((-1) ** (_k + 1) * 2 * _k / _factorial)
+
+
+def opening_of_contact(angle: Angle) -> FloatArray:
+    """Return A(theta), the share of the parabola in the gap at the rim; (2/3) theta^3 for small angles."""
+    x = 2.0 * angle.theta
+    # sin x - x cos x cancels to third order, so its Taylor series is summed where the loss would exceed two bits
+    series = np.polynomial.polynomial.polyval(np.minimum(x, 1.0) ** 2, _OPENING_SERIES) * x
+    closed = 2.0 * angle.sin * angle.cos - x * (angle.cos - angle.sin) * (angle.cos + angle.sin)
+    return np.asarray(0.25 * np.where(x < 1.0, series, closed))
+
+
+def opening_of_zone(angle: Angle) -> FloatArray:
+    """Return B(theta), the share of the attraction in the gap at the rim; theta^2/2 for small angles."""
+    half = 0.5 * angle.theta
+    return np.asarray(2.0 * np.sin(half) * (angle.theta * np.cos(half) - np.sin(half)))
+
+
+@dataclass(frozen=True)
+class Zone:
+    """Dugdale's attraction between a parabola and an elastic body, all four constants as arrays that broadcast."""
+
+    radius: FloatArray
+    modulus: FloatArray
+    work_of_adhesion: FloatArray
+    interaction_range: FloatArray
+
+    def __post_init__(self) -> None:
+        if np.any(finite("work_of_adhesion", self.work_of_adhesion) <= 0.0):
+            raise InputError(
+                f"work_of_adhesion must be greater than 0 in Maugis' closed form, not {np.min(self.work_of_adhesion)}: "
+                "for repulsion the jump of pressure at the rim of the interaction would give the gap an infinite negative "
+                "slope there, so the true solution has a ring of constant gap z0 instead; use a smooth law"
+            )
+        for field in ("radius", "modulus", "work_of_adhesion", "interaction_range"):
+            object.__setattr__(self, field, positive(field, getattr(self, field)))
+
+    @property
+    def stress(self) -> FloatArray:
+        """The attraction w/z0 inside the zone."""
+        return np.asarray(self.work_of_adhesion / self.interaction_range)
+
+    @property
+    def strain(self) -> FloatArray:
+        """The attraction in units of the modulus, sigma/E."""
+        return np.asarray(self.stress / self.modulus)
+
+    @property
+    def tabor(self) -> FloatArray:
+        """The Tabor coefficient, [R (w/E)^2]^(1/3) / z0."""
+        return np.asarray(np.cbrt(self.radius * (self.work_of_adhesion / self.modulus) ** 2) / self.interaction_range)
+
+    def interaction_radius(self, angle: Angle) -> FloatArray:
+        """Return c, the positive root of the quadratic equation above."""
+        b = self.strain * opening_of_zone(angle)
+        u = 0.5 * np.pi * self.interaction_range
+        return np.asarray(u / (b + np.sqrt(b * b + u * opening_of_contact(angle) / self.radius)))
+
+    def touch_radius(self) -> FloatArray:
+        """Return c at first touch, the positive root of c^2/(2R) + (2-4/pi)(sigma/E) c = z0."""
+        b = (2.0 - 4.0 / np.pi) * self.strain
+        return np.asarray(
+            2.0 * self.interaction_range / (b + np.sqrt(b * b + 2.0 * self.interaction_range / self.radius))
+        )
+
+    def load(self, angle: Angle, c: FloatArray) -> FloatArray:
+        """Return the load in contact, 4 E a^3/(3R) - 2 sigma c^2 [theta + sin(theta) cos(theta)] (eq 34)."""
+        hertz = 4.0 / 3.0 * self.modulus / self.radius * (c * angle.cos) ** 3
+        return np.asarray(hertz - 2.0 * self.stress * c * c * (angle.theta + angle.sin * angle.cos))
+
+    def displacement(self, angle: Angle, c: FloatArray) -> FloatArray:
+        """Return the displacement in contact, a^2/R - 2 (sigma/E) sqrt(c^2-a^2) (eq 35 with its factor 4/3)."""
+        return np.asarray((c * angle.cos) ** 2 / self.radius - 2.0 * self.strain * c * angle.sin)
+
+    def energy(self, angle: Angle, c: FloatArray, displacement: FloatArray) -> FloatArray:
+        """Return V_ela + V_fr, with or without contact (theta = pi/2).
+
+        V_ela = E int_0^c h^2 dt with h = d - t^2/R inside the contact and -2 (sigma/E) sqrt(c^2-t^2) in the zone, and
+        V_fr = -pi w c^2 + sigma G, where G = 4 int_a^c (t^2/R - d + h) sqrt(c^2-t^2) dt is the volume of the gap in
+        the zone.
+        """
+        d, radius, strain = displacement, self.radius, self.strain
+        theta, cos, sin = angle
+        a = c * cos
+        zone = (2.0 * c * np.sin(0.5 * theta) ** 2) ** 2 * (2.0 * c + a) / 3.0
+        elastic = a * (d * d - 2.0 / 3.0 * d * a * a / radius + 0.2 * a**4 / radius**2) + 4.0 * strain**2 * zone
+        parabola = c**4 / (8.0 * radius) * (theta - sin * cos * (cos - sin) * (cos + sin))
+        volume = 4.0 * (parabola - 0.5 * d * c * c * (theta - sin * cos) - 2.0 * strain * zone)
+        return np.asarray(self.modulus * elastic - np.pi * self.work_of_adhesion * c * c + self.stress * volume)
+
+    def slopes(self, angle: Angle) -> Slopes:
+        """Return dF/dtheta and dd/dtheta over cos(theta), and da/dtheta, with the sums of the moduli of their terms."""
+        theta, cos, sin = angle
+        c = self.interaction_radius(angle)
+        bracket = opening_of_contact(angle) * c / self.radius + self.strain * opening_of_zone(angle)
+        shrink = theta * c * (c * sin / self.radius + self.strain) / bracket  # -c'(theta) / cos(theta)
+        rim = -(shrink * cos * cos + c * sin)  # a'(theta)
+        f1 = 4.0 * c * c * cos * rim / self.radius
+        f2 = 4.0 * self.strain * c * shrink * (theta + sin * cos)
+        f3 = 4.0 * self.strain * c * c * cos
+        d1 = 2.0 * c * rim / self.radius
+        d2 = 2.0 * self.strain * shrink * sin
+        d3 = 2.0 * self.strain * c
+        e = self.modulus
+        return Slopes(
+            np.asarray(e * (f1 + f2 - f3)),
+            np.asarray(d1 + d2 - d3),
+            np.asarray(rim),
+            np.asarray(e * (f2 - f1 + f3)),
+            d2 - d1 + d3,
+        )
+
+    def tangent_at(self, contact_radius: FloatArray) -> FloatArray:
+        """Return tau for a contact radius; infinite for none.
+
+        The sum of A c^2/R and 2 (sigma/E) B c grows monotonically with tau at fixed a, in double logarithms with a
+        slope between 1 and 3, so Newton's method in log(tau) converges from any of its four asymptotes.
+        """
+        a, radius, strain, u = np.broadcast_arrays(
+            contact_radius, self.radius, self.strain, 0.5 * np.pi * self.interaction_range
+        )
+        open_contact = a > 0.0
+        a = np.where(open_contact, a, 1.0)
+        start = [np.cbrt(1.5 * u * radius / a**2), np.sqrt(u / (strain * a)), np.sqrt(u * radius) / a, u / (strain * a)]
+        tau = np.asarray(np.minimum.reduce(start))
+        for _ in range(60):
+            angle = Angle.from_tangent(tau)
+            theta, cos, sin = angle
+            c = a / cos
+            opening, zone = opening_of_contact(angle), opening_of_zone(angle)
+            first, second = opening * c * c / radius, 2.0 * strain * zone * c
+            # d(A c^2)/dlog(tau) = sin cos (A' + 2 A tan) c^2 with A' = 2 theta sin cos, likewise with B' = theta cos
+            growth = sin * (2.0 * cos * theta * sin * cos + 2.0 * opening * sin) * c * c / radius
+            growth = growth + 2.0 * strain * c * sin * (theta * cos * cos + zone * sin)
+            step = np.log((first + second) / u) * (first + second) / growth
+            tau = tau * np.exp(-np.clip(step, -3.0, 3.0))
+            if np.all(np.abs(step) < 4e-16):
+                break
+        return np.asarray(np.where(open_contact, tau, np.inf))
+
+    def tangent_range(self) -> tuple[FloatArray, FloatArray]:
+        """Return tangents far below and far above those of any fold: tau is 1.2/mu_T at the folds for short and
+        mu_T^(-3/2)/sqrt(2) for long range.
+        """
+        mu = self.tabor
+        return np.asarray(1e-3 / (1.0 + mu)), np.asarray(1e4 * (1.0 + mu**-1.5))
+
+    def root(self, function: Callable[[Angle], FloatArray], low: FloatArray, high: FloatArray) -> FloatArray:
+        """Return the tangent where ``function`` changes from negative at ``low`` to positive at ``high``, by
+        bisection of log(tau).
+
+        Bisection costs 60 evaluations, works on whole arrays and ends on neighbouring numbers.
+        """
+        left, right = np.broadcast_arrays(np.log(low), np.log(high))
+        for _ in range(64):
+            middle = 0.5 * (left + right)
+            beyond = function(Angle.from_tangent(np.exp(middle))) > 0.0
+            left, right = np.where(beyond, left, middle), np.where(beyond, middle, right)
+        return np.asarray(np.exp(0.5 * (left + right)))

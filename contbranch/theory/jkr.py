@@ -1,0 +1,261 @@
+"""Johnson, Kendall and Roberts: adhesion of infinitely short range, for a parabola, a cone and power-law tips.
+
+For any tip with the Abel transform zeta(t), contact of radius a has
+
+    d = zeta(a) - sqrt(2 pi a w / E),      F = 2 E [d a - int_0^a zeta dt],
+
+so dF/da = 2 E [a zeta' - (3/2) sqrt(2 pi a w/E)] and a dd/da = a zeta' - (1/2) sqrt(2 pi a w/E) locate the folds.
+Equation (28) of the paper is the parabola, zeta = t^2/R.
+
+K. L. Johnson, K. Kendall and A. D. Roberts, Proc. R. Soc. A 324, 301 (1971).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ._inputs import FloatArray, not_below, positive
+from ._power_law import PowerLaw
+
+__all__ = [
+    "Fold",
+    "cone_displacement",
+    "cone_displacement_fold",
+    "cone_load",
+    "cone_load_fold",
+    "contact_radius",
+    "contact_radius_at_displacement",
+    "displacement",
+    "displacement_fold",
+    "load",
+    "load_fold",
+    "power_law_displacement",
+    "power_law_displacement_fold",
+    "power_law_load",
+    "power_law_load_fold",
+]
+
+_LENGTH = "it is a length"
+
+
+class Fold(NamedTuple):
+    """A fold of the curve of equilibria: its load, displacement and contact radius."""
+
+    load: FloatArray
+    displacement: FloatArray
+    contact_radius: FloatArray
+
+
+def load(
+    contact_radius: ArrayLike, *, radius: ArrayLike = 1.0, modulus: ArrayLike = 1.0, work_of_adhesion: ArrayLike = 1.0
+) -> FloatArray:
+    """Return the load on a parabola, F = 4 E a^3 / (3 R) - sqrt(8 pi w E a^3).
+
+    Parameters
+    ----------
+    contact_radius : array_like
+        Contact radius a >= 0, in units of length.
+    radius, modulus, work_of_adhesion : array_like
+        Radius of curvature R, effective modulus E and work of adhesion w, all > 0.
+
+    Raises
+    ------
+    InputError
+        If a length is negative or a constant not positive; so for every function here.
+    """
+    return _load(_parabola(radius), contact_radius, modulus, work_of_adhesion)
+
+
+def displacement(
+    contact_radius: ArrayLike, *, radius: ArrayLike = 1.0, modulus: ArrayLike = 1.0, work_of_adhesion: ArrayLike = 1.0
+) -> FloatArray:
+    """Return the displacement of a parabola, d = a^2 / R - sqrt(2 pi a w / E); parameters as in `load`."""
+    return _displacement(_parabola(radius), contact_radius, modulus, work_of_adhesion)
+
+
+def contact_radius(
+    load: ArrayLike,
+    *,
+    radius: ArrayLike = 1.0,
+    modulus: ArrayLike = 1.0,
+    work_of_adhesion: ArrayLike = 1.0,
+    stable: bool = True,
+) -> FloatArray:
+    """Return the contact radius under a load, a^3 = (3R/4E) [F + 3 pi w R +- sqrt(6 pi w R F + (3 pi w R)^2)] (28).
+
+    Parameters
+    ----------
+    load : array_like
+        Load F >= -(3/2) pi w R; for the unstable part also F <= 0.
+    radius, modulus, work_of_adhesion : array_like
+        As in `load`.
+    stable : bool
+        Whether to return the part that is stable under load control (sign +) or the other, which ends at a = 0 for F
+        = 0.
+
+    Raises
+    ------
+    InputError
+        If a load is below pull-off, or above 0 on the unstable part.
+    """
+    rim = positive("radius", radius)
+    half = 1.5 * np.pi * positive("work_of_adhesion", work_of_adhesion) * rim
+    force = not_below("load", load, -half, "pull-off; lower loads have no contact")
+    outer = force + 2.0 * half + 2.0 * np.sqrt(half * np.maximum(force + half, 0.0))
+    if not stable:
+        not_below("the negative of load", -force, 0.0, "the unstable part ends at load 0")
+        outer = force**2 / outer  # the product of both roots is F^2, and this form does not cancel
+    return np.asarray(np.cbrt(0.75 * rim / positive("modulus", modulus) * outer))
+
+
+def contact_radius_at_displacement(
+    displacement: ArrayLike, *, radius: ArrayLike = 1.0, modulus: ArrayLike = 1.0, work_of_adhesion: ArrayLike = 1.0
+) -> FloatArray:
+    """Return the contact radius at a displacement, on the part that is stable under displacement control.
+
+    Solves a^2/R - sqrt(2 pi a w/E) = d with a at or above its value at the displacement fold, by Newton's method in
+    sqrt(a), which converges from above because the left side is convex there.
+
+    Raises
+    ------
+    InputError
+        If a displacement is below that of the displacement fold.
+    """
+    fold = displacement_fold(radius=radius, modulus=modulus, work_of_adhesion=work_of_adhesion)
+    d = not_below("displacement", displacement, fold.displacement, "pull-off under displacement control")
+    rim = positive("radius", radius)
+    # the excess x - x_fold is the unknown: the residual then has no constant term and no cancellation near the fold
+    base = np.sqrt(fold.contact_radius)
+    excess = np.asarray(d - fold.displacement)
+    x = np.asarray(np.sqrt(excess * rim / 6.0) / base)
+    for _ in range(60):
+        # with s = sqrt(2 pi w/E) = 4 base^3/R (base+x)^4/R - s (base+x) - d_fold loses its lower powers of x
+        value = (6.0 * base**2 + 4.0 * base * x + x * x) * x * x / rim - excess
+        slope = (12.0 * base**2 + 12.0 * base * x + 4.0 * x * x) * x / rim
+        step = np.where(slope > 0.0, value / np.where(slope > 0.0, slope, 1.0), 0.0)
+        x = x - step
+        if np.all(np.abs(step) <= 1e-16 * (base + x)):
+            break
+    return np.asarray((base + x) ** 2)
+
+
+def load_fold(*, radius: ArrayLike = 1.0, modulus: ArrayLike = 1.0, work_of_adhesion: ArrayLike = 1.0) -> Fold:
+    """Return the pull-off under load control: F = -(3/2) pi w R at a^3 = 9 pi w R^2 / (8 E), d = -a^2 / (3R)."""
+    return _fold(_parabola(radius), 1.5, modulus, work_of_adhesion)
+
+
+def displacement_fold(*, radius: ArrayLike = 1.0, modulus: ArrayLike = 1.0, work_of_adhesion: ArrayLike = 1.0) -> Fold:
+    """Return the pull-off under displacement control: F = -(5/6) pi w R at a^3 = pi w R^2 / (8 E), d = -3 a^2 / R."""
+    return _fold(_parabola(radius), 0.5, modulus, work_of_adhesion)
+
+
+def cone_load(
+    contact_radius: ArrayLike, *, slope: ArrayLike = 1.0, modulus: ArrayLike = 1.0, work_of_adhesion: ArrayLike = 1.0
+) -> FloatArray:
+    """Return the load on a cone z = slope * r, F = (pi/2) E slope a^2 - sqrt(8 pi w E a^3)."""
+    return _load(PowerLaw.cone(slope), contact_radius, modulus, work_of_adhesion)
+
+
+def cone_displacement(
+    contact_radius: ArrayLike, *, slope: ArrayLike = 1.0, modulus: ArrayLike = 1.0, work_of_adhesion: ArrayLike = 1.0
+) -> FloatArray:
+    """Return the displacement of a cone z = slope * r, d = (pi/2) slope a - sqrt(2 pi a w / E)."""
+    return _displacement(PowerLaw.cone(slope), contact_radius, modulus, work_of_adhesion)
+
+
+def cone_load_fold(*, slope: ArrayLike = 1.0, modulus: ArrayLike = 1.0, work_of_adhesion: ArrayLike = 1.0) -> Fold:
+    """Return a cone's pull-off under load control: F = -54 w^2 / (pi E slope^3) at a = 18 w / (pi E slope^2), d = 3 w
+    / (E slope).
+    """
+    return _fold(PowerLaw.cone(slope), 1.5, modulus, work_of_adhesion)
+
+
+def cone_displacement_fold(
+    *, slope: ArrayLike = 1.0, modulus: ArrayLike = 1.0, work_of_adhesion: ArrayLike = 1.0
+) -> Fold:
+    """Return a cone's pull-off under displacement control: d = -w / (E slope) at a = 2 w / (pi E slope^2)."""
+    return _fold(PowerLaw.cone(slope), 0.5, modulus, work_of_adhesion)
+
+
+def power_law_load(
+    contact_radius: ArrayLike,
+    *,
+    exponent: ArrayLike,
+    length: ArrayLike = 1.0,
+    modulus: ArrayLike = 1.0,
+    work_of_adhesion: ArrayLike = 1.0,
+) -> FloatArray:
+    """Return the load on a tip z = r^n / (n L^(n-1)), Hertz' load minus sqrt(8 pi w E a^3).
+
+    Parameters
+    ----------
+    contact_radius : array_like
+        Contact radius a >= 0, in units of length.
+    exponent : array_like
+        Exponent n >= 1; 1 is a cone of slope 1, 2 a parabola of radius L.
+    length, modulus, work_of_adhesion : array_like
+        Length L of the tip, effective modulus E and work of adhesion w, all > 0.
+    """
+    return _load(PowerLaw.of(exponent, length), contact_radius, modulus, work_of_adhesion)
+
+
+def power_law_displacement(
+    contact_radius: ArrayLike,
+    *,
+    exponent: ArrayLike,
+    length: ArrayLike = 1.0,
+    modulus: ArrayLike = 1.0,
+    work_of_adhesion: ArrayLike = 1.0,
+) -> FloatArray:
+    """Return the displacement of a power-law tip, d = zeta(a) - sqrt(2 pi a w / E); parameters as in
+    `power_law_load`.
+    """
+    return _displacement(PowerLaw.of(exponent, length), contact_radius, modulus, work_of_adhesion)
+
+
+def power_law_load_fold(
+    *, exponent: ArrayLike, length: ArrayLike = 1.0, modulus: ArrayLike = 1.0, work_of_adhesion: ArrayLike = 1.0
+) -> Fold:
+    """Return a power-law tip's pull-off under load control, n zeta(a) = (3/2) sqrt(2 pi a w / E)."""
+    return _fold(PowerLaw.of(exponent, length), 1.5, modulus, work_of_adhesion)
+
+
+def power_law_displacement_fold(
+    *, exponent: ArrayLike, length: ArrayLike = 1.0, modulus: ArrayLike = 1.0, work_of_adhesion: ArrayLike = 1.0
+) -> Fold:
+    """Return a power-law tip's pull-off under displacement control, n zeta(a) = (1/2) sqrt(2 pi a w / E)."""
+    return _fold(PowerLaw.of(exponent, length), 0.5, modulus, work_of_adhesion)
+
+
+def _parabola(radius: ArrayLike) -> PowerLaw:
+    return PowerLaw(np.asarray(2.0), np.asarray(1.0 / positive("radius", radius)))
+
+
+def _neck(contact_radius: FloatArray, modulus: FloatArray, work_of_adhesion: FloatArray) -> FloatArray:
+    """Return sqrt(2 pi a w / E), by which adhesion lowers the displacement at fixed contact radius."""
+    return np.asarray(np.sqrt(2.0 * np.pi * contact_radius * work_of_adhesion / modulus))
+
+
+def _load(tip: PowerLaw, contact_radius: ArrayLike, modulus: ArrayLike, work_of_adhesion: ArrayLike) -> FloatArray:
+    a = not_below("contact_radius", contact_radius, 0.0, _LENGTH)
+    e, w = positive("modulus", modulus), positive("work_of_adhesion", work_of_adhesion)
+    return np.asarray(2.0 * e * (tip.deficit(a) - a * _neck(a, e, w)))
+
+
+def _displacement(
+    tip: PowerLaw, contact_radius: ArrayLike, modulus: ArrayLike, work_of_adhesion: ArrayLike
+) -> FloatArray:
+    a = not_below("contact_radius", contact_radius, 0.0, _LENGTH)
+    neck = _neck(a, positive("modulus", modulus), positive("work_of_adhesion", work_of_adhesion))
+    return np.asarray(tip.transform(a) - neck)
+
+
+def _fold(tip: PowerLaw, share: float, modulus: ArrayLike, work_of_adhesion: ArrayLike) -> Fold:
+    """Return where n zeta(a) = share * sqrt(2 pi a w / E); share is 3/2 for the load and 1/2 for the displacement."""
+    ratio = positive("work_of_adhesion", work_of_adhesion) / positive("modulus", modulus)
+    n = tip.exponent
+    a = np.asarray((share * np.sqrt(2.0 * np.pi * ratio) / (n * tip.strength)) ** (1.0 / (n - 0.5)))
+    return Fold(_load(tip, a, modulus, work_of_adhesion), _displacement(tip, a, modulus, work_of_adhesion), a)
