@@ -1,0 +1,180 @@
+"""What a tip shape is: a profile and its Abel transform, with the integrals of it that contact needs.
+
+The shapes themselves are in `tips`. Heights and lengths are in the contact's own units.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from functools import cache
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+__all__ = ["Tip"]
+
+FloatArray = NDArray[np.float64]
+
+_ORDER = 24  # Gauss-Legendre nodes for the gap: the worst analytic integrand (a = rho) loses a factor 10 with each node
+
+
+@cache
+def gauss_rule(order: int = _ORDER) -> tuple[FloatArray, FloatArray]:
+    """Return (order,) nodes and weights of Gauss and Legendre on [0, 1]."""
+    x, w = np.polynomial.legendre.leggauss(order)
+    return 0.5 * (x + 1.0), 0.5 * w
+
+
+@dataclass(frozen=True)
+class Tip:
+    """A rigid tip with the axisymmetric profile z(r), z(0) = 0. All functions of radii take and return any shape.
+
+    A new shape writes `natural_length`, `height`, `height_derivative`, `transform`, `transform_derivative`,
+    `reduced_scales` and `scaled`; the rest is done by Gauss-Legendre quadrature unless the shape has it in closed form,
+    to rounding where the transform is analytic.
+    """
+
+    name: ClassVar[str] = ""
+    dimensions: ClassVar[Mapping[str, str]] = {}
+
+    @property
+    def extent(self) -> float:
+        """The radius beyond which the tip does not exist (and its height is infinite)."""
+        return math.inf
+
+    @property
+    def apex_exponent(self) -> float:
+        """The exponent n with which the profile starts, z ∝ r^n."""
+        return 2.0
+
+    @property
+    def natural_length(self) -> float:
+        """A length of the tip itself, which sets the scales where no interaction does."""
+        raise NotImplementedError(f"{type(self).__name__} must define natural_length")
+
+    def height(self, r: ArrayLike) -> FloatArray:
+        """Return the profile z(r)."""
+        raise NotImplementedError(f"{type(self).__name__} must define height(r)")
+
+    def height_derivative(self, r: ArrayLike) -> FloatArray:
+        """Return z'(r)."""
+        raise NotImplementedError(f"{type(self).__name__} must define height_derivative(r)")
+
+    def transform(self, t: ArrayLike) -> FloatArray:
+        """Return ζ(t) = t ∫_0^t z'(r)/√(t²-r²) dr, the displacement at which the tip's contact radius is t."""
+        raise NotImplementedError(f"{type(self).__name__} must define transform(t)")
+
+    def transform_derivative(self, t: ArrayLike) -> FloatArray:
+        """Return ζ'(t)."""
+        raise NotImplementedError(f"{type(self).__name__} must define transform_derivative(t)")
+
+    def transform_integral(self, a: ArrayLike) -> FloatArray:
+        """Return ∫_0^a ζ dt."""
+        x, w = gauss_rule()
+        end = np.asarray(a, dtype=np.float64)
+        return np.asarray(end * (self.transform(end[..., None] * x) @ w))
+
+    def transform_square_integral(self, a: ArrayLike) -> FloatArray:
+        """Return ∫_0^a ζ² dt."""
+        x, w = gauss_rule()
+        end = np.asarray(a, dtype=np.float64)
+        return np.asarray(end * (self.transform(end[..., None] * x) ** 2 @ w))
+
+    def contact_radius(self, y: ArrayLike) -> FloatArray:
+        """Return a ≥ 0 with ζ(a) = y ≥ 0, by bisection and Newton's method within the bracket."""
+        wanted = np.asarray(y, dtype=np.float64)
+        low = np.zeros_like(wanted)
+        high = np.full_like(wanted, self.natural_length)
+        while np.any(short := self.transform(high) < wanted):
+            high = np.where(short, 2.0 * high, high)
+        a = 0.5 * (low + high)
+        for _ in range(200):
+            excess = self.transform(a) - wanted
+            low, high = np.where(excess <= 0.0, a, low), np.where(excess >= 0.0, a, high)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                step = a - excess / self.transform_derivative(a)
+            inside = (step > low) & (step < high)
+            new = np.where(inside, step, 0.5 * (low + high))
+            if np.all(np.abs(new - a) <= 4e-16 * new):
+                break
+            a = new
+        return np.where(wanted == 0.0, 0.0, a)
+
+    def shape_gap(self, rho: ArrayLike, a: float) -> tuple[FloatArray, FloatArray]:
+        """Return the gap around a contact of radius `a` without interaction, and its derivative with respect to `a`.
+
+        Parameters
+        ----------
+        rho
+            Places outside the rim by ρ = √(r² - a²) ≥ 0, any shape.
+        a
+            The radius of the contact; for 0 the gap is the height.
+
+        Returns
+        -------
+        gap, slope
+            g = (2/π) ∫_a^r (ζ(t) - ζ(a))/√(r² - t²) dt and (∂g/∂a) at fixed ρ, of the shape of `rho`.
+        """
+        rho = np.asarray(rho, dtype=np.float64)
+        gap, slope = np.empty_like(rho), np.empty_like(rho)
+        near = rho < a
+        gap[near], slope[near] = self._gap_near(rho[near], a)
+        gap[~near], slope[~near] = self._gap_far(rho[~near], a)
+        return gap, slope
+
+    def _gap_near(self, rho: FloatArray, a: float) -> tuple[FloatArray, FloatArray]:
+        """Return gap and slope for ρ < a: with τ = ρ sin ψ, t² = a² + τ², g = (2/π) ∫_0^(π/2) (ζ(t) - ζ(a)) τ/t dψ."""
+        x, w = gauss_rule()
+        tau = rho[..., None] * np.sin(0.5 * math.pi * x)
+        t = np.sqrt(a * a + tau * tau)
+        ratio = tau / t
+        rise = self._rise(a, tau, t)
+        slope_at_rim = float(self.transform_derivative(a))
+        turn = (self.transform_derivative(t) * (a / t) - slope_at_rim - rise * (a / (t * t))) * ratio
+        return (rise * ratio) @ w, turn @ w
+
+    def _gap_far(self, rho: FloatArray, a: float) -> tuple[FloatArray, FloatArray]:
+        """Return gap and slope for ρ ≥ a: with t = r sin θ, g = (2/π) ∫ (ζ(t) - ζ(a)) dθ from arcsin(a/r) to π/2."""
+        x, w = gauss_rule()
+        r2 = rho * rho + a * a
+        angle = np.where(r2 > 0.0, np.arctan2(rho, a), 0.5 * math.pi)
+        sine = np.cos(angle[..., None] * x)  # x runs from π/2 downwards
+        t = np.sqrt(r2)[..., None] * sine
+        rise = self.transform(t) - float(self.transform(a))
+        slope_at_rim = float(self.transform_derivative(a))
+        # dr/da = a/r at fixed ρ; at r = 0 the ratio is 0/0 and the rim's own slope is all there is
+        ratio = np.divide(a, np.sqrt(r2), out=np.zeros_like(r2), where=r2 > 0.0)
+        turn = self.transform_derivative(t) * sine * ratio[..., None] - slope_at_rim
+        factor = (2.0 / math.pi) * angle
+        return factor * (rise @ w), factor * (turn @ w)
+
+    def _rise(self, a: float, tau: FloatArray, t: FloatArray) -> FloatArray:
+        """Return ζ(t) - ζ(a) for t² = a² + τ²; shapes override it that have it without cancellation."""
+        return self.transform(t) - float(self.transform(a))
+
+    def reduced_scales(self, adhesion_length: float) -> tuple[float, float]:
+        """Return the units (X, Z) in plane and along the normal with Z² = L X, as in (23), (24).
+
+        Parameters
+        ----------
+        adhesion_length
+            L = |Δγ|/E.
+        """
+        raise NotImplementedError(f"{type(self).__name__} must define reduced_scales(adhesion_length)")
+
+    def scaled(self, in_plane: float, normal: float) -> Tip:
+        """Return the tip in other units, worth `in_plane` (radii) and `normal` (heights) of the present ones."""
+        raise NotImplementedError(f"{type(self).__name__} must define scaled(in_plane, normal)")
+
+    def parameters(self) -> dict[str, Any]:
+        """Return the fields from which the tip can be made again, by name."""
+        return {item.name: getattr(self, item.name) for item in fields(self) if item.init}
+
+
+def parabolic_scales(radius: float, adhesion_length: float) -> tuple[float, float]:
+    """Return X = R^(2/3) L^(1/3) and Z = R^(1/3) L^(2/3), (23) and (24)."""
+    r, h = math.cbrt(radius), math.cbrt(adhesion_length)
+    return r * r * h, r * h * h

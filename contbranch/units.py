@@ -1,0 +1,267 @@
+"""Units: reduced, physical (nN and nm) and Maugis', and the reading of quantities. Nothing else converts units.
+
+A contact is described either in reduced units (bare numbers: R = E = |Δγ| = 1, or any other consistent choice) or in
+physical units, where everything is kept in nN and nm: loads in nN, lengths in nm, stiffnesses and energies per area in
+nN/nm (= N/m), pressures and moduli in nN/nm² (= GPa), energies in nN·nm.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from functools import cache
+from typing import Any, Final, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbranch.errors import InputError
+
+__all__ = [
+    "PHYSICAL",
+    "REDUCED",
+    "Scales",
+    "Units",
+    "finite_number",
+    "maugis_to_reduced",
+    "parse",
+    "positive_number",
+    "reduced_to_maugis",
+]
+
+Value = TypeVar("Value", float, NDArray[np.float64])
+
+# dimension -> (unit of the document, the same for pint, an example of a right value)
+_DIMENSIONS: Final[dict[str, tuple[str, str, str]]] = {
+    "length": ("nm", "nm", "'1 um'"),
+    "force": ("nN", "nN", "'5 nN'"),
+    "pressure": ("nN/nm²", "nN/nm**2", "'5 GPa'"),
+    "energy per area": ("nN/nm", "nN/nm", "'-40 mN/m'"),
+    "stiffness": ("nN/nm", "nN/nm", "'0.1 N/m'"),
+    "energy": ("nN·nm", "nN*nm", "'2 aJ'"),
+    "dimensionless": ("", "dimensionless", "0.5"),
+}
+
+_QUANTITY: Final = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\s\d.+-].*?)?\s*")
+
+
+@cache
+def _registry() -> Any:
+    """Return the unit registry; imported at the first quantity because it takes a fifth of a second."""
+    import pint
+
+    return pint.UnitRegistry()
+
+
+@cache
+def _factor(unit: str, dimension: str) -> float:
+    """Return one `unit` in the document's unit of `dimension`; ValueError says in words what is wrong with the unit."""
+    import pint
+
+    registry = _registry()
+    try:
+        parsed = registry.Unit(unit.replace("·", "*").replace("⁻¹", "**-1").replace("⁻²", "**-2"))
+    except Exception as error:  # the parser behind pint raises whatever Python's tokenizer does
+        raise ValueError(f"'{unit}' is not a unit") from error
+    try:
+        factor = float(registry.Quantity(1.0, parsed).to(_DIMENSIONS[dimension][1]).magnitude)
+    except (pint.DimensionalityError, pint.OffsetUnitCalculusError) as error:
+        raise ValueError(f"'{unit}' is not a unit of {dimension}") from error
+    return float(f"{factor:.15g}")  # units are defined in decimals: 1 um is 1000 nm, not 999.9999999999999
+
+
+def finite_number(value: object, field: str) -> float:
+    """Return `value` as a float; InputError, naming `field`, unless it is a finite real number."""
+    if isinstance(value, bool | str | bytes):
+        raise InputError(f"{field}: {value!r}; must be a number")
+    try:
+        number = float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(f"{field}: {_shown(value)}; must be a finite number") from None
+    if not math.isfinite(number):
+        raise InputError(f"{field}: {number}; must be a finite number")
+    return number
+
+
+def positive_number(value: object, field: str) -> float:
+    """Return `value` as a float; InputError, naming `field`, unless it is positive and finite."""
+    number = finite_number(value, field)
+    if number <= 0.0:
+        raise InputError(f"{field}: {number:g}; must be greater than zero")
+    return number
+
+
+def parse(value: object, dimension: str, field: str) -> float:
+    """Return a quantity in the document's unit (nN and nm).
+
+    Parameters
+    ----------
+    value
+        A number, taken as given in the document's unit, or a text such as ``"-40 mN/m"``.
+    dimension
+        ``"length"``, ``"force"``, ``"pressure"``, ``"energy per area"``, ``"stiffness"``, ``"energy"`` or
+        ``"dimensionless"``.
+    field
+        The name of the field, for messages.
+
+    Raises
+    ------
+    InputError
+        If `value` is no number with a unit of that dimension; the message shows a right one.
+    """
+    if not isinstance(value, str):
+        return finite_number(value, field)
+    example = _DIMENSIONS[dimension][2]
+    match = _QUANTITY.fullmatch(value)
+    if match is None:
+        raise InputError(f"{field}: {value!r} is not a number with a unit; write for example {example}")
+    number, unit = finite_number(float(match[1]), field), match[2]
+    if unit is None:
+        if dimension == "dimensionless":
+            return number
+        raise InputError(f"{field}: {value!r} has no unit; write for example {example}")
+    try:
+        return finite_number(number * _factor(unit, dimension), field)
+    except ValueError as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"{field}: {value!r}: {error}; write for example {example}") from None
+
+
+def _shown(value: object) -> str:
+    """Return a short one-line representation for a message."""
+    text = " ".join(repr(value).split())
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+@dataclass(frozen=True)
+class Units:
+    """The units in which a contact and its results are expressed.
+
+    Attributes
+    ----------
+    kind
+        ``"reduced"`` (bare numbers) or ``"physical"`` (nN and nm).
+    """
+
+    kind: str = "reduced"
+
+    def __post_init__(self) -> None:
+        if self.kind not in ("reduced", "physical"):
+            raise InputError(f"units: {self.kind!r}; must be 'reduced' or 'physical'")
+
+    @property
+    def physical(self) -> bool:
+        """Whether numbers are in nN and nm."""
+        return self.kind == "physical"
+
+    @property
+    def names(self) -> dict[str, str]:
+        """The unit of every reported quantity, by its name in a document; empty for reduced units."""
+        if not self.physical:
+            return {}
+        lengths = ("displacement", "contact_radius", "central_gap", "mean_gap", "gap", "radius")
+        names = {"load": "force", **dict.fromkeys(lengths, "length"), "energy": "energy"}
+        names |= {"pressure": "pressure", "stiffness": "stiffness", "crossover_load": "force", "dissipated": "energy"}
+        return {name: _DIMENSIONS[dimension][0] for name, dimension in names.items()}
+
+    def name(self, dimension: str) -> str:
+        """Return the unit of a `dimension` ("length", "force", ...), an empty text for reduced units."""
+        return _DIMENSIONS[dimension][0] if self.physical else ""
+
+    def read(self, value: object, dimension: str, field: str) -> float:
+        """Return `value` in these units: a bare number as it is, a text with a unit only for a physical contact.
+
+        Raises
+        ------
+        InputError
+            For a quantity with a unit given to a contact in reduced units, and whatever `parse` refuses.
+        """
+        if self.physical or not isinstance(value, str):
+            return parse(value, dimension, field)
+        try:
+            return finite_number(float(value), field)
+        except ValueError as error:
+            if isinstance(error, InputError):
+                raise
+            raise InputError(f"{field}: {value!r}; the contact is in reduced units: give a bare number") from None
+
+
+REDUCED: Final = Units("reduced")
+PHYSICAL: Final = Units("physical")
+
+
+@dataclass(frozen=True)
+class Scales:
+    """What one reduced unit is worth in the contact's own units, (23)-(26) and their products.
+
+    Attributes
+    ----------
+    in_plane, normal
+        Unit of radii, X, and of gaps and displacements, Z.
+    modulus
+        Unit of the effective modulus, E.
+    """
+
+    in_plane: float
+    normal: float
+    modulus: float
+
+    @property
+    def load(self) -> float:
+        """Unit of the load, E X Z (R |Δγ| for a parabola, (25))."""
+        return self.modulus * self.in_plane * self.normal
+
+    @property
+    def pressure(self) -> float:
+        """Unit of the pressure, E Z / X, (26)."""
+        return self.modulus * self.normal / self.in_plane
+
+    @property
+    def energy(self) -> float:
+        """Unit of the energy, E X Z²."""
+        return self.modulus * self.in_plane * self.normal**2
+
+    @property
+    def energy_per_area(self) -> float:
+        """Unit of the energy per area, E Z² / X (|Δγ| where the interaction sets the scales)."""
+        return self.modulus * self.normal**2 / self.in_plane
+
+    @property
+    def stiffness(self) -> float:
+        """Unit of the stiffness dF/dd, E X."""
+        return self.modulus * self.in_plane
+
+
+# (43)-(46): one Maugis unit in reduced units. Maugis takes πΔγ for Δγ and 4E/3 (misprinted 3E/4) for E.
+_MAUGIS: Final[dict[str, float]] = {
+    "tabor": (2.0 * math.pi / 9.0) ** (1.0 / 3.0),
+    "contact_radius": (3.0 * math.pi / 4.0) ** (1.0 / 3.0),
+    "displacement": (3.0 * math.pi / 4.0) ** (2.0 / 3.0),
+    "load": math.pi,
+}
+
+
+def maugis_to_reduced(value: Value, quantity: str) -> Value:
+    """Return what a quantity in Maugis' units is in reduced units, (43)-(46).
+
+    Parameters
+    ----------
+    value
+        Number or array.
+    quantity
+        ``"tabor"`` (from Maugis' λ, μ_T = (2π/9)^(1/3) λ), ``"contact_radius"``, ``"displacement"`` or ``"load"``.
+    """
+    return value * _maugis(quantity)
+
+
+def reduced_to_maugis(value: Value, quantity: str) -> Value:
+    """Return what a quantity in reduced units is in Maugis' units: the inverse of `maugis_to_reduced`."""
+    return value / _maugis(quantity)
+
+
+def _maugis(quantity: str) -> float:
+    if quantity not in _MAUGIS:
+        raise InputError(f"quantity: {quantity!r}; must be one of {', '.join(_MAUGIS)}")
+    return _MAUGIS[quantity]
