@@ -171,21 +171,21 @@ class Units:
         return _DIMENSIONS[dimension][0] if self.physical else ""
 
     def read(self, value: object, dimension: str, field: str) -> float:
-        """Return `value` in these units: a bare number as it is, a text with a unit only for a physical contact.
+        """Return `value` in these units: a bare number (or text of one) as it is, a unit only for a physical contact.
 
         Raises
         ------
         InputError
             For a quantity with a unit given to a contact in reduced units, and whatever `parse` refuses.
         """
-        if self.physical or not isinstance(value, str):
+        if not isinstance(value, str):
+            return finite_number(value, field)
+        match = _QUANTITY.fullmatch(value)
+        if match is not None and match[2] is None:
+            return finite_number(float(match[1]), field)
+        if self.physical:
             return parse(value, dimension, field)
-        try:
-            return finite_number(float(value), field)
-        except ValueError as error:
-            if isinstance(error, InputError):
-                raise
-            raise InputError(f"{field}: {value!r}; the contact is in reduced units: give a bare number") from None
+        raise InputError(f"{field}: {value!r}; the contact is in reduced units: give a bare number")
 
 
 REDUCED: Final = Units("reduced")
