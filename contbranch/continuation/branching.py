@@ -1,203 +1,231 @@
-"""Branch points: where the bordered matrix of a curve is singular."""
+"""Branch points: where another curve crosses the one that is followed."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from typing import Literal
+from dataclasses import dataclass
+from typing import Any, Literal
 
 import numpy as np
+from scipy import sparse
 
-from contbranch.continuation.bordered import Bordered
+from contbranch.continuation.bordered import Bordered, SingularBorderedError, factorise
 from contbranch.continuation.curve import BranchPoint, Point
 from contbranch.continuation.folds import second_derivative
-from contbranch.continuation.locate import find_root
-from contbranch.continuation.newton import CorrectionError, border, linearise
-from contbranch.continuation.options import Options
+from contbranch.continuation.metric import Metric
+from contbranch.continuation.newton import ROUNDING, CorrectionError, border, linearise, solve
 from contbranch.continuation.outcomes import Outcome
-from contbranch.continuation.problem import Array, Problem
+from contbranch.continuation.problem import Array, Linearisation, Problem
 from contbranch.continuation.segment import Segment
-from contbranch.continuation.walk import point_on
 
-__all__ = ["Crossings", "locate_branch_point"]
+__all__ = ["locate_branch_point", "unresolved_branch_point"]
 
-# Of a true branch point the test function falls to rounding; where a step has leapt to another part of the curve it
-# jumps from one sign to the other instead.
-CONFIRMED = 1e-6
-# Right at a branch point the matrix is singular; this far beside it (a share of the step) it is not.
-BESIDE = 1e-10
-# The tangent at a branch point is extrapolated from those at this share of the step before and after it.
-ASIDE = 0.02
-# A direction whose parameter component (in the metric) is below this is that of an extremum.
+# μ at the saddle, as a share of its change over the step. Of a true branch point it is rounding; where it is larger
+# the two curves pass each other, and a step that saw the determinant change sign has leapt from one to the other.
+CONFIRMED = 1e-9
+# A direction whose parameter component (in the metric) is below this is that of an extremum of the parameter.
 FLAT = 1e-4
+# Below this length a change of the determinant's sign is reported as a branch point even if no simple one is found.
+UNRESOLVED = 1e-5
+
+Direction = tuple[Array, float]
+Kind = Literal["pitchfork", "transcritical", "branch point"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Crossings:
-    """A located branch point and its position within the step."""
+class _Saddle:
+    """State of the iteration: μ with its gradient and Hessian in (α, β), and the directions of α and β."""
 
-    theta: float
-    event: BranchPoint
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Vectors:
-    """Approximate right and left null vectors (n+1) of the bordered matrix."""
-
-    right: tuple[Array, float]
-    left: tuple[Array, float]
+    back: Direction
+    mu: float
+    gradient: Array
+    hessian: Array
+    alpha: Direction
+    beta: Direction
 
 
-def _null_vectors(bordered: Bordered, n: int) -> _Vectors:
-    """Return approximate null vectors by two inverse iterations on MᵀM."""
-    right: tuple[Array, float] = (np.cos(1.0 + np.arange(n) ** 2 % 7919), 0.5)
+def locate_branch_point(segment: Segment) -> tuple[float, BranchPoint] | None:
+    """Locate the branch point between two points of opposite determinant; None if there is none after all.
+
+    Near a branch point the matrix [J Fp; tᵀ] is singular, but with its left and right null vectors l and r
+
+        [ J   Fp   l ] [ y' ]   [ 0 ]     [ 0 ]
+        [ t        0 ] [    ] = [ 1 ]  or [ 0 ]
+        [ r        0 ] [ μ' ]   [ 0 ]     [ 1 ]
+
+    is regular. It parametrises a surface y(α, β) on which F(y) + μ l = 0, with α counted along t and β along r
+    (Lyapunov-Schmidt reduction). The curves are the lines μ = 0, and a branch point is a saddle of μ at height zero:
+    Newton's method solves ∇μ = 0, with the Hessian from second derivatives of F. The quadratic form of the Hessian
+    vanishes along the two curves' directions. (W. Govaerts, Numerical Methods for Bifurcations of Dynamical
+    Equilibria, SIAM 2000, ch. 6.)
+
+    Returns
+    -------
+    (theta, event) or None
+        Position within the segment, and the branch point.
+    """
+    problem, metric = segment.begin.problem, segment.metric
+    try:
+        start, row, left, right = _reduction(segment)
+        x, p = segment.at(start)
+        previous = math.inf
+        for _ in range(15):
+            saddle = _saddle(problem, x, p, row, left, right, metric)
+            step = -np.linalg.solve(saddle.hessian, saddle.gradient)
+            dx = saddle.back[0] + step[0] * saddle.alpha[0] + step[1] * saddle.beta[0]
+            dp = saddle.back[1] + step[0] * saddle.alpha[1] + step[1] * saddle.beta[1]
+            size = metric.norm(problem, dx, dp)
+            if not size <= 2 * segment.length:
+                return None
+            x, p = x + dx, float(p + dp)
+            if size <= 1e-13 or (size < 1e-7 and size > 0.1 * previous):
+                return _report(segment, saddle, x, p, dx, dp)
+            previous = size
+    except (CorrectionError, np.linalg.LinAlgError):
+        return None
+    return None
+
+
+def unresolved_branch_point(segment: Segment) -> tuple[float, BranchPoint] | None:
+    """Return the middle of a very short step across which the determinant changes sign without a simple crossing."""
+    if segment.length > UNRESOLVED:
+        return None
+    x, p = segment.at(0.5)
+    direction = segment.direction(0.5)
+    size = segment.metric.norm(segment.begin.problem, *direction)
+    point = Point(segment.begin.problem, x, p, direction[0] / size, direction[1] / size, label="branch point")
+    change = segment.end.x - segment.begin.x
+    state_error = math.sqrt(segment.begin.problem.inner(change, change))
+    return 0.5, BranchPoint(point, abs(segment.end.parameter - segment.begin.parameter), state_error)
+
+
+def _reduction(segment: Segment) -> tuple[float, Direction, Array, Array]:
+    """Return a first guess of θ, the row t, and the null vectors l and r of the nearer end's bordered matrix."""
+    problem, metric = segment.begin.problem, segment.metric
+    chord_x = (segment.end.x - segment.begin.x) / segment.length
+    chord_p = (segment.end.parameter - segment.begin.parameter) / segment.length
+    row = metric.row(problem, chord_x, chord_p)
+    ends = []
+    for point in (segment.begin, segment.end):
+        at = linearise(problem, point.x, point.parameter)
+        ends.append(border(problem, point.x, point.parameter, at, row))
+    vectors = [_null_vectors(bordered, row[0].size) for bordered in ends]
+    nearer = 0 if vectors[0][2] < vectors[1][2] else 1
+    left, right, _ = vectors[nearer]
+    begin, end = (_test(bordered, left, right) for bordered in ends)
+    theta = begin / (begin - end) if begin * end < 0 else 0.5
+    return theta, row, left, right
+
+
+def _null_vectors(bordered: Bordered, n: int) -> tuple[Array, Array, float]:
+    """Return approximate left and right null vectors (n+1) by inverse iteration, and the singular value."""
+    right = np.append(np.cos(1.0 + np.arange(n) ** 2 % 7919), 0.5)
     left = right
-    for _ in range(2):
-        solved = bordered.solve_transposed(*right)
+    value = math.inf
+    for _ in range(3):
+        solved = bordered.solve_transposed(right[:n], float(right[n]))
         if solved is None:
             raise CorrectionError(Outcome.STEP_TOO_SMALL, "(No transposed solves.)")
-        left = _unit(*solved)
-        right = _unit(*bordered.solve(*left))
-    return _Vectors(right, left)
-
-
-def _unit(u: Array, a: float) -> tuple[Array, float]:
-    size = math.sqrt(float(u @ u) + a * a)
-    if not math.isfinite(size) or size == 0.0:
+        left = np.append(*solved)
+        left /= np.linalg.norm(left)
+        right = np.append(*bordered.solve(left[:n], float(left[n])))
+        value = 1 / float(np.linalg.norm(right))
+        right *= value
+    if not np.all(np.isfinite(right)):
         raise CorrectionError(Outcome.NOT_FINITE, "(The bordered matrix is singular.)")
-    return u / size, a / size
+    return left, right, value
 
 
-def _test(bordered: Bordered, vectors: _Vectors) -> float:
-    """Return τ = 1/(rᵀ M⁻¹ l): a smooth function along the curve that vanishes where M is singular."""
-    u, a = bordered.solve(*vectors.left)
-    value = float(vectors.right[0] @ u) + vectors.right[1] * a
+def _test(bordered: Bordered, left: Array, right: Array) -> float:
+    """Return τ = 1/(rᵀ M⁻¹ l), which vanishes where M is singular and is smooth along the curve."""
+    u, a = bordered.solve(left[:-1], float(left[-1]))
+    value = float(right[:-1] @ u) + float(right[-1]) * a
     return 1 / value if value != 0.0 else math.inf
 
 
-def locate_branch_point(segment: Segment, options: Options) -> Crossings | None:
-    """Locate the branch point between two points of opposite determinant; None if there is none after all.
-
-    The test function is that of a doubly bordered matrix, τ = 1/(rᵀ M⁻¹ l) with l, r close to M's null vectors.
-    """
-    problem = segment.begin.problem
-    at_begin, m_begin = point_on(segment, 0.0, options)
-    _, m_end = point_on(segment, 1.0, options)
-    # The null vectors of the end closer to the branch point (smaller τ) serve for the whole step.
-    vectors = _null_vectors(m_begin, at_begin.x.size)
-    begin, end = _test(m_begin, vectors), _test(m_end, vectors)
-    if abs(end) < abs(begin):
-        vectors = _null_vectors(m_end, at_begin.x.size)
-        begin, end = _test(m_begin, vectors), _test(m_end, vectors)
-    if (begin > 0) == (end > 0):
-        return None
-    known: list[tuple[float, float, Point | None]] = [(0.0, begin, None), (1.0, end, None)]
-
-    def evaluate(theta: float) -> float:
-        for position in (theta, theta + BESIDE, theta - BESIDE):
-            try:
-                point, bordered = point_on(segment, position, options)
-                value = _test(bordered, vectors)
-            except CorrectionError:
-                continue
-            known.append((position, value, point))
-            return value
-        # The matrix is too close to singular for Newton's method: close enough.
-        return 0.0
-
-    theta = find_root(evaluate, (0.0, begin), (1.0, end), tolerance=1e-14)
-    nearest = min(known, key=lambda sample: (sample[2] is None, abs(sample[0] - theta)))
-    if nearest[2] is None or abs(nearest[1]) > CONFIRMED * max(abs(begin), abs(end)):
-        return None
-    tangent_x, tangent_parameter = _tangent(segment, nearest[0], options)
-    point = replace(nearest[2], label="branch point", tangent_x=tangent_x, tangent_parameter=tangent_parameter)
-    distance = max(abs(nearest[0] - theta), 1e-12)
-    state_error = distance * math.sqrt(problem.inner(segment.end.x - segment.begin.x, segment.end.x - segment.begin.x))
-    error = distance * (abs(segment.end.parameter - segment.begin.parameter) + 1e-15)
-    type_, other = _classify(point, segment)
-    event = BranchPoint(point, error, state_error, type=type_)
-    if other is not None:
-        event = replace(event, other_x=other[0], other_parameter=other[1])
-    return Crossings(theta, event)
+def _augmented(at: Linearisation, row: Direction) -> Any:
+    """Return the matrix [J Fp; row], dense or sparse like J."""
+    jacobian, column = at[1], at[2]
+    if bool(sparse.issparse(jacobian)):
+        corner = sparse.csc_array(np.array([[row[1]]]))
+        last = [sparse.csc_array(row[0][None, :]), corner]
+        return sparse.block_array([[jacobian, sparse.csc_array(column[:, None])], last], format="csc")
+    return np.block([[np.asarray(jacobian), column[:, None]], [row[0][None, :], np.array([[row[1]]])]])
 
 
-def _tangent(segment: Segment, theta: float, options: Options) -> tuple[Array, float]:
-    """Return the curve's unit tangent at a branch point from tangents on both sides.
-
-    At the point itself the matrix has two null vectors, and a solve returns any mixture of them. The mean of the
-    tangents at ±δ has an error of order δ²; two distances remove that order too.
-    """
-    means = []
-    for aside in (ASIDE, 2 * ASIDE):
-        before, _ = point_on(segment, theta - aside, options)
-        after, _ = point_on(segment, theta + aside, options)
-        means.append(
-            (
-                (before.tangent_x + after.tangent_x) / 2,
-                (before.tangent_parameter + after.tangent_parameter) / 2,
-            )
-        )
-    (near_x, near_p), (far_x, far_p) = means
-    x, p = (4 * near_x - far_x) / 3, (4 * near_p - far_p) / 3
-    size = segment.metric.norm(segment.begin.problem, x, p)
-    return x / size, p / size
-
-
-def _classify(
-    point: Point, segment: Segment
-) -> tuple[Literal["pitchfork", "transcritical", "branch point"], tuple[Array, float] | None]:
-    """Tell a pitchfork from a transcritical crossing by the algebraic branching equation.
-
-    With t the tangent, z the second null vector and l the left null vector of [J Fp], the directions α t + β z of the
-    curves through the point obey a11 α² + 2 a12 α β + a22 β² = 0, aij = l @ d²F[.,.]; a11 = 0 as t is one of them, so
-    the other is -a22/(2 a12) t + z (E. L. Allgower, K. Georg, Numerical Continuation Methods, SIAM 2003, sec. 8.3).
-    """
-    problem, metric = point.problem, segment.metric
-    t = (point.tangent_x, point.tangent_parameter)
+def _saddle(problem: Problem, x: Array, p: float, row: Direction, left: Array, right: Array, metric: Metric) -> _Saddle:
+    """Return μ with its derivatives at (x, p)."""
+    at = linearise(problem, x, p)
+    n = x.size
+    # μ belongs to F alone: the row t stays exact, so that α is a coordinate.
+    column = np.append(left[:n], 0.0)
     try:
-        here = linearise(problem, point.x, point.parameter)
-        row = metric.row(problem, *t)
-        vectors = _null_vectors(border(problem, point.x, point.parameter, here, row), point.x.size)
-        z = _normal_to(t, vectors.right, problem, segment)
-        a12, a22 = _branching_coefficients(problem, point, t, z, vectors.left[0], segment, here[0])
-    except CorrectionError:
-        return "branch point", None
-    size = max(abs(a12), abs(a22))
-    if not size > 0 or abs(a12) < 1e-3 * size:
-        return "branch point", None
-    ratio = -a22 / (2 * a12)
-    other_x, other_p = ratio * t[0] + z[0], ratio * t[1] + z[1]
-    norm = metric.norm(problem, other_x, other_p)
-    other_x, other_p = other_x / norm, other_p / norm
-    flat = min(abs(t[1]), abs(other_p)) < FLAT * metric.parameter_scale
-    return ("pitchfork" if flat else "transcritical"), (other_x, other_p)
+        matrix = factorise(_augmented(at, row), column, right, 0.0)
+    except SingularBorderedError as error:
+        raise CorrectionError(Outcome.STEP_TOO_SMALL, f"({error})") from error
+
+    def solved(f: Array, g: float, h: float) -> tuple[Direction, float]:
+        y, multiplier = solve(matrix, np.append(f, g), h, p)
+        return (y[:n], float(y[n])), multiplier
+
+    nothing = np.zeros(n)
+    back, mu = solved(-at[0], 0.0, 0.0)
+    alpha, mu_alpha = solved(nothing, 1.0, 0.0)
+    beta, mu_beta = solved(nothing, 0.0, 1.0)
+
+    def bend(direction: Direction) -> float:
+        d = second_derivative(problem, x, p, *direction, metric, at[0])
+        return solved(-d, 0.0, 0.0)[1]
+
+    aa, bb = bend(alpha), bend(beta)
+    # The directions differ in length by far: scaling one brings both to bear on the mixed derivative.
+    scale = metric.norm(problem, *alpha) / metric.norm(problem, *beta)
+    both = (alpha[0] + scale * beta[0], alpha[1] + scale * beta[1])
+    ab = (bend(both) - aa - scale**2 * bb) / (2 * scale)
+    return _Saddle(back, mu, np.array([mu_alpha, mu_beta]), np.array([[aa, ab], [ab, bb]]), alpha, beta)
 
 
-def _normal_to(
-    t: tuple[Array, float], z: tuple[Array, float], problem: Problem, segment: Segment
-) -> tuple[Array, float]:
-    """Return z without its part along t, of unit length."""
-    metric = segment.metric
-    along = metric.dot(problem, *t, *z) / metric.dot(problem, *t, *t)
-    x, p = z[0] - along * t[0], z[1] - along * t[1]
-    size = metric.norm(problem, x, p)
-    return x / size, p / size
+def _report(
+    segment: Segment, saddle: _Saddle, x: Array, p: float, dx: Array, dp: float
+) -> tuple[float, BranchPoint] | None:
+    """Return the branch point with both directions, if it is one and lies in the step."""
+    problem, metric = segment.begin.problem, segment.metric
+    theta = segment.position(x, p)
+    near_x, near_p = segment.at(min(max(theta, 0.0), 1.0))
+    away = metric.norm(problem, x - near_x, p - near_p)
+    if not -0.05 <= theta <= 1.05 or away > 0.2 * segment.length:
+        return None
+    # Lengths in which α and β change by one step, to compare μ with its own change.
+    units = np.array([1 / metric.norm(problem, *saddle.alpha), 1 / metric.norm(problem, *saddle.beta)])
+    form = saddle.hessian * np.outer(units, units)
+    size = float(np.max(np.abs(form)))
+    discriminant = form[0, 1] ** 2 - form[0, 0] * form[1, 1]
+    if not discriminant > 0 or abs(saddle.mu) > CONFIRMED * size * segment.length**2:
+        return None
+    along, other = _directions(segment, saddle, form, units, theta)
+    flat = min(abs(along[1]), abs(other[1])) < FLAT * metric.parameter_scale
+    type_: Kind = "pitchfork" if flat else "transcritical"
+    point = Point(problem, x, p, along[0], along[1], label="branch point")
+    error = 4 * abs(float(dp)) + 4 * ROUNDING * abs(p)
+    state_error = 4 * math.sqrt(problem.inner(dx, dx)) + 4 * ROUNDING * math.sqrt(problem.inner(x, x))
+    return theta, BranchPoint(point, error, state_error, type=type_, other_x=other[0], other_parameter=other[1])
 
 
-def _branching_coefficients(
-    problem: Problem,
-    point: Point,
-    t: tuple[Array, float],
-    z: tuple[Array, float],
-    left: Array,
-    segment: Segment,
-    here: Array,
-) -> tuple[float, float]:
-    """Return a12 and a22 of the algebraic branching equation."""
-    x, p, metric = point.x, point.parameter, segment.metric
-    # Offsets must stay well above the distance to the exact branch point: here second differences are enough.
-    a11 = float(left @ second_derivative(problem, x, p, *t, metric, here))  # zero but for errors
-    a22 = float(left @ second_derivative(problem, x, p, *z, metric, here))
-    both = (t[0] + z[0], t[1] + z[1])
-    mixed = float(left @ second_derivative(problem, x, p, *both, metric, here))
-    return (mixed - a11 - a22) / 2, a22
+def _directions(
+    segment: Segment, saddle: _Saddle, form: Array, units: Array, theta: float
+) -> tuple[Direction, Direction]:
+    """Return the unit directions in which the quadratic form vanishes, that of the curve followed first."""
+    problem, metric = segment.begin.problem, segment.metric
+    values, vectors = np.linalg.eigh(form)
+    slope = math.sqrt(-values[0] / values[1])
+    followed = segment.direction(min(max(theta, 0.0), 1.0))
+    candidates = []
+    for sign in (1.0, -1.0):
+        a, b = (vectors[:, 0] + sign * slope * vectors[:, 1]) * units
+        u, v = a * saddle.alpha[0] + b * saddle.beta[0], a * saddle.alpha[1] + b * saddle.beta[1]
+        size = metric.norm(problem, u, v)
+        along = metric.dot(problem, u, v, *followed) / size
+        factor = math.copysign(1 / size, along)
+        candidates.append((abs(along), (u * factor, float(v * factor))))
+    candidates.sort(key=lambda candidate: candidate[0], reverse=True)
+    return candidates[0][1], candidates[1][1]

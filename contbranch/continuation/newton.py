@@ -166,7 +166,11 @@ def correct_start(problem: Problem, x: Array, p: float, maximum_iterations: int 
         size = float(np.linalg.norm(at[0]))
         if size == 0.0:
             return x
-        dx, _zero = solve(border(problem, x, p, at, row), -at[0], 0.0, p)
+        try:
+            dx, _zero = solve(border(problem, x, p, at, row), -at[0], 0.0, p)
+        except CorrectionError as error:
+            detail = f"(The Jacobian at parameter {p:.6g} is singular and the residual's norm {size:.3g}.)"
+            raise CorrectionError(Outcome.START_FAILED, detail) from error
         correction = math.sqrt(max(problem.inner(dx, dx), 0.0))
         scale = math.sqrt(max(problem.inner(x + dx, x + dx), 0.0))
         if correction <= 1e-10 * scale or (correction <= 1e-6 * scale and correction > 0.1 * previous):

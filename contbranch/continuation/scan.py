@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-from contbranch.continuation.branching import locate_branch_point
+from contbranch.continuation.branching import locate_branch_point, unresolved_branch_point
 from contbranch.continuation.curve import EventPoint, Fold, IndexChange, Located, Point
 from contbranch.continuation.events import Event
 from contbranch.continuation.folds import locate_fold
@@ -23,8 +23,10 @@ __all__ = ["Happening", "LeapError", "interior_extremum", "scan"]
 # A quadratic for the slope (or three values of an event) that falls inside the step below this share of its values at
 # the ends is followed up by points of the curve: the cubic is not to be trusted beyond that.
 SUSPICIOUS = 0.5
-# Two zeros of different functions closer than this share of the step are one event.
-COINCIDENT = 1e-4
+# An extremum of the parameter closer to a branch point than this share of the step is the branch point itself. On the
+# curve next to it the matrix is nearly singular, so an extremum found without the bordered system is less certain.
+COINCIDENT = 1e-6
+COINCIDENT_ON_CURVE = 1e-2
 # How often a step is halved to explain a change of the Morse index.
 HALVINGS = 40
 
@@ -58,15 +60,14 @@ def scan(segment: Segment, events: Sequence[Event], options: Options) -> list[Ha
     if options.detect_branch_points and begin.determinant_sign is not None:
         crossed = end.determinant_sign is not None and begin.determinant_sign != end.determinant_sign
         if crossed:
-            branch = locate_branch_point(segment, options)
+            branch = locate_branch_point(segment) or unresolved_branch_point(segment)
             if branch is None:
                 raise LeapError
-            event = replace(branch.event, point=annotated(branch.event.point))
-            found.append(Happening(branch.theta, event))
+            found.append(Happening(branch[0], replace(branch[1], point=annotated(branch[1].point))))
     if options.detect_folds:
         folds = _folds(segment, options)
         if branch is not None:
-            folds = [fold for fold in folds if abs(fold.theta - branch.theta) > COINCIDENT]
+            folds = [fold for fold in folds if not _coincident(segment, fold.event, branch[1])]
         found += folds
     for event_function in events:
         found += _zeros(segment, event_function, options)
@@ -111,6 +112,13 @@ def _folds(segment: Segment, options: Options) -> list[Happening]:
             fold = fold or _fold_on_curve(segment, theta, options)
         found.append(fold)
     return [replace(one, event=replace(one.event, point=annotated(one.event.point))) for one in found]
+
+
+def _coincident(segment: Segment, fold: Located, branch: Located) -> bool:
+    """Whether an extremum of the parameter is that of a curve through a pitchfork rather than a fold."""
+    away = segment.metric.norm(segment.begin.problem, fold.x - branch.x, fold.parameter - branch.parameter)
+    certain = isinstance(fold, Fold) and math.isfinite(fold.curvature)
+    return away < (COINCIDENT if certain else COINCIDENT_ON_CURVE) * segment.length
 
 
 def _line_zero(first: Sample, last: Sample) -> float:
