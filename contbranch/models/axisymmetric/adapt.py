@@ -2,108 +2,160 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from .equations import Equations, Fields
 from .mesh import Mesh
 
-__all__ = ["adapted_edges", "panel_errors"]
+__all__ = ["DefectError", "adapted_edges", "defect_error", "needed_reach", "panel_errors", "start_edges"]
 
 Array = NDArray[np.float64]
 
 # Ratio of the innermost panel to the one it is split from: the solution has a tau⁴ log tau term at the rim, whose error falls
 # with the fourth power of the panel's length, so few strongly graded panels suffice.
 GRADING = 0.25
-MAX_PANELS = 120
+# Neighbouring panels differ in their outer ends by no more than this factor.
+GROWTH = 4.5
+# Panels are merged when the joint panel's error stays below this part of what is allowed, so that it is not split again soon.
+MERGE = 0.1
 
 
-def panel_errors(equations: Equations, fields: Fields) -> Array:
-    """Estimated error of the load that stems from each panel, (P,), reduced units.
+@dataclass(frozen=True)
+class DefectError:
+    """Signed estimates (finer minus present) of the discretisation errors at fixed contact coordinate, reduced units."""
+
+    load: float
+    displacement: float
+
+    def relative(self, load: float, displacement: float) -> float:
+        """The larger of both, each relative to max(1, |value|)."""
+        return max(abs(self.load) / max(1.0, abs(load)), abs(self.displacement) / max(1.0, abs(displacement)))
+
+
+def defect_error(equations: Equations, fields: Fields) -> DefectError:
+    """One Newton step towards the solution on ``mesh.finer``, with the present mesh's linearisation.
+
+    The solution is carried to the finer mesh, its residual there is brought back, and the correction it asks for changes
+    load and displacement; so do the finer mesh's own integrals.
+    """
+    mesh = equations.mesh
+    fine_equations = equations.on(mesh.finer)
+    fine = fine_equations.fields(mesh.to_finer @ fields.h, fields.y)
+    residual = mesh.finer.interpolate(fine.residual, mesh.nodes)
+    step = -np.linalg.solve(equations.jacobian(fields), residual)
+    shift = float(equations.rim_row @ step)
+    displacement = fine_equations.displacement(fine) - equations.displacement(fields) + shift
+    load = fine_equations.load(fine) - equations.load(fields)
+    load += 2 * (float(fields.rim.weights @ step) + fields.rim.radius * shift)
+    return DefectError(load, displacement)
+
+
+def panel_errors(equations: Equations, fields: Fields, edges: Array | None = None) -> Array:
+    """Estimated error of the load that stems from each panel, (P,), reduced units: a guide where to refine.
 
     The tails of the Legendre series of the two functions that the panels represent, (h − h(0)) dt/dtau and p, weighted by the
     area they act on. Gauss nodes integrate the neglected terms to twice the order except on the innermost panel, whose
-    functions are not analytic at the rim; hence the product with the relative tail elsewhere.
+    functions are not analytic at the rim; hence the product with the relative tail elsewhere. An error of h(0) shifts the
+    whole gap.
+
+    Parameters
+    ----------
+    edges : array (P + 1,), optional
+        Panels to judge, if not those of the mesh: the solution is then sampled on them.
     """
     mesh = equations.mesh
-    profile = (fields.h - fields.rim_value) * fields.rim.factor
-    return _errors(mesh.edges, mesh, profile, fields.pressure, fields.stiffness)
-
-
-def _errors(edges: Array, mesh: Mesh, profile: Array, pressure: Array, stiffness: Array) -> Array:
-    n = mesh.order
+    rule, n = mesh.rule, mesh.order
+    fields_here = (fields.h - fields.rim_value, fields.pressure, fields.stiffness)
+    if edges is None:
+        edges, nodes = mesh.edges, mesh.nodes
+        profile, pressure, stiffness = fields_here
+    else:
+        left, half = edges[:-1], np.diff(edges) / 2
+        nodes = ((left + half)[:, None] + half[:, None] * rule.nodes).ravel()
+        profile, pressure, stiffness = (mesh.interpolate(values, nodes) for values in fields_here)
+    a = fields.rim.radius
+    weighted = profile * nodes / np.hypot(a, nodes) if a > 0 else profile
     length, rho = np.diff(edges), edges[1:]
     stiff = np.abs(stiffness.reshape(-1, n)).max(axis=1)
     total = np.zeros(len(length))
-    for values, weight in ((pressure, 1.0), (profile, stiff * np.sqrt(length / rho))):
-        coefficients = np.abs(values.reshape(-1, n) @ mesh.rule.to_legendre.T)
+    for values, weight in ((pressure, 1.0), (weighted, stiff * np.sqrt(length / rho))):
+        coefficients = np.abs(values.reshape(-1, n) @ rule.to_legendre.T)
         largest = coefficients.max(axis=1)
         tail = coefficients[:, -2:].max(axis=1)
         relative = np.divide(tail, largest, out=np.zeros_like(tail), where=largest > 0)
-        relative = np.minimum(1.0, 10 * relative)
-        relative[0] = 1.0
-        total += 2 * np.pi * rho * length * weight * tail * relative
+        total += 2 * np.pi * rho * length * weight * tail * np.minimum(1.0, 10 * relative)
+    misfit = float(np.abs(rule.to_even[-2:] @ profile[:n]).max())
+    response = min(2 * np.pi * float(mesh.weights @ (mesh.nodes * np.abs(fields.stiffness))), 2 * float(mesh.edges[-1]))
+    total[0] += misfit * response
     return total
 
 
-def adapted_edges(equations: Equations, fields: Fields, tolerance: float, reach: float) -> Array:
-    """Panel edges from 0 to `reach` on which the solution's tails add up to about `tolerance`.
+def needed_reach(equations: Equations, fields: Fields, tolerance: float) -> float:
+    """Smallest outer end of the mesh beyond which the interaction carries less than `tolerance` of load."""
+    nodes = equations.mesh.nodes
+    if equations.interaction is None:
+        return float(nodes[-1])
+    carried = np.abs(equations.outside(fields, np.arange(len(nodes)))[0])
+    beyond = np.flatnonzero(~(carried <= tolerance))
+    if len(beyond) == 0:
+        return float(equations.mesh.edges[1])
+    last = int(beyond[-1])
+    if last + 1 < len(nodes):
+        return float(nodes[last + 1])
+    return 1.5 * float(equations.mesh.edges[-1])
 
-    The solution is sampled as it stands on its present mesh, so an unresolved one wants a second round.
+
+def start_edges(width: float, reach: float) -> Array:
+    """Panels for a first solution whose pressure varies over `width`, out to `reach`."""
+    count = max(1, int(np.ceil(np.log2(max(reach / width, 2.0)))))
+    return np.concatenate([[0.0], reach * 0.5 ** np.arange(count - 1, -1, -1.0)])
+
+
+def adapted_edges(equations: Equations, fields: Fields, tolerance: float, reach: float) -> Array:
+    """Edges made from the mesh's own: panels with too large an error split, neighbours that one panel would serve merged.
 
     Parameters
     ----------
     tolerance : float
-        Error of the load allowed in total, reduced units.
+        Sum of `panel_errors` aimed at.
     reach : float
-        Outer end of the mesh.
+        Outer end wanted; panels beyond are dropped.
     """
-    mesh = equations.mesh
     share = tolerance / 6
-    edges = np.array([0.0, reach])
-    settled = np.zeros(1, dtype=bool)
-    for _ in range(60):
-        bad = np.zeros(len(settled), dtype=bool)
-        open_panels = np.flatnonzero(~settled)
-        bad[open_panels] = _sampled_errors(equations, fields, edges, open_panels) > share
-        # Panels may not grow faster than this outwards: the kernels' substitutions are exact for moderate ratios only.
-        bad[1:] |= edges[2:] > 4.5 * edges[1:-1]
-        settled = ~bad
-        if not bad.any() or len(settled) >= MAX_PANELS:
-            break
-        cut = (edges[:-1] + edges[1:]) / 2
-        cut[0] = GRADING * edges[1]
-        order = np.argsort(np.concatenate([edges, cut[bad]]), kind="stable")
-        state = np.concatenate([settled, [True], np.zeros(int(bad.sum()), dtype=bool)])
-        # Both halves of a split panel are open again.
-        halves = np.repeat(~bad, np.where(bad, 2, 1))
-        edges = np.concatenate([edges, cut[bad]])[order]
-        settled = halves
-        del state
-    del mesh
-    return edges
+    edges = equations.mesh.edges
+    errors = panel_errors(equations, fields)
+    if reach < edges[-1]:
+        keep = max(1, int(np.searchsorted(edges, reach)))
+        edges, errors = edges[: keep + 1], errors[:keep]
+    bad = errors > share
+    bad[1:] |= edges[2:] > GROWTH * edges[1:-1]
+    cut = (edges[:-1] + edges[1:]) / 2
+    cut[0] = GRADING * edges[1]
+    superfluous = _mergeable(equations, fields, edges, errors, MERGE * share)
+    kept = np.delete(edges, superfluous)
+    return np.sort(np.concatenate([kept, cut[bad]]))
 
 
-def _sampled_errors(equations: Equations, fields: Fields, edges: Array, panels: NDArray[np.intp]) -> Array:
-    mesh = equations.mesh
-    left, right = edges[panels], edges[panels + 1]
-    half = (right - left) / 2
-    points = ((left + right)[:, None] / 2 + half[:, None] * mesh.rule.nodes).ravel()
-    profile = mesh.interpolate(fields.h, points) - fields.rim_value
-    a = fields.rim.radius
-    if a > 0:
-        profile = profile * points / np.sqrt(a * a + points * points)
-    pressure = mesh.interpolate(fields.pressure, points)
-    stiffness = mesh.interpolate(fields.stiffness, points)
-    n = mesh.order
-    length = right - left
-    stiff = np.abs(stiffness.reshape(-1, n)).max(axis=1)
-    total = np.zeros(len(length))
-    for values, weight in ((pressure, 1.0), (profile, stiff * np.sqrt(length / right))):
-        coefficients = np.abs(values.reshape(-1, n) @ mesh.rule.to_legendre.T)
-        largest = coefficients.max(axis=1)
-        tail = coefficients[:, -2:].max(axis=1)
-        relative = np.divide(tail, largest, out=np.zeros_like(tail), where=largest > 0)
-        relative = np.where(left == 0, 1.0, np.minimum(1.0, 10 * relative))
-        total += 2 * np.pi * right * length * weight * tail * relative
-    return total
+def _mergeable(equations: Equations, fields: Fields, edges: Array, errors: Array, share: float) -> NDArray[np.intp]:
+    """Inner edges, no two neighbouring, without which the panels' errors stay below `share`."""
+    small = errors < share
+    candidates = [k for k in range(1, len(edges) - 1) if small[k - 1] and small[k]]
+    chosen: list[int] = []
+    for k in candidates:
+        if chosen and k - chosen[-1] < 2:
+            continue
+        if k > 1 and edges[k + 1] > GROWTH * edges[k - 1]:
+            continue
+        if k == 1 and len(edges) > 3 and edges[3] > GROWTH * edges[2]:
+            continue
+        chosen.append(k)
+    if not chosen:
+        return np.array([], dtype=np.intp)
+    pairs = np.array(chosen)
+    joined = np.delete(edges, pairs)
+    merged = panel_errors(equations, fields, joined)
+    places = np.searchsorted(joined, edges[pairs - 1])
+    return pairs[merged[places] < share]

@@ -15,16 +15,20 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import lapack
 
 from contbranch.interactions import Interaction
 from contbranch.tips import Tip
 
-from .mesh import Mesh
+from .mesh import Mesh, gauss
 from .rim import Rim, make_rim
 
 __all__ = ["ContactCoordinate", "Equations", "Fields"]
 
 Array = NDArray[np.float64]
+
+# Radii, in units of the contact's, at which the wall pressure is checked.
+PROBES = np.array([0.02, 0.3, 0.6, 0.8, 0.9, 0.96, 0.99])
 
 
 @dataclass(frozen=True)
@@ -80,24 +84,39 @@ class Equations:
     tip, interaction : Tip, Interaction or None
         In reduced units.
     mesh : Mesh
+    coordinate : ContactCoordinate
+    contact : bool
+        Whether there is a contact disc. First touch, y = 0, is a kink of the state's dependence on y, so either side has its
+        own equations; those without contact go on smoothly into y > 0, where the gap would be negative at the centre.
     """
 
-    def __init__(self, tip: Tip, interaction: Interaction | None, mesh: Mesh, coordinate: ContactCoordinate) -> None:
+    def __init__(
+        self, tip: Tip, interaction: Interaction | None, mesh: Mesh, coordinate: ContactCoordinate, contact: bool
+    ) -> None:
         self.tip = tip
         self.interaction = interaction
         self.mesh = mesh
         self.coordinate = coordinate
+        self.contact = contact
         self.rim_row = np.zeros(mesh.size)
         self.rim_row[: mesh.order] = mesh.rule.rim
         self._rim: Rim | None = None
         self._fields: Fields | None = None
         self._response: tuple[Fields, Array] | None = None
-        self._slope: tuple[Fields, bool, Array] | None = None
+        self._slope: tuple[Fields, Array] | None = None
+
+    def on(self, mesh: Mesh) -> Equations:
+        """The same contact on another mesh."""
+        return Equations(self.tip, self.interaction, mesh, self.coordinate, self.contact)
+
+    def touching(self, contact: bool) -> Equations:
+        """The same contact on the same mesh, with or without a disc."""
+        return Equations(self.tip, self.interaction, self.mesh, self.coordinate, contact)
 
     # -- fields -------------------------------------------------------------------------------------------------------
     def rim(self, y: float) -> Rim:
         """Operators for the rim of y (the last one is kept)."""
-        a = self.coordinate.radius(y)
+        a = self.coordinate.radius(y) if self.contact else 0.0
         if self._rim is None or self._rim.radius != a:
             self._rim = make_rim(self.mesh, a)
         return self._rim
@@ -111,7 +130,7 @@ class Equations:
         rim_value = float(self.rim_row @ h)
         shape, _ = self.tip.shape_gap(self.mesh.nodes, rim.radius)
         gap = rim.plane @ (h - rim_value) + shape
-        if y < 0:
+        if not self.contact:
             gap = gap - y
         if self.interaction is None:
             zero = np.zeros_like(gap)
@@ -138,27 +157,25 @@ class Equations:
         matrix.flat[:: self.mesh.size + 1] += 1.0
         return matrix
 
-    def gap_slope(self, fields: Fields, contact_side: bool) -> Array:
+    def gap_slope(self, fields: Fields) -> Array:
         """dgap/dy at fixed h, (N,)."""
-        if not contact_side:
+        if not self.contact:
             return np.full(self.mesh.size, -1.0)
         da, dc, _ = self.coordinate.slopes(fields.y)
         radius = max(fields.rim.radius, 1e-12)
         _, shape_slope = self.tip.shape_gap(self.mesh.nodes, radius)
         return fields.rim.plane_slope(fields.h - fields.rim_value) * dc + shape_slope * da
 
-    def slope(self, fields: Fields, contact_side: bool) -> Array:
+    def slope(self, fields: Fields) -> Array:
         """dR/dy at fixed h, (N,)."""
-        last = self._slope
-        if last is None or last[0] is not fields or last[1] != contact_side:
-            value = self.mesh.abel @ (fields.stiffness * self.gap_slope(fields, contact_side))
-            self._slope = last = (fields, contact_side, value)
-        return last[2]
+        if self._slope is None or self._slope[0] is not fields:
+            self._slope = (fields, self.mesh.abel @ (fields.stiffness * self.gap_slope(fields)))
+        return self._slope[1]
 
     # -- observables --------------------------------------------------------------------------------------------------
     def displacement(self, fields: Fields) -> float:
         """Far-field displacement d."""
-        if fields.y <= 0:
+        if not self.contact:
             return fields.rim_value + fields.y
         return fields.rim_value + float(self.tip.transform(np.float64(fields.rim.radius)))
 
@@ -183,55 +200,80 @@ class Equations:
         surface = 2 * np.pi * float(self.mesh.weights @ (rho * fields.energy_density))
         if a > 0:
             surface += np.pi * a * a * float(self.interaction.evaluate(np.zeros(1)).energy[0])
-        return elastic + surface + self.outside(fields)[1]
+        return elastic + surface + float(self.outside(fields)[1])
 
-    def outside(self, fields: Fields) -> tuple[float, float]:
-        """Load and energy of the interaction beyond the mesh, where the gap is the tip's own: ∫ p r dr = ∫ p (r/z') dg."""
+    def outside(self, fields: Fields, nodes: NDArray[np.intp] | int = -1) -> tuple[Array, Array]:
+        """Load and energy of the interaction beyond nodes, where the gap is the tip's own: ∫ p r dr = ∫ p (r/z') dg."""
         if self.interaction is None:
-            return 0.0, 0.0
-        end = float(self.mesh.edges[-1])
-        r = float(np.hypot(end, fields.rim.radius))
-        step = 1e-6 * r
-        slope = (self.tip.height(np.float64(r)) - self.tip.height(np.float64(r - step))) / step
-        gap = fields.gap[-1]
-        ring = 2 * np.pi * r / float(slope)
-        return ring * float(self.interaction.evaluate(np.array([gap])).energy[0]), ring * float(
-            self.interaction.tail_energy(np.array([gap]))[0]
-        )
+            return np.zeros(np.shape(nodes)), np.zeros(np.shape(nodes))
+        r = np.hypot(self.mesh.nodes[nodes], fields.rim.radius)
+        gap = fields.gap[nodes]
+        with np.errstate(invalid="ignore", divide="ignore"):
+            ring = np.nan_to_num(2 * np.pi * r / self.tip.height_derivative(r))
+        return ring * self.interaction.evaluate(gap).energy, ring * self.interaction.tail_energy(gap)
 
-    def displacement_rate(self, fields: Fields, h_rate: Array, y_rate: float, contact_side: bool) -> float:
+    def displacement_rate(self, fields: Fields, h_rate: Array, y_rate: float) -> float:
         """Directional derivative of d along (h_rate, y_rate)."""
-        moved = self.coordinate.slopes(fields.y)[2] if contact_side else 1.0
+        moved = self.coordinate.slopes(fields.y)[2] if self.contact else 1.0
         return float(self.rim_row @ h_rate) + moved * y_rate
 
-    def load_rate(self, fields: Fields, h_rate: Array, y_rate: float, contact_side: bool) -> float:
+    def load_rate(self, fields: Fields, h_rate: Array, y_rate: float) -> float:
         """Directional derivative of F along (h_rate, y_rate)."""
         a = fields.rim.radius
         rate = 2 * float(fields.rim.weights @ h_rate)
-        if contact_side:
-            rate += 2 * a * self.displacement_rate(fields, h_rate, y_rate, True)
+        if self.contact:
+            rate += 2 * a * self.displacement_rate(fields, h_rate, y_rate)
             rate += 2 * fields.rim.weights_slope(fields.h) * self.coordinate.slopes(fields.y)[1] * y_rate
         return rate
 
+    # -- pressures inside the contact, admissibility ------------------------------------------------------------------
+    def inner_pressure(self, fields: Fields, r: Array) -> Array:
+        """Total pressure at radii r < a, (M,):  π p(r) = ∫_r^a ζ'(t)/√(t² − r²) dt − ∫_a^∞ h'(t)/√(t² − r²) dt."""
+        a = fields.rim.radius
+        slope = self.mesh.weights * self.mesh.derivative(fields.h)
+        distance = np.maximum(a * a - r * r, 0.0)
+        outside = (1 / np.sqrt(self.mesh.nodes**2 + distance[:, None])) @ slope
+        nodes, weights = gauss(24)
+        x = np.sqrt(distance)[:, None] * (nodes + 1) / 2
+        t = np.sqrt(r[:, None] ** 2 + x * x)
+        inside = np.sqrt(distance) / 2 * ((self.tip.transform_derivative(t) / t) @ weights)
+        return (inside - outside) / np.pi
+
+    def contact_pressure(self) -> float:
+        """p_fr(0), the interaction's pressure where the surfaces touch."""
+        return 0.0 if self.interaction is None else float(self.interaction.evaluate(np.zeros(1)).pressure[0])
+
+    def admissibility(self, fields: Fields, scale: float) -> float:
+        """Smallest of gap/scale outside the disc and wall pressure · scale inside; negative if a disc is wrong."""
+        least = float(fields.gap.min()) / scale
+        a = fields.rim.radius
+        if a > 0 and self.interaction is not None:
+            wall = self.inner_pressure(fields, a * PROBES) - self.contact_pressure()
+            least = min(least, float(wall.min()) * scale)
+        return least
+
+    # -- stability ----------------------------------------------------------------------------------------------------
     def unstable_modes(self, fields: Fields) -> int:
         """Morse index under displacement control (m = 0): negative eigenvalues of the second variation, by inertia.
 
         The second variation of the energy divided by 2E, ``W + π planeᵀ (rho v'' w) plane`` with ``W = w dt/dtau``: a sum of
-        congruences, so that a stiff film (v'' > 0) can never look unstable, however coarse the mesh.
+        congruences, so that a stiff film (v'' > 0) can never look unstable, however coarse the mesh. The trial functions
+        are this mesh's polynomials; their gap has half-order edges at the panels' ends, so it is integrated on the finer one.
         """
-        weights = self.mesh.weights * fields.rim.factor
-        plane = fields.rim.plane
+        mesh = self.mesh
+        fine = self.on(mesh.finer)
+        fine_fields = fine.fields(mesh.to_finer @ fields.h, fields.y)
+        weights = mesh.weights * fields.rim.factor
         # The congruence with W^(-1/2) leaves the inertia alone and makes the unit matrix the bulk of the spectrum.
-        scaled = plane / np.sqrt(weights)
-        matrix = scaled.T @ ((np.pi * self.mesh.weights * self.mesh.nodes * fields.stiffness)[:, None] * scaled)
-        matrix.flat[:: self.mesh.size + 1] += 1.0
+        scaled = (fine_fields.rim.plane @ mesh.to_finer) / np.sqrt(weights)
+        stiffness = np.pi * fine.mesh.weights * fine.mesh.nodes * fine_fields.stiffness
+        matrix = scaled.T @ (stiffness[:, None] * scaled)
+        matrix.flat[:: mesh.size + 1] += 1.0
         return negative_eigenvalues(matrix)
 
 
 def negative_eigenvalues(matrix: Array) -> int:
     """Number of negative eigenvalues of a symmetric matrix: Cholesky if there are none, otherwise LDLᵀ (Sylvester)."""
-    from scipy.linalg import lapack
-
     _, info = lapack.dpotrf(matrix, lower=1, clean=0)
     if info == 0:
         return 0

@@ -1,0 +1,162 @@
+"""Events of the curve to the accuracy asked for: located anew on meshes made for them, and compared with finer ones."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbranch.continuation import CorrectionError, Event, Metric, Options, Point
+from contbranch.continuation.walk import corrected_point
+
+from .problem import ContactProblem
+
+__all__ = ["Place", "Values", "locate", "refine"]
+
+Array = NDArray[np.float64]
+
+# The finer mesh's own error is small against the difference, but not nothing.
+SAFETY = 1.5
+# Rounding of a solution, relative to max(1, |value|).
+ROUNDING = 4e-14
+ROUNDS = 8
+
+
+@dataclass(frozen=True)
+class Place:
+    """A point of the curve at which an event function vanishes, on one mesh.
+
+    Attributes
+    ----------
+    problem, x, u : ContactProblem, array (N,), float
+    direction : (array (N,), float)
+        Tangent.
+    steepness : float or None
+        Derivative of the event function with respect to the distance along `direction`.
+    """
+
+    problem: ContactProblem
+    x: Array
+    u: float
+    direction: tuple[Array, float]
+    steepness: float | None = None
+
+
+@dataclass(frozen=True)
+class Values:
+    """Load, displacement, contact radius and central gap in reduced units, with their error estimates."""
+
+    load: float
+    displacement: float
+    contact_radius: float
+    central_gap: float
+    error: tuple[float, float, float, float]
+
+    @property
+    def numbers(self) -> tuple[float, float, float, float]:
+        """The four values."""
+        return self.load, self.displacement, self.contact_radius, self.central_gap
+
+    def relative_error(self) -> float:
+        """Largest error relative to max(1, |value|)."""
+        return max(e / max(1.0, abs(v)) for e, v in zip(self.error, self.numbers, strict=True))
+
+
+def numbers(place: Place) -> tuple[float, float, float, float]:
+    """Load, displacement, contact radius and central gap, reduced units."""
+    equations = place.problem.equations
+    fields = place.problem.fields(place.x, place.u)
+    gap = 0.0 if equations.contact else max(0.0, -fields.y)
+    return equations.load(fields), equations.displacement(fields), fields.rim.radius, gap
+
+
+def locate(place: Place, event: Event | None) -> Place:
+    """The zero of the event function near a place, by a secant iteration on the curve; u itself stays if event is None.
+
+    Raises
+    ------
+    CorrectionError
+        If the curve cannot be followed there.
+    """
+    problem = place.problem
+    if event is None:
+        return Place(problem, problem.solve_at(place.x, place.u), place.u, place.direction)
+    state = math.sqrt(problem.inner(place.x, place.x)) + problem.scale
+    metric = Metric(state, 1.0)
+    dx, du = place.direction
+    size = metric.norm(problem, dx, du)
+    dx, du = dx / size, du / size
+    options = Options(tolerance=1e-13)
+
+    def at(s: float, near: Point | None) -> tuple[Point, float]:
+        x, u = place.x + s * dx, place.u + s * du
+        if near is not None:  # the last point knows the curve better than the tangent at the first
+            ahead = s - near_position
+            x, u = near.x + ahead * near.tangent_x, near.parameter + ahead * near.tangent_parameter
+        point, _ = corrected_point(problem, x, u, (dx, du), metric, options)
+        return point, event.value(point)
+
+    near_position = 0.0
+    point, value = at(0.0, None)
+    steepness = place.steepness * size if place.steepness is not None else None
+    s, best = 0.0, (abs(value), point)
+    for _ in range(12):
+        step = -value / steepness if steepness else 1e-4
+        if not math.isfinite(step) or abs(step) > 0.2:
+            step = math.copysign(0.2, step) if math.isfinite(step) else 0.2
+        if abs(step) <= 1e-14:
+            break
+        near_position = s
+        new_point, new_value = at(s + step, point)
+        steepness = (new_value - value) / step
+        s, point, value = s + step, new_point, new_value
+        if abs(value) >= 0.5 * best[0] and abs(step) < 1e-9:
+            break  # rounding
+        if abs(value) < best[0]:
+            best = (abs(value), point)
+        if steepness == 0.0 or abs(value / steepness) < 1e-12:
+            break
+    point = best[1]
+    tangent = (point.tangent_x, point.tangent_parameter)
+    return Place(problem, point.x, point.parameter, tangent, steepness / size if steepness else None)
+
+
+def moved(place: Place, problem: ContactProblem, x: Array) -> Place:
+    """A place carried to another mesh."""
+    old, nodes = place.problem.equations.mesh, problem.equations.mesh.nodes
+    direction = (old.interpolate(place.direction[0], nodes), place.direction[1])
+    return Place(problem, x, place.u, direction, place.steepness)
+
+
+def refine(place: Place, event: Event | None, accuracy: float) -> tuple[Values, Place]:
+    """Values at an event with error estimates within the accuracy, and the place on the mesh that gave them.
+
+    The estimate is the difference to the same event on ``mesh.finer``. The values are those of the coarser mesh: their error
+    is known, that of the finer one is only known to be smaller.
+
+    Raises
+    ------
+    CorrectionError
+        If the curve cannot be followed on the finer meshes.
+    """
+    tolerance = accuracy
+    best: tuple[Values, Place] | None = None
+    for round_ in range(ROUNDS):
+        if round_ or place.problem._relative_error(place.problem.fields(place.x, place.u)) > 0.3 * accuracy:
+            problem, x = place.problem.remeshed(place.x, place.u, tolerance)
+            place = locate(moved(place, problem, x), event)
+        problem, x = place.problem.on(place.problem.equations.mesh.finer, place.x, place.u)
+        fine = locate(moved(place, problem, x), event)
+        here, there = numbers(place), numbers(fine)
+        error = tuple(SAFETY * abs(a - b) + ROUNDING * max(1.0, abs(a)) if a or b else 0.0 for a, b in zip(here, there, strict=True))
+        values = Values(*here, (error[0], error[1], error[2], error[3]))
+        if best is None or values.relative_error() < best[0].relative_error():
+            best = (values, place)
+        if values.relative_error() <= accuracy:
+            return values, place
+        tolerance = min(0.3 * tolerance, 0.3 * tolerance * accuracy / values.relative_error())
+        tolerance = max(tolerance, 1e-15)
+    assert best is not None
+    return best

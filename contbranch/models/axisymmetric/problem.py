@@ -1,0 +1,266 @@
+"""The contact as a problem that the continuation can follow: h(tau) against the contact coordinate."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbranch.continuation import Adaptation, Event, Linearisation, Point, Problem
+
+from .adapt import DefectError, adapted_edges, defect_error, needed_reach, panel_errors
+from .equations import Equations, Fields
+from .mesh import Mesh
+
+__all__ = ["ContactProblem", "FoldEvent", "InadmissibleEvent", "LoadReached", "Resolution"]
+
+Array = NDArray[np.float64]
+
+# A new mesh aims below the tolerance by this factor, so that the solution can move on before it must be changed again.
+SLACK = 0.03
+# Rounds of meshing, solving and judging until a mesh satisfies its own error estimate.
+ROUNDS = 6
+
+
+@dataclass
+class Resolution:
+    """How fine the meshes of one trace are.
+
+    Attributes
+    ----------
+    tolerance : float
+        Error allowed to load and displacement, relative to max(1, |value|), reduced units.
+    order : int
+        Nodes a panel.
+    """
+
+    tolerance: float
+    order: int
+    newton: int = 0
+    unknowns: int = 0
+
+
+class ContactProblem(Problem):
+    """R(h, y) = 0 with the parameter u, ``y = scale · sinh(u)``, on one side of first touch.
+
+    The parameter is logarithmic far away and in deep contact, and linear within the interaction's range.
+
+    Parameters
+    ----------
+    equations : Equations
+    scale : float
+        Range of the interaction.
+    resolution : Resolution
+    sharpness : float
+        Factor by which the panels' own error guide was found too optimistic here.
+    """
+
+    def __init__(
+        self, equations: Equations, scale: float, resolution: Resolution, sharpness: float = 1.0
+    ) -> None:
+        self.equations = equations
+        self.scale = scale
+        self.resolution = resolution
+        self.sharpness = sharpness
+        mesh = equations.mesh
+        self._weights = mesh.weights / mesh.edges[-1]
+        self._error: tuple[Fields, DefectError] | None = None
+        resolution.unknowns = max(resolution.unknowns, mesh.size)
+
+    # -- the equations ------------------------------------------------------------------------------------------------
+    def coordinate(self, u: float) -> float:
+        """Contact coordinate y of the parameter."""
+        y = self.scale * math.sinh(u)
+        return max(y, 0.0) if self.equations.contact else y
+
+    def parameter(self, y: float) -> float:
+        """The parameter of a contact coordinate."""
+        return math.asinh(y / self.scale)
+
+    def fields(self, x: Array, u: float) -> Fields:
+        """Everything that follows from (h, u)."""
+        return self.equations.fields(x, self.coordinate(u))
+
+    def residual(self, x: Array, p: float) -> Array:
+        """Residual R, (N,)."""
+        return self.fields(x, p).residual
+
+    def jacobian(self, x: Array, p: float) -> Array:
+        """dR/dh, (N, N)."""
+        return self.equations.jacobian(self.fields(x, p))
+
+    def parameter_derivative(self, x: Array, p: float) -> Array:
+        """dR/du, (N,)."""
+        return self.equations.slope(self.fields(x, p)) * (self.scale * math.cosh(p))
+
+    def linearise(self, x: Array, p: float) -> Linearisation:
+        """Residual and derivatives from one evaluation of the fields."""
+        self.resolution.newton += 1
+        fields = self.fields(x, p)
+        if not fields.finite:
+            return Linearisation(fields.residual, np.empty((0, 0)), fields.residual)
+        slope = self.equations.slope(fields) * (self.scale * math.cosh(p))
+        return Linearisation(fields.residual, self.equations.jacobian(fields), slope)
+
+    def inner(self, u: Array, v: Array) -> float:
+        """Mean of u v over the mesh."""
+        return float((self._weights * u) @ v)
+
+    def dual(self, u: Array) -> Array:
+        """Vector whose product with v is inner(u, v)."""
+        return self._weights * u
+
+    # -- observables --------------------------------------------------------------------------------------------------
+    def observables(self, x: Array, p: float) -> Mapping[str, float]:
+        """Load, displacement and their error estimates."""
+        fields = self.fields(x, p)
+        error = self.error(fields)
+        return {
+            "load": self.equations.load(fields),
+            "displacement": self.equations.displacement(fields),
+            "load_error": error.load,
+            "displacement_error": error.displacement,
+        }
+
+    def rates(self, x: Array, p: float, x_rate: Array, p_rate: float) -> tuple[float, float]:
+        """Rates of load and displacement along a direction."""
+        fields = self.fields(x, p)
+        y_rate = self.scale * math.cosh(p) * p_rate
+        return (
+            self.equations.load_rate(fields, x_rate, y_rate),
+            self.equations.displacement_rate(fields, x_rate, y_rate),
+        )
+
+    def error(self, fields: Fields) -> DefectError:
+        """Discretisation error of a solution (the last one is kept)."""
+        if self._error is None or self._error[0] is not fields:
+            self._error = (fields, defect_error(self.equations, fields))
+        return self._error[1]
+
+    # -- meshes -------------------------------------------------------------------------------------------------------
+    def adapt(self, x: Array, p: float) -> Adaptation | None:
+        """A better mesh where the error estimate exceeds the tolerance, or where far fewer panels would do."""
+        fields = self.fields(x, p)
+        resolution = self.resolution
+        scale = max(1.0, abs(self.equations.load(fields)))
+        allowed = resolution.tolerance * scale
+        error = self._relative_error(fields)
+        reach = needed_reach(self.equations, fields, 0.1 * allowed)
+        mesh = self.equations.mesh
+        if error <= resolution.tolerance and reach <= mesh.edges[-1]:
+            if error > 1e-3 * resolution.tolerance or mesh.panels <= 6:
+                return None
+            edges = adapted_edges(self.equations, fields, SLACK * allowed / self.sharpness, reach)
+            if len(edges) > 0.75 * mesh.panels:
+                return None
+        problem: ContactProblem = self
+        start = x
+        for _ in range(ROUNDS):
+            problem, start = problem.remeshed(start, p)
+            fields = problem.fields(start, p)
+            if problem._relative_error(fields) <= resolution.tolerance:
+                break
+        if problem is self:
+            return None
+        nodes = problem.equations.mesh.nodes
+        return Adaptation(problem, start, lambda vector: mesh.interpolate(vector, nodes))
+
+    def remeshed(self, x: Array, p: float, tolerance: float | None = None) -> tuple[ContactProblem, Array]:
+        """The problem on a mesh made for this solution, and the solution there."""
+        fields = self.fields(x, p)
+        tolerance = self.resolution.tolerance if tolerance is None else tolerance
+        allowed = tolerance * max(1.0, abs(self.equations.load(fields)))
+        reach = needed_reach(self.equations, fields, 0.03 * allowed)
+        end = self.equations.mesh.edges[-1]
+        sharpness = self.sharpness
+        if reach > end:
+            # The solution is not known out there: lengthen first, judge the panels in the next round.
+            edges = np.append(self.equations.mesh.edges, reach)
+        else:
+            error = self._relative_error(fields)
+            guide = float(panel_errors(self.equations, fields).sum()) / max(1.0, abs(self.equations.load(fields)))
+            if error > tolerance:
+                sharpness = min(max(sharpness, 2 * error / max(guide, 1e-16)), 1e6)
+            edges = adapted_edges(self.equations, fields, SLACK * allowed / sharpness, reach)
+        return self.on(Mesh(edges, self.resolution.order), x, p, sharpness)
+
+    def on(self, mesh: Mesh, x: Array, p: float, sharpness: float | None = None) -> tuple[ContactProblem, Array]:
+        """The problem on another mesh, and the solution of the same parameter there (Newton from the interpolated one)."""
+        equations = self.equations.on(mesh)
+        sharpness = self.sharpness if sharpness is None else sharpness
+        problem = ContactProblem(equations, self.scale, self.resolution, sharpness)
+        return problem, problem.solve_at(self.equations.mesh.interpolate(x, mesh.nodes), p)
+
+    def solve_at(self, x: Array, p: float, iterations: int = 12) -> Array:
+        """Newton's method at a fixed parameter; the best that was reached, whatever that is."""
+        best, size = x, math.inf
+        for _ in range(iterations):
+            self.resolution.newton += 1
+            fields = self.fields(x, p)
+            if not fields.finite:
+                return best
+            step = np.linalg.solve(self.equations.jacobian(fields), -fields.residual)
+            change = float(np.abs(step).max())
+            if change >= 0.7 * size and change < 1e-8 * max(1.0, float(np.abs(x).max())):
+                return best  # rounding
+            x = x + step
+            if not change < 1e3 * max(1.0, size):
+                return best
+            best, size = x, change
+            if change < 1e-13 * max(1.0, float(np.abs(x).max())):
+                return best
+        return best
+
+    def _relative_error(self, fields: Fields) -> float:
+        return self.error(fields).relative(self.equations.load(fields), self.equations.displacement(fields))
+
+
+@dataclass(frozen=True)
+class FoldEvent(Event):
+    """Extrema of the load (or the displacement) along the curve, from the true tangent."""
+
+    control: str = "load"
+    name: str = "fold"
+    terminal: bool = False
+
+    def value(self, point: Point) -> float:
+        """Rate of the control along the unit tangent."""
+        problem = point.problem
+        assert isinstance(problem, ContactProblem)
+        rates = problem.rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
+        return rates[0] if self.control == "load" else rates[1]
+
+
+class LoadReached(Event):
+    """The load reaches the end of the trace; `target` may be raised while the curve is followed."""
+
+    name = "end"
+    terminal = True
+
+    def __init__(self, target: float) -> None:
+        self.target = target
+
+    def value(self, point: Point) -> float:
+        """Load minus target."""
+        problem = point.problem
+        assert isinstance(problem, ContactProblem)
+        return problem.equations.load(problem.fields(point.x, point.parameter)) - self.target
+
+
+@dataclass(frozen=True)
+class InadmissibleEvent(Event):
+    """The contact set stops being a disc: the gap closes outside the rim, or the wall would have to pull inside."""
+
+    tolerance: float = 1e-6
+    name: str = "inadmissible"
+    terminal: bool = True
+
+    def value(self, point: Point) -> float:
+        """Smallest gap and wall pressure in units of the interaction's own, plus the tolerance; negative: inadmissible."""
+        problem = point.problem
+        assert isinstance(problem, ContactProblem)
+        fields = problem.fields(point.x, point.parameter)
+        return problem.equations.admissibility(fields, problem.scale) + self.tolerance
