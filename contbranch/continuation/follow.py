@@ -71,7 +71,10 @@ def follow(
         state_change, parameter_change = _changes(segment)
         balance = balance.advance(state_change, parameter_change)
         metric = balance.metric(options.weight)
-        here, changed = adapted(branch.points[-1], metric, options)
+        try:
+            here, changed = adapted(branch.points[-1], metric, options)
+        except CorrectionError as error:
+            return replace(branch, end=End(error.outcome, error.detail))
         if changed:
             branch.points[-1] = here
             segment_for_length = segment

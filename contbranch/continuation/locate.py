@@ -9,6 +9,9 @@ __all__ = ["find_root", "sign_changes"]
 
 Sample = tuple[float, float]
 
+# A hidden pair closer to an end than this share of the interval is not looked for.
+BESIDE = 1e-4
+
 
 def find_root(function: Callable[[float], float], begin: Sample, end: Sample, tolerance: float = 1e-15) -> float:
     """Return a zero of a continuous function between two samples of opposite sign.
@@ -76,9 +79,10 @@ def sign_changes(
         The ends.
     guess : float, optional
         Where the function is suspected to come closest to zero, or to have the other sign, between ends of the same
-        sign. From there the smallest value is sought by parabolas until a sign change is seen or excluded.
+        sign. From there (or from right beside an end, if the guess is no closer to zero than the ends are) the
+        smallest value is sought by parabolas until a sign change is seen or excluded.
     """
-    if (begin[1] > 0) != (end[1] > 0):
+    if end[1] == 0.0 or (begin[1] > 0) != (end[1] > 0):
         return [(begin, end)]
     if guess is None:
         return []
@@ -94,7 +98,11 @@ def _other_sign(function: Callable[[float], float], begin: Sample, end: Sample, 
         return sign * function(position)
 
     left, right = (begin[0], sign * begin[1]), (end[0], sign * end[1])
+    width = end[0] - begin[0]
     middle = (guess, distance(guess))
+    for beside in (begin[0] + BESIDE * width, end[0] - BESIDE * width):
+        if middle[1] >= min(left[1], right[1]):
+            middle = (beside, distance(beside))
     for _ in range(40):
         if middle[1] <= 0:
             return middle[0], sign * middle[1]

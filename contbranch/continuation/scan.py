@@ -18,15 +18,19 @@ from contbranch.continuation.outcomes import Outcome
 from contbranch.continuation.segment import Segment
 from contbranch.continuation.walk import annotated, point_on
 
-__all__ = ["Happening", "LeapError", "interior_extremum", "scan"]
+__all__ = ["Happening", "LeapError", "scan"]
 
 # A quadratic for the slope (or three values of an event) that falls inside the step below this share of its values at
 # the ends is followed up by points of the curve: the cubic is not to be trusted beyond that.
 SUSPICIOUS = 0.5
+# So is a value smaller than this share of the variation over the step: the cubic's own error is of that size.
+DOUBTFUL = 0.03
 # An extremum of the parameter closer to a branch point than this share of the step is the branch point itself. On the
 # curve next to it the matrix is nearly singular, so an extremum found without the bordered system is less certain.
 COINCIDENT = 1e-6
 COINCIDENT_ON_CURVE = 1e-2
+# Where a step that begins on a zero is taken to begin.
+BEYOND = 1e-6
 # How often a step is halved to explain a change of the Morse index.
 HALVINGS = 40
 
@@ -75,25 +79,28 @@ def scan(segment: Segment, events: Sequence[Event], options: Options) -> list[Ha
     return sorted(found, key=lambda happening: happening.theta)
 
 
-def interior_extremum(segment: Segment) -> float | None:
-    """Return the θ inside a step where the slope of the cubic p(θ) comes closest to zero, if it comes close."""
+def _suspicious_slope(segment: Segment) -> float | None:
+    """Return the θ where the slope of the cubic p(θ) comes closest to zero between ends of one sign, if close."""
     _, c1, c2, c3 = segment.parameter_coefficients()
-    end = c1 + 2 * c2 + 3 * c3
-    if c3 == 0.0:
-        return None
+    sign = math.copysign(1.0, c1)
+    if c3 * sign <= 0.0:
+        return None  # the slope is largest, not smallest, inside
     theta = -c2 / (3 * c3)
-    if not 1e-3 < theta < 1 - 1e-3:
+    if not -0.1 < theta < 1.1:
         return None
-    lowest = (c1 - c2 * c2 / (3 * c3)) * math.copysign(1.0, c1)
-    return theta if lowest < SUSPICIOUS * min(abs(c1), abs(end)) else None
+    theta = min(max(theta, 0.01), 0.99)
+    lowest = sign * (c1 + theta * (2 * c2 + theta * 3 * c3))
+    ends = min(abs(c1), abs(c1 + 2 * c2 + 3 * c3))
+    variation = abs(2 * c2) + abs(3 * c3)
+    return theta if lowest < max(SUSPICIOUS * ends, DOUBTFUL * variation) else None
 
 
 def _folds(segment: Segment, options: Options) -> list[Happening]:
     begin, end = segment.begin.tangent_parameter, segment.end.tangent_parameter
     if begin == 0.0:
         return []  # the step starts on a fold, which the step before has reported
-    same = (begin > 0) == (end > 0)
-    guess = interior_extremum(segment) if same else None
+    same = end != 0.0 and (begin > 0) == (end > 0)
+    guess = _suspicious_slope(segment) if same else None
     if same and guess is None:
         return []
 
@@ -185,9 +192,9 @@ def _zeros(segment: Segment, event: Event, options: Options) -> list[Happening]:
 
     begin, end = (0.0, _value(event, segment.begin)), (1.0, _value(event, segment.end))
     if begin[1] == 0.0:
-        return []  # reported by the step before
+        begin = (BEYOND, value(BEYOND))  # the zero itself was reported by the step before
     guess = None
-    if (begin[1] > 0) == (end[1] > 0):
+    if end[1] != 0.0 and (begin[1] > 0) == (end[1] > 0):
         guess = _suspicion(segment, event, begin[1], end[1])
         if guess is None:
             return []
@@ -219,8 +226,10 @@ def _suspicion(segment: Segment, event: Event, begin: float, end: float) -> floa
         point = replace(segment.begin, x=x, parameter=p, tangent_x=dx / size, tangent_parameter=dp / size)
         samples.append((sign * _value(event, point), theta))
     lowest, theta = min(samples)
-    # Three samples see a parabola's dip down to a quarter of a step from its bottom.
-    return theta if lowest < 0.75 * min(abs(begin), abs(end)) else None
+    ends = min(abs(begin), abs(end))
+    variation = max(abs(begin), abs(end), max(samples)[0]) - min(ends, lowest)
+    # Three samples see a parabola's dip down to a quarter of a step from its bottom, unless that is beside an end.
+    return theta if min(lowest, ends) < DOUBTFUL * variation or lowest < 0.75 * ends else None
 
 
 def _value(event: Event, point: Point) -> float:
