@@ -87,8 +87,8 @@ class Zone:
         if np.any(finite("work_of_adhesion", self.work_of_adhesion) <= 0.0):
             raise InputError(
                 f"work_of_adhesion must be greater than 0 in Maugis' closed form, not {np.min(self.work_of_adhesion)}: "
-                "for repulsion the jump of pressure at the rim of the interaction would give the gap an infinite negative "
-                "slope there, so the true solution has a ring of constant gap z0 instead; use a smooth law"
+                "for repulsion the jump of pressure at the rim of the interaction would give the gap an infinite "
+                "negative slope there, so the true solution has a ring of constant gap z0 instead; use a smooth law"
             )
         for field in ("radius", "modulus", "work_of_adhesion", "interaction_range"):
             object.__setattr__(self, field, positive(field, getattr(self, field)))

@@ -19,6 +19,9 @@ from contbranch.errors import InputError
 from ._inputs import FloatArray, finite, not_below, positive
 
 __all__ = [
+    "ASYMPTOTIC_DISPLACEMENT_C5",
+    "ASYMPTOTIC_DISPLACEMENT_C6",
+    "ASYMPTOTIC_RADIUS_C1",
     "DISPLACEMENT_CONSTANTS",
     "RADIUS_CONSTANTS",
     "alpha",
@@ -33,14 +36,19 @@ __all__ = [
 ]
 
 RADIUS_CONSTANTS = (0.8, -1.285, 0.8, -0.435)
-"""c1 to c4 of (52) as printed (l. 558). The expansion of the exact solution has c1 = pi/3; the printed value is a
-fit.
-"""
+"""c1 to c4 of (52) as printed (l. 558); the leading constants are the exact limits, the rest is a fit."""
 
 DISPLACEMENT_CONSTANTS = (-1.5, 0.1845, 6.71)
-"""c5 to c7 of (53) as printed (l. 558-559). The exact solution has c5 = -8/(3 sqrt(pi)) and c6 = 6^(1/3)/36; those
-printed are fits.
-"""
+"""c5 to c7 of (53) as printed (l. 558-559)."""
+
+ASYMPTOTIC_RADIUS_C1 = np.pi / 3.0
+"""Exact first correction for lambda -> 0: radius at zero load 2^(1/3) + (pi/3) lambda + ..."""
+
+ASYMPTOTIC_DISPLACEMENT_C5 = -8.0 / (3.0 * np.sqrt(np.pi))
+"""Exact first correction for lambda -> 0: displacement at zero load 4^(1/3) - 8/(3 sqrt(pi)) sqrt(lambda) + ..."""
+
+ASYMPTOTIC_DISPLACEMENT_C6 = np.cbrt(6.0) / 36.0
+"""Exact first correction for lambda -> inf: displacement at zero load (4/3)^(1/3) + 6^(1/3)/36 / lambda^2 + ..."""
 
 
 def contact_radius(
