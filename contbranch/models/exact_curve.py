@@ -336,7 +336,9 @@ class ExactCurve:
         rising = bool(excess(Angle.from_tangent(np.asarray(high))) > 0.0)
         sign = 1.0 if rising else -1.0
         tangent = self._zone.root(lambda angle: np.asarray(sign * excess(angle)), np.asarray(low), np.asarray(high))
-        return self._contact_state(float(tangent))
+        state = self._contact_state(float(tangent))
+        # what was asked for is known exactly; the closed form returns it to a few units in the last place
+        return state._replace(load=target) if field == "load" else state._replace(displacement=target)
 
     # ---- what one equilibrium looks like
 
