@@ -79,7 +79,7 @@ class ProfileTable:
     def height_derivative(self, r: FloatArray) -> FloatArray:
         """Return z'(r) = (2/π) ∫_0^r ζ' t/√(r²-t²) dt/r, of the shape of `r`."""
         with np.errstate(divide="ignore", invalid="ignore"):
-            slope = (2.0 / math.pi) * self._integrals(r, 0.0)[1] / (r * r)
+            slope = (2.0 / math.pi) * self._integrals(r, 0.0)[1] / r
         return np.where(r > 0.0, slope, (2.0 / math.pi) * self.transform(0.0, 1))
 
     def shape_gap(self, rho: FloatArray, a: float) -> tuple[FloatArray, FloatArray]:
