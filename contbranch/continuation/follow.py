@@ -14,6 +14,7 @@ from contbranch.continuation.metric import Balance, Metric
 from contbranch.continuation.newton import CorrectionError, correct
 from contbranch.continuation.options import Options, StopAt
 from contbranch.continuation.outcomes import End, Outcome
+from contbranch.continuation.probe import surprise
 from contbranch.continuation.problem import Array
 from contbranch.continuation.scan import Happening, LeapError, scan
 from contbranch.continuation.segment import Segment
@@ -136,13 +137,13 @@ def _take(
         try:
             corrected = correct(here.problem, x, p, row, metric, tolerance=options.tolerance)
             end = to_point(here.problem, corrected, metric, options.detect_branch_points)
-            judgement = judge(here, end, corrected, metric, options)
+            judgement = judge(here, end, corrected, metric, options, surprise(Segment(here, end, metric), last))
             if not judgement.accepted:
                 step *= judgement.factor
                 failed = True
                 continue
             segment = Segment(here, annotated(end), metric)
-            segment, happenings, stop = _look_inside(segment, interval, options, events, start)
+            segment, happenings, stop = _look_inside(segment, last, interval, options, events, start)
         except CorrectionError as error:
             failure = error
             step = after_failure(step)
@@ -158,7 +159,12 @@ def _take(
 
 
 def _look_inside(
-    segment: Segment, interval: Range, options: Options, events: Sequence[Event], start: Point | None
+    segment: Segment,
+    last: Segment | None,
+    interval: Range,
+    options: Options,
+    events: Sequence[Event],
+    start: Point | None,
 ) -> tuple[Segment, list[Happening], End | None]:
     """Cut a step where the curve ends, and return what happens in it.
 
@@ -174,7 +180,7 @@ def _look_inside(
     if edge is not None:
         segment = Segment(segment.begin, annotated(land(segment, edge, options), label="edge"), segment.metric)
         end = End(Outcome.REACHED_EDGE)
-    happenings = scan(segment, events, options)
+    happenings = scan(segment, events, options, last)
     outside = next((h for h in happenings if not interval.contains(h.event.parameter)), None)
     if outside is not None:
         edge = interval.edge_beyond(outside.event.parameter)

@@ -11,20 +11,27 @@ from contbranch.continuation.branching import locate_branch_point, unresolved_br
 from contbranch.continuation.curve import EventPoint, Fold, IndexChange, Located, Point
 from contbranch.continuation.events import Event
 from contbranch.continuation.folds import locate_fold
-from contbranch.continuation.locate import Sample, find_root, sign_changes
+from contbranch.continuation.locate import Sample, find_root
 from contbranch.continuation.newton import CorrectionError
 from contbranch.continuation.options import Options
 from contbranch.continuation.outcomes import Outcome
+from contbranch.continuation.probe import (
+    SAFETY,
+    Bracket,
+    Probe,
+    brackets,
+    doubt_about_parameter,
+    foretold_to_inside,
+    no_hidden_folds,
+    value_on_cubic,
+)
 from contbranch.continuation.segment import Segment
 from contbranch.continuation.walk import annotated, point_on
 
 __all__ = ["Happening", "LeapError", "scan"]
 
-# A quadratic for the slope (or three values of an event) that falls inside the step below this share of its values at
-# the ends is followed up by points of the curve: the cubic is not to be trusted beyond that.
-SUSPICIOUS = 0.5
-# So is a value smaller than this share of the variation over the step: the cubic's own error is of that size.
-DOUBTFUL = 0.03
+# A curve whose unit tangent has a parameter component below this (in the metric) is vertical up to rounding.
+VERTICAL = 1e-13
 # An extremum of the parameter closer to a branch point than this share of the step is the branch point itself. On the
 # curve next to it the matrix is nearly singular, so an extremum found without the bordered system is less certain.
 COINCIDENT = 1e-6
@@ -48,8 +55,21 @@ class Happening:
     terminal: bool = False
 
 
-def scan(segment: Segment, events: Sequence[Event], options: Options) -> list[Happening]:
+def scan(
+    segment: Segment, events: Sequence[Event], options: Options, previous: Segment | None = None
+) -> list[Happening]:
     """Return what happens between two points of the curve, in order.
+
+    Parameters
+    ----------
+    segment : Segment
+        The step.
+    events : sequence of Event
+        What to look for besides folds and branch points.
+    options : Options
+        Tolerances.
+    previous : Segment, optional
+        The step before, which tells how far the cubic of this one can be trusted.
 
     Raises
     ------
@@ -69,56 +89,45 @@ def scan(segment: Segment, events: Sequence[Event], options: Options) -> list[Ha
                 raise LeapError
             found.append(Happening(branch[0], replace(branch[1], point=annotated(branch[1].point))))
     if options.detect_folds:
-        folds = _folds(segment, options)
+        folds = _folds(segment, previous, options)
         if branch is not None:
             folds = [fold for fold in folds if not _coincident(segment, fold.event, branch[1])]
         found += folds
     for event_function in events:
-        found += _zeros(segment, event_function, options)
+        found += _zeros(segment, previous, event_function, options)
     found += _unexplained(segment, found, options)
     return sorted(found, key=lambda happening: happening.theta)
 
 
-def _suspicious_slope(segment: Segment) -> float | None:
-    """Return the θ where the slope of the cubic p(θ) comes closest to zero between ends of one sign, if close."""
-    _, c1, c2, c3 = segment.parameter_coefficients()
-    sign = math.copysign(1.0, c1)
-    if c3 * sign <= 0.0:
-        return None  # the slope is largest, not smallest, inside
-    theta = -c2 / (3 * c3)
-    if not -0.1 < theta < 1.1:
-        return None
-    theta = min(max(theta, 0.01), 0.99)
-    lowest = sign * (c1 + theta * (2 * c2 + theta * 3 * c3))
-    ends = min(abs(c1), abs(c1 + 2 * c2 + 3 * c3))
-    variation = abs(2 * c2) + abs(3 * c3)
-    return theta if lowest < max(SUSPICIOUS * ends, DOUBTFUL * variation) else None
-
-
-def _folds(segment: Segment, options: Options) -> list[Happening]:
-    begin, end = segment.begin.tangent_parameter, segment.end.tangent_parameter
-    if begin == 0.0:
-        return []  # the step starts on a fold, which the step before has reported
-    same = end != 0.0 and (begin > 0) == (end > 0)
-    guess = _suspicious_slope(segment) if same else None
-    if same and guess is None:
+def _folds(segment: Segment, previous: Segment | None, options: Options) -> list[Happening]:
+    """Return the folds inside a step."""
+    doubt = doubt_about_parameter(segment, previous)
+    if no_hidden_folds(segment, doubt):
         return []
-
-    def slope(theta: float) -> float:
-        return point_on(segment, theta, options)[0].tangent_parameter
-
-    brackets = sign_changes(slope, (0.0, begin), (1.0, end), guess)
-    found = []
-    for first, last in brackets:
-        start = _line_zero(first, last) if same else _cubic_zero(segment)
-        fold = _fold_by_newton(segment, start, first[0], last[0], last[1])
-        if fold is None:
-            theta = find_root(slope, first, last)
-            near = max(1e-6, 0.1 * (last[0] - first[0]))
-            fold = _fold_by_newton(segment, theta, theta - near, theta + near, last[1])
-            fold = fold or _fold_on_curve(segment, theta, options)
-        found.append(fold)
+    begin, end = segment.begin.tangent_parameter, segment.end.tangent_parameter
+    if max(abs(begin), abs(end)) < VERTICAL * segment.metric.parameter_scale:
+        return []  # the parameter is constant along this part of the curve
+    if begin == 0.0:
+        begin = point_on(segment, BEYOND, options)[0].tangent_parameter
+    # The doubt about dp/dθ, turned into one about the unit tangent.
+    scale = max(segment.scale_begin, segment.scale_end)
+    probe = Probe(lambda point: point.tangent_parameter, options, None if doubt is None else doubt / scale)
+    found = [_fold(bracket, options) for bracket in brackets(segment, probe, begin, end)]
     return [replace(one, event=replace(one.event, point=annotated(one.event.point))) for one in found]
+
+
+def _fold(bracket: Bracket, options: Options) -> Happening:
+    """Locate the fold in a bracket by bordered Newton iteration, failing that as a zero of the slope."""
+    segment, first, last = bracket.segment, bracket.first, bracket.last
+    full = first[0] == 0.0 and last[0] == 1.0
+    start = _cubic_zero(segment) if full else _line_zero(first, last)
+    fold = _fold_by_newton(segment, start, first[0], last[0], last[1])
+    if fold is None:
+        theta = find_root(lambda theta: point_on(segment, theta, options)[0].tangent_parameter, first, last)
+        near = max(1e-6, 0.1 * (last[0] - first[0]))
+        fold = _fold_by_newton(segment, theta, theta - near, theta + near, last[1])
+        fold = fold or _fold_on_curve(segment, theta, options)
+    return replace(fold, theta=bracket.whole(fold.theta))
 
 
 def _coincident(segment: Segment, fold: Located, branch: Located) -> bool:
@@ -184,52 +193,36 @@ def _fold_on_curve(segment: Segment, theta: float, options: Options) -> Happenin
     return Happening(theta, fold)
 
 
-def _zeros(segment: Segment, event: Event, options: Options) -> list[Happening]:
-    """Return the zeros of a user's event function inside the step, a pair between ends of the same sign included."""
+def _zeros(segment: Segment, previous: Segment | None, event: Event, options: Options) -> list[Happening]:
+    """Return the zeros of a user's event function inside the step."""
 
-    def value(theta: float) -> float:
-        return _value(event, point_on(segment, theta, options)[0])
+    def value(point: Point) -> float:
+        return _value(event, point)
 
-    begin, end = (0.0, _value(event, segment.begin)), (1.0, _value(event, segment.end))
-    if begin[1] == 0.0:
-        begin = (BEYOND, value(BEYOND))  # the zero itself was reported by the step before
-    guess = None
-    if end[1] != 0.0 and (begin[1] > 0) == (end[1] > 0):
-        guess = _suspicion(segment, event, begin[1], end[1])
-        if guess is None:
-            return []
+    begin, end = value(segment.begin), value(segment.end)
+    doubt = None
+    if previous is not None and previous.length > 0.0:
+        ratio = segment.length / previous.length
+        foretold = value_on_cubic(previous, 1 + ratio, value)
+        doubt = SAFETY * foretold_to_inside(ratio) * abs(foretold - end)
+    if begin == 0.0:
+        begin = value(point_on(segment, BEYOND, options)[0])  # the zero itself belongs to the step before
     found = []
-    for first, last in sign_changes(value, begin, end, guess):
-        theta = find_root(value, first, last)
-        point = annotated(point_on(segment, theta, options)[0], label=event.name)
+    for bracket in brackets(segment, Probe(value, options, doubt), begin, end):
+        part, first, last = bracket.segment, bracket.first, bracket.last
+        theta = find_root(lambda theta, part=part: value(point_on(part, theta, options)[0]), first, last)  # type: ignore[misc]
+        point = annotated(point_on(part, theta, options)[0], label=event.name)
         steepness = abs(last[1] - first[1]) / (last[0] - first[0])
-        miss = abs(_value(event, point)) / steepness + 1e-15
-        change = segment.end.x - segment.begin.x
+        miss = abs(value(point)) / steepness + 1e-15
+        change = part.end.x - part.begin.x
         located = EventPoint(
             point,
-            4 * miss * abs(segment.end.parameter - segment.begin.parameter) + 1e-15 * abs(point.parameter),
+            4 * miss * abs(part.end.parameter - part.begin.parameter) + 1e-15 * abs(point.parameter),
             4 * miss * math.sqrt(point.problem.inner(change, change)),
             name=event.name,
         )
-        found.append(Happening(theta, located, event.terminal))
+        found.append(Happening(bracket.whole(theta), located, event.terminal))
     return found
-
-
-def _suspicion(segment: Segment, event: Event, begin: float, end: float) -> float | None:
-    """Return the θ where two zeros may hide between ends of the same sign, by points of the cubic."""
-    sign = 1.0 if begin > 0 else -1.0
-    samples = []
-    for theta in (0.25, 0.5, 0.75):
-        x, p = segment.at(theta)
-        dx, dp = segment.direction(theta)
-        size = segment.metric.norm(segment.begin.problem, dx, dp)
-        point = replace(segment.begin, x=x, parameter=p, tangent_x=dx / size, tangent_parameter=dp / size)
-        samples.append((sign * _value(event, point), theta))
-    lowest, theta = min(samples)
-    ends = min(abs(begin), abs(end))
-    variation = max(abs(begin), abs(end), max(samples)[0]) - min(ends, lowest)
-    # Three samples see a parabola's dip down to a quarter of a step from its bottom, unless that is beside an end.
-    return theta if min(lowest, ends) < DOUBTFUL * variation or lowest < 0.75 * ends else None
 
 
 def _value(event: Event, point: Point) -> float:
