@@ -75,11 +75,16 @@ class Interaction:
         raise NotImplementedError(f"{type(self).__name__} must define shape(x), which returns f, f' and f''")
 
     def evaluate(self, gap: ArrayLike) -> Response:
-        """Return energy per area, pressure and stiffness at `gap` (any shape), (12)."""
-        x = np.minimum(np.asarray(gap) / self.range, _FAR)
-        f, slope, curvature = self.shape(x)
+        """Return energy per area, pressure and stiffness at `gap` (any shape), (12).
+
+        Where a law is not defined, far inside the wall or as its author has it, they are infinite or NaN without
+        further warning: it is for the caller to stop there.
+        """
         force = self.work_of_adhesion / self.range
-        return Response(-self.work_of_adhesion * f, force * slope, (-force / self.range) * curvature)
+        with np.errstate(all="ignore"):
+            x = np.minimum(np.asarray(gap) / self.range, _FAR)
+            f, slope, curvature = self.shape(x)
+            return Response(-self.work_of_adhesion * f, force * slope, (-force / self.range) * curvature)
 
     @property
     def terms(self) -> tuple[Interaction, ...]:

@@ -8,7 +8,7 @@ To add one, write a class with a `name` and `shape`; the command line and contac
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import ClassVar, Final
 
@@ -285,6 +285,6 @@ class Tabulated(Interaction):
         return Tabulated(gaps, divided(self.energies, energy), divided(self.pressures, energy / normal))
 
 
-INTERACTIONS: Final[Mapping[str, Callable[..., Interaction]]] = {
+INTERACTIONS: Final[Mapping[str, type[Interaction]]] = {
     law.name: law for law in Interaction.__subclasses__() if law.name
 }

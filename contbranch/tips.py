@@ -417,4 +417,4 @@ def _root(square: FloatArray) -> FloatArray:
     return np.asarray(np.sqrt(np.maximum(1.0 - square, 0.0)))
 
 
-TIPS: Final[Mapping[str, Callable[..., Tip]]] = {tip.name: tip for tip in Tip.__subclasses__() if tip.name}
+TIPS: Final[Mapping[str, type[Tip]]] = {tip.name: tip for tip in (Parabola, Cone, PowerLaw, SphericalCap, Profile)}

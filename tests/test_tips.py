@@ -1,6 +1,7 @@
 """Tips against their definitions: ζ(t) = t ∫_0^t z'(r)/√(t²-r²) dr and g = (2/π) ∫_a^r (ζ(t)-ζ(a))/√(r²-t²) dt.
 
-The references are these integrals by mpmath at 34 digits, with the singular end removed by t = r sin θ or, near the rim, τ = ρ sin ψ.
+The references are these integrals by mpmath at 34 digits, with the singular end removed by t = r sin θ or, near the
+rim, by τ = ρ sin ψ.
 """
 
 import dataclasses
@@ -185,7 +186,8 @@ def test_spherical_cap_near_its_equator():
 def test_spherical_cap_ends_at_its_equator():
     tip = SphericalCap(2.0)
     assert tip.extent == 2.0
-    assert np.all(np.isinf(tip.height([2.1, 3.0]))) and np.all(np.isinf(tip.transform([2.0, 3.0])))
+    assert np.all(np.isinf(tip.height([2.1, 3.0])))
+    assert np.all(np.isinf(tip.transform([2.0, 3.0])))
     assert np.all(np.isinf(tip.shape_gap(np.array([1.9, 4.0]), 1.0)[0]))
     assert float(tip.height(2.0)) == 2.0
     assert Parabola(2.0).extent == math.inf

@@ -1,0 +1,169 @@
+"""Units: conversions known from their definitions, (43)-(46) from Maugis' choice of πΔγ and 4E/3, and refusals."""
+
+import math
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from contbranch.errors import InputError
+from contbranch.units import (
+    PHYSICAL,
+    REDUCED,
+    Scales,
+    Units,
+    finite_number,
+    maugis_to_reduced,
+    parse,
+    positive_number,
+    reduced_to_maugis,
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "dimension", "value"),
+    [
+        ("1 um", "length", 1000.0),
+        ("1 µm", "length", 1000.0),
+        ("1 μm", "length", 1000.0),
+        ("10 angstrom", "length", 1.0),
+        ("-3nm", "length", -3.0),
+        ("2.5e-9 m", "length", 2.5),
+        ("5 GPa", "pressure", 5.0),
+        ("70 MPa", "pressure", 0.07),
+        ("3 N/m^2", "pressure", 3e-9),
+        ("-40 mN/m", "energy per area", -0.04),
+        ("-40 mJ/m²", "energy per area", -0.04),
+        ("-40 mJ m^-2", "energy per area", -0.04),
+        ("0.1 N/m", "stiffness", 0.1),
+        ("0.1 N·m⁻¹", "stiffness", 0.1),
+        ("5 nN", "force", 5.0),
+        ("1 uN", "force", 1000.0),
+        ("1e-18 J", "energy", 1.0),
+        ("180 deg", "dimensionless", math.pi),
+        ("0.25", "dimensionless", 0.25),
+        (3, "length", 3.0),
+        (np.float64(0.5), "pressure", 0.5),
+    ],
+)
+def test_quantities(text, dimension, value):
+    assert parse(text, dimension, "field") == pytest.approx(value, rel=1e-15)
+
+
+def test_decimal_units_are_exact():
+    assert parse("1 um", "length", "field") == 1000.0
+    assert parse("5 GPa", "pressure", "field") == 5.0
+
+
+@pytest.mark.parametrize(
+    ("text", "dimension", "message"),
+    [
+        ("5 GPa", "length", "radius: '5 GPa': 'GPa' is not a unit of length; write for example '1 um'"),
+        ("5 nm", "pressure", "radius: '5 nm': 'nm' is not a unit of pressure; write for example '5 GPa'"),
+        (
+            "5 nN",
+            "energy per area",
+            "radius: '5 nN': 'nN' is not a unit of energy per area; write for example '-40 mN/m'",
+        ),
+        ("5 nN", "stiffness", "'nN' is not a unit of stiffness; write for example '0.1 N/m'"),
+        ("5 J", "force", "'J' is not a unit of force; write for example '5 nN'"),
+        ("5 N", "energy", "'N' is not a unit of energy; write for example '2 aJ'"),
+        ("5 nm", "dimensionless", "'nm' is not a unit of dimensionless; write for example 0.5"),
+        ("5 parsnips", "length", "'parsnips' is not a unit; write for example '1 um'"),
+        ("5 degC", "length", "'degC' is not a unit of length"),
+        ("5", "length", "'5' has no unit; write for example '1 um'"),
+        ("nm", "length", "'nm' is not a number with a unit"),
+        ("nan nm", "length", "'nan nm' is not a number with a unit"),
+        ("", "length", "'' is not a number with a unit"),
+        ("1e999 nm", "length", "inf; must be a finite number"),
+        ("1 nm + 2 nm", "length", "is not a unit"),
+        ("1 nm; import os", "length", "is not a unit"),
+        ("2**9 nm", "length", "is not a number with a unit|is not a unit"),
+        (math.nan, "length", "radius: nan; must be a finite number"),
+        (None, "length", "radius: None; must be a finite number"),
+        (True, "length", "radius: True; must be a number"),
+        ([1.0, 2.0], "length", r"radius: \[1.0, 2.0\]; must be a finite number"),
+    ],
+)
+def test_wrong_quantities(text, dimension, message):
+    with pytest.raises(InputError, match=message) as error:
+        parse(text, dimension, "radius")
+    assert str(error.value).startswith("radius: ")
+    assert "\n" not in str(error.value)
+
+
+def test_numbers():
+    assert positive_number(np.int64(3), "range") == 3.0
+    assert finite_number(-1, "phase") == -1.0
+    with pytest.raises(InputError, match=r"^range: -1; must be greater than zero"):
+        positive_number(-1, "range")
+    with pytest.raises(InputError, match=r"^range: 'xxx.*\.\.\.|^range: '") as error:
+        positive_number("x" * 100, "range")
+    assert "\n" not in str(error.value)
+
+
+def test_units_of_a_document():
+    # interface: nN, nm, nN/nm (stiffness), nN·nm (energy), nN/nm² (pressure)
+    names = PHYSICAL.names
+    assert (names["load"], names["displacement"], names["contact_radius"]) == ("nN", "nm", "nm")
+    assert (names["stiffness"], names["energy"], names["pressure"]) == ("nN/nm", "nN·nm", "nN/nm²")
+    assert REDUCED.names == {}
+    assert (PHYSICAL.physical, REDUCED.physical) == (True, False)
+    assert (PHYSICAL.name("force"), REDUCED.name("force")) == ("nN", "")
+    assert hash(Units("physical")) == hash(PHYSICAL)
+    with pytest.raises(InputError, match="units: 'SI'; must be 'reduced' or 'physical'"):
+        Units("SI")
+
+
+def test_options_in_the_contacts_units():
+    assert PHYSICAL.read("5 uN", "force", "load") == 5000.0
+    assert PHYSICAL.read("5", "force", "load") == 5.0
+    assert PHYSICAL.read(5, "force", "load") == 5.0
+    assert REDUCED.read("-1.5e1", "force", "load") == -15.0
+    with pytest.raises(InputError, match=r"^load: '5 nN'; the contact is in reduced units: give a bare number"):
+        REDUCED.read("5 nN", "force", "load")
+    with pytest.raises(InputError, match=r"^load: 'much'; the contact"):
+        REDUCED.read("much", "force", "load")
+    with pytest.raises(InputError, match=r"^load: '5 nm': 'nm' is not a unit of force"):
+        PHYSICAL.read("5 nm", "force", "load")
+
+
+def test_scales_belong_together():
+    # (23)-(26) for R = 1000 nm, E = 5 GPa, |Δγ| = 0.04 N/m: X = 20 nm, Z = 0.4 nm, F = RΔγ = 40 nN,
+    # p = (Δγ/R)^(1/3) E^(2/3) = (4e-5·25)^(1/3) = 0.1 GPa
+    scales = Scales(20.0, 0.4, 5.0)
+    assert scales.load == pytest.approx(40.0)
+    assert scales.pressure == pytest.approx(0.1)
+    assert scales.energy == pytest.approx(40.0 * 0.4)
+    assert scales.energy_per_area == pytest.approx(0.04)
+    assert scales.stiffness == pytest.approx(40.0 / 0.4)
+
+
+def test_maugis_units():
+    # misprint table: μ_T = (2π/9)^(1/3) λ = 0.887113359660979 λ
+    assert maugis_to_reduced(1.0, "tabor") == pytest.approx(0.887113359660979, abs=5e-16)
+    # Maugis: a in (πΔγR²/K)^(1/3), d in (π²Δγ²R/K²)^(1/3), F in πΔγR with K = 4E/3 (his units), at R = E = Δγ = 1
+    k = 4.0 / 3.0
+    assert maugis_to_reduced(1.0, "contact_radius") == pytest.approx((math.pi / k) ** (1 / 3), rel=1e-15)
+    assert maugis_to_reduced(1.0, "displacement") == pytest.approx((math.pi / k) ** (2 / 3), rel=1e-15)
+    assert maugis_to_reduced(1.0, "load") == pytest.approx(math.pi, rel=1e-15)
+    # λ = 2σ0 (R/(πΔγK²))^(1/3) with σ0 = Δγ/z0 and z0 = 1/μ_T
+    assert reduced_to_maugis(1.0, "tabor") == pytest.approx(2.0 * (1.0 / (math.pi * k**2)) ** (1 / 3), rel=1e-14)
+
+
+def test_maugis_units_and_back():
+    values = np.array([0.0, -1.5, 7.0])
+    for quantity in ("tabor", "contact_radius", "displacement", "load"):
+        np.testing.assert_allclose(reduced_to_maugis(maugis_to_reduced(values, quantity), quantity), values, rtol=1e-15)
+    with pytest.raises(InputError, match="quantity: 'gap'; must be one of tabor"):
+        maugis_to_reduced(1.0, "gap")
+
+
+def test_pint_is_imported_for_units_only():
+    code = (
+        "import sys; from contbranch.contact import Contact; "
+        "Contact.physical(radius=1000, modulus=5); assert 'pint' not in sys.modules; "
+        "Contact.physical(radius='1 um', modulus=5); assert 'pint' in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
