@@ -11,6 +11,8 @@ Sample = tuple[float, float]
 
 # A hidden pair closer to an end than this share of the interval is not looked for.
 BESIDE = 1e-4
+# A smallest value that has not fallen much in this many trials is taken for the smallest.
+PATIENCE = 3
 
 
 def find_root(function: Callable[[float], float], begin: Sample, end: Sample, tolerance: float = 1e-15) -> float:
@@ -103,10 +105,11 @@ def _other_sign(function: Callable[[float], float], begin: Sample, end: Sample, 
     for beside in (begin[0] + BESIDE * width, end[0] - BESIDE * width):
         if middle[1] >= min(left[1], right[1]):
             middle = (beside, distance(beside))
-    for _ in range(40):
+    resting = 0
+    for _ in range(60):
         if middle[1] <= 0:
             return middle[0], sign * middle[1]
-        if middle[1] >= min(left[1], right[1]):
+        if middle[1] >= min(left[1], right[1]) or resting == PATIENCE:
             return None
         vertex, lowest = _vertex(left, middle, right)
         width = right[0] - left[0]
@@ -115,15 +118,10 @@ def _other_sign(function: Callable[[float], float], begin: Sample, end: Sample, 
         # Two samples must not coincide: step a little to the longer side instead.
         if abs(vertex - middle[0]) < 1e-3 * width:
             longer = 1.0 if right[0] - middle[0] > middle[0] - left[0] else -1.0
-            shift = 1e-2 * width
-            if lowest > 0.9 * middle[1]:
-                return None
-            vertex = middle[0] + longer * shift
-        trial = (vertex, distance(vertex))
-        expected = lowest > 0 and abs(trial[1] - lowest) < 0.1 * lowest
-        if expected and trial[1] > 0 and abs(vertex - middle[0]) < 0.2 * width:
-            return None
-        left, middle, right = _narrow(left, middle, right, trial)
+            vertex = middle[0] + longer * 1e-2 * width
+        before = middle[1]
+        left, middle, right = _narrow(left, middle, right, (vertex, distance(vertex)))
+        resting = resting + 1 if middle[1] > 0.7 * before and lowest > 0 else 0
     return None
 
 

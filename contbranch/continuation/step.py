@@ -17,7 +17,7 @@ __all__ = ["Judgement", "after_failure", "judge"]
 CONTRACTION = 0.1
 # Error of the foretold slope of p(s), relative to the slope, that is aimed at, and beyond which a step is repeated.
 SURPRISE = 0.3
-SURPRISE_LIMIT = 2.0
+SURPRISE_LIMIT = 1.0
 # A failed step says nothing about how much too long it was.
 AFTER_FAILURE = 0.3
 
