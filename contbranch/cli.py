@@ -1,0 +1,304 @@
+"""The command ``contbranch``: trace, solve and show.
+
+Exit status: 0 complete; 1 incomplete (whatever was traced is written all the same); 2 wrong input, in one line. Heavy
+libraries are imported where they are needed: the start of the command is a good part of its time.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final
+
+import typer
+
+from contbranch.errors import InputError, ModelError
+
+if TYPE_CHECKING:
+    from contbranch.diagram import Diagram, Solution
+    from contbranch.request import Request
+
+__all__ = ["main"]
+
+COMPLETE: Final = 0
+INCOMPLETE: Final = 1
+WRONG_INPUT: Final = 2
+INTERRUPTED: Final = 130
+
+_USAGE_ERROR: Final = typer.BadParameter.__mro__[2]  # click's ClickException, wherever the installed typer keeps it
+
+app = typer.Typer(
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+)
+
+ContactFile = Annotated[
+    str | None, typer.Argument(metavar="[CONTACT]", help="TOML file that describes the contact.", show_default=False)
+]
+Law = Annotated[
+    str | None,
+    typer.Option("--interaction", metavar="NAME", help="Instead of CONTACT: the law of a contact in reduced units."),
+]
+Tabor = Annotated[str | None, typer.Option(metavar="X", help="Its Tabor coefficient.")]
+Repulsive = Annotated[bool, typer.Option("--repulsive", help="The law repels.")]
+Control = Annotated[str | None, typer.Option(metavar="load|displacement", help="What is controlled.  [default: load]")]
+Accuracy = Annotated[
+    str | None, typer.Option(metavar="X", help="Error allowed to events and thresholds.  [default: 1e-6]")
+]
+Model = Annotated[
+    str | None, typer.Option(metavar="auto|exact|axisymmetric", help="Model of the contact.  [default: auto]")
+]
+MaxLoad = Annotated[str | None, typer.Option(metavar="F", help="Largest load.  [default: beyond all events]")]
+Cell = Annotated[str | None, typer.Option(metavar="L", hidden=True)]
+Grid = Annotated[str | None, typer.Option(metavar="N", hidden=True)]
+Json = Annotated[str | None, typer.Option("--json", metavar="FILE", help="Write JSON; - for standard output.")]
+Output = Annotated[str | None, typer.Option("-o", "--output", metavar="FILE.h5", help="Save arrays and profiles.")]
+Plot = Annotated[str | None, typer.Option(metavar="FILE", help="Draw to a .png, .pdf or .svg file.")]
+
+
+def _print_version(asked: bool) -> None:
+    if asked:
+        from importlib.metadata import PackageNotFoundError, version
+
+        try:
+            print(f"contbranch {version('contbranch')}")
+        except PackageNotFoundError:  # run from a source tree that was never installed
+            print("contbranch, not installed")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool, typer.Option("--version", is_eager=True, callback=_print_version, help="Print the version and stop.")
+    ] = False,
+) -> None:
+    """Equilibrium curves of elastic contacts, with their stability and their folds."""
+
+
+@app.command("trace")
+def trace_command(
+    contact: ContactFile = None,
+    interaction: Law = None,
+    tabor: Tabor = None,
+    repulsive: Repulsive = False,
+    control: Control = None,
+    accuracy: Accuracy = None,
+    model: Model = None,
+    cell: Cell = None,
+    grid: Grid = None,
+    max_load: MaxLoad = None,
+    json_file: Json = None,
+    plot: Plot = None,
+    output: Output = None,
+) -> int:
+    """Trace the whole curve of equilibria, stable and unstable, with its folds and first touch."""
+    from contbranch.request import make_request
+
+    request = make_request(contact, interaction, tabor, repulsive, control, accuracy, model, cell, grid)
+    limit = None if max_load is None else request.quantity(max_load, "force", "--max-load")
+    limit = request.max_load if limit is None else limit
+    _check_outputs({"--json": json_file, "--plot": plot, "-o": output}, contact)
+    diagram = _trace(request, limit)
+    _write_outputs(diagram, json_file, plot, output)
+    return _report(diagram.status, diagram.message)
+
+
+@app.command("solve")
+def solve_command(
+    contact: ContactFile = None,
+    load: Annotated[str | None, typer.Option(metavar="F", help="Load of the equilibrium.")] = None,
+    displacement: Annotated[str | None, typer.Option(metavar="D", help="Or its displacement.")] = None,
+    every: Annotated[bool, typer.Option("--all", help="Report all equilibria found, not only one.")] = False,
+    interaction: Law = None,
+    tabor: Tabor = None,
+    repulsive: Repulsive = False,
+    control: Control = None,
+    accuracy: Accuracy = None,
+    model: Model = None,
+    cell: Cell = None,
+    grid: Grid = None,
+    json_file: Json = None,
+    plot: Plot = None,
+    output: Output = None,
+) -> int:
+    """Find the equilibrium at a load or a displacement; of several, the stable one of lowest energy."""
+    from contbranch.request import make_request
+
+    request = make_request(contact, interaction, tabor, repulsive, control, accuracy, model, cell, grid)
+    if (load is None) == (displacement is None):
+        raise InputError("--load, --displacement: give one of them")
+    if load is not None:
+        where = {"load": request.quantity(load, "force", "--load")}
+    else:
+        where = {"displacement": request.quantity(displacement or "", "length", "--displacement")}
+    _check_outputs({"--json": json_file, "--plot": plot, "-o": output}, contact)
+    solution = _solve(request, where)
+    if output is not None:
+        from contbranch.store import save_solution
+
+        save_solution(solution, output, every=every)
+    if json_file is not None:
+        from contbranch.document import solution_document
+
+        _write_json(solution_document(solution, every=every), json_file)
+    if plot is not None:
+        from contbranch.plot import profiles, save_figure
+
+        save_figure(profiles(solution, request.contact.units.names), plot)
+    if json_file != "-":
+        from contbranch.summary import print_solution
+
+        print_solution(solution, every=every)
+    return _report(solution.status, solution.message)
+
+
+@app.command("show")
+def show_command(
+    file: Annotated[str, typer.Argument(metavar="FILE.h5", help="Diagram saved by trace -o.")],
+    plot: Plot = None,
+) -> int:
+    """Print what a saved diagram holds, and draw it; exit status 0 even if the trace was incomplete."""
+    _check_outputs({"--plot": plot}, file)
+    from contbranch.store import load
+    from contbranch.summary import print_diagram
+
+    diagram = load(file)
+    if plot is not None:
+        _draw(diagram, plot)
+    print_diagram(diagram)
+    return COMPLETE
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command with `arguments` (default: those of the process) and return its exit status."""
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    command = typer.main.get_command(app)
+    try:
+        status = command.main(args=given, prog_name="contbranch", standalone_mode=False)
+        sys.stdout.flush()
+        if status == INTERRUPTED:  # what typer makes of an interrupt
+            raise KeyboardInterrupt
+    except InputError as error:
+        return _fail(str(error), WRONG_INPUT)
+    except ModelError as error:
+        return _fail(str(error), INCOMPLETE)
+    except (KeyboardInterrupt, typer.Abort):
+        return _fail("interrupted", INTERRUPTED)
+    except BrokenPipeError:
+        # whoever read standard output has left: let the interpreter's last flush go nowhere
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return INCOMPLETE
+    except Exception as error:
+        if not isinstance(error, _USAGE_ERROR):
+            raise
+        return _fail(_usage(error, given), WRONG_INPUT)
+    return status if isinstance(status, int) else COMPLETE
+
+
+def _fail(message: str, status: int) -> int:
+    """Print one line on standard error and return the exit status."""
+    print(f"contbranch: {' '.join(message.split())}", file=sys.stderr)
+    return status
+
+
+def _usage(error: Exception, given: Sequence[str]) -> str:
+    """Return click's complaint about the usage with a remedy."""
+    message = str(getattr(error, "format_message", lambda: error)()).strip().rstrip(".")
+    command = next((word for word in given if word in ("trace", "solve", "show")), "")
+    return f"{message}; see contbranch {command + ' ' if command else ''}--help"
+
+
+# Computing
+
+
+def _solve(request: Request, where: dict[str, float]) -> Solution:
+    from contbranch import solve
+
+    return solve(request.contact, **where, control=request.control, accuracy=request.accuracy, model=request.model)
+
+
+def _trace(request: Request, max_load: float | None) -> Diagram:
+    from contbranch import trace
+
+    settings: dict[str, Any] = {"control": request.control, "accuracy": request.accuracy, "model": request.model}
+    if not sys.stderr.isatty():
+        return trace(request.contact, max_load=max_load, **settings)
+    from contbranch.summary import progress_bar
+
+    with progress_bar() as progress:
+        return trace(request.contact, max_load=max_load, progress=progress, **settings)
+
+
+# Output
+
+
+def _check_outputs(outputs: dict[str, str | None], source: str | None) -> None:
+    """Raise InputError for an output that cannot be written, before anything is computed."""
+    seen: dict[Path, str] = {} if source is None else {Path(source).resolve(): "the input"}
+    for field, name in outputs.items():
+        if name is None or (name == "-" and field == "--json"):
+            continue
+        path = Path(name)
+        if field == "--plot":
+            _check_suffix(name)
+        folder = path.resolve().parent
+        if path.is_dir():
+            raise InputError(f"{field}: '{name}' is a folder; give a file")
+        if not folder.is_dir():
+            raise InputError(f"{field}: the folder '{folder}' does not exist; make it or choose another")
+        if not os.access(path if path.exists() else folder, os.W_OK):
+            raise InputError(f"{field}: '{name}' cannot be written; choose a place with write permission")
+        if path.resolve() in seen:
+            raise InputError(f"{field}: '{name}' is also {seen[path.resolve()]}; choose another file")
+        seen[path.resolve()] = f"the output of {field}"
+
+
+def _check_suffix(name: str) -> None:
+    """Raise InputError for a plot that cannot be drawn, without importing matplotlib for it."""
+    if Path(name).suffix.lower() not in (".pdf", ".png", ".svg"):
+        raise InputError(f"--plot: '{name}' has no known suffix; must end in .pdf, .png or .svg")
+
+
+def _write_outputs(diagram: Diagram, json_file: str | None, plot: str | None, output: str | None) -> None:
+    if output is not None:
+        diagram.save(output)  # first: it holds everything
+    if json_file is not None:
+        from contbranch.document import diagram_document
+
+        _write_json(diagram_document(diagram), json_file)
+    if plot is not None:
+        _draw(diagram, plot)
+    if json_file != "-":
+        from contbranch.summary import print_diagram
+
+        print_diagram(diagram)
+
+
+def _write_json(document: dict[str, Any], name: str) -> None:
+    text = json.dumps(document, allow_nan=False, ensure_ascii=False)
+    if name == "-":
+        sys.stdout.write(text + "\n")
+        return
+    try:
+        Path(name).write_text(text + "\n", encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"--json: '{name}' cannot be written ({error.strerror}); give a writable file") from None
+
+
+def _draw(diagram: Diagram, name: str) -> None:
+    from contbranch.plot import overview, save_figure
+
+    save_figure(overview(diagram), name)
+
+
+def _report(status: str, message: str) -> int:
+    """Print the reason of an incomplete result, and return the exit status."""
+    if status == "complete":
+        return COMPLETE
+    return _fail(f"incomplete: {message}", INCOMPLETE)

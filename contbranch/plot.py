@@ -1,0 +1,346 @@
+"""Publication plots: bifurcation diagrams, profiles of gap and pressure, local exponents.
+
+Figures are one column wide and drawn without pyplot, so that they need no display and keep no global state. Colours are
+those of Okabe and Ito, which stay apart for colour-blind readers; line style and marker shape repeat what colour says.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from numpy.typing import NDArray
+
+from contbranch.errors import InputError
+from contbranch.plot_labels import place_labels
+from contbranch.plot_view import Piece, axis_label, check_observables, pieces, view
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from contbranch.diagram import Diagram, Event, State
+
+__all__ = ["SUFFIXES", "bifurcation_diagram", "check_suffix", "local_exponent", "overview", "profiles", "save_figure"]
+
+Array = NDArray[np.float64]
+
+SUFFIXES: Final = (".pdf", ".png", ".svg")
+
+_WIDTH: Final = 3.4  # inches, one column of a journal
+_STABLE, _UNSTABLE, _TOUCH, _GREY = "#0072B2", "#D55E00", "#009E73", "#555555"
+_SERIES: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+_STYLE: Final[Any] = {
+    "font.size": 8.0,
+    "axes.labelsize": 8.5,
+    "axes.linewidth": 0.7,
+    "axes.formatter.useoffset": False,
+    "axes.formatter.limits": (-4, 5),
+    "axes.formatter.use_mathtext": True,
+    "xtick.labelsize": 7.5,
+    "ytick.labelsize": 7.5,
+    "xtick.direction": "in",
+    "ytick.direction": "in",
+    "xtick.top": True,
+    "ytick.right": True,
+    "xtick.minor.visible": True,
+    "ytick.minor.visible": True,
+    "xtick.major.width": 0.7,
+    "ytick.major.width": 0.7,
+    "xtick.minor.width": 0.5,
+    "ytick.minor.width": 0.5,
+    "lines.linewidth": 1.3,
+    "legend.fontsize": 7.0,
+    "legend.frameon": False,
+    "legend.handlelength": 2.2,
+    "mathtext.fontset": "dejavusans",
+    "pdf.fonttype": 42,  # text stays text in the file
+    "svg.hashsalt": "contbranch",  # the same diagram gives the same file
+}
+
+
+def bifurcation_diagram(diagram: Diagram, x: str = "load", y: str = "contact_radius") -> Figure:
+    """Draw `y` against `x`: solid where stable under the diagram's control, dashed where not, folds and touch marked.
+
+    Parameters
+    ----------
+    diagram : Diagram
+    x, y : str
+        Two of ``load``, ``displacement``, ``contact_radius``, ``central_gap`` and ``energy``.
+
+    Raises
+    ------
+    InputError
+        For another observable.
+    """
+    with mpl.rc_context(_STYLE):
+        figure = _figure(2.7)
+        axes = figure.subplots()
+        _draw_curve(axes, diagram, x, y)
+        _finish(figure, [axes], diagram, [(x, y)])
+    return figure
+
+
+def overview(diagram: Diagram) -> Figure:
+    """Draw contact radius against load above load against displacement, as `bifurcation_diagram` draws one of them."""
+    panels = [("load", "contact_radius"), ("displacement", "load")]
+    with mpl.rc_context(_STYLE):
+        figure = _figure(4.9)
+        both = list(figure.subplots(2, 1))
+        for axes, (x, y), letter in zip(both, panels, "ab", strict=True):
+            _draw_curve(axes, diagram, x, y)
+            axes.set_title(f"({letter})", loc="left", fontsize=8.5, pad=4.0)
+        _finish(figure, both, diagram, panels)
+    return figure
+
+
+def profiles(state: State, unit_names: dict[str, str] | None = None) -> Figure:
+    """Draw gap and pressure of a state against the radius; `unit_names` as in ``contact.units.names``.
+
+    Raises
+    ------
+    InputError
+        If the state has no profile.
+    """
+    profile = state.profile
+    if profile is None:
+        raise InputError("state: it has no profile; take a state of a traced diagram or of solve")
+    names = unit_names or {}
+    shown = profile.r <= _interesting_radius(state)
+    r = profile.r[shown]
+    with mpl.rc_context(_STYLE):
+        figure = _figure(3.8)
+        above, below = figure.subplots(2, 1, sharex=True)
+        above.plot(r, profile.gap[shown], color=_STABLE)
+        below.plot(r, profile.pressure[shown], color=_STABLE, label="total")
+        below.plot(r, profile.wall_pressure[shown], color=_UNSTABLE, linestyle="--", label="wall")
+        below.axhline(0.0, color=_GREY, linewidth=0.5, zorder=0)
+        below.legend()
+        for axes in (above, below):
+            if state.contact_radius > 0.0:
+                axes.axvline(state.contact_radius, color=_GREY, linewidth=0.6, linestyle=":", zorder=0)
+            axes.margins(x=0.0)
+        if state.contact_radius > 0.0:
+            above.annotate(
+                "$a_c$", (state.contact_radius, 1.0), (3.0, -3.0), xycoords=above.get_xaxis_transform(),
+                textcoords="offset points", va="top", color=_GREY,
+            )  # fmt: skip
+        above.set_ylim(bottom=-0.04 * float(np.max(profile.gap[shown], initial=1e-300)))
+        above.set_ylabel(axis_label("gap", names, False))
+        below.set_ylabel(axis_label("pressure", names, False))
+        below.set_xlabel(axis_label("r", names, False))
+        figure.align_ylabels()
+    return figure
+
+
+def local_exponent(diagram: Diagram, events: Sequence[Event] | None = None) -> Figure:
+    """Draw the local exponents of events against the excess of the control, with lines at 1/2 and 1/3.
+
+    Parameters
+    ----------
+    diagram : Diagram
+    events : sequence of Event, optional
+        Folds and touches of the diagram; default: the named folds under its control.
+
+    Raises
+    ------
+    InputError
+        If there is no such event, or an event has no local exponent.
+    """
+    chosen = [e for e in diagram.folds(diagram.control) if e.name] if events is None else list(events)
+    if not chosen:
+        raise InputError(f"events: no fold under {diagram.control} control has a name; give events of the diagram")
+    names = diagram.unit_names
+    with mpl.rc_context(_STYLE):
+        figure = _figure(2.7)
+        axes = figure.subplots()
+        for level, text in ((1 / 2, "1/2"), (1 / 3, "1/3")):
+            axes.axhline(level, color=_GREY, linewidth=0.6, linestyle=":", zorder=0)
+            axes.annotate(
+                text, (1.0, level), (3.0, 0.0), xycoords=axes.get_yaxis_transform(), textcoords="offset points",
+                va="center", color=_GREY, fontsize=7.0, annotation_clip=False,
+            )  # fmt: skip
+        for event, color in zip(chosen, _SERIES * (1 + len(chosen) // len(_SERIES)), strict=False):
+            _draw_exponent(axes, diagram, event, color)
+        axes.set_xscale("log")
+        low, high = axes.get_ylim()
+        axes.set_ylim(max(min(low, 0.28), -0.2), min(max(high, 0.55), 1.2))
+        axes.margins(x=0.02)
+        symbol = r"\Delta d" if all(e.control == "displacement" for e in chosen) else r"\Delta F_N"
+        unit = names.get("displacement" if "d" in symbol[-1] else "load", "")
+        axes.set_xlabel(f"Excess over the event ${symbol}$" + (f" ({unit})" if unit else ""))
+        axes.set_ylabel(r"Local exponent $\kappa_\mathrm{local}$")
+        axes.legend()
+    return figure
+
+
+def check_suffix(path: str | Path, field: str = "path") -> None:
+    """Raise InputError unless `path` ends in a suffix that can be drawn."""
+    if Path(path).suffix.lower() not in SUFFIXES:
+        known = f"{', '.join(SUFFIXES[:-1])} or {SUFFIXES[-1]}"
+        raise InputError(f"{field}: '{path}' has no known suffix; must end in {known}")
+
+
+def save_figure(figure: Figure, path: str | Path) -> None:
+    """Write a figure as PNG, PDF or SVG, by the suffix of `path`.
+
+    Raises
+    ------
+    InputError
+        For another suffix, or if the file cannot be written.
+    """
+    check_suffix(path)
+    kind = Path(path).suffix.lower()[1:]
+    dates = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}.get(kind)
+    try:
+        with mpl.rc_context(_STYLE):
+            figure.savefig(path, dpi=300, metadata=dates, format=kind)
+    except OSError as error:
+        reason = error.strerror or error
+        raise InputError(f"path: '{path}' cannot be written ({reason}); give a writable file") from None
+
+
+def _figure(height: float) -> Figure:
+    """Return an empty figure, one column wide."""
+    figure = Figure(figsize=(_WIDTH, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def _interesting_radius(state: State) -> float:
+    """Return the radius up to which a profile is shown: where its pressure fades, beyond the contact at any rate."""
+    profile = state.profile
+    assert profile is not None
+    strength = np.abs(profile.pressure)
+    loud = np.flatnonzero(strength > 0.01 * np.max(strength, initial=0.0))
+    reach = 1.25 * float(profile.r[loud[-1]]) if loud.size else float(profile.r[-1])
+    return max(reach, 1.5 * state.contact_radius)
+
+
+# One curve
+
+
+def _draw_curve(axes: Axes, diagram: Diagram, x: str, y: str) -> None:
+    """Draw the branches with their stability, mark the events and set limits and axis labels."""
+    check_observables(x, y)
+    reduced = _has_natural_units(diagram)
+    axes.set_xlabel(axis_label(x, diagram.unit_names, reduced))
+    axes.set_ylabel(axis_label(y, diagram.unit_names, reduced))
+    for number, _ in enumerate(diagram.branches):
+        for piece in pieces(diagram, number, x, y):
+            _draw_piece(axes, piece)
+    for event in _marked(diagram):
+        _draw_marker(axes, diagram, event, x, y)
+    limits = view(diagram, x, y)
+    if limits is not None:
+        axes.set_xlim(*limits.x)
+        axes.set_ylim(*limits.y)
+    for name, line in ((x, axes.axvline), (y, axes.axhline)):
+        if name in ("load", "displacement"):
+            line(0.0, color=_GREY, linewidth=0.4, alpha=0.6, zorder=0)
+
+
+def _has_natural_units(diagram: Diagram) -> bool:
+    """Whether numbers are in the units R, E and |Δγ| of a parabola, which the axis labels then name."""
+    contact = diagram.contact
+    if diagram.unit_names or contact is None or contact.interaction is None or contact.tip.name != "parabola":
+        return False
+    scales = contact.scales
+    return bool(np.allclose([scales.in_plane, scales.normal, scales.modulus], 1.0, rtol=1e-12))
+
+
+def _draw_piece(axes: Axes, piece: Piece) -> None:
+    if piece.stable:
+        axes.plot(piece.x, piece.y, color=_STABLE, solid_capstyle="round", solid_joinstyle="round", zorder=3)
+    else:
+        axes.plot(piece.x, piece.y, color=_UNSTABLE, linestyle=(0, (3.2, 1.6)), dash_joinstyle="round", zorder=2)
+
+
+def _marked(diagram: Diagram) -> list[Event]:
+    """Return the events that get a marker: named folds, and touches."""
+    return [e for e in diagram.events if (e.kind == "fold" and e.name) or e.kind == "touch"]
+
+
+def _marker(diagram: Diagram, event: Event) -> dict[str, Any]:
+    """Return the style of an event's marker: full for folds under the diagram's control, empty for the other's."""
+    if event.kind == "touch":
+        return {"marker": "D", "markersize": 4.0, "markerfacecolor": _TOUCH, "markeredgecolor": "white"}
+    own = event.control == diagram.control
+    marker = {"load": "o", "displacement": "s"}.get(event.control or "", "^")
+    return {
+        "marker": marker,
+        "markersize": 4.8 if own else 4.2,
+        "markerfacecolor": "black" if own else "white",
+        "markeredgecolor": "white" if own else "black",
+    }
+
+
+def _draw_marker(axes: Axes, diagram: Diagram, event: Event, x: str, y: str) -> None:
+    if x == "energy" or y == "energy":
+        return  # events carry no energy
+    own = event.control == diagram.control  # drawn on top
+    level = 5.0 if event.kind == "touch" else 6.0 if own else 4.0
+    place = (getattr(event, x), getattr(event, y))
+    axes.plot(*place, linestyle="none", markeredgewidth=0.7, zorder=level, **_marker(diagram, event))
+
+
+def _finish(figure: Figure, panels: Sequence[Axes], diagram: Diagram, observables: Sequence[tuple[str, str]]) -> None:
+    """Add the legend above the panels, then, when the layout is final, labels where they hide nothing."""
+    figure.legend(
+        handles=_legend(diagram), loc="outside upper center", ncols=2, columnspacing=1.6, handletextpad=0.5,
+        borderpad=0.1, borderaxespad=0.2,
+    )  # fmt: skip
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")  # labels are placed in pixels: nothing may move any more
+    for axes, (x, y) in zip(panels, observables, strict=True):
+        if "energy" in (x, y):
+            continue
+        marked = _marked(diagram)
+        texts = [event.name or "touch" for event in marked]
+        points = np.array([[getattr(event, x), getattr(event, y)] for event in marked]).reshape(-1, 2)
+        emphasis = [event.kind == "touch" or event.control == diagram.control for event in marked]
+        place_labels(axes, points, texts, ["black" if own else _GREY for own in emphasis])
+
+
+def _legend(diagram: Diagram) -> list[Line2D]:
+    """Return a handle for each line style and marker that occurs."""
+    stable = {bool(np.any(b.unstable(diagram.control) == 0)) for b in diagram.branches}
+    unstable = {bool(np.any(b.unstable(diagram.control) > 0)) for b in diagram.branches}
+    handles = []
+    if True in stable:
+        handles.append(Line2D([], [], color=_STABLE, label=f"stable ({diagram.control} control)"))
+    if True in unstable:
+        handles.append(Line2D([], [], color=_UNSTABLE, linestyle=(0, (3.2, 1.6)), label="unstable"))
+    seen = set()
+    for event in sorted(_marked(diagram), key=lambda e: (e.kind != "touch", e.control != diagram.control)):
+        label = "first touch" if event.kind == "touch" else f"fold, {event.control} control"
+        if label not in seen:
+            seen.add(label)
+            handles.append(
+                Line2D([], [], linestyle="none", markeredgewidth=0.7, label=label, **_marker(diagram, event))
+            )
+    return handles
+
+
+def _draw_exponent(axes: Axes, diagram: Diagram, event: Event, color: str) -> None:
+    """Draw κ_local of one event with its error band and the crossover."""
+    found = diagram.local_exponent(event)
+    good = np.isfinite(found.kappa) & (found.excess > 0.0)
+    excess, kappa = found.excess[good], found.kappa[good]
+    error = np.nan_to_num(found.error[good], nan=0.0)
+    label = event.name or event.kind
+    if event.control:
+        label += f" ({event.control})"
+    axes.plot(excess, kappa, color=color, label=label)
+    axes.fill_between(excess, kappa - error, kappa + error, color=color, alpha=0.25, linewidth=0.0)
+    crossover = None if event.exponent is None else event.exponent.crossover_load
+    if crossover is not None and excess.size and excess[0] < crossover < excess[-1]:
+        at = float(np.interp(np.log(crossover), np.log(excess), kappa))
+        axes.plot(crossover, at, marker="|", markersize=9.0, color=color)
+        symbol = r"$\Delta d_\times$" if event.control == "displacement" else r"$\Delta F_\times$"
+        axes.annotate(symbol, (crossover, at), (2.0, 5.0), textcoords="offset points", color=color, fontsize=7.0)

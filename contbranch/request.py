@@ -1,0 +1,114 @@
+"""What the command line asks for, as a contact and settings of a trace; every wrong value is named with its option."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+from contbranch.contact import Contact
+from contbranch.errors import InputError
+from contbranch.units import positive_number
+
+__all__ = ["Request", "make_request"]
+
+_MODELS: Final = ("auto", "exact", "axisymmetric")
+
+
+@dataclass(frozen=True)
+class Request:
+    """A contact and the settings of a computation, in the contact's units."""
+
+    contact: Contact
+    control: str
+    accuracy: float
+    model: str
+    max_load: float | None
+
+    def quantity(self, text: str, dimension: str, option: str) -> float:
+        """Return the value of an option: a bare number in the contact's units, or a quantity of a physical contact."""
+        return self.contact.units.read(_bare(text), dimension, option)
+
+
+def make_request(
+    path: str | None,
+    law: str | None,
+    tabor: str | None,
+    repulsive: bool,
+    control: str | None,
+    accuracy: str | None,
+    model: str | None,
+    cell: str | None,
+    grid: str | None,
+) -> Request:
+    """Return the request of the options shared by all commands; None: not given, taken from the file or its default.
+
+    Raises
+    ------
+    InputError
+        If neither or both of a contact file and a law are given, or any value is wrong.
+    """
+    contact, settings = _contact(path, law, tabor, repulsive)
+    for option, value in (("--cell", cell), ("--grid", grid)):
+        if value is not None:
+            raise InputError(f"{option}: the models {' and '.join(_MODELS[1:])} have none; leave it out")
+    given = {"control": control, "accuracy": None if accuracy is None else _bare(accuracy), "model": model}
+    chosen = settings | {name: value for name, value in given.items() if value is not None}
+    return Request(
+        contact=contact,
+        control=_control(chosen.get("control", "load")),
+        accuracy=positive_number(_number(chosen.get("accuracy", 1e-6), "--accuracy"), "--accuracy"),
+        model=_choice(chosen.get("model", "auto"), _MODELS, "--model"),
+        max_load=settings.get("max_load"),
+    )
+
+
+def _contact(path: str | None, law: str | None, tabor: str | None, repulsive: bool) -> tuple[Contact, dict[str, Any]]:
+    """Return the contact, and the settings of its file."""
+    if path is not None:
+        for option, given in (("--interaction", law), ("--tabor", tabor), ("--repulsive", repulsive or None)):
+            if given is not None:
+                raise InputError(f"CONTACT, {option}: give a contact file or --interaction and --tabor, not both")
+        from contbranch.contact_file import read_contact
+
+        contact, settings = read_contact(path)
+        return contact, dict(settings)
+    if law is None:
+        raise InputError("CONTACT: missing; give a contact file, or --interaction NAME --tabor X")
+    if tabor is None:
+        raise InputError("--tabor: missing; give the Tabor coefficient of the interaction, a number above zero")
+    value = positive_number(_number(_bare(tabor), "--tabor"), "--tabor")
+    try:
+        return Contact.reduced(law, tabor=value, sign=-1 if repulsive else 1), {}
+    except InputError as error:
+        if str(error).startswith("interaction:"):
+            raise InputError(f"--{error}") from None
+        raise InputError(f"--interaction: {law} has more parameters ({error}); describe it in a contact file") from None
+
+
+def _bare(text: str) -> float | str:
+    """Return a text that is only a number as a float, and any other as it is."""
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+def _number(value: object, option: str) -> object:
+    if isinstance(value, str):
+        raise InputError(f"{option}: {value!r}; must be a number")
+    return value
+
+
+def _control(value: str | float) -> str:
+    """Return "load" or "displacement"; a number is the stiffness of a spring, from a contact file."""
+    if isinstance(value, float) or value.partition(":")[0] == "spring":
+        raise InputError("--control: a spring is not available in this version; choose load or displacement")
+    if value not in ("load", "displacement"):
+        raise InputError(f"--control: {value!r}; must be load or displacement")
+    return value
+
+
+def _choice(value: object, known: tuple[str, ...], option: str) -> str:
+    if value not in known:
+        raise InputError(f"{option}: {value!r} is not available; choose {', '.join(known[:-1])} or {known[-1]}")
+    return str(value)

@@ -1,0 +1,183 @@
+"""Plots: what is drawn where, and that nothing hides anything else."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import replace
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.text import Annotation, Text
+
+from contbranch import plot
+from contbranch.diagram import Branch, Diagram
+from contbranch.errors import InputError
+from contbranch.plot_view import pieces, view
+from contbranch.theory import maugis
+
+
+def annotations(axes: Axes) -> list[Annotation]:
+    return [child for child in axes.get_children() if isinstance(child, Annotation)]
+
+
+def test_pieces_meet_at_the_folds_of_the_control(repulsion: Diagram) -> None:
+    load_folds = [(e.load, e.contact_radius) for e in repulsion.folds("load")]
+    parts = pieces(repulsion, 0, "load", "contact_radius")
+    assert [part.stable for part in parts] == [True, False, True]
+    for left, right, fold in zip(parts[:-1], parts[1:], load_folds, strict=True):
+        assert (left.x[-1], left.y[-1]) == (right.x[0], right.y[0]) == fold
+    other = pieces(replace(repulsion, control="displacement"), 0, "displacement", "load")
+    folds = [(e.displacement, e.load) for e in repulsion.folds("displacement")]
+    assert [part.stable for part in other] == [True, False, True]
+    assert [(part.x[-1], part.y[-1]) for part in other[:-1]] == folds
+
+
+def test_two_folds_between_two_points_show_the_unstable_part(repulsion: Diagram) -> None:
+    branch = repulsion.branches[0]
+    far = [0, 60, 180, 240]  # both load folds, the touch and both displacement folds lie between 60 and 180
+    columns = {n: getattr(branch, n)[far] for n in branch.__dataclass_fields__ if n != "profiles"}
+    events = tuple(replace(e, position=1.0 + (e.position - 60.0) / 120.0) for e in repulsion.events)
+    coarse = replace(repulsion, branches=(replace(branch, **columns),), events=events)
+    parts = pieces(coarse, 0, "load", "contact_radius")
+    assert [part.stable for part in parts] == [True, False, True]
+    assert parts[1].x[[0, -1]].tolist() == [e.load for e in repulsion.folds("load")]
+
+
+def test_curve_is_solid_where_stable_and_dashed_where_not(repulsion: Diagram) -> None:
+    axes = repulsion.plot().axes[0]
+    curves = [line for line in axes.get_lines() if len(line.get_xdata()) > 2]
+    assert [line.get_linestyle() for line in curves] == ["-", "--", "-"]
+    assert len({line.get_color() for line in curves}) == 2
+
+
+def test_events_are_marked_and_labelled(attraction: Diagram) -> None:
+    axes = attraction.plot("displacement", "load").axes[0]
+    marked = {tuple(line.get_xydata()[0]) for line in axes.get_lines() if line.get_marker() != "None"}
+    assert marked == {(e.displacement, e.load) for e in attraction.events}
+    assert sorted(a.get_text() for a in annotations(axes)) == ["jump-in", "pull-off", "pull-off", "touch"]
+
+
+@pytest.mark.parametrize("name", ["attraction", "repulsion"])
+@pytest.mark.parametrize("control", ["load", "displacement"])
+def test_labels_overlap_neither_each_other_nor_markers_nor_the_frame(
+    name: str, control: str, request: pytest.FixtureRequest
+) -> None:
+    figure = plot.overview(replace(request.getfixturevalue(name), control=control))
+    renderer = figure.canvas.get_renderer()
+    for axes in figure.axes:
+        frame = axes.get_window_extent(renderer)
+        for annotation in annotations(axes):
+            annotation.update_positions(renderer)
+        texts = [Text.get_window_extent(a, renderer) for a in annotations(axes)]  # without the lines to the points
+        assert len(texts) == len(request.getfixturevalue(name).events)
+        for one, other in combinations(texts, 2):
+            assert not one.overlaps(other)
+        markers = [line for line in axes.get_lines() if line.get_marker() != "None"]
+        points = axes.transData.transform([line.get_xydata()[0] for line in markers])
+        for text in texts:
+            assert frame.x0 <= text.x0 < text.x1 <= frame.x1
+            assert frame.y0 <= text.y0 < text.y1 <= frame.y1
+            assert not any(text.contains(*point) for point in points)
+
+
+def test_limits_frame_the_events_of_a_trace_that_starts_far_and_ends_far(attraction: Diagram) -> None:
+    branch = attraction.branches[0]
+    columns = {n: getattr(branch, n) for n in branch.__dataclass_fields__ if n != "profiles"}
+    ends = {"load": (0.0, 1e6), "displacement": (-1e5, 1e4), "contact_radius": (0.0, 1e4), "central_gap": (1e5, 0.0)}
+    for column, values in columns.items():
+        first, last = ends.get(column, (values[0], values[-1]))
+        columns[column] = np.concatenate([[first], values, [last]]).astype(values.dtype)
+    events = tuple(replace(event, position=event.position + 1.0) for event in attraction.events)
+    limits = view(replace(attraction, branches=(Branch(**columns),), events=events), "displacement", "load")
+    assert limits is not None
+    width = max(e.displacement for e in events) - min(e.displacement for e in events)
+    assert limits.x[1] - limits.x[0] < 10.0 * width
+    for event in attraction.events:
+        assert limits.x[0] < event.displacement < limits.x[1]
+        assert limits.y[0] < event.load < limits.y[1]
+    fold = maugis.load_fold(radius=1000.0, modulus=5.0, work_of_adhesion=0.04, interaction_range=1.0)
+    assert limits.y[1] > 0.5 * abs(float(fold.load))  # contact under compression is seen as well
+
+
+def test_a_curve_without_events_is_seen_as_a_whole(repulsion: Diagram) -> None:
+    plain = replace(repulsion, events=())
+    assert view(plain, "load", "contact_radius") is None
+    axes = plain.plot().axes[0]
+    low, high = axes.get_xlim()
+    assert low <= plain.branches[0].load.min()
+    assert high >= plain.branches[0].load.max()
+
+
+def test_a_broken_end_does_not_spoil_the_plot(broken: Diagram) -> None:
+    axes = broken.plot().axes[0]
+    assert np.all(np.isfinite([*axes.get_xlim(), *axes.get_ylim()]))
+    assert all(np.all(np.isfinite(line.get_xydata())) for line in axes.get_lines())
+
+
+def test_axis_labels_name_units(attraction: Diagram, repulsion: Diagram, broken: Diagram) -> None:
+    axes = attraction.plot().axes[0]
+    assert axes.get_xlabel() == "Load $F_N$ (nN)"
+    assert axes.get_ylabel() == "Contact radius $a_c$ (nm)"
+    assert repulsion.plot().axes[0].get_xlabel() == r"$F_N\,/\,(R\,|\Delta\gamma|)$"
+    assert broken.plot().axes[0].get_xlabel() == "Load $F_N$ (nN)"
+    assert repulsion.plot("load", "energy").axes[0].get_ylabel().startswith("$V")
+
+
+def test_unknown_observable(repulsion: Diagram) -> None:
+    with pytest.raises(InputError, match="y: 'force'; must be one of load, displacement"):
+        repulsion.plot("load", "force")
+
+
+def test_profiles_show_contact_and_interaction_zone(attraction: Diagram) -> None:
+    state = attraction.branches[0].state(100)
+    figure = plot.profiles(state, attraction.unit_names)
+    gap, pressure = figure.axes
+    assert gap.get_ylabel() == "Gap $g$ (nm)"
+    assert pressure.get_ylabel() == "Pressure $p$ (nN/nm²)"
+    total, wall = pressure.get_lines()[:2]
+    assert total.get_ydata()[0] == pytest.approx(wall.get_ydata()[0] - 0.04)  # σ = Δγ/z0 pulls
+    assert state.contact_radius < gap.get_xlim()[1] <= state.profile.r[-1]
+    with pytest.raises(InputError, match="no profile"):
+        plot.profiles(replace(state, profile=None))
+
+
+def test_local_exponents_have_their_reference_lines(attraction: Diagram) -> None:
+    axes = plot.local_exponent(attraction).axes[0]
+    levels = [line.get_ydata()[0] for line in axes.get_lines() if len(set(line.get_ydata())) == 1][:2]
+    assert levels == [1 / 2, 1 / 3]
+    assert axes.get_xscale() == "log"
+    assert axes.get_xlabel() == r"Excess over the event $\Delta F_N$ (nN)"
+    assert [text.get_text() for text in axes.get_legend().get_texts()] == ["pull-off (load)"]
+    other = plot.local_exponent(attraction, list(attraction.folds("displacement"))).axes[0]
+    assert other.get_xlabel() == r"Excess over the event $\Delta d$ (nm)"
+    with pytest.raises(InputError, match="no fold under load control"):
+        plot.local_exponent(replace(attraction, events=()))
+
+
+FILES = [(".png", b"\x89PNG"), (".pdf", b"%PDF"), (".svg", b"<?xml"), (".PNG", b"\x89PNG")]
+
+
+@pytest.mark.parametrize(("suffix", "magic"), FILES)
+def test_figures_are_written_by_suffix(repulsion: Diagram, tmp_path: Path, suffix: str, magic: bytes) -> None:
+    path = tmp_path / f"x{suffix}"
+    plot.save_figure(repulsion.plot(), path)
+    content = path.read_bytes()
+    assert content.startswith(magic)
+    plot.save_figure(repulsion.plot(), path)
+    assert path.read_bytes() == content  # the same diagram gives the same file
+
+
+def test_figures_that_cannot_be_written(repulsion: Diagram, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"must end in \.pdf, \.png or \.svg"):
+        plot.save_figure(repulsion.plot(), tmp_path / "x.gif")
+    with pytest.raises(InputError, match="cannot be written"):
+        plot.save_figure(repulsion.plot(), tmp_path / "no folder" / "x.png")
+
+
+def test_no_pyplot() -> None:
+    code = "import sys, contbranch.plot; sys.exit('matplotlib.pyplot' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -1,0 +1,173 @@
+"""HDF5 files: an exact round trip, a layout others can read, and one-line errors."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from contbranch.diagram import Cost, Diagram, LocalExponent, ModelChoice, Solution
+from contbranch.errors import InputError, ModelError
+from contbranch.store import load, save, save_solution
+
+COLUMNS = ("load", "displacement", "contact_radius", "central_gap", "energy", "load_error", "displacement_error")
+INDICES = ("unstable_load", "unstable_displacement")
+
+
+def assert_same(found: Diagram, wanted: Diagram) -> None:
+    """Every number and text of two diagrams agrees exactly."""
+    plain = ("contact", "thresholds", "model", "cost", "control", "accuracy", "status", "message", "unit_names")
+    for name in ("events", *plain):
+        assert getattr(found, name) == getattr(wanted, name), name
+    for mine, other in zip(found.branches, wanted.branches, strict=True):
+        for name in (*COLUMNS, *INDICES):
+            np.testing.assert_array_equal(getattr(mine, name), getattr(other, name), err_msg=name, strict=True)
+        assert len(mine.profiles) == len(other.profiles)
+
+
+def test_round_trip_is_exact(attraction: Diagram, tmp_path: Path) -> None:
+    path = tmp_path / "attraction.h5"
+    attraction.save(path)
+    found = load(path)
+    assert_same(found, attraction)
+    for i in (0, 45, 158):
+        mine, other = found.branches[0].state(i).profile, attraction.branches[0].state(i).profile
+        assert mine is not None
+        assert other is not None
+        for name in ("r", "gap", "pressure", "wall_pressure"):
+            np.testing.assert_array_equal(getattr(mine, name), getattr(other, name), strict=True)
+    assert [p.name for p in tmp_path.iterdir()] == ["attraction.h5"]
+
+
+def test_round_trip_without_profiles_and_exponents(repulsion: Diagram, tmp_path: Path) -> None:
+    save(repulsion, tmp_path / "x.h5")
+    found = load(tmp_path / "x.h5")
+    assert_same(found, repulsion)
+    assert found.branches[0].state(3).profile is None
+    with pytest.raises(InputError, match="no local exponent"):
+        found.local_exponent(found.events[1])
+
+
+def test_local_exponents_of_folds_and_touches_survive(attraction: Diagram, tmp_path: Path) -> None:
+    def source(event):
+        if event.name == "jump-in":
+            raise ModelError("the curve ends too close to the event")
+        excess = np.array([1.0, 2.0, 4.0]) * (1.0 + event.position)
+        return LocalExponent(excess, excess**0.5, 0.5 + 0.0 * excess, 0.01 * excess)
+
+    traced = replace(attraction, local_exponents=source)
+    save(traced, tmp_path / "x.h5")
+    found = load(tmp_path / "x.h5")
+    for event in found.events:
+        if event.name == "jump-in":
+            continue
+        for name in ("excess", "order_parameter", "kappa", "error"):
+            mine, other = getattr(found.local_exponent(event), name), getattr(source(event), name)
+            np.testing.assert_array_equal(mine, other)
+    jump_in = next(event for event in found.events if event.name == "jump-in")
+    with pytest.raises(InputError, match="no local exponent"):
+        found.local_exponent(jump_in)
+
+
+def test_profiles_that_are_computed_on_demand_are_stored(attraction: Diagram, tmp_path: Path) -> None:
+    branch = attraction.branches[0]
+    lazy = replace(branch, profiles=[lambda p=profile: p for profile in branch.profiles])
+    save(replace(attraction, branches=(lazy,)), tmp_path / "x.h5")
+    stored = load(tmp_path / "x.h5").branches[0].state(7).profile
+    assert stored is not None
+    np.testing.assert_array_equal(stored.gap, branch.profiles[7].gap)
+
+
+def test_contact_of_an_unknown_law_is_none_but_described(broken: Diagram, tmp_path: Path) -> None:
+    save(broken, tmp_path / "x.h5")
+    found = load(tmp_path / "x.h5")
+    assert found.contact is None
+    assert found.description == broken.description
+    assert (found.status, found.message) == ("incomplete", broken.message)
+    np.testing.assert_array_equal(found.branches[0].load, broken.branches[0].load)
+    save(found, tmp_path / "y.h5")
+    assert load(tmp_path / "y.h5").unit_names == broken.unit_names
+
+
+def test_layout_is_the_documented_one(attraction: Diagram, tmp_path: Path) -> None:
+    save(attraction, tmp_path / "x.h5")
+    with h5py.File(tmp_path / "x.h5") as file:
+        head = [file.attrs[name] for name in ("format", "version", "units")]
+        assert head == ["contbranch-diagram", 1, "physical"]
+        assert file["branches/0/load"].attrs["unit"] == "nN"
+        assert file["branches/0/profiles/pressure"].attrs["unit"] == "nN/nm²"
+        start, stop = file["branches/0/profiles/offsets"][90:92]
+        gap = file["branches/0/profiles/gap"][start:stop]
+        np.testing.assert_array_equal(gap, attraction.branches[0].profiles[90].gap)
+        assert list(file["events/kind"].asstr()) == [event.kind for event in attraction.events]
+        written = {name.rsplit("/", 1)[-1] for name in [*file["events"], *file["branches/0"], *file]}
+    documented = (Path(__file__).parent.parent / "docs" / "file-layout.md").read_text(encoding="utf-8")
+    assert [name for name in written if f"`{name}" not in documented] == []
+
+
+def test_solution_is_saved_with_its_profile(attraction: Diagram, tmp_path: Path) -> None:
+    state = attraction.branches[0].state(100)
+    fields = {name: getattr(state, name) for name in state.__dataclass_fields__}
+    model, cost = ModelChoice("exact", "closed form", 1), Cost(0.01, 4)
+    other = attraction.branches[0].state(50)
+    solution = Solution(**fields, model=model, cost=cost, states=(state, other), contact=attraction.contact)
+    save_solution(solution, tmp_path / "x.h5", every=True)
+    found = load(tmp_path / "x.h5")
+    assert [branch.state(0).load for branch in found.branches] == [state.load, other.load]
+    profile = found.branches[0].state(0).profile
+    assert profile is not None
+    np.testing.assert_array_equal(profile.gap, state.profile.gap)
+    assert found.contact == attraction.contact
+
+
+def changed(path: Path, change) -> None:
+    with h5py.File(path, "a") as file:
+        change(file)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda file: file.attrs.modify("format", "contbranch-solution"), "holds contbranch-solution"),
+        (lambda file: file.attrs.modify("version", 2), "has version 2"),
+        (lambda file: file.attrs.__delitem__("format"), "holds something else"),
+        (lambda file: file.__delitem__("events"), "is damaged"),
+        (lambda file: file["branches/0"].__delitem__("energy"), "is damaged"),
+        (lambda file: file["contact"].write_direct(np.array("{", dtype=h5py.string_dtype())), "is damaged"),
+    ],
+)
+def test_wrong_files_are_refused_in_one_line(repulsion: Diagram, tmp_path: Path, change, words: str) -> None:
+    path = tmp_path / "x.h5"
+    save(repulsion, path)
+    changed(path, change)
+    with pytest.raises(InputError, match=words) as caught:
+        load(path)
+    assert "\n" not in str(caught.value)
+    assert str(path) in str(caught.value)
+
+
+def test_no_file_and_no_hdf5(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="is not a file"):
+        load(tmp_path / "missing.h5")
+    (tmp_path / "text.h5").write_text("load 1 2 3")
+    with pytest.raises(InputError, match="not an HDF5 file"):
+        load(tmp_path / "text.h5")
+
+
+def test_a_failed_write_keeps_the_old_file(attraction: Diagram, tmp_path: Path) -> None:
+    path = tmp_path / "x.h5"
+    path.write_text("old")
+
+    def fails():
+        raise OSError("disk full")
+
+    branch = replace(attraction.branches[0], profiles=[fails])
+    with pytest.raises(InputError, match="cannot be written"):
+        save(replace(attraction, branches=(branch,)), path)
+    assert path.read_text() == "old"
+    assert [p.name for p in tmp_path.iterdir()] == ["x.h5"]
+    with pytest.raises(InputError, match="cannot be written"):
+        save(attraction, tmp_path / "no folder" / "x.h5")
