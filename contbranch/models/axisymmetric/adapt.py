@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 GRADING = 0.25
 # Neighbouring panels differ in their outer ends by no more than this factor.
 GROWTH = 4.5
+# The mesh is shortened when this part of it would do.
+SHORTEN = 0.6
 # Panels are merged when the joint panel's error stays below this part of what is allowed, so that it is not split again soon.
 MERGE = 0.1
 
@@ -94,18 +96,23 @@ def panel_errors(equations: Equations, fields: Fields, edges: Array | None = Non
 
 
 def needed_reach(equations: Equations, fields: Fields, tolerance: float) -> float:
-    """Smallest outer end of the mesh beyond which the interaction carries less than `tolerance` of load."""
-    nodes = equations.mesh.nodes
+    """Smallest outer end of the mesh beyond which what is left out of the interaction amounts to less load than `tolerance`.
+
+    The load beyond the mesh is taken into account with the undeformed tip's gap. What is left out is its change by the
+    tip's deformation, and the displacement that the pressure out there causes inside.
+    """
+    mesh = equations.mesh
     if equations.interaction is None:
-        return float(nodes[-1])
-    carried = np.abs(equations.outside(fields, np.arange(len(nodes)))[0])
-    beyond = np.flatnonzero(~(carried <= tolerance))
+        return float(mesh.edges[-1])
+    length = abs(equations.displacement(fields)) + equations.interaction.range
+    carried = np.abs(equations.outside(fields, np.arange(mesh.size))[0]) * np.minimum(1.0, length / np.abs(fields.gap))
+    response = 2 * (fields.rim.radius + np.sqrt(2 * length))
+    left_out = carried + response * mesh.nodes * np.abs(fields.pressure)
+    beyond = np.flatnonzero(~(left_out <= tolerance))
     if len(beyond) == 0:
-        return float(equations.mesh.edges[1])
+        return float(mesh.edges[1])
     last = int(beyond[-1])
-    if last + 1 < len(nodes):
-        return float(nodes[last + 1])
-    return 1.5 * float(equations.mesh.edges[-1])
+    return float(mesh.nodes[last + 1]) if last + 1 < mesh.size else 1.5 * float(mesh.edges[-1])
 
 
 def start_edges(width: float, reach: float) -> Array:
@@ -127,7 +134,7 @@ def adapted_edges(equations: Equations, fields: Fields, tolerance: float, reach:
     share = tolerance / 6
     edges = equations.mesh.edges
     errors = panel_errors(equations, fields)
-    if reach < edges[-1]:
+    if reach < SHORTEN * edges[-1]:
         keep = max(1, int(np.searchsorted(edges, reach)))
         edges, errors = edges[: keep + 1], errors[:keep]
     bad = errors > share

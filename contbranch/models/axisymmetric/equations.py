@@ -103,7 +103,7 @@ class Equations:
         self._rim: Rim | None = None
         self._fields: Fields | None = None
         self._response: tuple[Fields, Array] | None = None
-        self._slope: tuple[Fields, Array] | None = None
+        self._slope: tuple[Fields, Array, Array] | None = None
 
     def on(self, mesh: Mesh) -> Equations:
         """The same contact on another mesh."""
@@ -157,20 +157,20 @@ class Equations:
         matrix.flat[:: self.mesh.size + 1] += 1.0
         return matrix
 
-    def gap_slope(self, fields: Fields) -> Array:
-        """dgap/dy at fixed h, (N,)."""
+    def slopes(self, fields: Fields) -> tuple[Array, Array]:
+        """dgap/dy and dR/dy at fixed h, (N,) each."""
+        if self._slope is None or self._slope[0] is not fields:
+            gap_slope = self._gap_slope(fields)
+            self._slope = (fields, gap_slope, self.mesh.abel @ (fields.stiffness * gap_slope))
+        return self._slope[1:]
+
+    def _gap_slope(self, fields: Fields) -> Array:
         if not self.contact:
             return np.full(self.mesh.size, -1.0)
         da, dc, _ = self.coordinate.slopes(fields.y)
         radius = max(fields.rim.radius, 1e-12)
         _, shape_slope = self.tip.shape_gap(self.mesh.nodes, radius)
         return fields.rim.plane_slope(fields.h - fields.rim_value) * dc + shape_slope * da
-
-    def slope(self, fields: Fields) -> Array:
-        """dR/dy at fixed h, (N,)."""
-        if self._slope is None or self._slope[0] is not fields:
-            self._slope = (fields, self.mesh.abel @ (fields.stiffness * self.gap_slope(fields)))
-        return self._slope[1]
 
     # -- observables --------------------------------------------------------------------------------------------------
     def displacement(self, fields: Fields) -> float:
@@ -180,10 +180,10 @@ class Equations:
         return fields.rim_value + float(self.tip.transform(np.float64(fields.rim.radius)))
 
     def load(self, fields: Fields) -> float:
-        """Load F = 2 ∫_0^∞ h dt (E = 1), with h = d − zeta inside the contact."""
+        """Load F = 2 ∫_0^∞ h dt (E = 1), with h = d − zeta inside the contact, and the interaction's beyond the mesh."""
         a = fields.rim.radius
         inside = self.displacement(fields) * a - float(self.tip.transform_integral(np.float64(a))) if a > 0 else 0.0
-        return 2 * (inside + float(fields.rim.weights @ fields.h))
+        return 2 * (inside + float(fields.rim.weights @ fields.h)) + float(self.outside(fields)[0])
 
     def energy(self, fields: Fields) -> float:
         """V_ela + V_fr, with the contact's own −work pi a² and the law's tail beyond the mesh."""
@@ -206,11 +206,15 @@ class Equations:
         """Load and energy of the interaction beyond nodes, where the gap is the tip's own: ∫ p r dr = ∫ p (r/z') dg."""
         if self.interaction is None:
             return np.zeros(np.shape(nodes)), np.zeros(np.shape(nodes))
-        r = np.hypot(self.mesh.nodes[nodes], fields.rim.radius)
         gap = fields.gap[nodes]
-        with np.errstate(invalid="ignore", divide="ignore"):
-            ring = np.nan_to_num(2 * np.pi * r / self.tip.height_derivative(r))
+        ring = self._ring(fields, nodes)
         return ring * self.interaction.evaluate(gap).energy, ring * self.interaction.tail_energy(gap)
+
+    def _ring(self, fields: Fields, nodes: NDArray[np.intp] | int) -> Array:
+        """2π r/z'(r) at nodes; 0 where the tip has ended."""
+        r = np.hypot(self.mesh.nodes[nodes], fields.rim.radius)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return np.nan_to_num(2 * np.pi * r / self.tip.height_derivative(r))
 
     def displacement_rate(self, fields: Fields, h_rate: Array, y_rate: float) -> float:
         """Directional derivative of d along (h_rate, y_rate)."""
@@ -224,7 +228,9 @@ class Equations:
         if self.contact:
             rate += 2 * a * self.displacement_rate(fields, h_rate, y_rate)
             rate += 2 * fields.rim.weights_slope(fields.h) * self.coordinate.slopes(fields.y)[1] * y_rate
-        return rate
+        # The gap at the mesh's end moves what lies beyond: d(ring v) = −ring p dgap.
+        gap_rate = float(fields.rim.plane[-1] @ (h_rate - self.rim_row @ h_rate)) + self.slopes(fields)[0][-1] * y_rate
+        return rate - self._ring(fields, -1) * float(fields.pressure[-1]) * gap_rate
 
     # -- pressures inside the contact, admissibility ------------------------------------------------------------------
     def inner_pressure(self, fields: Fields, r: Array) -> Array:

@@ -23,7 +23,7 @@ NEAR = 1.0
 # How `Mesh.finer` is refined; with these, errors of the coarser mesh are measured to about a tenth of themselves.
 FINER_GRADING = 0.25
 FINER_ORDER = 6
-FINER_REACH = 1.3
+FINER_REACH = 2.0
 
 
 @dataclass(frozen=True)

@@ -70,6 +70,10 @@ class ContactProblem(Problem):
         self._error: tuple[Fields, DefectError] | None = None
         resolution.unknowns = max(resolution.unknowns, mesh.size)
 
+    def in_contact(self) -> ContactProblem:
+        """The same problem on the other side of first touch, with a contact disc."""
+        return ContactProblem(self.equations.touching(True), self.scale, self.resolution, self.sharpness)
+
     # -- the equations ------------------------------------------------------------------------------------------------
     def coordinate(self, u: float) -> float:
         """Contact coordinate y of the parameter."""
@@ -94,7 +98,7 @@ class ContactProblem(Problem):
 
     def parameter_derivative(self, x: Array, p: float) -> Array:
         """dR/du, (N,)."""
-        return self.equations.slope(self.fields(x, p)) * (self.scale * math.cosh(p))
+        return self.equations.slopes(self.fields(x, p))[1] * (self.scale * math.cosh(p))
 
     def linearise(self, x: Array, p: float) -> Linearisation:
         """Residual and derivatives from one evaluation of the fields."""
@@ -102,7 +106,7 @@ class ContactProblem(Problem):
         fields = self.fields(x, p)
         if not fields.finite:
             return Linearisation(fields.residual, np.empty((0, 0)), fields.residual)
-        slope = self.equations.slope(fields) * (self.scale * math.cosh(p))
+        slope = self.equations.slopes(fields)[1] * (self.scale * math.cosh(p))
         return Linearisation(fields.residual, self.equations.jacobian(fields), slope)
 
     def inner(self, u: Array, v: Array) -> float:
@@ -121,6 +125,9 @@ class ContactProblem(Problem):
         return {
             "load": self.equations.load(fields),
             "displacement": self.equations.displacement(fields),
+            "contact_radius": fields.rim.radius,
+            "central_gap": 0.0 if self.equations.contact else max(0.0, -fields.y),
+            "energy": self.equations.energy(fields),
             "load_error": error.load,
             "displacement_error": error.displacement,
         }
@@ -147,7 +154,7 @@ class ContactProblem(Problem):
         resolution = self.resolution
         scale = max(1.0, abs(self.equations.load(fields)))
         allowed = resolution.tolerance * scale
-        error = self._relative_error(fields)
+        error = self.relative_error(fields)
         reach = needed_reach(self.equations, fields, 0.1 * allowed)
         mesh = self.equations.mesh
         if error <= resolution.tolerance and reach <= mesh.edges[-1]:
@@ -161,7 +168,7 @@ class ContactProblem(Problem):
         for _ in range(ROUNDS):
             problem, start = problem.remeshed(start, p)
             fields = problem.fields(start, p)
-            if problem._relative_error(fields) <= resolution.tolerance:
+            if problem.relative_error(fields) <= resolution.tolerance:
                 break
         if problem is self:
             return None
@@ -178,9 +185,10 @@ class ContactProblem(Problem):
         sharpness = self.sharpness
         if reach > end:
             # The solution is not known out there: lengthen first, judge the panels in the next round.
-            edges = np.append(self.equations.mesh.edges, reach)
+            count = int(np.ceil(np.log2(reach / end)))
+            edges = np.append(self.equations.mesh.edges, end * (reach / end) ** (np.arange(1, count + 1) / count))
         else:
-            error = self._relative_error(fields)
+            error = self.relative_error(fields)
             guide = float(panel_errors(self.equations, fields).sum()) / max(1.0, abs(self.equations.load(fields)))
             if error > tolerance:
                 sharpness = min(max(sharpness, 2 * error / max(guide, 1e-16)), 1e6)
@@ -214,7 +222,8 @@ class ContactProblem(Problem):
                 return best
         return best
 
-    def _relative_error(self, fields: Fields) -> float:
+    def relative_error(self, fields: Fields) -> float:
+        """Discretisation error of a solution relative to max(1, |value|): the larger of load's and displacement's."""
         return self.error(fields).relative(self.equations.load(fields), self.equations.displacement(fields))
 
 
@@ -240,14 +249,18 @@ class LoadReached(Event):
     name = "end"
     terminal = True
 
-    def __init__(self, target: float) -> None:
+    def __init__(self, target: float, displacement: float | None = None) -> None:
         self.target = target
+        self.displacement = displacement
 
     def value(self, point: Point) -> float:
-        """Load minus target."""
+        """Load minus target (or displacement minus target)."""
         problem = point.problem
         assert isinstance(problem, ContactProblem)
-        return problem.equations.load(problem.fields(point.x, point.parameter)) - self.target
+        fields = problem.fields(point.x, point.parameter)
+        if self.displacement is not None:
+            return problem.equations.displacement(fields) - self.displacement
+        return problem.equations.load(fields) - self.target
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,94 @@
+"""Names of folds and the thresholds they define."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from contbranch.diagram import Event
+from contbranch.interactions import Interaction, Layered
+
+__all__ = ["fold_name", "number_layers", "thresholds"]
+
+
+def fold_name(interaction: Interaction | None, load: float, lost_on_increase: bool) -> str:
+    """Name of a fold at which a stable part ends.
+
+    Attraction: ``jump-in`` when stability is lost on approach, ``pull-off`` on retraction; repulsion: ``squeeze-out`` when it
+    is lost on increasing the control, ``wetting`` on decreasing it. Where both signs occur, the sign of the load decides.
+
+    Parameters
+    ----------
+    lost_on_increase : bool
+        Whether the stable part lies at smaller values of the control.
+    """
+    works = [term.work_of_adhesion for term in interaction.terms] if interaction is not None else []
+    mixed = min(works, default=0.0) < 0 < max(works, default=0.0) or any(
+        isinstance(term, Layered) for term in (interaction.terms if interaction is not None else ())
+    )
+    attracts = load < 0 if mixed else max(works, default=0.0) > 0
+    if attracts:
+        return "jump-in" if lost_on_increase else "pull-off"
+    return "squeeze-out" if lost_on_increase else "wetting"
+
+
+def number_layers(events: Sequence[Event], interaction: Interaction | None) -> list[Event]:
+    """Names of a cascade of layers numbered from the wall: ``squeeze-out-1``, …; other events as they are."""
+    terms = interaction.terms if interaction is not None else ()
+    if not any(isinstance(term, Layered) for term in terms):
+        return list(events)
+    numbered = list(events)
+    groups: dict[tuple[str | None, str], list[int]] = {}
+    for k, event in enumerate(events):
+        if event.name is not None:
+            groups.setdefault((event.control, event.name), []).append(k)
+    for (_, name), members in groups.items():
+        if len(members) > 1:  # the curve comes from far away, so the last one is closest to the wall
+            for number, k in enumerate(reversed(members), start=1):
+                numbered[k] = replace(events[k], name=f"{name}-{number}")
+    return numbered
+
+
+def thresholds(events: Sequence[Event], repulsive: bool) -> dict[str, float]:
+    """Named loads, displacements and radii of a diagram's events; no key for what does not exist.
+
+    Of several folds with one name the outermost counts: the lowest for pull-off and wetting, the highest for the others. A
+    repulsion without folds squeezes out continuously, at first touch.
+    """
+    found: dict[str, float] = {}
+    for control in ("load", "displacement"):
+        for name in ("pull-off", "jump-in", "squeeze-out", "wetting"):
+            named = [e for e in events if e.kind == "fold" and e.control == control and _base(e.name) == name]
+            if not named:
+                continue
+            lowest = name in ("pull-off", "wetting")
+            outermost = (min if lowest else max)(named, key=lambda e: getattr(e, control))
+            key = name.replace("-", "_")
+            if not (name == "jump-in" and control == "load"):
+                found[f"{key}_{control}"] = getattr(outermost, control)
+            if outermost.contact_radius > 0:
+                radius = f"{key}_radius" if control == "load" else f"{key}_displacement_radius"
+                if radius in _RADII:
+                    found[radius] = outermost.contact_radius
+    touches = [e for e in events if e.kind == "touch"]
+    if touches:
+        found["touch_load"], found["touch_displacement"] = touches[0].load, touches[0].displacement
+        for control in ("load", "displacement") if repulsive else ():
+            if not any(e.kind == "fold" and e.control == control for e in events):
+                for name in ("squeeze_out", "wetting"):
+                    found[f"{name}_{control}"] = found[f"touch_{control}"]
+    return found
+
+
+_RADII = {
+    "pull_off_radius",
+    "squeeze_out_radius",
+    "wetting_radius",
+    "pull_off_displacement_radius",
+    "jump_in_displacement_radius",
+}
+
+
+def _base(name: str | None) -> str | None:
+    """A fold's name without the number of its layer."""
+    return name.rstrip("0123456789").rstrip("-") if name else None

@@ -1,0 +1,143 @@
+"""Critical behaviour at a fold or first touch: normal form, local exponent, crossover and a fit over a window."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbranch.analysis.exponents import crossover_excess, fitted_window
+from contbranch.diagram import Exponent, LocalExponent
+
+from .locate import Place, Values
+from .problem import ContactProblem
+
+__all__ = ["critical_exponent", "sampled_exponent"]
+
+Array = NDArray[np.float64]
+
+# The window of the excess (reduced units) over which a power law is fitted, and the points in it.
+WINDOW = (1e-2, 1e1)
+# Excesses sampled for the local exponent: from so far below the crossover to the window's end.
+LOWEST, HIGHEST, SAMPLES = 1e-5, 1e2, 57
+# Offset of the parameter for derivatives at a fold.
+OFFSET = 2e-2
+
+
+@dataclass(frozen=True)
+class _Sample:
+    """Control, order parameter and the rates of both along the curve, at one parameter."""
+
+    control: float
+    order: float
+    control_rate: float
+    order_rate: float
+
+
+class _Side:
+    """The curve around an event as functions of the parameter u."""
+
+    def __init__(self, place: Place, control: str, contact: bool) -> None:
+        self.control, self.contact = control, contact
+        self.problem: ContactProblem = place.problem
+        self.u, self.x = place.u, place.x
+        self.tangent = self._tangent(place.x, place.u)
+        self.order_name = "contact_radius" if contact else "central_gap"
+
+    def _tangent(self, x: Array, u: float) -> Array:
+        """dh/du at fixed nothing else: the parameter is monotone near an event."""
+        return np.linalg.solve(self.problem.jacobian(x, u), -self.problem.parameter_derivative(x, u))
+
+    def at(self, u: float, near: tuple[float, Array] | None = None) -> tuple[_Sample, Array]:
+        start_u, start = near if near is not None else (self.u, self.x)
+        x = self.problem.solve_at(start + (u - start_u) * self._tangent(start, start_u), u)
+        rates = self.problem.rates(x, u, self._tangent(x, u), 1.0)
+        observed = self.problem.observables(x, u)
+        y_rate = self.problem.scale * math.cosh(u)
+        coordinate = self.problem.equations.coordinate
+        order_rate = coordinate.slopes(self.problem.coordinate(u))[0] * y_rate if self.contact else -y_rate
+        which = 0 if self.control == "load" else 1
+        return _Sample(observed[self.control], observed[self.order_name], rates[which], order_rate), x
+
+
+def critical_exponent(place: Place, values: Values, control: str) -> Exponent | None:
+    """Normal form, crossover and windowed fit at a fold; the order parameter is the central gap where there is no contact.
+
+    With the order parameter q as coordinate, control = c0 + c2 (q − q0)²/2 + c3 (q − q0)³/6 + …, so
+    |q − q0| = √(2Δ/|c2|) to leading order: kappa = 1/2 at every quadratic fold.
+    """
+    contact = place.problem.equations.contact
+    side = _Side(place, control, contact)
+    order = values.numbers[2] if contact else values.numbers[3]
+    # Offsets small against the distance to first touch, where the parametrisation has its kink.
+    offset = min(OFFSET, 0.2 * abs(place.u))
+    steps = offset * np.array([-2, -1, 1, 2])
+    samples = [side.at(place.u + step)[0] for step in steps]
+    slopes = np.array([sample.control_rate / sample.order_rate for sample in samples])
+    distances = np.array([sample.order for sample in samples]) - order
+    second, third = _derivatives(distances, slopes)
+    if second == 0.0 or not math.isfinite(second):
+        return None
+    local = sampled_exponent(place, values, control)
+    return Exponent(
+        0.5,
+        crossover_excess(second, third),
+        fitted_window(local, *WINDOW),
+        math.sqrt(2 / abs(second)),
+        side.order_name,
+    )
+
+
+def _derivatives(distances: Array, slopes: Array) -> tuple[float, float]:
+    """Second and third derivative of the control from its slopes (which vanish at distance 0)."""
+    # slope = c2 q + c3 q²/2 + c4 q³/6 + c5 q⁴/24: four samples, four coefficients.
+    scale = float(np.abs(distances).max())
+    q = distances / scale
+    powers = np.stack([q, q**2 / 2, q**3 / 6, q**4 / 24], axis=1)
+    coefficients = np.linalg.solve(powers, slopes)
+    return float(coefficients[0] / scale), float(coefficients[1] / scale**2)
+
+
+def sampled_exponent(place: Place, values: Values, control: str) -> LocalExponent:
+    """κ_local = dln|Δq|/dlnΔ on the contact side, from true tangents at logarithmically spaced distances.
+
+    Δ is the excess of the control beyond its value at the event, towards growing contact; q is the contact radius, or the
+    central gap on the branch of a fold without contact.
+    """
+    touch = place.u == 0.0
+    if touch:
+        place = Place(place.problem.in_contact(), place.x, 0.0, place.direction)
+    contact = place.problem.equations.contact
+    side = _Side(place, control, contact) if not touch else _touching(place, control)
+    control0 = values.numbers[0] if control == "load" else values.numbers[1]
+    order0 = values.numbers[2] if contact else values.numbers[3]
+    errors = (values.error[0 if control == "load" else 1], values.error[2 if contact else 3])
+    rows: list[tuple[float, float, float, float]] = []
+    near: tuple[float, Array] | None = None
+    limit = math.inf if contact else -place.u  # without contact the branch ends at first touch
+    direction = 0
+    for distance in np.geomspace(1e-5, 6.0, SAMPLES):
+        step = distance * max(1e-3, min(1.0, abs(place.u) if not touch else 1.0)) if distance < 1e-3 else distance
+        if step >= limit:
+            break
+        u = place.u + step
+        sample, x = side.at(u, near)
+        near = (u, x)
+        excess, moved = sample.control - control0, sample.order - order0
+        direction = direction or (1 if excess > 0 else -1)
+        if excess * direction <= 0 or (rows and abs(excess) <= rows[-1][0]) or not math.isfinite(excess):
+            break  # the control has turned round: another fold
+        kappa = excess * sample.order_rate / (moved * sample.control_rate)
+        error = abs(kappa) * (errors[0] / abs(excess) + errors[1] / abs(moved))
+        rows.append((abs(excess), abs(moved), kappa, error))
+        if abs(excess) > HIGHEST:
+            break
+    table = np.array(rows).reshape(-1, 4)
+    table = table[table[:, 3] < 0.5] if len(table) else table
+    return LocalExponent(table[:, 0], table[:, 1], table[:, 2], table[:, 3])
+
+
+def _touching(place: Place, control: str) -> _Side:
+    return _Side(place, control, True)

@@ -1,0 +1,322 @@
+"""The whole curve of an axisymmetric contact: far away, through first touch, to a load in contact."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbranch.analysis.stability import Indices, morse_indices
+from contbranch.contact import Contact
+from contbranch.continuation import Curve, EventPoint, Options, Outcome, Point, StopAt, trace_curve
+from contbranch.diagram import Cost, Profile
+from contbranch.models.outcome import RawCurve, RawEvent
+
+from .adapt import start_edges
+from .critical import critical_exponent, sampled_exponent
+from .equations import ContactCoordinate, Equations
+from .locate import Place, Values, refine
+from .mesh import Mesh
+from .problem import ContactProblem, FoldEvent, InadmissibleEvent, LoadReached, Resolution
+from .profile import profile_of
+
+__all__ = ["Target", "Traced", "order_for", "trace"]
+
+Array = NDArray[np.float64]
+Progress = Callable[[float, str], None]
+
+# Meshes of the trace need not be as fine as those of its events, which are located anew.
+TRACE_TOLERANCE = 1e-6
+# Share of the accuracy that the load at the start of the trace may have.
+START_SHARE = 0.1
+STEPS = Options(angle=0.3, angle_limit=0.8, tolerance=1e-9, detect_folds=False, detect_branch_points=False)
+# A trace ends at this multiple of the largest load of any event, and not below the least load (reduced).
+END_FACTOR, LEAST_END = 1.4, 10.0
+# Neighbouring folds closer than this multiple of their error estimates are located more sharply, down to this accuracy.
+DISTINCT, SHARPEST = 3.0, 1e-12
+
+
+@dataclass(frozen=True)
+class Target:
+    """Where a trace ends in contact: at a load, or at a displacement, in reduced units; neither: by the events."""
+
+    load: float | None = None
+    displacement: float | None = None
+
+
+@dataclass(frozen=True)
+class Traced:
+    """A traced curve: its rows with the problems that solved them, and the raw result."""
+
+    points: tuple[Point, ...]
+    curve: RawCurve
+    indices: Indices
+
+    def problem(self, row: int) -> ContactProblem:
+        """The problem of a row."""
+        problem = self.points[row].problem
+        assert isinstance(problem, ContactProblem)
+        return problem
+
+
+def order_for(tolerance: float) -> int:
+    """Nodes a panel for a tolerance: high orders pay when many digits are asked for."""
+    return int(min(20, max(8, round(6 - math.log10(tolerance) * 0.8))))
+
+
+def start_problem(contact: Contact, accuracy: float, tolerance: float) -> tuple[ContactProblem, float]:
+    """The problem far away, where the interaction is negligible at the accuracy asked, and its parameter."""
+    tip, law = contact.tip, contact.interaction
+    coordinate = ContactCoordinate(tip, min(tip.apex_exponent, 2.0))
+    resolution = Resolution(tolerance, order_for(tolerance))
+    if law is None:
+        mesh = Mesh(np.array([0.0, 1.0]), resolution.order)
+        return ContactProblem(Equations(tip, law, mesh, coordinate, False), 1.0, resolution), -math.asinh(1.0)
+    scale = min(term.range for term in law.terms)
+    far = law.reach(min(0.1, START_SHARE * accuracy / (2 * math.pi)))
+    width = float(_radius_at(contact, min(far, 4 * max(term.range for term in law.terms))))
+    reach = float(_radius_at(contact, far))
+    mesh = Mesh(start_edges(width, max(reach, 2 * width)), resolution.order)
+    problem = ContactProblem(Equations(tip, law, mesh, coordinate, False), scale, resolution)
+    return problem, problem.parameter(-max(far, scale))
+
+
+def _radius_at(contact: Contact, height: float) -> float:
+    """Radius at which the tip's profile has a height."""
+    low, high = 0.0, 1.0
+    while high < contact.tip.extent and float(contact.tip.height(np.float64(high))) < height:
+        low, high = high, 2 * high
+    high = min(high, contact.tip.extent)
+    for _ in range(40):
+        middle = (low + high) / 2
+        low, high = (middle, high) if float(contact.tip.height(np.float64(middle))) < height else (low, middle)
+    return high
+
+
+class _End:
+    """Raises the target load as events with larger loads are met."""
+
+    def __init__(self, target: Target, largest: float) -> None:
+        self.fixed = target.load is not None or target.displacement is not None
+        load = target.load if target.load is not None else math.inf if self.fixed else 0.0
+        self.event = LoadReached(load, target.displacement)
+        self.largest = largest
+        self.last = -math.inf
+        if not self.fixed:
+            self.update(largest)
+
+    def update(self, load: float) -> None:
+        self.largest = max(self.largest, load)
+        if not self.fixed:
+            self.event.target = max(LEAST_END, END_FACTOR * self.largest)
+
+    def __call__(self, point: Point) -> bool:
+        load = point.observables["load"]
+        if load < self.last:  # beyond a maximum of the load, which is an event
+            self.update(self.last)
+        self.last = load
+        return False
+
+
+def trace(contact: Contact, accuracy: float, target: Target, progress: Progress | None = None) -> Traced:
+    """Follow a reduced contact's curve and locate its events.
+
+    Parameters
+    ----------
+    contact : Contact
+        In reduced units.
+    accuracy : float
+        Error allowed to every event, relative to max(1, |value|).
+    target : Target
+    progress : callable, optional
+        Called with the fraction done (a guess) and what is being done.
+    """
+    began = time.perf_counter()
+    problem, u = start_problem(contact, accuracy, max(TRACE_TOLERANCE, accuracy))
+    told = _Told(progress, u)
+    folds = [FoldEvent("load", name="load"), FoldEvent("displacement", name="displacement"), InadmissibleEvent()]
+    end = _End(target, -math.inf)
+    bound = [end.event] if end.fixed else []
+    first = trace_curve(
+        problem, np.zeros(problem.equations.mesh.size), u, (u, 0.0), STEPS, [*folds, *bound], StopAt(predicate=told)
+    )
+    curves = [first]
+    touched = bool(first.points) and first.ends[1].outcome is Outcome.REACHED_EDGE and first.points[-1].parameter == 0.0
+    if touched:
+        last = first.points[-1]
+        assert isinstance(last.problem, ContactProblem)
+        for point in first.points:
+            if point.label in ("load", "edge"):
+                end.update(point.observables["load"])
+        stop = StopAt(predicate=lambda point: told(point) or end(point))
+        curves.append(
+            trace_curve(last.problem.in_contact(), last.x, 0.0, (0.0, math.inf), STEPS, [*folds, end.event], stop)
+        )
+    located = _Located(curves, touched)
+    raw, indices = located.raw(contact, accuracy, told)
+    cost = Cost(time.perf_counter() - began, problem.resolution.newton)
+    return Traced(located.points, replace(raw, cost=cost, unknowns=problem.resolution.unknowns), indices)
+
+
+class _Told:
+    """Progress, guessed from the parameter: most of the way is the approach to first touch."""
+
+    def __init__(self, progress: Progress | None, start: float) -> None:
+        self.progress, self.start, self.count = progress, start, 0
+
+    def __call__(self, point: Point) -> bool:
+        self.count += 1
+        if self.progress is not None:
+            u = point.parameter
+            share = 0.6 * (1 - u / self.start) if u < 0 else 0.6 + 0.3 * u / (u + 2)
+            self.progress(share, f"{self.count} points, load {point.observables['load']:.4g}")
+        return False
+
+
+class _Located:
+    """The rows of both legs as one curve, and its events made precise."""
+
+    def __init__(self, curves: list[Curve], touched: bool) -> None:
+        self.curves = curves
+        self.points = tuple(curves[0].points) + (tuple(curves[1].points[1:]) if touched else ())
+        self.touch_row = len(curves[0].points) - 1 if touched else None
+        offsets = [0, len(curves[0].points) - 1]
+        self.marks: list[tuple[int, str, Point]] = []  # row, name, point
+        for curve, offset in zip(curves, offsets, strict=False):
+            for event in curve.events:
+                assert isinstance(event, EventPoint)
+                self.marks.append((offset + event.index, event.name, event.point))
+
+    def raw(self, contact: Contact, accuracy: float, told: _Told) -> tuple[RawCurve, Indices]:
+        """Arrays and events."""
+        points = self.points
+        columns = {
+            name: np.array([point.observables[name] for point in points])
+            for name in ("load", "displacement", "contact_radius", "central_gap", "energy", "load_error", "displacement_error")
+        }
+        folds = [(row, name) for row, name, _ in self.marks if name in ("load", "displacement")]
+        loading, approaching = self._signs()
+        indices = morse_indices(len(points), folds, loading, approaching)
+        events = self._events(accuracy, indices, told)
+        complete, message = self._outcome(contact)
+        profiles = [_deferred_profile(point) for point in points]
+        curve = RawCurve(
+            columns["load"],
+            columns["displacement"],
+            columns["contact_radius"],
+            columns["central_gap"],
+            columns["energy"],
+            indices.load,
+            indices.displacement,
+            np.abs(columns["load_error"]),
+            np.abs(columns["displacement_error"]),
+            profiles,
+            events,
+            complete,
+            message,
+            Cost(0.0, 0),
+            0,
+        )
+        return curve, indices
+
+    def _signs(self) -> tuple[int, int]:
+        """Signs of the rates of load and displacement at the start."""
+        if not self.points:
+            return 1, 1
+        point = self.points[0]
+        problem = point.problem
+        assert isinstance(problem, ContactProblem)
+        rates = problem.rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
+        return (1 if rates[0] >= 0 else -1), (1 if rates[1] >= 0 else -1)
+
+    def _events(self, accuracy: float, indices: Indices, told: _Told) -> list[RawEvent]:
+        rows: list[tuple[int, str, Point]] = list(self.marks)
+        if self.touch_row is not None:
+            rows.append((self.touch_row, "touch", self.points[self.touch_row]))
+        rows.sort(key=lambda mark: mark[0])
+        refined = {}
+        for k, (row, name, point) in enumerate(rows):
+            if told.progress is not None:
+                told.progress(0.9 + 0.1 * k / len(rows), f"locating {name}")
+            refined[k] = _refined(point, name, accuracy)
+        self._sharpen([name for _, name, _ in rows], refined, accuracy)
+        return [self._event(*rows[k][:2], *refined[k], indices) for k in range(len(rows))]
+
+    def _sharpen(self, names: list[str], refined: dict[int, tuple[Values, Place]], accuracy: float) -> None:
+        """Locate folds anew that their error estimates do not tell apart."""
+        for control, column in (("load", 0), ("displacement", 1)):
+            members = [k for k, name in enumerate(names) if name == control]
+            for a, b in zip(members[:-1], members[1:], strict=True):
+                allowed = accuracy
+                while allowed > SHARPEST:
+                    (first, _), (second, _) = refined[a], refined[b]
+                    apart = abs(first.numbers[column] - second.numbers[column])
+                    if apart > DISTINCT * (first.error[column] + second.error[column]):
+                        break
+                    allowed *= 0.01
+                    for k in (a, b):
+                        refined[k] = refine(refined[k][1], FoldEvent(control, name=control), allowed)
+
+    def _event(self, row: int, name: str, values: Values, place: Place, indices: Indices) -> RawEvent:
+        event = RawEvent(name, row, values.numbers, values.error)
+        if name == "touch":
+            return replace(event, local_exponent=lambda: sampled_exponent(place, values, "load"))
+        if name == "inadmissible":
+            return replace(event, message="The contact set stops being a disc: see the message of the diagram.")
+        if name == "end":
+            return event
+        pieces = indices.load_pieces if name == "load" else indices.displacement_pieces
+        signs = indices.loading if name == "load" else indices.approaching
+        before, after = max(row - 1, 0), min(row, len(pieces) - 1)
+        return replace(
+            event,
+            kind="fold",
+            control=name,
+            before=int(pieces[before]),
+            after=int(pieces[after]),
+            maximum=bool(signs[before] > 0),
+            exponent=lambda: critical_exponent(place, values, name),
+            local_exponent=lambda: sampled_exponent(place, values, name),
+        )
+
+    def _outcome(self, contact: Contact) -> tuple[bool, str]:
+        last = self.curves[-1]
+        end = last.ends[1]
+        reached = bool(last.events) and isinstance(last.events[-1], EventPoint) and last.events[-1].name == "end"
+        if end.outcome is Outcome.STOPPED_AT_EVENT and reached:
+            return True, ""
+        if end.outcome is Outcome.STOPPED_AT_EVENT:
+            return False, (
+                "The branch ends where the contact set stops being a disc: the gap would close outside the contact, or the wall "
+                "would have to pull."
+            )
+        message = " ".join(dict.fromkeys(e.message for e in last.ends if not e.outcome.complete)) or end.message
+        limitation = contact.interaction.limitation if contact.interaction is not None else ""
+        return False, f"{message} {limitation}".strip()
+
+
+def _refined(point: Point, name: str, accuracy: float) -> tuple[Values, Place]:
+    problem = point.problem
+    assert isinstance(problem, ContactProblem)
+    place = Place(problem, point.x, point.parameter, (point.tangent_x, point.tangent_parameter))
+    if name == "touch":
+        return refine(place, None, accuracy)
+    if name == "end":
+        load = problem.equations.load(problem.fields(point.x, point.parameter))
+        return refine(place, LoadReached(load), accuracy)
+    if name == "inadmissible":
+        return refine(place, InadmissibleEvent(), accuracy)
+    return refine(place, FoldEvent(name, name=name), accuracy)
+
+
+def _deferred_profile(point: Point) -> Callable[[], Profile]:
+    def profile() -> Profile:
+        problem = point.problem
+        assert isinstance(problem, ContactProblem)
+        return profile_of(problem.equations, problem.fields(point.x, point.parameter))
+
+    return profile

@@ -1,0 +1,225 @@
+"""What every model hands over, in reduced units, and how it becomes a Diagram in the contact's own units."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbranch.analysis.naming import fold_name, number_layers, thresholds
+from contbranch.contact import Contact
+from contbranch.diagram import Branch, Cost, Diagram, Event, Exponent, LocalExponent, ModelChoice, Profile, State, Window
+
+__all__ = ["RawCurve", "RawEvent", "assemble", "state_in_units"]
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class RawEvent:
+    """An event in reduced units.
+
+    Attributes
+    ----------
+    row : int
+        Its row among the curve's.
+    before, after : int
+        Morse indices under its control on both sides along the curve (folds).
+    lost_on_increase : bool
+        Whether the control has a maximum here (folds).
+    exponent, local_exponent : callable
+        Deferred, since they cost further solutions.
+    """
+
+    kind: str
+    row: int
+    values: tuple[float, float, float, float]
+    error: tuple[float, float, float, float]
+    control: str | None = None
+    before: int = 0
+    after: int = 0
+    maximum: bool = False
+    message: str = ""
+    name: str | None = None
+    exponent: Callable[[], Exponent | None] | None = None
+    local_exponent: Callable[[], LocalExponent] | None = None
+
+
+@dataclass(frozen=True)
+class RawCurve:
+    """One connected curve in reduced units; arrays over its rows."""
+
+    load: Array
+    displacement: Array
+    contact_radius: Array
+    central_gap: Array
+    energy: Array
+    unstable_load: Integers
+    unstable_displacement: Integers
+    load_error: Array
+    displacement_error: Array
+    profiles: Sequence[Callable[[], Profile]]
+    events: Sequence[RawEvent]
+    complete: bool
+    message: str
+    cost: Cost
+    unknowns: int
+    extra: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class _LiveEvent(Event):
+    """An event whose exponent is computed when it is asked for."""
+
+    source: Callable[[], Exponent | None] | None = field(default=None, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        del self.__dict__["exponent"]  # so that the property below is asked instead
+
+    @cached_property
+    def exponent(self) -> Exponent | None:  # type: ignore[override]
+        """Critical exponent (folds)."""
+        return self.source() if self.source is not None else None
+
+
+class _Scaling:
+    """From reduced units to a contact's."""
+
+    def __init__(self, contact: Contact) -> None:
+        scales = contact.scales
+        self.load, self.normal, self.in_plane = scales.load, scales.normal, scales.in_plane
+        self.energy, self.pressure = scales.energy, scales.pressure
+        self.four = (self.load, self.normal, self.in_plane, self.normal)
+
+    def values(self, reduced: Sequence[float]) -> list[float]:
+        return [value * scale for value, scale in zip(reduced, self.four, strict=True)]
+
+    def profile(self, profile: Profile) -> Profile:
+        return Profile(
+            profile.r * self.in_plane,
+            profile.gap * self.normal,
+            profile.pressure * self.pressure,
+            profile.wall_pressure * self.pressure,
+        )
+
+    def of(self, control: str | None) -> float:
+        return self.normal if control == "displacement" else self.load
+
+    def order(self, parameter: str) -> float:
+        return self.in_plane if parameter == "contact_radius" else self.normal
+
+    def exponent(self, exponent: Exponent | None, control: str | None) -> Exponent | None:
+        if exponent is None:
+            return None
+        scale, order, window = self.of(control), self.order(exponent.order_parameter), exponent.window
+        return Exponent(
+            exponent.kappa,
+            None if exponent.crossover_load is None else exponent.crossover_load * scale,
+            None
+            if window is None
+            else Window(
+                window.start * scale,
+                window.stop * scale,
+                window.kappa,
+                window.kappa_error,
+                window.prefactor * order / scale**window.kappa,
+            ),
+            None if exponent.prefactor is None else exponent.prefactor * order / scale**exponent.kappa,
+            exponent.order_parameter,
+        )
+
+
+def _event(contact: Contact, scaling: _Scaling, raw: RawEvent) -> Event:
+    name = raw.name
+    if raw.kind == "fold" and name is None and min(raw.before, raw.after) == 0:
+        name = fold_name(contact.interaction, raw.values[0], raw.maximum)
+    load, displacement, radius, gap = scaling.values(raw.values)
+    keys = ("load", "displacement", "contact_radius", "central_gap")
+    source = raw.exponent
+    return _LiveEvent(
+        kind=raw.kind,  # type: ignore[arg-type]
+        load=load,
+        displacement=displacement,
+        contact_radius=radius,
+        central_gap=gap,
+        error=dict(zip(keys, scaling.values(raw.error), strict=True)),
+        control=raw.control,
+        name=name,
+        message=raw.message,
+        position=float(raw.row),
+        source=None if source is None else lambda: scaling.exponent(source(), raw.control),
+    )
+
+
+def assemble(
+    contact: Contact, curve: RawCurve, choice: ModelChoice, control: str, accuracy: float
+) -> Diagram:
+    """The diagram of a curve: events named, thresholds collected, everything in the contact's own units."""
+    scaling = _Scaling(contact)
+    events = tuple(number_layers([_event(contact, scaling, raw) for raw in curve.events], contact.interaction))
+    branch = Branch(
+        curve.load * scaling.load,
+        curve.displacement * scaling.normal,
+        curve.contact_radius * scaling.in_plane,
+        curve.central_gap * scaling.normal,
+        curve.energy * scaling.energy,
+        curve.unstable_load,
+        curve.unstable_displacement,
+        curve.load_error * scaling.load,
+        curve.displacement_error * scaling.normal,
+        [lambda source=source: scaling.profile(source()) for source in curve.profiles],  # type: ignore[misc]
+    )
+    terms = contact.interaction.terms if contact.interaction is not None else ()
+    repulsive = bool(terms) and all(term.work_of_adhesion < 0 for term in terms)
+
+    def local_exponents(event: Event) -> LocalExponent:
+        raw = curve.events[events.index(event)]
+        assert raw.local_exponent is not None
+        found = raw.local_exponent()
+        parameter = "contact_radius" if raw.values[2] > 0 or raw.kind == "touch" else "central_gap"
+        return LocalExponent(
+            found.excess * scaling.of(raw.control),
+            found.order_parameter * scaling.order(parameter),
+            found.kappa,
+            found.error,
+        )
+
+    return Diagram(
+        contact=contact,
+        branches=(branch,),
+        events=events,
+        thresholds=thresholds(events, repulsive) if curve.complete or events else {},
+        model=choice,
+        cost=curve.cost,
+        control=control,
+        accuracy=accuracy,
+        status="complete" if curve.complete else "incomplete",
+        message=curve.message,
+        description=contact.describe(),
+        unit_names=contact.units.names,
+        local_exponents=local_exponents,
+    )
+
+
+def state_in_units(contact: Contact, state: State) -> State:
+    """A reduced state in the contact's own units."""
+    scaling = _Scaling(contact)
+    keys = ("load", "displacement", "contact_radius", "central_gap")
+    scales = dict(zip(keys, scaling.four, strict=True))
+    return State(
+        state.load * scaling.load,
+        state.displacement * scaling.normal,
+        state.contact_radius * scaling.in_plane,
+        state.central_gap * scaling.normal,
+        state.energy * scaling.energy,
+        state.unstable_load,
+        state.unstable_displacement,
+        state.residual,
+        {key: value * scales[key] for key, value in state.error.items()},
+        None if state.profile is None else scaling.profile(state.profile),
+    )
