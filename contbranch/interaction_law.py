@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from copy import copy
+from dataclasses import dataclass, field, fields
 from typing import Any, ClassVar, Final, NamedTuple
 
 import numpy as np
@@ -130,7 +131,10 @@ class Interaction:
 
     def scaled(self, normal: float, energy: float) -> Interaction:
         """Return the law in other units, worth `normal` (gaps) and `energy` (per area) of the present ones."""
-        return replace(self, work_of_adhesion=self.work_of_adhesion / energy, range=self.range / normal)
+        law = copy(self)  # whatever else a law of the user's own consists of
+        object.__setattr__(law, "work_of_adhesion", self.work_of_adhesion / energy)
+        object.__setattr__(law, "range", self.range / normal)
+        return law
 
     def __add__(self, other: object) -> Interaction:
         if not isinstance(other, Interaction):

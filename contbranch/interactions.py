@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import ClassVar, Final
 
 import numpy as np
@@ -155,7 +155,7 @@ class Layered(Interaction):
     Attributes
     ----------
     wavelength
-        λ > 0, the thickness of a layer, a length.
+        λ > 0, the thickness of a layer, a length; if not given, z0.
     phase
         φ in radians, cos φ not zero, so that v(0) = -Δγ.
     """
@@ -167,21 +167,27 @@ class Layered(Interaction):
         "phase": "dimensionless",
     }
 
-    wavelength: float
+    wavelength: float | None = None
     phase: float = 0.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        object.__setattr__(self, "wavelength", positive_number(self.wavelength, "wavelength"))
+        wavelength = self.range if self.wavelength is None else self.wavelength
+        object.__setattr__(self, "wavelength", positive_number(wavelength, "wavelength"))
         object.__setattr__(self, "phase", finite_number(self.phase, "phase"))
         if abs(math.cos(self.phase)) < 1e-6:
             raise InputError(
                 f"phase: {self.phase:g}; must not be an odd multiple of π/2, where the law vanishes at contact"
             )
 
+    @property
+    def _wave_number(self) -> float:
+        """2π z0/λ."""
+        return 2.0 * math.pi * self.range / (self.wavelength or self.range)
+
     def shape(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return e^-x cos(kx + φ)/cos φ and its derivatives, k = 2π z0/λ."""
-        k = 2.0 * math.pi * self.range / self.wavelength
+        k = self._wave_number
         angle = k * x + self.phase
         envelope = np.exp(-x) / math.cos(self.phase)
         cosine, sine = envelope * np.cos(angle), envelope * np.sin(angle)
@@ -193,14 +199,14 @@ class Layered(Interaction):
 
     def tail_energy(self, gap: ArrayLike) -> FloatArray:
         """Return -Δγ z0 Re[e^((ik-1)x + iφ)/(1-ik)]/cos φ, x = g/z0."""
-        k = 2.0 * math.pi * self.range / self.wavelength
+        k = self._wave_number
         wave = np.exp((1j * k - 1.0) * (np.asarray(gap) / self.range) + 1j * self.phase) / (1.0 - 1j * k)
         return np.asarray(-self.work_of_adhesion * self.range / math.cos(self.phase) * wave.real)
 
     def scaled(self, normal: float, energy: float) -> Layered:
         """Return the law in other units; the wavelength is a length, too."""
-        work, reach = self.work_of_adhesion / energy, self.range / normal
-        return replace(self, work_of_adhesion=work, range=reach, wavelength=self.wavelength / normal)
+        wavelength = (self.wavelength or self.range) / normal
+        return Layered(self.work_of_adhesion / energy, self.range / normal, wavelength, self.phase)
 
 
 @dataclass(frozen=True)

@@ -212,13 +212,15 @@ def test_wrong_physical_contacts(change, message):
         ((Gauss, float("nan")), "tabor: nan; must be a finite number"),
         ((Gauss, 1.0, 2), "sign: 2; must be 1"),
         (("nonsense", 1.0), "interaction: 'nonsense'; must be one of exponential"),
-        ((Layered, 1.0), "wavelength: missing; Layered needs it"),
+        ((Layered, 1.0, 1, {"wavelenght": 0.1}), r"wavelenght: not known; .*; did you mean 'wavelength'\?"),
         ((Tabulated, 1.0), "interaction: tabulated brings its own range"),
     ],
 )
 def test_wrong_reduced_contacts(arguments, message):
+    *rest, last = arguments
+    keywords = last if isinstance(last, dict) else {}
     with pytest.raises(InputError, match=message):
-        Contact.reduced(*arguments)
+        Contact.reduced(*rest, *([] if keywords else [last]), **keywords)
 
 
 def test_wrong_parts():

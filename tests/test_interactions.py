@@ -189,6 +189,20 @@ class TestUsersOwn:
             total = mine + known
             np.testing.assert_allclose(total.evaluate(gap).energy, 2.0 * known.evaluate(gap).energy, rtol=1e-13)
 
+    def test_one_with_its_own_way_of_being_made(self):
+        class Power(Interaction):
+            def __init__(self, exponent):
+                super().__init__(1.0, 0.5)
+                self.exponent = exponent
+
+            def shape(self, x):
+                n = self.exponent
+                return (1 + x) ** -n, -n * (1 + x) ** (-n - 1), n * (n + 1) * (1 + x) ** (-n - 2)
+
+        gap = np.array([0.0, 0.7])
+        other, wanted = Power(2.0).scaled(2.0, 4.0), InverseSquare(0.25, 0.25)
+        np.testing.assert_allclose(other.evaluate(gap).pressure, wanted.evaluate(gap).pressure, rtol=1e-14)
+
     def test_slower_tails(self):
         class Slow(Interaction):
             def shape(self, x):
@@ -346,6 +360,11 @@ def test_wrong_numbers_are_refused(kind):
     for value in (0.0, math.nan, -math.inf, "1 mN/m", None):
         with pytest.raises(InputError, match=r"^work_of_adhesion: .*; must"):
             kind(value, 1.0)
+
+
+def test_a_layer_is_as_thick_as_the_range_unless_said_otherwise():
+    assert Layered(1.0, 0.4) == Layered(1.0, 0.4, wavelength=0.4)
+    assert Layered(1.0, 0.4).scaled(2.0, 1.0) == Layered(1.0, 0.2, wavelength=0.2)
 
 
 def test_wrong_numbers_of_layers_are_refused():
