@@ -25,9 +25,11 @@ Value = Callable[[Point], float]
 # Largest error of the derivative of a cubic Hermite interpolant, h³ f''''/216 √3.
 INTERPOLATION = math.sqrt(3) / 216
 # Estimates of errors are good to a factor of a few.
-SAFETY = 3.0
+SAFETY = 4.0
 # The cubic is not trusted beyond this share of a function's variation over the step.
-TRUST = 0.02
+TRUST = 0.03
+# A value inside that falls below this share of the smaller one of both ends is followed up in any case.
+SUSPICIOUS = 0.5
 # Below this dp/ds (in the metric) the parameter rests up to rounding.
 RESTING = 1e-8
 # How often a step is halved in search of hidden zeros.
@@ -118,10 +120,11 @@ def no_hidden_folds(segment: Segment, doubt: float | None) -> bool:
     if (c1 > 0) != (end > 0) or c1 == 0.0 or end == 0.0:
         return False
     sign = math.copysign(1.0, c1)
-    lowest, highest = min(abs(c1), abs(end)), max(abs(c1), abs(end))
+    lower, higher = min(abs(c1), abs(end)), max(abs(c1), abs(end))
+    lowest = lower
     if c3 * sign > 0.0 and 0.0 < -c2 / (3 * c3) < 1.0:
         lowest = sign * (c1 - c2 * c2 / (3 * c3))
-    return lowest > max(doubt, TRUST * (highest - lowest))
+    return lowest > max(doubt, TRUST * (higher - lowest), SUSPICIOUS * lower)
 
 
 def brackets(segment: Segment, probe: Probe, begin: float, end: float) -> list[Bracket]:
@@ -156,7 +159,7 @@ def _brackets(
     else:
         bend = max(abs(values[i - 1] - 2 * values[i] + values[i + 1]) for i in (1, 2, 3))
         # Between samples a parabola dips by an eighth of their second difference.
-        if min(values) - bend / 8 > error:
+        if min(values) - bend / 8 > max(error, SUSPICIOUS * min(abs(begin), abs(end))):
             return []
         if error < 0.1 * variation:
             guess = min((w, theta) for w, theta in zip(inside, (0.25, 0.5, 0.75), strict=True))[1]
