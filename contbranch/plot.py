@@ -295,7 +295,9 @@ def _finish(figure: Figure, panels: Sequence[Axes], diagram: Diagram, observable
         handles=_legend(diagram), loc="outside upper center", ncols=2, columnspacing=1.6, handletextpad=0.5,
         borderpad=0.1, borderaxespad=0.2,
     )  # fmt: skip
-    figure.draw_without_rendering()
+    engine = figure.get_layout_engine()
+    assert engine is not None
+    engine.execute(figure)
     figure.set_layout_engine("none")  # labels are placed in pixels: nothing may move any more
     for axes, (x, y) in zip(panels, observables, strict=True):
         if "energy" in (x, y):

@@ -40,22 +40,17 @@ def place_labels(axes: Axes, points: Array, texts: Sequence[str], colors: Sequen
     seen = [i for i, p in enumerate(pixels) if np.all((p >= frame[:2]) & (p <= frame[2:]))]
     obstacles = _Obstacles(
         lines=_line_pixels(axes, 2.0 * unit),
-        markers=[_square(pixels[i], _MARKER * unit) for i in seen],
+        markers=np.array([_square(pixels[i], _MARKER * unit) for i in seen]).reshape(-1, 4),
         frame=frame + np.array([2, 2, -2, -2]) * unit,
     )
-    places: dict[int, _Place] = {}
+    choices = {i: _places(pixels[i], _text_size(axes, texts[i]) + 2.0 * _ROOM * unit, unit) for i in seen}
+    alone = {i: obstacles.costs(choices[i]) for i in seen}
+    chosen: dict[int, _Place] = {}
     for _ in range(_PASSES):  # a label placed early moves if later ones took better places beside it
         for i in seen:
-            size = _text_size(axes, texts[i]) + 2.0 * _ROOM * unit
-            others = [place for j, place in places.items() if j != i]
-            candidates = [
-                _Place(box, distance, _leader(pixels[i], box, 2.0 * unit, distance))
-                for distance in _DISTANCES
-                for box in _boxes(pixels[i], size, distance * unit)
-            ]
-            costs = [obstacles.cost(candidate, others) for candidate in candidates]
-            places[i] = candidates[int(np.argmin(costs))]
-    for i, place in places.items():
+            others = [place for j, place in chosen.items() if j != i]
+            chosen[i] = choices[i][int(np.argmin(alone[i] + _crowding(choices[i], others)))]
+    for i, place in chosen.items():
         _write(axes, points[i], pixels[i], place, texts[i], colors[i])
 
 
@@ -68,36 +63,66 @@ class _Place(NamedTuple):
 
 
 class _Obstacles(NamedTuple):
-    """What labels must not hide: points on lines (M, 2), boxes of markers, and the frame they must not leave."""
+    """What labels must not hide: points on lines (M, 2), boxes of markers (K, 4), and the frame they must not leave."""
 
     lines: Array
-    markers: Sequence[Array]
+    markers: Array
     frame: Array
 
-    def cost(self, place: _Place, others: Sequence[_Place]) -> float:
-        """Return how bad a place is: 1 for a covered line point, much more for labels, markers and the frame."""
-        box = place.box
-        area = (box[2] - box[0]) * (box[3] - box[1])
-        cost: float = 0.1 * place.distance + _count_inside(self.lines, box)
-        cost += sum(400.0 * _overlap(box, marker) / area for marker in self.markers)
-        cost += 2000.0 * (1.0 - _overlap(box, self.frame) / area)
-        cost += 5.0 * sum(_count_inside(place.leader, marker) for marker in self.markers)
-        for other in others:
-            cost += 400.0 * _overlap(box, other.box) / area
-            cost += 5.0 * (_count_inside(other.leader, box) + _count_inside(place.leader, other.box))
-        return cost
+    def costs(self, places: Sequence[_Place]) -> Array:
+        """Return how bad places are: 3 for a covered line point, much more for markers and the frame."""
+        boxes = np.array([place.box for place in places])
+        area = (boxes[0, 2] - boxes[0, 0]) * (boxes[0, 3] - boxes[0, 1])
+        costs = np.array([0.1 * place.distance for place in places])
+        costs += 3.0 * _counts_inside(self.lines, boxes)
+        costs += 400.0 * np.sum(_overlaps(boxes, self.markers), axis=1) / area
+        costs += 2000.0 * (1.0 - _overlaps(boxes, self.frame[None, :])[:, 0] / area)
+        crossed = [np.sum(_counts_inside(place.leader, self.markers)) for place in places]
+        return np.asarray(costs + 5.0 * np.array(crossed))
 
 
-def _count_inside(points: Array, box: Array) -> float:
-    """Return how many points (M, 2) lie in a box."""
-    return float(np.count_nonzero(np.all((points >= box[:2]) & (points <= box[2:]), axis=1)))
+def _crowding(places: Sequence[_Place], others: Sequence[_Place]) -> Array:
+    """Return how much places (N,) are in the way of labels that have theirs, leaders included."""
+    if not others:
+        return np.zeros(len(places))
+    boxes, taken = (np.array([place.box for place in group]) for group in (places, others))
+    area = (boxes[0, 2] - boxes[0, 0]) * (boxes[0, 3] - boxes[0, 1])
+    costs = 400.0 * np.sum(_overlaps(boxes, taken), axis=1) / area
+    costs += 5.0 * _counts_inside(np.concatenate([other.leader for other in others]), boxes)
+    return np.asarray(costs + 5.0 * np.array([np.sum(_counts_inside(place.leader, taken)) for place in places]))
+
+
+def _counts_inside(points: Array, boxes: Array) -> Array:
+    """Return how many of the points (M, 2) lie in each of the boxes (N, 4)."""
+    if not len(points):
+        return np.zeros(len(boxes))
+    x, y = points[:, :1].T, points[:, 1:].T
+    inside = (x >= boxes[:, :1]) & (x <= boxes[:, 2:3]) & (y >= boxes[:, 1:2]) & (y <= boxes[:, 3:])
+    return np.asarray(np.count_nonzero(inside, axis=1), dtype=np.float64)
+
+
+def _overlaps(boxes: Array, others: Array) -> Array:
+    """Return the areas (N, K) that boxes (N, 4) and others (K, 4) have in common, in square pixels."""
+    low = np.maximum(boxes[:, None, :2], others[None, :, :2])
+    high = np.minimum(boxes[:, None, 2:], others[None, :, 2:])
+    return np.asarray(np.prod(np.maximum(high - low, 0.0), axis=2))
+
+
+def _places(pixel: Array, size: Array, unit: float) -> list[_Place]:
+    """Return the places tried for a label of a size around a point, in pixels; `unit` is a point in pixels."""
+    return [
+        _Place(box, distance, _leader(pixel, box, 2.0 * unit, distance))
+        for distance in _DISTANCES
+        for box in _boxes(pixel, size, distance * unit)
+    ]
 
 
 def _leader(pixel: Array, box: Array, spacing: float, distance: float) -> Array:
     """Return points on the line from a label to its point; none where the label is beside it."""
     if distance <= _NEAR:
         return np.zeros((0, 2))
-    return _resampled(np.array([pixel, 0.5 * (box[:2] + box[2:])]), spacing)
+    line = _resampled(np.array([pixel, 0.5 * (box[:2] + box[2:])]), spacing)
+    return line[np.hypot(*(line - pixel).T) > _MARKER * spacing]  # not what lies under the point's own marker
 
 
 def _text_size(axes: Axes, text: str) -> Array:
@@ -137,13 +162,6 @@ def _resampled(points: Array, spacing: float) -> Array:
     length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
     at = np.linspace(0.0, length[-1], int(np.clip(length[-1] / spacing, 2, 100_000)))
     return np.column_stack([np.interp(at, length, points[:, k]) for k in (0, 1)])
-
-
-def _overlap(a: Array, b: Array) -> float:
-    """Return the area that two boxes have in common, in square pixels."""
-    width = min(a[2], b[2]) - max(a[0], b[0])
-    height = min(a[3], b[3]) - max(a[1], b[1])
-    return float(max(width, 0.0) * max(height, 0.0))
 
 
 def _write(axes: Axes, point: Array, pixel: Array, place: _Place, text: str, color: str) -> None:
