@@ -1,1 +1,63 @@
-"""Continuation and bifurcation analysis of elastic contact with coexisting solutions."""
+"""Continuation and bifurcation analysis of elastic contact with coexisting solutions.
+
+Describe a contact (`Contact`: a tip, an interaction law, a modulus), then `trace` its whole curve of equilibria or `solve` for
+one of them. Closed-form theories are in `contbranch.theory`, continuation of any problem in `contbranch.continuation`.
+"""
+
+from contbranch.contact import Contact
+from contbranch.diagram import Branch, Diagram, Event, Exponent, LocalExponent, Solution, State, Window
+from contbranch.errors import InputError, ModelError
+from contbranch.interactions import (
+    Exponential,
+    Gauss,
+    Interaction,
+    InverseSquare,
+    Layered,
+    MaugisDugdale,
+    Response,
+    Sum,
+    Tabulated,
+    VanDerWaals,
+)
+from contbranch.models import solve, trace
+from contbranch.models.axisymmetric import Axisymmetric
+from contbranch.models.exact import Exact
+from contbranch.store import load
+from contbranch.tips import Cone, Parabola, PowerLaw, Profile, SphericalCap, Tip
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "Axisymmetric",
+    "Branch",
+    "Cone",
+    "Contact",
+    "Diagram",
+    "Event",
+    "Exact",
+    "Exponent",
+    "Exponential",
+    "Gauss",
+    "InputError",
+    "Interaction",
+    "InverseSquare",
+    "Layered",
+    "LocalExponent",
+    "MaugisDugdale",
+    "ModelError",
+    "Parabola",
+    "PowerLaw",
+    "Profile",
+    "Response",
+    "Solution",
+    "SphericalCap",
+    "State",
+    "Sum",
+    "Tabulated",
+    "Tip",
+    "VanDerWaals",
+    "Window",
+    "load",
+    "solve",
+    "trace",
+]

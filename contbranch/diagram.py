@@ -67,6 +67,31 @@ class State:
     error: Mapping[str, float] = field(default_factory=dict)
     profile: Profile | None = None
 
+    @property
+    def r(self) -> Array:
+        """Radii of the profile, (M,)."""
+        return self._profile().r
+
+    @property
+    def gap(self) -> Array:
+        """Gap at `r`."""
+        return self._profile().gap
+
+    @property
+    def pressure(self) -> Array:
+        """Total pressure at `r`."""
+        return self._profile().pressure
+
+    @property
+    def wall_pressure(self) -> Array:
+        """The wall's share of the pressure at `r`."""
+        return self._profile().wall_pressure
+
+    def _profile(self) -> Profile:
+        if self.profile is None:
+            raise InputError("state: it was kept without its gap and pressure profiles")
+        return self.profile
+
     def stable(self, control: str) -> bool:
         """Whether the state is stable under ``"load"`` or ``"displacement"`` control."""
         return (self.unstable_displacement if control == "displacement" else self.unstable_load) == 0
@@ -205,7 +230,7 @@ class Branch:
         return len(self.load)
 
     def state(self, i: int) -> State:
-        """Point `i` with its profile: r, gap, pressure and wall_pressure are attributes of ``state(i).profile``."""
+        """Point `i` with its profile: r, gap, pressure and wall_pressure."""
         profile: Profile | Callable[[], Profile] | None = self.profiles[i] if len(self.profiles) else None
         return State(
             *(float(getattr(self, name)[i]) for name in (*OBSERVABLES, "energy")),

@@ -6,6 +6,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import ClassVar
 
 from contbranch.continuation.curve import Point
 from contbranch.continuation.problem import Array
@@ -24,14 +25,28 @@ class Event(ABC):
         Name of the located points.
     terminal : bool
         Whether the curve is to end at the first zero.
+    hidden_pairs : bool
+        Whether two zeros within one step are looked for, too. Without, a step whose ends have values of the same sign
+        costs nothing more.
+    resolution : float
+        Share of the step to which zeros are located; the default is machine precision.
     """
 
     name: str = "event"
     terminal: bool = False
+    hidden_pairs: ClassVar[bool] = True
+    resolution: ClassVar[float] = 1e-15
 
     @abstractmethod
     def value(self, point: Point) -> float:
         """Return the number at a point of the curve; `point` has problem, x, parameter and the unit tangent."""
+
+    def primitive(self, point: Point) -> float | None:
+        """Return a quantity whose derivative along the unit tangent is `value`, or None (the default).
+
+        With it, pairs of zeros within a step are excluded from what is known at its ends, without evaluations inside.
+        """
+        return None
 
 
 @dataclass(frozen=True)

@@ -18,9 +18,19 @@ from contbranch.continuation.options import Options
 from contbranch.continuation.segment import Segment
 from contbranch.continuation.walk import point_on
 
-__all__ = ["Bracket", "Probe", "brackets", "doubt_about_parameter", "no_hidden_folds", "surprise"]
+__all__ = [
+    "Bracket",
+    "Probe",
+    "brackets",
+    "doubt_about",
+    "doubt_about_parameter",
+    "no_hidden_folds",
+    "slope_keeps_sign",
+    "surprise",
+]
 
 Value = Callable[[Point], float]
+Cubic = tuple[float, float, float, float]
 
 # Largest error of the derivative of a cubic Hermite interpolant, h³ f''''/216 √3.
 INTERPOLATION = math.sqrt(3) / 216
@@ -87,8 +97,12 @@ def doubt_about_parameter(segment: Segment, previous: Segment | None) -> float |
     """Return the error to be expected of the cubic's dp/dθ inside a step."""
     if previous is None or previous.length == 0.0:
         return None
-    ratio = segment.length / previous.length
-    return SAFETY * foretold_to_inside(ratio) * _foretold_slope_error(segment, previous, ratio)
+    return doubt_about(segment.parameter_coefficients(), previous.parameter_coefficients(), segment.length / previous.length)
+
+
+def doubt_about(cubic: Cubic, previous: Cubic, ratio: float) -> float:
+    """Return the error to be expected of a cubic's slope inside a step, `ratio` times as long as the step before."""
+    return SAFETY * foretold_to_inside(ratio) * _foretold_slope_error(cubic, previous, ratio)
 
 
 def surprise(segment: Segment, previous: Segment | None) -> float:
@@ -100,22 +114,30 @@ def surprise(segment: Segment, previous: Segment | None) -> float:
     largest = max(begin, end)
     if largest < RESTING * segment.length * segment.metric.parameter_scale:
         return 0.0
-    return _foretold_slope_error(segment, previous, segment.length / previous.length) / largest
+    ratio = segment.length / previous.length
+    error = _foretold_slope_error(segment.parameter_coefficients(), previous.parameter_coefficients(), ratio)
+    return error / largest
 
 
-def _foretold_slope_error(segment: Segment, previous: Segment, ratio: float) -> float:
-    """Return the difference between dp/dθ at the end of a step and what the cubic of the step before foretold."""
+def _foretold_slope_error(cubic: Cubic, previous: Cubic, ratio: float) -> float:
+    """Return the difference between the slope at the end of a step and what the cubic of the step before foretold."""
     theta = 1 + ratio
-    _, c1, c2, c3 = previous.parameter_coefficients()
+    _, c1, c2, c3 = previous
     foretold = (c1 + theta * (2 * c2 + theta * 3 * c3)) * ratio
-    return abs(foretold - segment.end.tangent_parameter * segment.scale_end)
+    _, e1, e2, e3 = cubic
+    return abs(foretold - (e1 + 2 * e2 + 3 * e3))
 
 
 def no_hidden_folds(segment: Segment, doubt: float | None) -> bool:
     """Whether the slope of the cubic p(θ) has one sign on the step and stays farther from zero than its error."""
+    return slope_keeps_sign(segment.parameter_coefficients(), doubt)
+
+
+def slope_keeps_sign(cubic: Cubic, doubt: float | None) -> bool:
+    """Whether the slope of a cubic has one sign on the step and stays farther from zero than its error."""
     if doubt is None:
         return False
-    _, c1, c2, c3 = segment.parameter_coefficients()
+    _, c1, c2, c3 = cubic
     end = c1 + 2 * c2 + 3 * c3
     if (c1 > 0) != (end > 0) or c1 == 0.0 or end == 0.0:
         return False

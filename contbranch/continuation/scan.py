@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 
 from contbranch.continuation.branching import locate_branch_point, unresolved_branch_point
@@ -20,9 +21,11 @@ from contbranch.continuation.probe import (
     Bracket,
     Probe,
     brackets,
+    doubt_about,
     doubt_about_parameter,
     foretold_to_inside,
     no_hidden_folds,
+    slope_keeps_sign,
     value_on_cubic,
 )
 from contbranch.continuation.segment import Segment
@@ -200,20 +203,25 @@ def _zeros(segment: Segment, previous: Segment | None, event: Event, options: Op
         return _value(event, point)
 
     begin, end = value(segment.begin), value(segment.end)
-    doubt = None
-    if previous is not None and previous.length > 0.0:
-        ratio = segment.length / previous.length
-        foretold = value_on_cubic(previous, 1 + ratio, value)
-        doubt = SAFETY * foretold_to_inside(ratio) * abs(foretold - end)
+    same = end != 0.0 and (begin > 0) == (end > 0) and begin != 0.0
+    simple = not event.hidden_pairs or (begin != 0.0 and _one_at_most(segment, previous, event, begin, end))
+    if same and simple:
+        return []
     if begin == 0.0:
         begin = value(point_on(segment, BEYOND, options)[0])  # the zero itself belongs to the step before
+        if begin == 0.0:
+            return []  # it vanishes along this part of the curve
+    if not simple:
+        parts = brackets(segment, Probe(value, options, _doubt(segment, previous, value, end)), begin, end)
+    else:
+        parts = [Bracket(segment, (0.0, begin), (1.0, end))] if (begin > 0) != (end > 0) else []
     found = []
-    for bracket in brackets(segment, Probe(value, options, doubt), begin, end):
+    for bracket in parts:
         part, first, last = bracket.segment, bracket.first, bracket.last
-        theta = find_root(lambda theta, part=part: value(point_on(part, theta, options)[0]), first, last)  # type: ignore[misc]
+        theta = find_root(partial(_value_on, event, part, options), first, last, event.resolution)
         point = annotated(point_on(part, theta, options)[0], label=event.name)
         steepness = abs(last[1] - first[1]) / (last[0] - first[0])
-        miss = abs(value(point)) / steepness + 1e-15
+        miss = abs(value(point)) / steepness + event.resolution
         change = part.end.x - part.begin.x
         located = EventPoint(
             point,
@@ -223,6 +231,42 @@ def _zeros(segment: Segment, previous: Segment | None, event: Event, options: Op
         )
         found.append(Happening(bracket.whole(theta), located, event.terminal))
     return found
+
+
+def _doubt(segment: Segment, previous: Segment | None, value: Callable[[Point], float], end: float) -> float | None:
+    """Return the error to be expected of a function's values on the cubic inside a step."""
+    if previous is None or previous.length == 0.0:
+        return None
+    ratio = segment.length / previous.length
+    foretold = value_on_cubic(previous, 1 + ratio, value)
+    return SAFETY * foretold_to_inside(ratio) * abs(foretold - end)
+
+
+def _one_at_most(segment: Segment, previous: Segment | None, event: Event, begin: float, end: float) -> bool:
+    """Whether the values at both ends, and the event's primitive, exclude more than one zero inside."""
+    if previous is None or previous.length == 0.0:
+        return False
+    first, last, before = (event.primitive(point) for point in (segment.begin, segment.end, previous.begin))
+    if first is None or last is None or before is None:
+        return False
+    begin, end = begin * segment.scale_begin, end * segment.scale_end
+    cubic = _cubic(first, last, begin, end)
+    start = _value(event, previous.begin) * previous.scale_begin
+    earlier = _cubic(before, first, start, _value(event, previous.end) * previous.scale_end)
+    doubt = doubt_about(cubic, earlier, segment.length / previous.length)
+    if end != 0.0 and (begin > 0) == (end > 0):
+        return slope_keeps_sign(cubic, doubt)
+    # A quadratic slope of opposite signs at the ends has one zero; more would take an error as large as its values.
+    return doubt < 0.3 * max(abs(begin), abs(end))
+
+
+def _cubic(first: float, last: float, begin: float, end: float) -> tuple[float, float, float, float]:
+    rise = last - first
+    return first, begin, 3 * rise - 2 * begin - end, begin + end - 2 * rise
+
+
+def _value_on(event: Event, segment: Segment, options: Options, theta: float) -> float:
+    return _value(event, point_on(segment, theta, options)[0])
 
 
 def _value(event: Event, point: Point) -> float:

@@ -1,0 +1,6 @@
+"""Models of a contact, the choice between them, and what they are asked: `trace` and `solve`."""
+
+from .choice import choose
+from .run import solve, trace
+
+__all__ = ["choose", "solve", "trace"]

@@ -11,7 +11,8 @@ so the rim condition phi(a) = 0 is built in, and the displacement is a result an
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,9 @@ from .rim import Rim, make_rim
 __all__ = ["ContactCoordinate", "Equations", "Fields"]
 
 Array = NDArray[np.float64]
+
+# Solutions whose fields are kept: the ends of a step and what was tried between them.
+RECENT = 4
 
 # Radii, in units of the contact's, at which the wall pressure is checked.
 PROBES = np.array([0.02, 0.3, 0.6, 0.8, 0.9, 0.96, 0.99])
@@ -69,6 +73,7 @@ class Fields:
     pressure: Array
     stiffness: Array  # v'' = −dp/dg
     residual: Array
+    derived: dict[str, Any] = field(default_factory=dict, compare=False, repr=False)  # what was computed from them
 
     @property
     def finite(self) -> bool:
@@ -101,9 +106,7 @@ class Equations:
         self.rim_row = np.zeros(mesh.size)
         self.rim_row[: mesh.order] = mesh.rule.rim
         self._rim: Rim | None = None
-        self._fields: Fields | None = None
-        self._response: tuple[Fields, Array] | None = None
-        self._slope: tuple[Fields, Array, Array] | None = None
+        self._recent: list[Fields] = []
 
     def on(self, mesh: Mesh) -> Equations:
         """The same contact on another mesh."""
@@ -123,9 +126,9 @@ class Equations:
 
     def fields(self, h: Array, y: float) -> Fields:
         """Gap, pressure and residual of (h, y)."""
-        last = self._fields
-        if last is not None and last.y == y and (last.h is h or np.array_equal(last.h, h)):
-            return last
+        for known in self._recent:
+            if known.y == y and known.h is h:
+                return known
         rim = self.rim(y)
         rim_value = float(self.rim_row @ h)
         shape, _ = self.tip.shape_gap(self.mesh.nodes, rim.radius)
@@ -138,31 +141,30 @@ class Equations:
         else:
             energy, pressure, stiffness = self.interaction.evaluate(gap)
         residual = h - self.mesh.abel @ pressure
-        self._fields = Fields(h, y, rim, rim_value, gap, energy, pressure, stiffness, residual)
-        return self._fields
+        fields = Fields(h, y, rim, rim_value, gap, energy, pressure, stiffness, residual)
+        self._recent = [fields, *self._recent[: RECENT - 1]]
+        return fields
 
     # -- linearisation ------------------------------------------------------------------------------------------------
     def response(self, fields: Fields) -> Array:
         """``abel v'' plane``: change of −abel p with h at fixed displacement and rim; (N, N)."""
-        if self._response is None or self._response[0] is not fields:
-            self._response = (fields, (self.mesh.abel * fields.stiffness) @ fields.rim.plane)
-        return self._response[1]
+        return np.asarray((self.mesh.abel * fields.stiffness) @ fields.rim.plane)
 
     def jacobian(self, fields: Fields) -> Array:
         """dR/dh at fixed y, (N, N): I + response (I − 1 rimᵀ)."""
-        response = self.response(fields)
-        matrix = response.copy()
+        matrix = self.response(fields)
         n = self.mesh.order
-        matrix[:, :n] -= response.sum(axis=1)[:, None] * self.rim_row[:n]
+        matrix[:, :n] -= matrix.sum(axis=1)[:, None] * self.rim_row[:n]
         matrix.flat[:: self.mesh.size + 1] += 1.0
         return matrix
 
     def slopes(self, fields: Fields) -> tuple[Array, Array]:
         """dgap/dy and dR/dy at fixed h, (N,) each."""
-        if self._slope is None or self._slope[0] is not fields:
+        if "slopes" not in fields.derived:
             gap_slope = self._gap_slope(fields)
-            self._slope = (fields, gap_slope, self.mesh.abel @ (fields.stiffness * gap_slope))
-        return self._slope[1:]
+            fields.derived["slopes"] = gap_slope, self.mesh.abel @ (fields.stiffness * gap_slope)
+        gap_slope, residual_slope = fields.derived["slopes"]
+        return gap_slope, residual_slope
 
     def _gap_slope(self, fields: Fields) -> Array:
         if not self.contact:
@@ -183,7 +185,7 @@ class Equations:
         """Load F = 2 ∫_0^∞ h dt (E = 1), with h = d − zeta inside the contact, and the interaction's beyond the mesh."""
         a = fields.rim.radius
         inside = self.displacement(fields) * a - float(self.tip.transform_integral(np.float64(a))) if a > 0 else 0.0
-        return 2 * (inside + float(fields.rim.weights @ fields.h)) + float(self.outside(fields)[0])
+        return 2 * (inside + float(fields.rim.weights @ fields.h)) + self._beyond(fields)[0]
 
     def energy(self, fields: Fields) -> float:
         """V_ela + V_fr, with the contact's own −work pi a² and the law's tail beyond the mesh."""
@@ -200,7 +202,7 @@ class Equations:
         surface = 2 * np.pi * float(self.mesh.weights @ (rho * fields.energy_density))
         if a > 0:
             surface += np.pi * a * a * float(self.interaction.evaluate(np.zeros(1)).energy[0])
-        return elastic + surface + float(self.outside(fields)[1])
+        return elastic + surface + self._beyond(fields)[1]
 
     def outside(self, fields: Fields, nodes: NDArray[np.intp] | int = -1) -> tuple[Array, Array]:
         """Load and energy of the interaction beyond nodes, where the gap is the tip's own: ∫ p r dr = ∫ p (r/z') dg."""
@@ -209,6 +211,14 @@ class Equations:
         gap = fields.gap[nodes]
         ring = self._ring(fields, nodes)
         return ring * self.interaction.evaluate(gap).energy, ring * self.interaction.tail_energy(gap)
+
+    def _beyond(self, fields: Fields) -> tuple[float, float, float]:
+        """Load and energy beyond the last node, and 2π r/z' there."""
+        if "beyond" not in fields.derived:
+            load, energy = self.outside(fields)
+            fields.derived["beyond"] = float(load), float(energy), float(self._ring(fields, -1))
+        load, energy, ring = fields.derived["beyond"]
+        return load, energy, ring
 
     def _ring(self, fields: Fields, nodes: NDArray[np.intp] | int) -> Array:
         """2π r/z'(r) at nodes; 0 where the tip has ended."""
@@ -230,7 +240,7 @@ class Equations:
             rate += 2 * fields.rim.weights_slope(fields.h) * self.coordinate.slopes(fields.y)[1] * y_rate
         # The gap at the mesh's end moves what lies beyond: d(ring v) = −ring p dgap.
         gap_rate = float(fields.rim.plane[-1] @ (h_rate - self.rim_row @ h_rate)) + self.slopes(fields)[0][-1] * y_rate
-        return rate - self._ring(fields, -1) * float(fields.pressure[-1]) * gap_rate
+        return rate - self._beyond(fields)[2] * float(fields.pressure[-1]) * gap_rate
 
     # -- pressures inside the contact, admissibility ------------------------------------------------------------------
     def inner_pressure(self, fields: Fields, r: Array) -> Array:

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 NEAR = 1.0
 # How `Mesh.finer` is refined; with these, errors of the coarser mesh are measured to about a tenth of themselves.
 FINER_GRADING = 0.25
-FINER_ORDER = 6
+FINER_ORDER_SHARE = 3
 FINER_REACH = 2.0
 
 
@@ -137,7 +137,7 @@ class Mesh:
         """A mesh on which this one's discretisation errors have all but vanished: graded, longer and of higher order."""
         grading = [0.0, FINER_GRADING * self.innermost]
         end = FINER_REACH * self.edges[-1]
-        return Mesh(np.concatenate([grading, self.edges[1:], [end]]), self.order + FINER_ORDER)
+        return Mesh(np.concatenate([grading, self.edges[1:], [end]]), self.order + max(3, self.order // FINER_ORDER_SHARE))
 
     @cached_property
     def to_finer(self) -> Array:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,8 @@ Array = NDArray[np.float64]
 
 # A new mesh aims below the tolerance by this factor, so that the solution can move on before it must be changed again.
 SLACK = 0.03
+# Share of a step to which events are located while tracing; they are located anew afterwards.
+COARSE = 1e-4
 # Rounds of meshing, solving and judging until a mesh satisfies its own error estimate.
 ROUNDS = 6
 
@@ -67,7 +70,6 @@ class ContactProblem(Problem):
         self.sharpness = sharpness
         mesh = equations.mesh
         self._weights = mesh.weights / mesh.edges[-1]
-        self._error: tuple[Fields, DefectError] | None = None
         resolution.unknowns = max(resolution.unknowns, mesh.size)
 
     def in_contact(self) -> ContactProblem:
@@ -135,17 +137,21 @@ class ContactProblem(Problem):
     def rates(self, x: Array, p: float, x_rate: Array, p_rate: float) -> tuple[float, float]:
         """Rates of load and displacement along a direction."""
         fields = self.fields(x, p)
-        y_rate = self.scale * math.cosh(p) * p_rate
-        return (
-            self.equations.load_rate(fields, x_rate, y_rate),
-            self.equations.displacement_rate(fields, x_rate, y_rate),
-        )
+        known = fields.derived.get("rates")
+        if known is None or known[0] is not x_rate or known[1] != p_rate:
+            y_rate = self.scale * math.cosh(p) * p_rate
+            load_rate = self.equations.load_rate(fields, x_rate, y_rate)
+            known = (x_rate, p_rate, load_rate, self.equations.displacement_rate(fields, x_rate, y_rate))
+            fields.derived["rates"] = known
+        return known[2], known[3]
 
     def error(self, fields: Fields) -> DefectError:
-        """Discretisation error of a solution (the last one is kept)."""
-        if self._error is None or self._error[0] is not fields:
-            self._error = (fields, defect_error(self.equations, fields))
-        return self._error[1]
+        """Discretisation error of a solution."""
+        if "error" not in fields.derived:
+            fields.derived["error"] = defect_error(self.equations, fields)
+        found = fields.derived["error"]
+        assert isinstance(found, DefectError)
+        return found
 
     # -- meshes -------------------------------------------------------------------------------------------------------
     def adapt(self, x: Array, p: float) -> Adaptation | None:
@@ -234,6 +240,11 @@ class FoldEvent(Event):
     control: str = "load"
     name: str = "fold"
     terminal: bool = False
+    resolution: ClassVar[float] = COARSE
+
+    def primitive(self, point: Point) -> float:
+        """The load (or the displacement) itself."""
+        return point.observables[self.control]
 
     def value(self, point: Point) -> float:
         """Rate of the control along the unit tangent."""
@@ -248,6 +259,7 @@ class LoadReached(Event):
 
     name = "end"
     terminal = True
+    hidden_pairs = False
 
     def __init__(self, target: float, displacement: float | None = None) -> None:
         self.target = target
@@ -270,6 +282,8 @@ class InadmissibleEvent(Event):
     tolerance: float = 1e-6
     name: str = "inadmissible"
     terminal: bool = True
+    hidden_pairs: ClassVar[bool] = False
+    resolution: ClassVar[float] = COARSE
 
     def value(self, point: Point) -> float:
         """Smallest gap and wall pressure in units of the interaction's own, plus the tolerance; negative: inadmissible."""

@@ -122,7 +122,9 @@ class _End:
         return False
 
 
-def trace(contact: Contact, accuracy: float, target: Target, progress: Progress | None = None) -> Traced:
+def trace(
+    contact: Contact, accuracy: float, target: Target, progress: Progress | None = None, events: bool = True
+) -> Traced:
     """Follow a reduced contact's curve and locate its events.
 
     Parameters
@@ -134,6 +136,8 @@ def trace(contact: Contact, accuracy: float, target: Target, progress: Progress 
     target : Target
     progress : callable, optional
         Called with the fraction done (a guess) and what is being done.
+    events : bool
+        Whether events are made precise; without, the result has none, and its rows are as accurate as the trace.
     """
     began = time.perf_counter()
     problem, u = start_problem(contact, accuracy, max(TRACE_TOLERANCE, accuracy))
@@ -157,7 +161,7 @@ def trace(contact: Contact, accuracy: float, target: Target, progress: Progress 
             trace_curve(last.problem.in_contact(), last.x, 0.0, (0.0, math.inf), STEPS, [*folds, end.event], stop)
         )
     located = _Located(curves, touched)
-    raw, indices = located.raw(contact, accuracy, told)
+    raw, indices = located.raw(contact, accuracy if events else None, told)
     cost = Cost(time.perf_counter() - began, problem.resolution.newton)
     return Traced(located.points, replace(raw, cost=cost, unknowns=problem.resolution.unknowns), indices)
 
@@ -191,7 +195,7 @@ class _Located:
                 assert isinstance(event, EventPoint)
                 self.marks.append((offset + event.index, event.name, event.point))
 
-    def raw(self, contact: Contact, accuracy: float, told: _Told) -> tuple[RawCurve, Indices]:
+    def raw(self, contact: Contact, accuracy: float | None, told: _Told) -> tuple[RawCurve, Indices]:
         """Arrays and events."""
         points = self.points
         columns = {
@@ -201,7 +205,7 @@ class _Located:
         folds = [(row, name) for row, name, _ in self.marks if name in ("load", "displacement")]
         loading, approaching = self._signs()
         indices = morse_indices(len(points), folds, loading, approaching)
-        events = self._events(accuracy, indices, told)
+        events = [] if accuracy is None else self._events(accuracy, indices, told)
         complete, message = self._outcome(contact)
         profiles = [_deferred_profile(point) for point in points]
         curve = RawCurve(

@@ -1,0 +1,51 @@
+"""The axisymmetric model: which contacts it represents, and its results."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import ClassVar
+
+from contbranch.contact import Contact
+from contbranch.diagram import State
+from contbranch.interactions import MaugisDugdale
+from contbranch.models.outcome import RawCurve
+
+from .solve import solve_all
+from .trace import Target, trace
+
+__all__ = ["Axisymmetric"]
+
+Progress = Callable[[float, str], None]
+
+
+@dataclass(frozen=True)
+class Axisymmetric:
+    """The axisymmetric model: Abel transforms on adaptive panels, errors measured on finer ones."""
+
+    name: ClassVar[str] = "axisymmetric"
+
+    def obstacle(self, contact: Contact) -> str | None:
+        """Return why the model does not represent a contact, as the end of a sentence, or None if it does."""
+        laws = contact.interaction.terms if contact.interaction is not None else ()
+        if any(isinstance(law, MaugisDugdale) for law in laws):
+            if any(isinstance(law, MaugisDugdale) and law.work_of_adhesion < 0 for law in laws):
+                return (
+                    "the repulsive maugis-dugdale law has a ring on which the gap stays at the range of the law, a second kind "
+                    "of contact with an inequality of its own, which is not available yet"
+                )
+            return "the pressure of the maugis-dugdale law jumps at the end of its range, which smooth panels cannot represent"
+        return None
+
+    def trace(
+        self, contact: Contact, accuracy: float, max_load: float | None, progress: Progress | None = None
+    ) -> RawCurve:
+        """The whole curve of a reduced contact."""
+        return trace(contact, accuracy, Target(load=max_load), progress).curve
+
+    def solve(
+        self, contact: Contact, field: str, value: float, accuracy: float, progress: Progress | None = None
+    ) -> tuple[list[State], RawCurve]:
+        """Every equilibrium of a reduced contact with a given load, displacement or contact radius."""
+        states, traced = solve_all(contact, field, value, accuracy, progress)
+        return states, traced.curve
