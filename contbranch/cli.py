@@ -217,10 +217,11 @@ def _usage(error: Exception, given: Sequence[str]) -> str:
 # Computing
 
 
-def _solve(request: Request, where: dict[str, float]) -> Solution:
+def _solve(request: Request, where: dict[str, Any]) -> Solution:
     from contbranch import solve
 
-    return solve(request.contact, **where, control=request.control, accuracy=request.accuracy, model=request.model)
+    settings: dict[str, Any] = {"control": request.control, "accuracy": request.accuracy, "model": request.model}
+    return solve(request.contact, **where, **settings)
 
 
 def _trace(request: Request, max_load: float | None) -> Diagram:

@@ -18,8 +18,9 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from contbranch.errors import InputError
+from contbranch.plot_curve import Line, Piece, pieces, smooth_line
 from contbranch.plot_labels import place_labels
-from contbranch.plot_view import Piece, axis_label, check_observables, pieces, view
+from contbranch.plot_view import axis_label, check_observables, view
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -81,7 +82,7 @@ def bifurcation_diagram(diagram: Diagram, x: str = "load", y: str = "contact_rad
     with mpl.rc_context(_STYLE):
         figure = _figure(2.7)
         axes = figure.subplots()
-        _draw_curve(axes, diagram, x, y)
+        _draw_curve(axes, diagram, _lines(diagram), x, y)
         _finish(figure, [axes], diagram, [(x, y)])
     return figure
 
@@ -92,8 +93,9 @@ def overview(diagram: Diagram) -> Figure:
     with mpl.rc_context(_STYLE):
         figure = _figure(4.9)
         both = list(figure.subplots(2, 1))
+        lines = _lines(diagram)
         for axes, (x, y), letter in zip(both, panels, "ab", strict=True):
-            _draw_curve(axes, diagram, x, y)
+            _draw_curve(axes, diagram, lines, x, y)
             axes.set_title(f"({letter})", loc="left", fontsize=8.5, pad=4.0)
         _finish(figure, both, diagram, panels)
     return figure
@@ -225,24 +227,28 @@ def _interesting_radius(state: State) -> float:
 # One curve
 
 
-def _draw_curve(axes: Axes, diagram: Diagram, x: str, y: str) -> None:
+def _draw_curve(axes: Axes, diagram: Diagram, lines: Sequence[Line], x: str, y: str) -> None:
     """Draw the branches with their stability, mark the events and set limits and axis labels."""
     check_observables(x, y)
     reduced = _has_natural_units(diagram)
     axes.set_xlabel(axis_label(x, diagram.unit_names, reduced))
     axes.set_ylabel(axis_label(y, diagram.unit_names, reduced))
-    for number, _ in enumerate(diagram.branches):
-        for piece in pieces(diagram, number, x, y):
+    for line in lines:
+        for piece in pieces(line, x, y):
             _draw_piece(axes, piece)
     for event in _marked(diagram):
         _draw_marker(axes, diagram, event, x, y)
-    limits = view(diagram, x, y)
+    limits = view(diagram, lines, x, y)
     if limits is not None:
         axes.set_xlim(*limits.x)
         axes.set_ylim(*limits.y)
-    for name, line in ((x, axes.axvline), (y, axes.axhline)):
+    for name, draw in ((x, axes.axvline), (y, axes.axhline)):
         if name in ("load", "displacement"):
-            line(0.0, color=_GREY, linewidth=0.4, alpha=0.6, zorder=0)
+            draw(0.0, color=_GREY, linewidth=0.4, alpha=0.6, zorder=0)
+
+
+def _lines(diagram: Diagram) -> list[Line]:
+    return [smooth_line(diagram, number) for number in range(len(diagram.branches))]
 
 
 def _has_natural_units(diagram: Diagram) -> bool:
@@ -302,11 +308,24 @@ def _finish(figure: Figure, panels: Sequence[Axes], diagram: Diagram, observable
     for axes, (x, y) in zip(panels, observables, strict=True):
         if "energy" in (x, y):
             continue
-        marked = _marked(diagram)
+        marked = _labelled(axes, diagram, x, y)
         texts = [event.name or "touch" for event in marked]
         points = np.array([[getattr(event, x), getattr(event, y)] for event in marked]).reshape(-1, 2)
         emphasis = [event.kind == "touch" or event.control == diagram.control for event in marked]
         place_labels(axes, points, texts, ["black" if own else _GREY for own in emphasis])
+
+
+def _labelled(axes: Axes, diagram: Diagram, x: str, y: str) -> list[Event]:
+    """Return the marked events without those that have the label of another one at the same place."""
+    kept: dict[str, list[Array]] = {}
+    events = []
+    for event in sorted(_marked(diagram), key=lambda e: e.control != diagram.control):
+        pixel = axes.transData.transform([getattr(event, x), getattr(event, y)])
+        same = kept.setdefault(event.name or event.kind, [])
+        if all(np.hypot(*(pixel - other)) > 6.0 for other in same):
+            same.append(pixel)
+            events.append(event)
+    return events
 
 
 def _legend(diagram: Diagram) -> list[Line2D]:

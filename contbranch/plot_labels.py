@@ -38,8 +38,9 @@ def place_labels(axes: Axes, points: Array, texts: Sequence[str], colors: Sequen
     frame = np.array([extent.x0, extent.y0, extent.x1, extent.y1])
     pixels = axes.transData.transform(points) if len(points) else np.zeros((0, 2))
     seen = [i for i, p in enumerate(pixels) if np.all((p >= frame[:2]) & (p <= frame[2:]))]
+    lines = _line_pixels(axes, 2.0 * unit)
     obstacles = _Obstacles(
-        lines=_line_pixels(axes, 2.0 * unit),
+        lines=lines[np.all((lines >= frame[:2]) & (lines <= frame[2:]), axis=1)],
         markers=np.array([_square(pixels[i], _MARKER * unit) for i in seen]).reshape(-1, 4),
         frame=frame + np.array([2, 2, -2, -2]) * unit,
     )
@@ -78,7 +79,13 @@ class _Obstacles(NamedTuple):
         costs += 400.0 * np.sum(_overlaps(boxes, self.markers), axis=1) / area
         costs += 2000.0 * (1.0 - _overlaps(boxes, self.frame[None, :])[:, 0] / area)
         crossed = [np.sum(_counts_inside(place.leader, self.markers)) for place in places]
-        return np.asarray(costs + 5.0 * np.array(crossed))
+        return np.asarray(costs + 20.0 * np.array(crossed) + 4.0 * self._crossings(places))
+
+    def _crossings(self, places: Sequence[_Place]) -> Array:
+        """Return how many points of each leader (N,) lie on lines, on a grid as coarse as the points are apart."""
+        cell = 0.01 * float(np.max(self.frame[2:] - self.frame[:2]))
+        occupied = {(int(x), int(y)) for x, y in self.lines / cell}
+        return np.array([sum((int(x), int(y)) in occupied for x, y in p.leader / cell) for p in places], dtype=float)
 
 
 def _crowding(places: Sequence[_Place], others: Sequence[_Place]) -> Array:
@@ -88,8 +95,8 @@ def _crowding(places: Sequence[_Place], others: Sequence[_Place]) -> Array:
     boxes, taken = (np.array([place.box for place in group]) for group in (places, others))
     area = (boxes[0, 2] - boxes[0, 0]) * (boxes[0, 3] - boxes[0, 1])
     costs = 400.0 * np.sum(_overlaps(boxes, taken), axis=1) / area
-    costs += 5.0 * _counts_inside(np.concatenate([other.leader for other in others]), boxes)
-    return np.asarray(costs + 5.0 * np.array([np.sum(_counts_inside(place.leader, taken)) for place in places]))
+    costs += 20.0 * _counts_inside(np.concatenate([other.leader for other in others]), boxes)
+    return np.asarray(costs + 20.0 * np.array([np.sum(_counts_inside(place.leader, taken)) for place in places]))
 
 
 def _counts_inside(points: Array, boxes: Array) -> Array:
@@ -122,7 +129,9 @@ def _leader(pixel: Array, box: Array, spacing: float, distance: float) -> Array:
     if distance <= _NEAR:
         return np.zeros((0, 2))
     line = _resampled(np.array([pixel, 0.5 * (box[:2] + box[2:])]), spacing)
-    return line[np.hypot(*(line - pixel).T) > _MARKER * spacing]  # not what lies under the point's own marker
+    return np.asarray(
+        line[np.hypot(*(line - pixel).T) > _MARKER * spacing]
+    )  # not what lies under the point's own marker
 
 
 def _text_size(axes: Axes, text: str) -> Array:

@@ -1,21 +1,20 @@
-"""What a bifurcation diagram shows: pieces of the curve by stability, limits that frame its events, axis labels."""
+"""What a bifurcation diagram shows: limits that frame its events, and axis labels with units."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contbranch.errors import InputError
+from contbranch.plot_curve import COORDINATES, Line
 
 if TYPE_CHECKING:
-    from contbranch.diagram import Branch, Diagram, Event
+    from contbranch.diagram import Diagram
 
-__all__ = ["Limits", "Piece", "axis_label", "check_observables", "pieces", "view"]
-
-Array = NDArray[np.float64]
+__all__ = ["Limits", "axis_label", "check_observables", "view"]
 
 # observable: (words, symbol, its unit where R = E = |Δγ| = 1, (23)-(26))
 _AXES: Final = {
@@ -28,19 +27,9 @@ _AXES: Final = {
     "pressure": ("Pressure", "p", ""),
     "r": ("Radius", "r", ""),
 }
-_COORDINATES: Final = ("load", "displacement", "contact_radius", "central_gap", "energy")
-
 _PAD: Final = 1.0  # of the extent of the events, shown on either side of them
-_LEAST_PAD: Final = 0.15  # of the events' distance from zero: context for a narrow window
+_LEAST_PAD: Final = 0.05  # of the events' distance from zero: context for a narrow window
 _MARGIN: Final = 0.07  # of the axis, so that no line lies on the frame
-
-
-class Piece(NamedTuple):
-    """A part of a branch with one stability: coordinates (M,) and whether it is stable."""
-
-    x: Array
-    y: Array
-    stable: bool
 
 
 class Limits(NamedTuple):
@@ -65,102 +54,38 @@ def _bracketed(unit: str) -> str:
     return unit if unit.startswith("(") else f"({unit})"
 
 
-def pieces(diagram: Diagram, number: int, x: str, y: str) -> list[Piece]:
-    """Return the pieces of branch `number`, cut where the stability under the diagram's control changes.
-
-    Located folds and touches are inserted between the points, so that lines pass through them and change there.
-    """
-    check_observables(x, y)
-    branch = diagram.branches[number]
-    position, coordinates, unstable = _vertices(diagram, branch, number, x, y)
-    if len(position) < 2:
-        return []
-    stable = _segment_stability(unstable)
-    cuts = np.flatnonzero(stable[1:] != stable[:-1]) + 1
-    starts, stops = [0, *cuts], [*cuts, len(stable)]
-    return [
-        Piece(coordinates[i : j + 1, 0], coordinates[i : j + 1, 1], bool(stable[i]))
-        for i, j in zip(starts, stops, strict=True)
-    ]
-
-
 def check_observables(x: str, y: str) -> None:
     """Raise InputError unless both can be drawn."""
     for field, name in (("x", x), ("y", y)):
-        if name not in _COORDINATES:
-            raise InputError(f"{field}: {name!r}; must be one of {', '.join(_COORDINATES)}")
+        if name not in COORDINATES:
+            raise InputError(f"{field}: {name!r}; must be one of {', '.join(COORDINATES)}")
 
 
-def _is_cut(diagram: Diagram, event: Event) -> bool:
-    """Whether stability under the diagram's control may change at an event."""
-    return event.kind == "fold" and event.control == diagram.control
-
-
-def _vertices(diagram: Diagram, branch: Branch, number: int, x: str, y: str) -> tuple[Array, Array, NDArray[np.int64]]:
-    """Return position (M,), coordinates (M, 2) and unstable modes (M,); -1: fold of the control, -2: other event."""
-    position = np.arange(len(branch), dtype=np.float64)
-    points = np.column_stack([getattr(branch, x), getattr(branch, y)]).astype(np.float64)
-    unstable = np.asarray(branch.unstable(diagram.control), dtype=np.int64)
-    keep = np.isfinite(points).all(axis=1)
-    events = [e for e in diagram.events if e.branch == number and e.kind in ("fold", "touch")]
-    if "energy" in (x, y):
-        events = []  # events carry no energy
-    for event in events:
-        keep &= np.abs(position - event.position) > 1e-6
-    position = np.concatenate([position[keep], [e.position for e in events]])
-    points = np.concatenate([points[keep], np.array([[getattr(e, x), getattr(e, y)] for e in events]).reshape(-1, 2)])
-    flags = [-1 if _is_cut(diagram, e) else -2 for e in events]
-    unstable = np.concatenate([unstable[keep], np.array(flags, dtype=np.int64)])
-    order = np.argsort(position, kind="stable")
-    return position[order], points[order], unstable[order]
-
-
-def _segment_stability(unstable: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Return for each segment (M - 1,) whether it is stable, from the unstable modes of the M vertices."""
-    stable = np.zeros(len(unstable) - 1, dtype=bool)
-    for i in range(len(stable)):
-        known = [n == 0 for n in unstable[i : i + 2] if n >= 0]
-        if known:
-            stable[i] = all(known)
-        elif i > 0:  # between two events inside one step: a fold turns stability over, a touch keeps it
-            stable[i] = not stable[i - 1] if unstable[i] == -1 else stable[i - 1]
-    return stable
-
-
-def view(diagram: Diagram, x: str, y: str) -> Limits | None:
+def view(diagram: Diagram, lines: Sequence[Line], x: str, y: str) -> Limits | None:
     """Return limits that frame the events, or None if there is nothing to frame and all of the curve is to be seen.
 
     The part of the curve from the first to the last event (and, where the load changes sign in contact, to zero load)
     is widened on all sides. A trace that starts far away or ends under a large load then does not squeeze its events.
+    The contact radius has no window of its own: it is shown over the whole window of the load.
     """
     check_observables(x, y)
-    framed = [b for i, b in enumerate(diagram.branches) if _core(diagram, b, i) is not None]
-    if not framed:
+    if not any(_positions(diagram, number) for number in range(len(lines))):
         return None
-    windows = {name: _window(diagram, name) for name in {x, y, "load"}}
-    seen = [_inside(branch, windows) for branch in diagram.branches]
+    bounds = {name for name in (x, y) if name not in ("contact_radius", "energy")} | {"load"}
+    windows = {name: _window(diagram, lines, name) for name in bounds}
     limits = []
     for name in (x, y):
-        values = np.concatenate([getattr(b, name)[s] for b, s in zip(diagram.branches, seen, strict=True)])
-        values = np.append(values, _event_values(diagram, name))
-        low = max(float(np.nanmin(values)), windows[name][0])
-        high = min(float(np.nanmax(values)), windows[name][1])
+        seen = [line.columns[name][_inside(line, windows)] for line in lines]
+        values = np.concatenate([*seen, _event_values(diagram, name)])
+        low, high = float(np.nanmin(values)), float(np.nanmax(values))
         margin = _MARGIN * ((high - low) or abs(high) or 1.0)
         limits.append((low - margin, high + margin))
     return Limits(limits[0], limits[1])
 
 
-def _core(diagram: Diagram, branch: Branch, number: int) -> slice | None:
-    """Return the points of a branch from its first to its last event, and on to zero load in contact."""
-    positions = [e.position for e in diagram.events if e.branch == number and e.kind in ("fold", "touch")]
-    if not positions:
-        return None
-    first, last = int(np.floor(min(positions))), int(np.ceil(max(positions)))
-    sign = np.sign(branch.load)
-    crossing = np.flatnonzero((sign[1:] * sign[:-1] < 0) & (branch.contact_radius[1:] > 0.0))
-    if crossing.size:
-        first, last = min(first, int(crossing[0])), max(last, int(crossing[-1]) + 1)
-    return slice(max(first, 0), last + 1)
+def _positions(diagram: Diagram, number: int) -> list[float]:
+    """Return the positions of folds and touches on a branch."""
+    return [e.position for e in diagram.events if e.branch == number and e.kind in ("fold", "touch")]
 
 
 def _event_values(diagram: Diagram, name: str) -> list[float]:
@@ -169,24 +94,32 @@ def _event_values(diagram: Diagram, name: str) -> list[float]:
     return [getattr(e, name) for e in diagram.events if e.kind in ("fold", "touch")]
 
 
-def _window(diagram: Diagram, name: str) -> tuple[float, float]:
+def _window(diagram: Diagram, lines: Sequence[Line], name: str) -> tuple[float, float]:
     """Return the range of an observable that is worth showing."""
-    values = list(_event_values(diagram, name))
-    for number, branch in enumerate(diagram.branches):
-        core = _core(diagram, branch, number)
-        if core is not None:
-            values += [float(np.nanmin(getattr(branch, name)[core])), float(np.nanmax(getattr(branch, name)[core]))]
+    values = [*_event_values(diagram, name)]
+    for number, line in enumerate(lines):
+        values += line.columns[name][_core(line, _positions(diagram, number))].tolist()
     low, high = min(values), max(values)
-    pad = max(_PAD * (high - low), _LEAST_PAD * max(abs(low), abs(high)))
+    least = _LEAST_PAD if any(diagram.folds()) else _PAD  # a first touch alone has no extent
+    pad = max(_PAD * (high - low), least * max(abs(low), abs(high)))
     return low - pad, high + pad
 
 
-def _inside(branch: Branch, windows: Mapping[str, tuple[float, float]]) -> NDArray[np.bool_]:
-    """Return which points lie in all windows, with a neighbour on either side so that lines reach the frame."""
-    inside = np.ones(len(branch), dtype=bool)
+def _core(line: Line, positions: Sequence[float]) -> NDArray[np.bool_]:
+    """Return which points lie between the first and the last event, or before zero load in contact."""
+    if not positions:
+        return np.zeros(len(line.position), dtype=bool)
+    first, last = min(positions), max(positions)
+    sign = np.sign(line.columns["load"])
+    crossing = np.flatnonzero((sign[1:] * sign[:-1] < 0) & (line.columns["contact_radius"][1:] > 0.0))
+    if crossing.size:
+        first, last = min(first, line.position[crossing[0]]), max(last, line.position[crossing[-1] + 1])
+    return np.asarray((line.position >= first) & (line.position <= last))
+
+
+def _inside(line: Line, windows: Mapping[str, tuple[float, float]]) -> NDArray[np.bool_]:
+    """Return which points lie in all windows."""
+    inside = np.ones(len(line.position), dtype=bool)
     for name, (low, high) in windows.items():
-        inside &= (getattr(branch, name) >= low) & (getattr(branch, name) <= high)
-    grown = inside.copy()
-    grown[1:] |= inside[:-1]
-    grown[:-1] |= inside[1:]
-    return grown
+        inside &= (line.columns[name] >= low) & (line.columns[name] <= high)
+    return inside

@@ -80,9 +80,7 @@ def _contact(path: str | None, law: str | None, tabor: str | None, repulsive: bo
     try:
         return Contact.reduced(law, tabor=value, sign=-1 if repulsive else 1), {}
     except InputError as error:
-        if str(error).startswith("interaction:"):
-            raise InputError(f"--{error}") from None
-        raise InputError(f"--interaction: {law} has more parameters ({error}); describe it in a contact file") from None
+        raise InputError(f"--{error}") from None  # the field has the name of its option
 
 
 def _bare(text: str) -> float | str:

@@ -162,7 +162,6 @@ WRONG = [
     (["trace", "FILE", "--interaction", "gauss"], "not both"),
     (["trace", "FILE", "--repulsive"], "not both"),
     (["trace", "--interaction", "nonsense", "--tabor", "1"], "--interaction: 'nonsense'; must be one of exponential"),
-    (["trace", "--interaction", "layered", "--tabor", "1"], "--interaction: layered has more parameters"),
     (["trace", "--interaction", "tabulated", "--tabor", "1"], "--interaction: tabulated"),
     (["trace", "--interaction", "gauss", "--tabor", "-1"], "--tabor: -1; must be greater than zero"),
     (["trace", "--interaction", "gauss", "--tabor", "0"], "--tabor: 0; must be greater than zero"),

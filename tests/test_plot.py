@@ -13,10 +13,11 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.text import Annotation, Text
 
-from contbranch import plot
+from contbranch import plot, plot_view
 from contbranch.diagram import Branch, Diagram
 from contbranch.errors import InputError
-from contbranch.plot_view import pieces, view
+from contbranch.plot_curve import pieces, smooth_line
+from contbranch.plot_view import Limits
 from contbranch.theory import maugis
 
 
@@ -24,13 +25,18 @@ def annotations(axes: Axes) -> list[Annotation]:
     return [child for child in axes.get_children() if isinstance(child, Annotation)]
 
 
+def view(diagram: Diagram, x: str, y: str) -> Limits | None:
+    lines = [smooth_line(diagram, number) for number in range(len(diagram.branches))]
+    return plot_view.view(diagram, lines, x, y)
+
+
 def test_pieces_meet_at_the_folds_of_the_control(repulsion: Diagram) -> None:
     load_folds = [(e.load, e.contact_radius) for e in repulsion.folds("load")]
-    parts = pieces(repulsion, 0, "load", "contact_radius")
+    parts = pieces(smooth_line(repulsion, 0), "load", "contact_radius")
     assert [part.stable for part in parts] == [True, False, True]
     for left, right, fold in zip(parts[:-1], parts[1:], load_folds, strict=True):
         assert (left.x[-1], left.y[-1]) == (right.x[0], right.y[0]) == fold
-    other = pieces(replace(repulsion, control="displacement"), 0, "displacement", "load")
+    other = pieces(smooth_line(replace(repulsion, control="displacement"), 0), "displacement", "load")
     folds = [(e.displacement, e.load) for e in repulsion.folds("displacement")]
     assert [part.stable for part in other] == [True, False, True]
     assert [(part.x[-1], part.y[-1]) for part in other[:-1]] == folds
@@ -42,9 +48,26 @@ def test_two_folds_between_two_points_show_the_unstable_part(repulsion: Diagram)
     columns = {n: getattr(branch, n)[far] for n in branch.__dataclass_fields__ if n != "profiles"}
     events = tuple(replace(e, position=1.0 + (e.position - 60.0) / 120.0) for e in repulsion.events)
     coarse = replace(repulsion, branches=(replace(branch, **columns),), events=events)
-    parts = pieces(coarse, 0, "load", "contact_radius")
+    parts = pieces(smooth_line(coarse, 0), "load", "contact_radius")
     assert [part.stable for part in parts] == [True, False, True]
     assert parts[1].x[[0, -1]].tolist() == [e.load for e in repulsion.folds("load")]
+
+
+def test_long_steps_are_filled_in_as_the_closed_form_says(attraction: Diagram) -> None:
+    """Every tenth point of the Maugis-Dugdale curve and its events give back the curve to 0.5 % of its extent."""
+    branch = attraction.branches[0]
+    kept = np.arange(0, len(branch), 10)
+    columns = {n: getattr(branch, n)[kept] for n in branch.__dataclass_fields__ if n != "profiles"}
+    events = tuple(replace(e, position=e.position / 10.0) for e in attraction.events)
+    line = smooth_line(replace(attraction, branches=(Branch(**columns),), events=events), 0)
+    radius = line.columns["contact_radius"]
+    joined = radius > 0.0
+    assert np.count_nonzero(joined) > 200
+    constants = {"radius": 1000.0, "modulus": 5.0, "work_of_adhesion": 0.04, "interaction_range": 1.0}
+    exact = maugis.contact(radius[joined], **constants)
+    near = exact.load < 200.0
+    np.testing.assert_allclose(line.columns["load"][joined][near], exact.load[near], atol=0.005 * 400.0)
+    assert line.columns["load"].min() == min(event.load for event in events)  # it turns round at the fold, not beyond
 
 
 def test_curve_is_solid_where_stable_and_dashed_where_not(repulsion: Diagram) -> None:
@@ -73,7 +96,8 @@ def test_labels_overlap_neither_each_other_nor_markers_nor_the_frame(
         for annotation in annotations(axes):
             annotation.update_positions(renderer)
         texts = [Text.get_window_extent(a, renderer) for a in annotations(axes)]  # without the lines to the points
-        assert len(texts) == len(request.getfixturevalue(name).events)
+        marked = {event.name or "touch" for event in request.getfixturevalue(name).events}
+        assert {a.get_text() for a in annotations(axes)} == marked
         for one, other in combinations(texts, 2):
             assert not one.overlaps(other)
         markers = [line for line in axes.get_lines() if line.get_marker() != "None"]
@@ -101,6 +125,21 @@ def test_limits_frame_the_events_of_a_trace_that_starts_far_and_ends_far(attract
         assert limits.y[0] < event.load < limits.y[1]
     fold = maugis.load_fold(radius=1000.0, modulus=5.0, work_of_adhesion=0.04, interaction_range=1.0)
     assert limits.y[1] > 0.5 * abs(float(fold.load))  # contact under compression is seen as well
+
+
+def test_a_first_touch_alone_is_seen_with_its_surroundings(repulsion: Diagram) -> None:
+    touch = tuple(event for event in repulsion.events if event.kind == "touch")
+    limits = view(replace(repulsion, events=touch), "load", "displacement")
+    assert limits is not None
+    assert limits.x[0] <= repulsion.branches[0].load.min()
+    assert limits.x[1] >= repulsion.branches[0].load.max()
+
+
+def test_events_at_one_place_share_a_label(repulsion: Diagram) -> None:
+    load_folds = {event.name: event for event in repulsion.folds("load")}
+    same = tuple(replace(load_folds.get(e.name, e), control=e.control, position=e.position) for e in repulsion.events)
+    texts = [a.get_text() for a in annotations(replace(repulsion, events=same).plot().axes[0])]
+    assert sorted(texts) == ["squeeze-out", "touch", "wetting"]
 
 
 def test_a_curve_without_events_is_seen_as_a_whole(repulsion: Diagram) -> None:
