@@ -54,7 +54,7 @@ def follow(
     """Follow the curve from `start` along its tangent to its end in that direction."""
     here = start
     segment: Segment | None = None
-    metric = balance.metric(options.weight)
+    metric = balance.metric(options.weight, options.state_floor)
     step = options.first_step * metric.norm(here.problem, here.tangent_x, here.tangent_parameter)
     branch = Branch([], [], End(Outcome.MAXIMUM_POINTS))
     folds = 0
@@ -71,7 +71,7 @@ def follow(
             return replace(branch, end=end)
         state_change, parameter_change = _changes(segment)
         balance = balance.advance(state_change, parameter_change)
-        metric = balance.metric(options.weight)
+        metric = balance.metric(options.weight, options.state_floor)
         try:
             here, changed = adapted(branch.points[-1], metric, options)
         except CorrectionError as error:

@@ -65,6 +65,6 @@ class Balance:
             parameter_total,
         )
 
-    def metric(self, weight: float = 1.0) -> Metric:
-        """Return the metric; weight > 1 lets the parameter count for more."""
-        return Metric(self.state, self.parameter / weight)
+    def metric(self, weight: float = 1.0, floor: float = 0.0) -> Metric:
+        """Return the metric; weight > 1 lets the parameter count for more, the state's scale does not go below floor."""
+        return Metric(max(self.state, floor), self.parameter / weight)

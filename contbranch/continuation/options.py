@@ -32,6 +32,9 @@ class Options:
         Largest change of the parameter in a step, as a share of the width of the range (if that is finite).
     weight : float
         Weight of the parameter against the state in lengths and angles; 1 treats their recent paths alike.
+    state_floor : float
+        Changes of the state (in the norm of `Problem.inner`) far below this do not shorten steps: for curves that start
+        where the state is all but zero and grows exponentially.
     tolerance : float
         Error allowed in the corrected points, relative to the recent path.
     maximum_points : int
@@ -49,6 +52,7 @@ class Options:
     growth: float = 2.0
     largest_parameter_step: float = 0.1
     weight: float = 1.0
+    state_floor: float = 0.0
     tolerance: float = 1e-10
     maximum_points: int = 10_000
     edge_tolerance: float = 1e-9
@@ -61,6 +65,8 @@ class Options:
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0):
                 raise InputError(f"Options.{name} is {value!r}: give a positive number.")
+        if not (math.isfinite(self.state_floor) and self.state_floor >= 0):
+            raise InputError(f"Options.state_floor is {self.state_floor!r}: give a number that is not negative.")
         if not self.angle < self.angle_limit <= math.pi / 2:
             raise InputError(f"Options.angle_limit is {self.angle_limit!r}: give a number in (angle, pi/2].")
         if not self.growth > 1:

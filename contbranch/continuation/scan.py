@@ -41,6 +41,8 @@ COINCIDENT = 1e-6
 COINCIDENT_ON_CURVE = 1e-2
 # Where a step that begins on a zero is taken to begin.
 BEYOND = 1e-6
+# Error of a cubic's slope, as a share of its largest value, where no earlier step tells.
+UNTESTED = 0.1
 # How often a step is halved to explain a change of the Morse index.
 HALVINGS = 40
 
@@ -244,16 +246,19 @@ def _doubt(segment: Segment, previous: Segment | None, value: Callable[[Point], 
 
 def _one_at_most(segment: Segment, previous: Segment | None, event: Event, begin: float, end: float) -> bool:
     """Whether the values at both ends, and the event's primitive, exclude more than one zero inside."""
-    if previous is None or previous.length == 0.0:
-        return False
-    first, last, before = (event.primitive(point) for point in (segment.begin, segment.end, previous.begin))
-    if first is None or last is None or before is None:
+    first, last = event.primitive(segment.begin), event.primitive(segment.end)
+    if first is None or last is None:
         return False
     begin, end = begin * segment.scale_begin, end * segment.scale_end
     cubic = _cubic(first, last, begin, end)
-    start = _value(event, previous.begin) * previous.scale_begin
-    earlier = _cubic(before, first, start, _value(event, previous.end) * previous.scale_end)
-    doubt = doubt_about(cubic, earlier, segment.length / previous.length)
+    before = None if previous is None or previous.length == 0.0 else event.primitive(previous.begin)
+    if previous is None or before is None:
+        # Nothing foretold this step, as after a change of grid: then the cubic is trusted to this share of its slopes.
+        doubt = UNTESTED * max(abs(begin), abs(end))
+    else:
+        start = _value(event, previous.begin) * previous.scale_begin
+        earlier = _cubic(before, first, start, _value(event, previous.end) * previous.scale_end)
+        doubt = doubt_about(cubic, earlier, segment.length / previous.length)
     if end != 0.0 and (begin > 0) == (end > 0):
         return slope_keeps_sign(cubic, doubt)
     # A quadratic slope of opposite signs at the ends has one zero; more would take an error as large as its values.

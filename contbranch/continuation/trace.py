@@ -114,7 +114,7 @@ def _start(problem: Problem, x: Array, p: float, interval: Range, options: Optio
     if not (math.isfinite(state) and state > 0):
         state = size if size > 0 else 1.0
     balance = Balance(state, parameter)
-    metric = balance.metric(options.weight)
+    metric = balance.metric(options.weight, options.state_floor)
     unit = metric.norm(problem, u, a)
     # The determinant's sign belongs to the orientation: rebordering with the oriented, scaled tangent settles it.
     row = metric.row(problem, u / unit, a / unit)

@@ -105,7 +105,7 @@ def needed_reach(equations: Equations, fields: Fields, tolerance: float) -> floa
     if equations.interaction is None:
         return float(mesh.edges[-1])
     length = abs(equations.displacement(fields)) + equations.interaction.range
-    carried = np.abs(equations.outside(fields, np.arange(mesh.size))[0]) * np.minimum(1.0, length / np.abs(fields.gap))
+    carried = np.abs(equations.load_beyond(fields)) * np.minimum(1.0, length / np.abs(fields.gap))
     response = 2 * (fields.rim.radius + np.sqrt(2 * length))
     left_out = carried + response * mesh.nodes * np.abs(fields.pressure)
     beyond = np.flatnonzero(~(left_out <= tolerance))

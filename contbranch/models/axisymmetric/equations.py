@@ -11,6 +11,7 @@ so the rim condition phi(a) = 0 is built in, and the displacement is a result an
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -28,6 +29,8 @@ __all__ = ["ContactCoordinate", "Equations", "Fields"]
 
 Array = NDArray[np.float64]
 
+# Below this size of the blocks a plain product is as fast.
+SMALLEST_SPLIT = 48
 # Solutions whose fields are kept: the ends of a step and what was tried between them.
 RECENT = 4
 
@@ -148,7 +151,7 @@ class Equations:
     # -- linearisation ------------------------------------------------------------------------------------------------
     def response(self, fields: Fields) -> Array:
         """``abel v'' plane``: change of −abel p with h at fixed displacement and rim; (N, N)."""
-        return np.asarray((self.mesh.abel * fields.stiffness) @ fields.rim.plane)
+        return upper_times_lower(self.mesh.abel * fields.stiffness, fields.rim.plane, self.mesh.order)
 
     def jacobian(self, fields: Fields) -> Array:
         """dR/dh at fixed y, (N, N): I + response (I − 1 rimᵀ)."""
@@ -204,27 +207,25 @@ class Equations:
             surface += np.pi * a * a * float(self.interaction.evaluate(np.zeros(1)).energy[0])
         return elastic + surface + self._beyond(fields)[1]
 
-    def outside(self, fields: Fields, nodes: NDArray[np.intp] | int = -1) -> tuple[Array, Array]:
-        """Load and energy of the interaction beyond nodes, where the gap is the tip's own: ∫ p r dr = ∫ p (r/z') dg."""
-        if self.interaction is None:
-            return np.zeros(np.shape(nodes)), np.zeros(np.shape(nodes))
-        gap = fields.gap[nodes]
-        ring = self._ring(fields, nodes)
-        return ring * self.interaction.evaluate(gap).energy, ring * self.interaction.tail_energy(gap)
+    def load_beyond(self, fields: Fields) -> Array:
+        """Load of the interaction beyond each node, (N,), where the gap is the tip's own: ∫ p r dr = ∫ p (r/z') dg."""
+        r = np.hypot(self.mesh.nodes, fields.rim.radius)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            ring = np.nan_to_num(2 * np.pi * r / self.tip.height_derivative(r), posinf=0.0)
+        return ring * fields.energy_density
 
     def _beyond(self, fields: Fields) -> tuple[float, float, float]:
         """Load and energy beyond the last node, and 2π r/z' there."""
         if "beyond" not in fields.derived:
-            load, energy = self.outside(fields)
-            fields.derived["beyond"] = float(load), float(energy), float(self._ring(fields, -1))
+            r = math.hypot(self.mesh.nodes[-1], fields.rim.radius)
+            slope = float(self.tip.height_derivative(r))
+            ring = 2 * math.pi * r / slope if 0 < slope < math.inf else 0.0
+            tail = 0.0
+            if self.interaction is not None and ring > 0:
+                tail = float(self.interaction.tail_energy(fields.gap[-1]))
+            fields.derived["beyond"] = ring * float(fields.energy_density[-1]), ring * tail, ring
         load, energy, ring = fields.derived["beyond"]
         return load, energy, ring
-
-    def _ring(self, fields: Fields, nodes: NDArray[np.intp] | int) -> Array:
-        """2π r/z'(r) at nodes; 0 where the tip has ended."""
-        r = np.hypot(self.mesh.nodes[nodes], fields.rim.radius)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            return np.nan_to_num(2 * np.pi * r / self.tip.height_derivative(r))
 
     def displacement_rate(self, fields: Fields, h_rate: Array, y_rate: float) -> float:
         """Directional derivative of d along (h_rate, y_rate)."""
@@ -286,6 +287,27 @@ class Equations:
         matrix = scaled.T @ (stiffness[:, None] * scaled)
         matrix.flat[:: mesh.size + 1] += 1.0
         return negative_eigenvalues(matrix)
+
+
+def upper_times_lower(upper: Array, lower: Array, block: int) -> Array:
+    """Product of a block upper and a block lower triangular matrix (blocks of a panel): half the work of a full one."""
+    product = np.empty_like(upper)
+    _fill_product(product, upper, lower, block)
+    return product
+
+
+def _fill_product(product: Array, upper: Array, lower: Array, block: int) -> None:
+    size = len(upper)
+    half = size // block // 2 * block
+    if half < SMALLEST_SPLIT:
+        np.matmul(upper, lower, out=product)
+        return
+    first, last = slice(None, half), slice(half, None)
+    _fill_product(product[first, first], upper[first, first], lower[first, first], block)
+    product[first, first] += upper[first, last] @ lower[last, first]
+    np.matmul(upper[first, last], lower[last, last], out=product[first, last])
+    np.matmul(upper[last, last], lower[last, first], out=product[last, first])
+    _fill_product(product[last, last], upper[last, last], lower[last, last], block)
 
 
 def negative_eigenvalues(matrix: Array) -> int:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from contbranch.continuation import CorrectionError, Event, Metric, Options, Point
 from contbranch.continuation.walk import corrected_point
 
-from .problem import ContactProblem
+from .problem import ContactProblem, FoldEvent
 
 __all__ = ["Place", "Values", "locate", "refine"]
 
@@ -21,6 +21,9 @@ Array = NDArray[np.float64]
 SAFETY = 1.5
 # Rounding of a solution, relative to max(1, |value|).
 ROUNDING = 4e-14
+# An event this close (in u, relative to min(1, |u|)) needs no further iteration.
+CLOSE = 1e-4
+OPTIONS = Options(tolerance=1e-13)
 # Times that a mesh is replaced by its finer one, and the number of unknowns at which that ends.
 ROUNDS = 4
 LARGEST = 1500
@@ -47,6 +50,10 @@ class Place:
     direction: tuple[Array, float]
     steepness: float | None = None
     uncertainty: float = 0.0
+
+    def metric(self) -> Metric:
+        """Lengths along the curve: the parameter's, and the state relative to itself."""
+        return Metric(math.sqrt(self.problem.inner(self.x, self.x)) + self.problem.scale, 1.0)
 
 
 @dataclass(frozen=True)
@@ -88,19 +95,17 @@ def locate(place: Place, event: Event | None) -> Place:
     problem = place.problem
     if event is None:
         return Place(problem, problem.solve_at(place.x, place.u), place.u, place.direction)
-    state = math.sqrt(problem.inner(place.x, place.x)) + problem.scale
-    metric = Metric(state, 1.0)
+    metric = place.metric()
     dx, du = place.direction
     size = metric.norm(problem, dx, du)
     dx, du = dx / size, du / size
-    options = Options(tolerance=1e-13)
 
     def at(s: float, near: Point | None) -> tuple[Point, float]:
         x, u = place.x + s * dx, place.u + s * du
         if near is not None:  # the last point knows the curve better than the tangent at the first
             ahead = s - near_position
             x, u = near.x + ahead * near.tangent_x, near.parameter + ahead * near.tangent_parameter
-        point, _ = corrected_point(problem, x, u, (dx, du), metric, options)
+        point, _ = corrected_point(problem, x, u, (dx, du), metric, OPTIONS)
         return point, event.value(point)
 
     near_position = 0.0
@@ -117,7 +122,7 @@ def locate(place: Place, event: Event | None) -> Place:
             step = math.copysign(resolution, step)
         near_position = s
         new_point, new_value = at(s + step, point)
-        if new_value != value:
+        if new_value != value and (abs(step) > 1e-6 * abs(point.parameter) or not steepness):
             steepness = (new_value - value) / step
         s, point, value = s + step, new_point, new_value
         stalled = abs(value) >= 0.5 * best[0]
@@ -157,19 +162,53 @@ def refine(place: Place, event: Event | None, accuracy: float) -> tuple[Values, 
     best: tuple[Values, Place] | None = None
     for _ in range(ROUNDS):
         problem, x = place.problem.on(place.problem.equations.mesh.finer, place.x, place.u)
-        fine = locate(moved(place, problem, x), event)
-        values = _compared(place, fine)
+        fine = moved(place, problem, x)
+        there = None if event is None else _nudged(fine, event)
+        if there is None:
+            fine = locate(fine, event)
+            there = numbers(fine)
+        values = _compared(place, there)
         if best is None or values.relative_error() < best[0].relative_error():
             best = (values, place)
         if values.relative_error() <= accuracy or problem.equations.mesh.size > LARGEST:
             break
-        place = fine
+        place = locate(fine, event)
     assert best is not None
     return best
 
 
-def _compared(place: Place, fine: Place) -> Values:
-    here, there = numbers(place), numbers(fine)
+def _nudged(place: Place, event: Event) -> tuple[float, float, float, float] | None:
+    """What `numbers` will be at the event, from one point close to it; None if it is not close.
+
+    The event is as far away as one Newton step says; over that distance load and displacement change at their rates.
+    """
+    if not place.steepness:
+        return None
+    problem = place.problem
+    metric = place.metric()
+    size = metric.norm(problem, *place.direction)
+    direction = (place.direction[0] / size, place.direction[1] / size)
+    point, _ = corrected_point(problem, place.x, place.u, direction, metric, OPTIONS)
+    step = -event.value(point) / place.steepness
+    if not abs(step) < CLOSE * min(1.0, abs(point.parameter)):
+        return None
+    rates = problem.rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
+    u = point.parameter + step * point.tangent_parameter
+    load, displacement, _, _ = numbers(Place(problem, point.x, point.parameter, direction))
+    equations, y = problem.equations, problem.coordinate(u)
+    radius = equations.coordinate.radius(y) if equations.contact else 0.0
+    # Half of the rate at this end: where it vanishes at the other, the load (or displacement) has an extremum.
+    share = [0.5 if isinstance(event, FoldEvent) and event.control == name else 1.0 for name in ("load", "displacement")]
+    return (
+        load + share[0] * rates[0] * step,
+        displacement + share[1] * rates[1] * step,
+        radius,
+        0.0 if equations.contact else max(0.0, -y),
+    )
+
+
+def _compared(place: Place, there: tuple[float, float, float, float]) -> Values:
+    here = numbers(place)
     # What rounding leaves open of the position moves contact radius and gap (load and displacement are all but stationary).
     aside = numbers(Place(place.problem, place.x, place.u + place.uncertainty, place.direction))
     position = (0.0, 0.0, abs(aside[2] - here[2]), abs(aside[3] - here[3]))

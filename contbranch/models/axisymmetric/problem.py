@@ -137,13 +137,15 @@ class ContactProblem(Problem):
     def rates(self, x: Array, p: float, x_rate: Array, p_rate: float) -> tuple[float, float]:
         """Rates of load and displacement along a direction."""
         fields = self.fields(x, p)
-        known = fields.derived.get("rates")
-        if known is None or known[0] is not x_rate or known[1] != p_rate:
-            y_rate = self.scale * math.cosh(p) * p_rate
-            load_rate = self.equations.load_rate(fields, x_rate, y_rate)
-            known = (x_rate, p_rate, load_rate, self.equations.displacement_rate(fields, x_rate, y_rate))
-            fields.derived["rates"] = known
-        return known[2], known[3]
+        known: list[tuple[Array, float, float, float]] = fields.derived.setdefault("rates", [])
+        for direction, p_known, load_rate, displacement_rate in known:
+            if direction is x_rate and p_known == p_rate:
+                return load_rate, displacement_rate
+        y_rate = self.scale * math.cosh(p) * p_rate
+        load_rate = self.equations.load_rate(fields, x_rate, y_rate)
+        displacement_rate = self.equations.displacement_rate(fields, x_rate, y_rate)
+        known.append((x_rate, p_rate, load_rate, displacement_rate))
+        return load_rate, displacement_rate
 
     def error(self, fields: Fields) -> DefectError:
         """Discretisation error of a solution."""

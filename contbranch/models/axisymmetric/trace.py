@@ -34,6 +34,8 @@ TRACE_TOLERANCE = 1e-6
 # Share of the accuracy that the load at the start of the trace may have.
 START_SHARE = 0.1
 STEPS = Options(angle=0.3, angle_limit=0.8, tolerance=1e-9, detect_folds=False, detect_branch_points=False)
+# Changes of h small against the range of the interaction do not matter for the steps.
+STATE_FLOOR = 0.3
 # A trace ends at this multiple of the largest load of any event, and not below the least load (reduced).
 END_FACTOR, LEAST_END = 1.4, 10.0
 # Neighbouring folds closer than this multiple of their error estimates are located more sharply, down to this accuracy.
@@ -142,11 +144,12 @@ def trace(
     began = time.perf_counter()
     problem, u = start_problem(contact, accuracy, max(TRACE_TOLERANCE, accuracy))
     told = _Told(progress, u)
+    steps = replace(STEPS, state_floor=STATE_FLOOR * problem.scale)
     folds = [FoldEvent("load", name="load"), FoldEvent("displacement", name="displacement"), InadmissibleEvent()]
     end = _End(target, -math.inf)
     bound = [end.event] if end.fixed else []
     first = trace_curve(
-        problem, np.zeros(problem.equations.mesh.size), u, (u, 0.0), STEPS, [*folds, *bound], StopAt(predicate=told)
+        problem, np.zeros(problem.equations.mesh.size), u, (u, 0.0), steps, [*folds, *bound], StopAt(predicate=told)
     )
     curves = [first]
     touched = bool(first.points) and first.ends[1].outcome is Outcome.REACHED_EDGE and first.points[-1].parameter == 0.0
@@ -158,7 +161,7 @@ def trace(
                 end.update(point.observables["load"])
         stop = StopAt(predicate=lambda point: told(point) or end(point))
         curves.append(
-            trace_curve(last.problem.in_contact(), last.x, 0.0, (0.0, math.inf), STEPS, [*folds, end.event], stop)
+            trace_curve(last.problem.in_contact(), last.x, 0.0, (0.0, math.inf), steps, [*folds, end.event], stop)
         )
     located = _Located(curves, touched)
     raw, indices = located.raw(contact, accuracy if events else None, told)
