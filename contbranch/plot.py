@@ -18,7 +18,7 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from contbranch.errors import InputError
-from contbranch.plot_curve import Line, Piece, pieces, smooth_line
+from contbranch.plot_curve import Line, Piece, fine_profile, pieces, smooth_line
 from contbranch.plot_labels import place_labels
 from contbranch.plot_view import axis_label, check_observables, view
 
@@ -35,6 +35,7 @@ SUFFIXES: Final = (".pdf", ".png", ".svg")
 
 _WIDTH: Final = 3.4  # inches, one column of a journal
 _STABLE, _UNSTABLE, _TOUCH, _GREY = "#0072B2", "#D55E00", "#009E73", "#555555"
+_KNOWN: Final = 0.1  # local exponents with a larger error are not drawn
 _SERIES: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 _STYLE: Final[Any] = {
     "font.size": 8.0,
@@ -113,16 +114,18 @@ def profiles(state: State, unit_names: dict[str, str] | None = None) -> Figure:
     if profile is None:
         raise InputError("state: it has no profile; take a state of a traced diagram or of solve")
     names = unit_names or {}
-    shown = profile.r <= _interesting_radius(state)
-    r = profile.r[shown]
+    fine = fine_profile(profile, state.contact_radius)
+    shown = fine.r <= _interesting_radius(state)
+    r = fine.r[shown]
     with mpl.rc_context(_STYLE):
         figure = _figure(3.8)
         above, below = figure.subplots(2, 1, sharex=True)
-        above.plot(r, profile.gap[shown], color=_STABLE)
-        below.plot(r, profile.pressure[shown], color=_STABLE, label="total")
-        below.plot(r, profile.wall_pressure[shown], color=_UNSTABLE, linestyle="--", label="wall")
+        above.plot(r, fine.gap[shown], color=_STABLE)
+        below.plot(r, fine.pressure[shown], color=_STABLE, label="total")
+        if state.contact_radius > 0.0:
+            below.plot(r, fine.wall_pressure[shown], color=_UNSTABLE, linestyle="--", label="wall")
+            below.legend()
         below.axhline(0.0, color=_GREY, linewidth=0.5, zorder=0)
-        below.legend()
         for axes in (above, below):
             if state.contact_radius > 0.0:
                 axes.axvline(state.contact_radius, color=_GREY, linewidth=0.6, linestyle=":", zorder=0)
@@ -132,7 +135,7 @@ def profiles(state: State, unit_names: dict[str, str] | None = None) -> Figure:
                 "$a_c$", (state.contact_radius, 1.0), (3.0, -3.0), xycoords=above.get_xaxis_transform(),
                 textcoords="offset points", va="top", color=_GREY,
             )  # fmt: skip
-        above.set_ylim(bottom=-0.04 * float(np.max(profile.gap[shown], initial=1e-300)))
+        above.set_ylim(bottom=-0.04 * float(np.max(fine.gap[shown], initial=1e-300)))
         above.set_ylabel(axis_label("gap", names, False))
         below.set_ylabel(axis_label("pressure", names, False))
         below.set_xlabel(axis_label("r", names, False))
@@ -170,8 +173,8 @@ def local_exponent(diagram: Diagram, events: Sequence[Event] | None = None) -> F
         for event, color in zip(chosen, _SERIES * (1 + len(chosen) // len(_SERIES)), strict=False):
             _draw_exponent(axes, diagram, event, color)
         axes.set_xscale("log")
-        low, high = axes.get_ylim()
-        axes.set_ylim(max(min(low, 0.28), -0.2), min(max(high, 0.55), 1.2))
+        shown = np.concatenate([line.get_ydata() for line in axes.get_lines()])
+        axes.set_ylim(max(min(shown.min(), 1 / 3) - 0.05, -0.2), min(max(shown.max(), 1 / 2) + 0.05, 1.2))
         axes.margins(x=0.02)
         symbol = r"\Delta d" if all(e.control == "displacement" for e in chosen) else r"\Delta F_N"
         unit = names.get("displacement" if "d" in symbol[-1] else "load", "")
@@ -351,7 +354,7 @@ def _legend(diagram: Diagram) -> list[Line2D]:
 def _draw_exponent(axes: Axes, diagram: Diagram, event: Event, color: str) -> None:
     """Draw κ_local of one event with its error band and the crossover."""
     found = diagram.local_exponent(event)
-    good = np.isfinite(found.kappa) & (found.excess > 0.0)
+    good = np.isfinite(found.kappa) & (found.excess > 0.0) & ~(found.error > _KNOWN)
     excess, kappa = found.excess[good], found.kappa[good]
     error = np.nan_to_num(found.error[good], nan=0.0)
     label = event.name or event.kind

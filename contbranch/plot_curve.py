@@ -1,4 +1,4 @@
-"""A branch as a smooth line: points and events in order, joined by cubics that turn round at folds and nowhere else."""
+"""Smooth lines: a branch turns round at its folds and nowhere else, a profile has its kink at the rim."""
 
 from __future__ import annotations
 
@@ -9,10 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
+from contbranch.diagram import Profile
+
 if TYPE_CHECKING:
     from contbranch.diagram import Branch, Diagram, Event
 
-__all__ = ["COORDINATES", "Line", "Piece", "pieces", "smooth_line"]
+__all__ = ["COORDINATES", "Line", "Piece", "fine_profile", "pieces", "smooth_line"]
 
 Array = NDArray[np.float64]
 Columns = dict[str, Array]
@@ -91,6 +93,24 @@ def pieces(line: Line, x: str, y: str) -> list[Piece]:
             part = slice(start * _FINE, stop * _FINE + 1)
             found.append(Piece(line.columns[x][part], line.columns[y][part], bool(line.stable[start])))
     return found
+
+
+def fine_profile(profile: Profile, contact_radius: float) -> Profile:
+    """Return a profile with its steps filled in by monotonic cubics, inside and outside the contact apart."""
+    r = profile.r
+    fine = np.unique(r[:-1, None] + np.diff(r)[:, None] * np.linspace(0.0, 1.0, 9))
+    columns = []
+    for values in (profile.gap, profile.pressure, profile.wall_pressure):
+        filled = np.interp(fine, r, values)
+        for side, here in (
+            (r <= contact_radius, fine <= contact_radius),
+            (r >= contact_radius, fine >= contact_radius),
+        ):
+            if np.count_nonzero(side) > 2:
+                inner = here & (fine >= r[side][0]) & (fine <= r[side][-1])
+                filled[inner] = PchipInterpolator(r[side], values[side])(fine[inner])
+        columns.append(filled)
+    return Profile(fine, *columns)
 
 
 def _knots(
