@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from contbranch.errors import InputError
 from contbranch.plot_curve import Line, Piece, fine_profile, pieces, smooth_line
 from contbranch.plot_labels import place_labels
-from contbranch.plot_view import axis_label, check_observables, view
+from contbranch.plot_view import WIDTH, arrange_panels, axis_label, check_observables, view
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -33,7 +33,6 @@ Array = NDArray[np.float64]
 
 SUFFIXES: Final = (".pdf", ".png", ".svg")
 
-_WIDTH: Final = 3.4  # inches, one column of a journal
 _STABLE, _UNSTABLE, _TOUCH, _GREY = "#0072B2", "#D55E00", "#009E73", "#555555"
 _KNOWN: Final = 0.1  # local exponents with a larger error are not drawn
 _SERIES: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
@@ -212,7 +211,7 @@ def save_figure(figure: Figure, path: str | Path) -> None:
 
 def _figure(height: float) -> Figure:
     """Return an empty figure, one column wide."""
-    figure = Figure(figsize=(_WIDTH, height), layout="constrained")
+    figure = Figure(figsize=(WIDTH, height), layout="constrained")
     FigureCanvasAgg(figure)
     return figure
 
@@ -300,14 +299,18 @@ def _draw_marker(axes: Axes, diagram: Diagram, event: Event, x: str, y: str) -> 
 
 def _finish(figure: Figure, panels: Sequence[Axes], diagram: Diagram, observables: Sequence[tuple[str, str]]) -> None:
     """Add the legend above the panels, then, when the layout is final, labels where they hide nothing."""
+    handles = _legend(diagram)
     figure.legend(
-        handles=_legend(diagram), loc="outside upper center", ncols=2, columnspacing=1.6, handletextpad=0.5,
-        borderpad=0.1, borderaxespad=0.2,
-    )  # fmt: skip
-    engine = figure.get_layout_engine()
-    assert engine is not None
-    engine.execute(figure)
-    figure.set_layout_engine("none")  # labels are placed in pixels: nothing may move any more
+        handles=handles,
+        loc="upper center",
+        bbox_to_anchor=(0.5, 1.0),
+        ncols=2,
+        columnspacing=1.6,
+        handletextpad=0.5,
+        borderpad=0.1,
+        borderaxespad=0.2,
+    )
+    arrange_panels(figure, panels, rows=(len(handles) + 1) // 2)
     for axes, (x, y) in zip(panels, observables, strict=True):
         if "energy" in (x, y):
             continue

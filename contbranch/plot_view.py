@@ -1,9 +1,9 @@
-"""What a bifurcation diagram shows: limits that frame its events, and axis labels with units."""
+"""How a bifurcation diagram is laid out: limits that frame its events, axis labels with units, places of panels."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +12,12 @@ from contbranch.errors import InputError
 from contbranch.plot_curve import COORDINATES, Line
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
     from contbranch.diagram import Diagram
 
-__all__ = ["Limits", "axis_label", "check_observables", "view"]
+__all__ = ["WIDTH", "Limits", "arrange_panels", "axis_label", "check_observables", "view"]
 
 # observable: (words, symbol, its unit where R = E = |Δγ| = 1, (23)-(26))
 _AXES: Final = {
@@ -27,6 +30,8 @@ _AXES: Final = {
     "pressure": ("Pressure", "p", ""),
     "r": ("Radius", "r", ""),
 }
+WIDTH: Final = 3.4  # inches, one column of a journal
+_LEGEND_ROW, _TITLE, _BELOW, _RIGHT = 0.15, 0.21, 0.37, 0.11  # inches: a legend's row; above, below, right of a panel
 _PAD: Final = 1.0  # of the extent of the events, shown on either side of them
 _LEAST_PAD: Final = 0.05  # of the events' distance from zero: context for a narrow window
 _MARGIN: Final = 0.07  # of the axis, so that no line lies on the frame
@@ -123,3 +128,29 @@ def _inside(line: Line, windows: Mapping[str, tuple[float, float]]) -> NDArray[n
     for name, (low, high) in windows.items():
         inside &= (line.columns[name] >= low) & (line.columns[name] <= high)
     return inside
+
+
+def arrange_panels(figure: Figure, panels: Sequence[Axes], rows: int) -> None:
+    """Place panels one above the other below a legend of some rows.
+
+    Only the width of the labels on the left is measured: a general layout engine takes as long as all of the drawing.
+    """
+    figure.set_layout_engine("none")
+    height = figure.get_figheight()
+    slot = (height - _LEGEND_ROW * rows - 0.03) / len(panels)
+    title = _TITLE if len(panels) > 1 else 0.08
+    left = 0.55
+    for _ in range(2):  # the second time with the ticks that fit
+        for i, axes in enumerate(panels):
+            bottom = (len(panels) - 1 - i) * slot + _BELOW
+            size = (WIDTH - left - _RIGHT, slot - _BELOW - title)
+            axes.set_position((left / WIDTH, bottom / height, size[0] / WIDTH, size[1] / height))
+        left = max(_label_width(axes) for axes in panels) + 0.04
+
+
+def _label_width(axes: Axes) -> float:
+    """Return how far the ticks' and the axis' labels reach out to the left, in inches."""
+    figure: Any = axes.get_figure(root=True)
+    extent = axes.yaxis.get_tightbbox(figure.canvas.get_renderer())
+    frame = axes.get_window_extent()
+    return 0.0 if extent is None else float(frame.x0 - extent.x0) / float(figure.dpi)
