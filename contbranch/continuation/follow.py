@@ -135,7 +135,7 @@ def _take(
         x, p = _predict(here, last, step, metric, options.angle_limit)
         row = metric.row(here.problem, here.tangent_x, here.tangent_parameter)
         try:
-            corrected = correct(here.problem, x, p, row, metric, tolerance=options.tolerance)
+            corrected = correct(here.problem, x, p, row, metric, tolerance=options.tolerance, noise=options.noise)
             end = to_point(here.problem, corrected, metric, options.detect_branch_points)
             judgement = judge(here, end, corrected, metric, options, surprise(Segment(here, end, metric), last))
             if not judgement.accepted:

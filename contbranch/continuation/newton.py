@@ -18,6 +18,8 @@ ROUNDING = float(np.finfo(float).eps)
 # A tangent comes from the last Jacobian evaluated; this bounds its distance from the corrected point (in the metric).
 TANGENT_DISTANCE = 1e-6
 PRECISE_TANGENT_DISTANCE = 1e-10
+# Corrections below this multiple of rounding that no longer contract are rounding themselves.
+NOISE = 1e3
 
 
 class CorrectionError(Exception):
@@ -98,6 +100,7 @@ def correct(
     tolerance: float = 1e-10,
     maximum_iterations: int = 8,
     precise: bool = False,
+    noise: float = NOISE,
 ) -> Corrected:
     """Correct a predicted point onto the curve, in the plane through it that `row` is normal to.
 
@@ -133,10 +136,10 @@ def correct(
             contraction = size / previous if previous > 0 else 0.0
             done = size <= max(near, floor) and contraction**2 * size <= max(tolerance, floor)
             # What no longer contracts close to rounding is as good as it gets.
-            done = done or (size <= 1e3 * floor and contraction > 0.1)
+            done = done or (size <= noise * floor and contraction > 0.1)
             if not done and (contraction > 0.5 or not math.isfinite(size)):
                 raise CorrectionError(Outcome.STEP_TOO_SMALL, f"(Newton's corrections contract by {contraction:.2g}.)")
-            if size > 1e3 * floor:
+            if size > noise * floor:
                 worst = max(worst, contraction)
         if done:
             u, a = solve(bordered, np.zeros_like(x), 1.0, p)

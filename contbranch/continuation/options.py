@@ -37,6 +37,9 @@ class Options:
         where the state is all but zero and grows exponentially.
     tolerance : float
         Error allowed in the corrected points, relative to the recent path.
+    noise : float
+        Newton's corrections below this multiple of rounding (relative to the state) that no longer contract are taken for
+        rounding: larger for ill-conditioned problems.
     maximum_points : int
         Largest number of steps in each direction.
     edge_tolerance : float
@@ -54,6 +57,7 @@ class Options:
     weight: float = 1.0
     state_floor: float = 0.0
     tolerance: float = 1e-10
+    noise: float = 1e3
     maximum_points: int = 10_000
     edge_tolerance: float = 1e-9
     detect_folds: bool = True
@@ -61,7 +65,7 @@ class Options:
 
     def __post_init__(self) -> None:
         positive = ("angle", "angle_limit", "first_step", "smallest_step", "largest_parameter_step", "weight")
-        for name in (*positive, "tolerance", "edge_tolerance"):
+        for name in (*positive, "tolerance", "edge_tolerance", "noise"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0):
                 raise InputError(f"Options.{name} is {value!r}: give a positive number.")

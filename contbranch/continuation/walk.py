@@ -64,7 +64,7 @@ def corrected_point(
     if not (size > 0 and math.isfinite(size)):
         raise CorrectionError(Outcome.STEP_TOO_SMALL, "(The step has no length.)")
     row = metric.row(problem, direction[0] / size, direction[1] / size)
-    corrected = correct(problem, x, p, row, metric, tolerance=options.tolerance, precise=True)
+    corrected = correct(problem, x, p, row, metric, tolerance=options.tolerance, noise=options.noise, precise=True)
     return to_point(problem, corrected, metric, sign=False), corrected.bordered
 
 

@@ -27,10 +27,19 @@ MERGE = 0.1
 
 @dataclass(frozen=True)
 class DefectError:
-    """Signed estimates (finer minus present) of the discretisation errors at fixed contact coordinate, reduced units."""
+    """Estimates (finer minus present) of the discretisation errors at fixed contact coordinate, reduced units.
+
+    Attributes
+    ----------
+    load, displacement : float
+        Signed errors.
+    state : float
+        Largest error of h.
+    """
 
     load: float
     displacement: float
+    state: float
 
     def relative(self, load: float, displacement: float) -> float:
         """The larger of both, each relative to max(1, |value|)."""
@@ -52,7 +61,7 @@ def defect_error(equations: Equations, fields: Fields) -> DefectError:
     displacement = fine_equations.displacement(fine) - equations.displacement(fields) + shift
     load = fine_equations.load(fine) - equations.load(fields)
     load += 2 * (float(fields.rim.weights @ step) + fields.rim.radius * shift)
-    return DefectError(load, displacement)
+    return DefectError(load, displacement, float(np.abs(step).max()))
 
 
 def panel_errors(equations: Equations, fields: Fields, edges: Array | None = None) -> Array:

@@ -22,7 +22,7 @@ from scipy.linalg import lapack
 from contbranch.interactions import Interaction
 from contbranch.tips import Tip
 
-from .mesh import Mesh, gauss
+from .mesh import Mesh, chebyshev_slopes, chebyshev_values, gauss
 from .rim import Rim, make_rim
 
 __all__ = ["ContactCoordinate", "Equations", "Fields"]
@@ -35,7 +35,7 @@ SMALLEST_SPLIT = 48
 RECENT = 4
 
 # Radii, in units of the contact's, at which the wall pressure is checked.
-PROBES = np.array([0.02, 0.3, 0.6, 0.8, 0.9, 0.96, 0.99])
+PROBES = np.array([0.02, 0.3, 0.6, 0.8, 0.9])
 
 
 @dataclass(frozen=True)
@@ -247,26 +247,49 @@ class Equations:
     def inner_pressure(self, fields: Fields, r: Array) -> Array:
         """Total pressure at radii r < a, (M,):  π p(r) = ∫_r^a ζ'(t)/√(t² − r²) dt − ∫_a^∞ h'(t)/√(t² − r²) dt."""
         a = fields.rim.radius
-        slope = self.mesh.weights * self.mesh.derivative(fields.h)
+        mesh, n = self.mesh, self.mesh.order
         distance = np.maximum(a * a - r * r, 0.0)
-        outside = (1 / np.sqrt(self.mesh.nodes**2 + distance[:, None])) @ slope
+        slope = mesh.weights[n:] * mesh.derivative(fields.h)[n:]
+        outside = (1 / np.sqrt(mesh.nodes[n:] ** 2 + distance[:, None])) @ slope
+        outside += self._innermost_slope(fields.h, distance)
         nodes, weights = gauss(24)
         x = np.sqrt(distance)[:, None] * (nodes + 1) / 2
         t = np.sqrt(r[:, None] ** 2 + x * x)
         inside = np.sqrt(distance) / 2 * ((self.tip.transform_derivative(t) / t) @ weights)
         return (inside - outside) / np.pi
 
+    def _innermost_slope(self, h: Array, distance: Array) -> Array:
+        """∫ h'(t) dt/√(t² − r²) over the innermost panel, (M,), with ``distance = a² − r²``.
+
+        With h even in tau and w² = tau² + distance it is 2 ∫ (dh/dtau²) dw, a polynomial's, however close the rim.
+        """
+        mesh = self.mesh
+        nodes, weights = gauss(mesh.order + 8)
+        end = np.sqrt(mesh.innermost**2 + distance)[:, None]
+        start = np.sqrt(distance)[:, None]
+        w = (end + start) / 2 + (end - start) / 2 * nodes
+        local = 2 * (w * w - distance[:, None]) / mesh.innermost**2 - 1
+        slopes = chebyshev_slopes(chebyshev_values(mesh.rule.even_order, local), local)
+        coefficients = mesh.rule.to_even @ h[: mesh.order]
+        values = np.tensordot(coefficients, slopes, 1) * (2 / mesh.innermost**2)
+        return np.asarray(2 * ((end - start)[:, 0] / 2) * (values @ weights))
+
     def contact_pressure(self) -> float:
         """p_fr(0), the interaction's pressure where the surfaces touch."""
         return 0.0 if self.interaction is None else float(self.interaction.evaluate(np.zeros(1)).pressure[0])
 
     def admissibility(self, fields: Fields, scale: float) -> float:
-        """Smallest of gap/scale outside the disc and wall pressure · scale inside; negative if a disc is wrong."""
+        """Smallest of gap/scale outside the disc and of the wall pressure inside relative to the interaction's largest.
+
+        Negative if a disc is wrong.
+        """
         least = float(fields.gap.min()) / scale
         a = fields.rim.radius
         if a > 0 and self.interaction is not None:
-            wall = self.inner_pressure(fields, a * PROBES) - self.contact_pressure()
-            least = min(least, float(wall.min()) * scale)
+            own = self.contact_pressure()
+            wall = self.inner_pressure(fields, a * PROBES) - own
+            largest = max(abs(own), float(np.abs(fields.pressure).max()), 1 / scale)
+            least = min(least, float(wall.min()) / largest)
         return least
 
     # -- stability ----------------------------------------------------------------------------------------------------

@@ -23,7 +23,7 @@ SAFETY = 1.5
 ROUNDING = 4e-14
 # An event this close (in u, relative to min(1, |u|)) needs no further iteration.
 CLOSE = 1e-4
-OPTIONS = Options(tolerance=1e-13)
+OPTIONS = Options(tolerance=1e-13, noise=1e7)
 # Times that a mesh is replaced by its finer one, and the number of unknowns at which that ends.
 ROUNDS = 4
 LARGEST = 1500
@@ -133,6 +133,7 @@ def locate(place: Place, event: Event | None) -> Place:
     point = best[1]
     tangent = (point.tangent_x, point.tangent_parameter)
     uncertainty = best[0] / abs(steepness) * abs(point.tangent_parameter) if steepness else 0.0
+    uncertainty = min(uncertainty, 1e-3 * min(1.0, abs(point.parameter)))
     return Place(problem, point.x, point.parameter, tangent, steepness or None, uncertainty)
 
 

@@ -10,6 +10,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from contbranch.errors import ModelError
 from contbranch.continuation import Adaptation, Event, Linearisation, Point, Problem
 
 from .adapt import DefectError, adapted_edges, defect_error, needed_reach, panel_errors
@@ -22,6 +23,10 @@ Array = NDArray[np.float64]
 
 # A new mesh aims below the tolerance by this factor, so that the solution can move on before it must be changed again.
 SLACK = 0.03
+# A step to a solution whose error exceeds the tolerance by this factor is repeated shorter, so that meshes can follow.
+UNRESOLVED = 20.0
+# A change of mesh may move the solution by this multiple of its error estimate.
+LEAP = 30.0
 # Share of a step to which events are located while tracing; they are located anew afterwards.
 COARSE = 1e-4
 # Rounds of meshing, solving and judging until a mesh satisfies its own error estimate.
@@ -124,6 +129,8 @@ class ContactProblem(Problem):
         """Load, displacement and their error estimates."""
         fields = self.fields(x, p)
         error = self.error(fields)
+        if self.relative_error(fields) > UNRESOLVED * self.resolution.tolerance:
+            raise ModelError("the mesh does not resolve the solution")  # which repeats the step shorter
         return {
             "load": self.equations.load(fields),
             "displacement": self.equations.displacement(fields),
@@ -174,9 +181,13 @@ class ContactProblem(Problem):
         problem: ContactProblem = self
         start = x
         for _ in range(ROUNDS):
-            problem, start = problem.remeshed(start, p)
-            fields = problem.fields(start, p)
-            if problem.relative_error(fields) <= resolution.tolerance:
+            expected = problem.error(problem.fields(start, p)).state
+            trial, found = problem.remeshed(start, p)
+            carried = problem.equations.mesh.interpolate(start, trial.equations.mesh.nodes)
+            if not np.abs(found - carried).max() <= LEAP * expected + 1e-6 * self.scale:
+                break  # Newton's method has left for another solution
+            problem, start = trial, found
+            if problem.relative_error(problem.fields(start, p)) <= resolution.tolerance:
                 break
         if problem is self:
             return None
@@ -209,6 +220,15 @@ class ContactProblem(Problem):
         sharpness = self.sharpness if sharpness is None else sharpness
         problem = ContactProblem(equations, self.scale, self.resolution, sharpness)
         return problem, problem.solve_at(self.equations.mesh.interpolate(x, mesh.nodes), p)
+
+    def graded(self, x: Array) -> tuple[ContactProblem, Array]:
+        """The problem at first touch with panels graded down to the length on which elasticity answers the interaction."""
+        mesh = self.equations.mesh
+        fields = self.fields(x, 0.0)
+        length = 0.5 / max(1.0, float(np.abs(fields.stiffness).max()))
+        count = max(1, math.ceil(math.log(mesh.innermost / length) / math.log(4)))
+        edges = np.concatenate([[0.0], mesh.innermost * 4.0 ** np.arange(-count, 0), mesh.edges[1:]])
+        return self.on(Mesh(edges, self.resolution.order), x, 0.0)
 
     def solve_at(self, x: Array, p: float, iterations: int = 12) -> Array:
         """Newton's method at a fixed parameter; the best that was reached, whatever that is."""
@@ -281,14 +301,17 @@ class LoadReached(Event):
 class InadmissibleEvent(Event):
     """The contact set stops being a disc: the gap closes outside the rim, or the wall would have to pull inside."""
 
-    tolerance: float = 1e-6
+    tolerance: float = 1e-3
     name: str = "inadmissible"
     terminal: bool = True
     hidden_pairs: ClassVar[bool] = False
     resolution: ClassVar[float] = COARSE
 
     def value(self, point: Point) -> float:
-        """Smallest gap and wall pressure in units of the interaction's own, plus the tolerance; negative: inadmissible."""
+        """Smallest gap and wall pressure in units of the interaction's own, plus the tolerance; negative: inadmissible.
+
+        While tracing, the tolerance keeps errors of the discretisation close to the rim from looking like a wall that pulls.
+        """
         problem = point.problem
         assert isinstance(problem, ContactProblem)
         fields = problem.fields(point.x, point.parameter)

@@ -33,7 +33,7 @@ Progress = Callable[[float, str], None]
 TRACE_TOLERANCE = 1e-6
 # Share of the accuracy that the load at the start of the trace may have.
 START_SHARE = 0.1
-STEPS = Options(angle=0.3, angle_limit=0.8, tolerance=1e-9, detect_folds=False, detect_branch_points=False)
+STEPS = Options(angle=0.3, angle_limit=0.8, tolerance=1e-9, noise=1e5, detect_folds=False, detect_branch_points=False)
 # Changes of h small against the range of the interaction do not matter for the steps.
 STATE_FLOOR = 0.3
 # A trace ends at this multiple of the largest load of any event, and not below the least load (reduced).
@@ -160,9 +160,14 @@ def trace(
             if point.label in ("load", "edge"):
                 end.update(point.observables["load"])
         stop = StopAt(predicate=lambda point: told(point) or end(point))
-        curves.append(
-            trace_curve(last.problem.in_contact(), last.x, 0.0, (0.0, math.inf), steps, [*folds, end.event], stop)
-        )
+        within = (0.0, math.inf)
+        contact_problem = last.problem.in_contact()
+        second = trace_curve(contact_problem, last.x, 0.0, within, steps, [*folds, end.event], stop)
+        if len(second.points) < 2:
+            # A stiff film answers a tiny contact on a length far below the innermost panel: start with graded panels.
+            contact_problem, x = contact_problem.graded(last.x)
+            second = trace_curve(contact_problem, x, 0.0, within, steps, [*folds, end.event], stop)
+        curves.append(second)
     located = _Located(curves, touched)
     raw, indices = located.raw(contact, accuracy if events else None, told)
     cost = Cost(time.perf_counter() - began, problem.resolution.newton)
@@ -316,7 +321,7 @@ def _refined(point: Point, name: str, accuracy: float) -> tuple[Values, Place]:
         load = problem.equations.load(problem.fields(point.x, point.parameter))
         return refine(place, LoadReached(load), accuracy)
     if name == "inadmissible":
-        return refine(place, InadmissibleEvent(), accuracy)
+        return refine(place, InadmissibleEvent(tolerance=0.0), accuracy)
     return refine(place, FoldEvent(name, name=name), accuracy)
 
 
