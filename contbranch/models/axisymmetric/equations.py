@@ -241,7 +241,7 @@ class Equations:
             rate += 2 * fields.rim.weights_slope(fields.h) * self.coordinate.slopes(fields.y)[1] * y_rate
         # The gap at the mesh's end moves what lies beyond: d(ring v) = −ring p dgap.
         gap_rate = float(fields.rim.plane[-1] @ (h_rate - self.rim_row @ h_rate)) + self.slopes(fields)[0][-1] * y_rate
-        return rate - self._beyond(fields)[2] * float(fields.pressure[-1]) * gap_rate
+        return float(rate - self._beyond(fields)[2] * float(fields.pressure[-1]) * gap_rate)
 
     # -- pressures inside the contact, admissibility ------------------------------------------------------------------
     def inner_pressure(self, fields: Fields, r: Array) -> Array:

@@ -23,7 +23,7 @@ SAFETY = 1.5
 ROUNDING = 4e-14
 # An event this close (in u, relative to min(1, |u|)) needs no further iteration.
 CLOSE = 1e-4
-OPTIONS = Options(tolerance=1e-13, noise=1e7)
+OPTIONS = Options(tolerance=1e-13, noise=1e8)
 # Times that a mesh is replaced by its finer one, and the number of unknowns at which that ends.
 ROUNDS = 4
 LARGEST = 1500
@@ -150,32 +150,46 @@ def refine(place: Place, event: Event | None, accuracy: float) -> tuple[Values, 
     The estimate is the difference to the same event on ``mesh.finer``. The values are those of the coarser mesh: their error
     is known, that of the finer one is only known to be smaller.
 
-    Raises
-    ------
-    CorrectionError
-        If the curve cannot be followed on the finer meshes.
+    Where the curve cannot be followed on a finer mesh, the estimate is that of one Newton step towards it.
     """
     problem = place.problem
     if problem.relative_error(problem.fields(place.x, place.u)) > accuracy:
         problem, x = problem.remeshed(place.x, place.u, accuracy)
         place = moved(place, problem, x)
-    place = locate(place, event)
+    try:
+        place = locate(place, event)
+    except CorrectionError:
+        return _by_defect(place), place
     best: tuple[Values, Place] | None = None
     for _ in range(ROUNDS):
         problem, x = place.problem.on(place.problem.equations.mesh.finer, place.x, place.u)
         fine = moved(place, problem, x)
-        there = None if event is None else _nudged(fine, event)
-        if there is None:
-            fine = locate(fine, event)
-            there = numbers(fine)
-        values = _compared(place, there)
-        if best is None or values.relative_error() < best[0].relative_error():
-            best = (values, place)
-        if values.relative_error() <= accuracy or problem.equations.mesh.size > LARGEST:
-            break
-        place = locate(fine, event)
-    assert best is not None
-    return best
+        try:
+            there = None if event is None else _nudged(fine, event)
+            if there is None:
+                fine = locate(fine, event)
+                there = numbers(fine)
+            values = _compared(place, there)
+            if best is None or values.relative_error() < best[0].relative_error():
+                best = (values, place)
+            if values.relative_error() <= accuracy or problem.equations.mesh.size > LARGEST:
+                break
+            place = locate(fine, event)
+        except CorrectionError:
+            break  # what has been reached stands, with its own error estimate
+    return best if best is not None else (_by_defect(place), place)
+
+
+def _by_defect(place: Place) -> Values:
+    """Values with the error estimates of one Newton step, where the finer mesh could not be followed."""
+    defect = place.problem.error(place.problem.fields(place.x, place.u))
+    here = numbers(place)
+    along = defect.state / max(float(np.abs(place.direction[0]).max()), 1e-300)
+    shift = place.uncertainty + along * abs(place.direction[1])
+    aside = numbers(Place(place.problem, place.x, place.u + shift, place.direction))
+    error = [2 * SAFETY * abs(e) + ROUNDING * max(1.0, abs(v)) for e, v in zip((defect.load, defect.displacement), here, strict=False)]
+    moves = [2 * abs(a - b) for a, b in zip(aside[2:], here[2:], strict=True)]
+    return Values(*here, (error[0], error[1], moves[0], moves[1]))
 
 
 def _nudged(place: Place, event: Event) -> tuple[float, float, float, float] | None:

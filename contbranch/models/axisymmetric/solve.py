@@ -8,7 +8,6 @@ from collections.abc import Callable
 import numpy as np
 
 from contbranch.contact import Contact
-from contbranch.continuation import CorrectionError
 from contbranch.diagram import State
 from contbranch.errors import InputError, ModelError
 
@@ -95,10 +94,7 @@ def _state(traced: Traced, row: int, field: str, value: float, accuracy: float, 
         event = LoadReached(value)
     else:
         event = LoadReached(math.inf, value)
-    try:
-        values, place = refine(place, event, accuracy)
-    except CorrectionError as error:
-        raise ModelError(f"{field}: no equilibrium could be computed at {value:.6g}: {error}") from error
+    values, place = refine(place, event, accuracy)
     problem = place.problem
     fields = problem.fields(place.x, place.u)
     numbers, errors = list(values.numbers), list(values.error)

@@ -20,6 +20,7 @@ from .adapt import start_edges
 from .critical import critical_exponent, sampled_exponent
 from .equations import ContactCoordinate, Equations
 from .locate import Place, Values, refine
+from .marks import Mark, confirmed, signs
 from .mesh import Mesh
 from .problem import ContactProblem, FoldEvent, InadmissibleEvent, LoadReached, Resolution
 from .profile import profile_of
@@ -33,7 +34,7 @@ Progress = Callable[[float, str], None]
 TRACE_TOLERANCE = 1e-6
 # Share of the accuracy that the load at the start of the trace may have.
 START_SHARE = 0.1
-STEPS = Options(angle=0.3, angle_limit=0.8, tolerance=1e-9, noise=1e5, detect_folds=False, detect_branch_points=False)
+STEPS = Options(angle=0.3, angle_limit=0.8, tolerance=1e-9, noise=1e5, detect_folds=False, detect_branch_points=False, maximum_points=6000)
 # Changes of h small against the range of the interaction do not matter for the steps.
 STATE_FLOOR = 0.3
 # A trace ends at this multiple of the largest load of any event, and not below the least load (reduced).
@@ -197,11 +198,13 @@ class _Located:
         self.points = tuple(curves[0].points) + (tuple(curves[1].points[1:]) if touched else ())
         self.touch_row = len(curves[0].points) - 1 if touched else None
         offsets = [0, len(curves[0].points) - 1]
-        self.marks: list[tuple[int, str, Point]] = []  # row, name, point
-        for curve, offset in zip(curves, offsets, strict=False):
-            for event in curve.events:
-                assert isinstance(event, EventPoint)
-                self.marks.append((offset + event.index, event.name, event.point))
+        marks = [
+            Mark(offset + event.index, event.name, event.point)
+            for curve, offset in zip(curves, offsets, strict=False)
+            for event in curve.events
+            if isinstance(event, EventPoint)
+        ]
+        self.marks = confirmed(self.points, marks)
 
     def raw(self, contact: Contact, accuracy: float | None, told: _Told) -> tuple[RawCurve, Indices]:
         """Arrays and events."""
@@ -210,11 +213,16 @@ class _Located:
             name: np.array([point.observables[name] for point in points])
             for name in ("load", "displacement", "contact_radius", "central_gap", "energy", "load_error", "displacement_error")
         }
-        folds = [(row, name) for row, name, _ in self.marks if name in ("load", "displacement")]
-        loading, approaching = self._signs()
+        folds = [(mark.row, mark.name) for mark in self.marks if mark.name in ("load", "displacement")]
+        loading, approaching = (1 if sign >= 0 else -1 for sign in (signs(points[:1]) or [(1, 1)])[0])
         indices = morse_indices(len(points), folds, loading, approaching)
         events = [] if accuracy is None else self._events(accuracy, indices, told)
         complete, message = self._outcome(contact)
+        if complete and self._unstable_at_end() != indices.displacement_pieces[-1]:
+            complete, message = False, "The inertia at the end disagrees with the folds counted: a fold was missed or doubled."
+        worst = max((_relative_error(event) / accuracy for event in events if accuracy), default=0.0)
+        if worst > 1:
+            complete, message = False, f"{message} An event's error estimate is {worst:.3g} times the accuracy asked.".strip()
         profiles = [_deferred_profile(point) for point in points]
         curve = RawCurve(
             columns["load"],
@@ -235,28 +243,25 @@ class _Located:
         )
         return curve, indices
 
-    def _signs(self) -> tuple[int, int]:
-        """Signs of the rates of load and displacement at the start."""
-        if not self.points:
-            return 1, 1
-        point = self.points[0]
+    def _unstable_at_end(self) -> int:
+        """Morse index under displacement control at the last point, by inertia: a check of the counting."""
+        point = self.points[-1]
         problem = point.problem
         assert isinstance(problem, ContactProblem)
-        rates = problem.rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
-        return (1 if rates[0] >= 0 else -1), (1 if rates[1] >= 0 else -1)
+        return problem.equations.unstable_modes(problem.fields(point.x, point.parameter))
 
     def _events(self, accuracy: float, indices: Indices, told: _Told) -> list[RawEvent]:
-        rows: list[tuple[int, str, Point]] = list(self.marks)
+        marks = list(self.marks)
         if self.touch_row is not None:
-            rows.append((self.touch_row, "touch", self.points[self.touch_row]))
-        rows.sort(key=lambda mark: mark[0])
+            marks.append(Mark(self.touch_row, "touch", self.points[self.touch_row]))
+        marks.sort(key=lambda mark: mark.row)
         refined = {}
-        for k, (row, name, point) in enumerate(rows):
+        for k, mark in enumerate(marks):
             if told.progress is not None:
-                told.progress(0.9 + 0.1 * k / len(rows), f"locating {name}")
-            refined[k] = _refined(point, name, accuracy)
-        self._sharpen([name for _, name, _ in rows], refined, accuracy)
-        return [self._event(*rows[k][:2], *refined[k], indices) for k in range(len(rows))]
+                told.progress(0.9 + 0.1 * k / len(marks), f"locating {mark.name}")
+            refined[k] = _refined(mark.point, mark.name, accuracy)
+        self._sharpen([mark.name for mark in marks], refined, accuracy)
+        return [self._event(mark.row, mark.name, *refined[k], indices) for k, mark in enumerate(marks)]
 
     def _sharpen(self, names: list[str], refined: dict[int, tuple[Values, Place]], accuracy: float) -> None:
         """Locate folds anew that their error estimates do not tell apart."""
@@ -323,6 +328,10 @@ def _refined(point: Point, name: str, accuracy: float) -> tuple[Values, Place]:
     if name == "inadmissible":
         return refine(place, InadmissibleEvent(tolerance=0.0), accuracy)
     return refine(place, FoldEvent(name, name=name), accuracy)
+
+
+def _relative_error(event: RawEvent) -> float:
+    return max(error / max(1.0, abs(value)) for error, value in zip(event.error, event.values, strict=True))
 
 
 def _deferred_profile(point: Point) -> Callable[[], Profile]:
