@@ -1,0 +1,158 @@
+"""Error estimates are honest, whole diagrams complete, and indices change at the folds and only there."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import contbranch as cb
+
+QUANTITIES = ("load", "displacement", "contact_radius", "central_gap")
+
+CASES = [
+    (cb.Exponential, 1, 1.0),
+    (cb.Exponential, 1, 4.0),
+    (cb.Exponential, -1, 1.0),
+    (cb.Gauss, -1, 1.0),
+    (cb.Gauss, -1, 4.0),
+    (cb.Gauss, 1, 1.0),
+    (cb.VanDerWaals, -1, 1.0),
+    (cb.InverseSquare, 1, 1.0),
+    (cb.InverseSquare, 1, 4.0),
+]
+
+
+def events_of(diagram):
+    return [event for event in diagram.events if event.kind != "end"]
+
+
+@pytest.fixture(scope="module")
+def compared():
+    """(case, accuracy, event, quantity, value, estimate, true error) of every number of every event."""
+    rows = []
+    for law, sign, tabor in CASES:
+        contact = cb.Contact.reduced(law, tabor, sign)
+        exact = cb.trace(contact, accuracy=1e-12)
+        for accuracy in (1e-6, 1e-8):
+            diagram = cb.trace(contact, accuracy=accuracy)
+            assert diagram.status == "complete", diagram.message
+            found, true = events_of(diagram), events_of(exact)
+            names = [(event.kind, event.control, event.name) for event in found]
+            assert names == [(event.kind, event.control, event.name) for event in true]
+            for event, reference in zip(found, true, strict=True):
+                for name in QUANTITIES:
+                    value = getattr(event, name)
+                    known = reference.error[name]
+                    distance = max(0.0, abs(value - getattr(reference, name)) - known)
+                    case = f"{law.name} {sign * tabor:+g} at {accuracy:g}: {event.control} {event.kind} {name}"
+                    rows.append((case, accuracy, value, event.error[name], distance))
+    return rows
+
+
+def test_true_errors_are_within_the_estimates(compared):
+    wrong = [f"{case} = {value}: {estimate:.1e} < {d:.1e}" for case, _, value, estimate, d in compared if d > estimate]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_estimates_are_within_the_accuracy(compared):
+    wrong = [f"{case} = {v}: {e:.1e}" for case, accuracy, v, e, _ in compared if e > accuracy * max(1.0, abs(v))]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_estimates_are_not_much_larger_than_the_errors(compared):
+    ratios = [estimate / distance for *_, estimate, distance in compared if distance > 1e-13]
+    assert len(ratios) > 100
+    assert np.median(ratios) < 100
+
+
+def test_thresholds_are_the_events(compared):
+    diagram = cb.trace(cb.Contact.reduced(cb.Gauss, 1.0, -1))
+    values = {value for event in diagram.events for value in (event.load, event.displacement, event.contact_radius)}
+    assert set(diagram.thresholds.values()) <= values
+    assert set(diagram.thresholds) == {
+        "touch_load",
+        "touch_displacement",
+        "squeeze_out_load",
+        "squeeze_out_displacement",
+        "wetting_load",
+        "wetting_displacement",
+        "wetting_radius",
+    }
+
+
+@pytest.mark.parametrize(
+    ("law", "sign", "tabor"), [(cb.Exponential, 1, 1.0), (cb.Gauss, -1, 4.0), (cb.VanDerWaals, 1, 1.0)]
+)
+def test_errors_of_rows(law, sign, tabor):
+    """Load and displacement of a row against a sharp solution with the row's contact radius."""
+    contact = cb.Contact.reduced(law, tabor, sign)
+    branch = cb.trace(contact, accuracy=1e-6).branches[0]
+    rows = np.flatnonzero(branch.contact_radius > 1e-3)
+    for row in rows[1 :: max(1, len(rows) // 5)]:
+        true = cb.solve(contact, contact_radius=float(branch.contact_radius[row]), accuracy=1e-10)
+        for name, estimate in (("load", branch.load_error), ("displacement", branch.displacement_error)):
+            value = getattr(branch, name)[row]
+            assert estimate[row] <= 1e-6 * max(1.0, abs(value))
+            # signed differences of finer meshes without a safety factor: the estimate itself is known to a part
+            assert abs(value - getattr(true, name)) <= 2 * estimate[row] + 1e-9 * max(1.0, abs(value))
+
+
+LAWS = (cb.Exponential, cb.Gauss, cb.VanDerWaals, cb.InverseSquare)
+
+
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("tabor", [1 / 64, 1 / 16, 1 / 4, 1.0, 4.0])
+def test_diagrams_are_complete_and_their_indices_follow_the_folds(law, sign, tabor):
+    diagram = cb.trace(cb.Contact.reduced(law, tabor, sign))
+    assert diagram.status == "complete", diagram.message
+    branch = diagram.branches[0]
+    loads = np.diff(branch.load)
+    approach = np.diff(branch.displacement)
+    # Index between rows: that of the less stable end of a piece. It changes at rows that are folds, and only there.
+    for control in ("load", "displacement"):
+        index = branch.unstable(control)
+        changes = np.flatnonzero(np.diff(index))
+        folds = sorted(event.position for event in diagram.folds())
+        for change in changes:
+            assert any(change <= position <= change + 1 for position in folds), (control, change, folds)
+        number = sum(event.control == "load" for event in diagram.folds())
+        assert number % 2 == (1 if sign > 0 else 0)
+    # n_load − n_displacement = [dF/dd < 0], by differences of rows between which neither index changes
+    extra = branch.unstable_load - branch.unstable_displacement
+    assert set(extra.tolist()) <= {0, 1}
+    flat = 1e-5 * np.maximum(1.0, np.abs(branch.load[1:]))
+    inside = (extra[1:] == extra[:-1]) & (np.abs(loads) > flat) & (np.abs(approach) > 1e-5)
+    inside &= (np.diff(branch.unstable_displacement) == 0) & (np.diff(branch.unstable_load) == 0)
+    positions = np.array([event.position for event in diagram.folds()])
+    for row in np.flatnonzero(inside):
+        if not ((positions >= row) & (positions <= row + 1)).any():
+            assert (loads[row] * approach[row] < 0) == (extra[row] == 1), row
+    # both ends of the curve are stable, far away and pressed together
+    assert branch.unstable_load[-1] == branch.unstable_displacement[-1] == branch.unstable_displacement[0] == 0
+    if law in (cb.Exponential, cb.InverseSquare) and sign < 0:  # v'' ≥ 0: a convex energy has no fold
+        assert not list(diagram.folds())
+        assert not branch.unstable_load.any()
+        assert diagram.thresholds["squeeze_out_load"] == diagram.thresholds["wetting_load"]
+        assert diagram.thresholds["squeeze_out_load"] == diagram.thresholds["touch_load"]
+
+
+@pytest.mark.parametrize("accuracy", [1e-6, 1e-8])
+@pytest.mark.parametrize("tabor", [1 / 16, 1 / 64])
+def test_narrow_windows_are_resolved(tabor, accuracy):
+    """Gauss repulsion: both folds exist at any Tabor coefficient and lie ever closer together."""
+    diagram = cb.trace(cb.Contact.reduced(cb.Gauss, tabor, -1), accuracy=accuracy)
+    assert diagram.status == "complete", diagram.message
+    squeeze, wetting = list(diagram.folds("load"))
+    assert (squeeze.name, wetting.name) == ("squeeze-out", "wetting")
+    width = squeeze.load - wetting.load
+    assert width > squeeze.error["load"] + wetting.error["load"]
+    assert width < 1e-4
+    assert squeeze.central_gap > 0
+    assert wetting.contact_radius > 0
+    assert wetting.contact_radius > wetting.error["contact_radius"]
+    touch = next(event for event in diagram.events if event.kind == "touch")
+    sharp = cb.trace(cb.Contact.reduced(cb.Gauss, tabor, -1), accuracy=1e-9)
+    fine = {event.name: event for event in sharp.folds("load")}
+    assert fine["squeeze-out"].load - fine["wetting"].load == pytest.approx(width, rel=1e-2)
+    assert touch.load <= wetting.load + touch.error["load"] or wetting.load < touch.load < squeeze.load
