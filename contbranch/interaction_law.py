@@ -21,6 +21,8 @@ FloatArray = NDArray[np.float64]
 # Gaps beyond this many ranges (infinite ones too, outside a tip of finite extent) are taken as this many: every power
 # that the shapes form of it is still a finite number.
 _FAR: Final = 1e50
+# Gaps tried at once in the search for a law's reach.
+_CHUNK: Final = 40
 
 
 class Response(NamedTuple):
@@ -110,10 +112,15 @@ class Interaction:
             energy = self.evaluate(at * self.range).energy
             return np.asarray(np.abs(energy) > tolerance * self.reference_work)  # NaN, beyond the law's end, does not
 
-        above = np.flatnonzero(exceeds(x))
-        if above.size == 0:
+        # From far away inwards, so that a law which fails close to the wall is not asked there.
+        for stop in range(x.size, 0, -_CHUNK):
+            start = max(0, stop - _CHUNK)
+            above = np.flatnonzero(exceeds(x[start:stop]))
+            if above.size:
+                last = start + int(above[-1])
+                break
+        else:
             return 0.0
-        last = int(above[-1])
         if last == x.size - 1:
             raise InputError(f"interaction: {type(self).__name__} has not decayed at {x[-1]:g} ranges; it must vanish")
         low, high = float(x[last]), float(x[last + 1])

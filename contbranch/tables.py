@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import BPoly, CubicSpline, PPoly
+from scipy.interpolate import BPoly, PPoly, make_interp_spline
 
 from contbranch.errors import InputError
 
@@ -17,6 +17,7 @@ __all__ = ["EnergyTable", "increasing_from_zero", "numbers"]
 FloatArray = NDArray[np.float64]
 
 _LEAST_ROWS: Final = 4
+_QUINTIC_ROWS: Final = 8
 _DECAYED: Final = 0.01  # a law whose table ends below this part of its maximum is taken to zero
 
 
@@ -78,14 +79,17 @@ class EnergyTable:
         increasing_from_zero(gaps, "gaps")
         if values.size != gaps.size:
             raise InputError(f"{kind}: {values.size} numbers for {gaps.size} gaps; must be as many")
-        spline = CubicSpline(gaps, values)
-        pieces = PPoly(spline.c, spline.x)
-        level, slope, curvature = (float(spline(gaps[-1], order)) for order in (0, 1, 2))
+        # Quintic, for four continuous derivatives: kinks of a lower one cost the solution its digits. Few rows: lower.
+        spline = make_interp_spline(gaps, values, k=5 if gaps.size >= _QUINTIC_ROWS else 3)
+        pieces = PPoly.from_spline(spline)
+        pieces = PPoly(pieces.c[:, np.diff(pieces.x) > 0], np.unique(pieces.x))
+        smooth = range(spline.k)
+        level, slope, *higher = (float(spline(gaps[-1], order)) for order in smooth)
         decayed = abs(level) <= _DECAYED * np.max(np.abs(values))
         if kind == "energies":  # a constant tail has no force, so the force must have decayed as well
             decayed = decayed and abs(slope) <= _DECAYED * np.max(np.abs(spline(gaps, 1)))
         if decayed:
-            pieces = _joined(pieces, _to_zero(float(gaps[-1]), float(gaps[-2]), (level, slope, curvature)))
+            pieces = _joined(pieces, _to_zero(float(gaps[-1]), float(gaps[-2]), (level, slope, *higher)))
         if kind == "pressures":
             pieces = _energy_of_pressure(pieces)
         limitation = "" if decayed else f"the table of {kind} ends at a gap of {gaps[-1]:g} before the law has decayed"
@@ -146,12 +150,12 @@ class EnergyTable:
         return np.asarray(self.integral(self.end) - self.integral(np.minimum(gap, self.end)))
 
 
-def _to_zero(end: float, before: float, derivatives: tuple[float, float, float]) -> PPoly:
-    """Return the quintic that starts at `end` with value and two derivatives given and ends with all three zero."""
-    level, slope, _ = derivatives
+def _to_zero(end: float, before: float, derivatives: tuple[float, ...]) -> PPoly:
+    """Return the polynomial that starts at `end` with value and derivatives given and ends with all of them zero."""
+    level, slope = derivatives[:2]
     decay = abs(level / slope) if slope != 0.0 else 0.0
     width = min(max(4.0 * decay, end - before), end)
-    pieces = BPoly.from_derivatives([end, end + width], [list(derivatives), [0.0, 0.0, 0.0]])
+    pieces = BPoly.from_derivatives([end, end + width], [list(derivatives), [0.0] * len(derivatives)])
     return PPoly.from_bernstein_basis(pieces)
 
 

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-
 from contbranch.diagram import Event
 from contbranch.interactions import Interaction, Layered
 
 __all__ = ["fold_name", "number_layers", "thresholds"]
 
 
-def fold_name(interaction: Interaction | None, load: float, lost_on_increase: bool) -> str:
+def fold_name(interaction: Interaction | None, control: str | None, load: float, lost_on_increase: bool) -> str:
     """Name of a fold at which a stable part ends.
 
     Attraction: ``jump-in`` when stability is lost on approach, ``pull-off`` on retraction; repulsion: ``squeeze-out`` when it
-    is lost on increasing the control, ``wetting`` on decreasing it. Where both signs occur, the sign of the load decides.
+    is lost on increasing the control, ``wetting`` on decreasing it. Where both signs occur, the sign of the load decides
+    (jump-in exists under displacement control only: under load control it would lie at infinite separation).
 
     Parameters
     ----------
@@ -27,25 +26,27 @@ def fold_name(interaction: Interaction | None, load: float, lost_on_increase: bo
         isinstance(term, Layered) for term in (interaction.terms if interaction is not None else ())
     )
     attracts = load < 0 if mixed else max(works, default=0.0) > 0
+    if mixed and control == "load" and lost_on_increase:
+        attracts = False
     if attracts:
         return "jump-in" if lost_on_increase else "pull-off"
     return "squeeze-out" if lost_on_increase else "wetting"
 
 
-def number_layers(events: Sequence[Event], interaction: Interaction | None) -> list[Event]:
-    """Names of a cascade of layers numbered from the wall: ``squeeze-out-1``, …; other events as they are."""
+def number_layers(names: Sequence[str | None], controls: Sequence[str | None], interaction: Interaction | None) -> list[str | None]:
+    """Names of a cascade of layers numbered from the wall: ``squeeze-out-1``, …; other names as they are."""
+    numbered = list(names)
     terms = interaction.terms if interaction is not None else ()
     if not any(isinstance(term, Layered) for term in terms):
-        return list(events)
-    numbered = list(events)
+        return numbered
     groups: dict[tuple[str | None, str], list[int]] = {}
-    for k, event in enumerate(events):
-        if event.name is not None:
-            groups.setdefault((event.control, event.name), []).append(k)
+    for k, (name, control) in enumerate(zip(names, controls, strict=True)):
+        if name is not None:
+            groups.setdefault((control, name), []).append(k)
     for (_, name), members in groups.items():
         if len(members) > 1:  # the curve comes from far away, so the last one is closest to the wall
             for number, k in enumerate(reversed(members), start=1):
-                numbered[k] = replace(events[k], name=f"{name}-{number}")
+                numbered[k] = f"{name}-{number}"
     return numbered
 
 

@@ -134,10 +134,17 @@ class _Scaling:
         )
 
 
-def _event(contact: Contact, scaling: _Scaling, raw: RawEvent) -> Event:
-    name = raw.name
-    if raw.kind == "fold" and name is None and min(raw.before, raw.after) == 0:
-        name = fold_name(contact.interaction, raw.values[0], raw.maximum)
+def _names(contact: Contact, events: Sequence[RawEvent]) -> list[str | None]:
+    names = []
+    for raw in events:
+        name = raw.name
+        if raw.kind == "fold" and name is None and min(raw.before, raw.after) == 0:
+            name = fold_name(contact.interaction, raw.control, raw.values[0], raw.maximum)
+        names.append(name)
+    return number_layers(names, [raw.control for raw in events], contact.interaction)
+
+
+def _event(scaling: _Scaling, raw: RawEvent, name: str | None) -> Event:
     load, displacement, radius, gap = scaling.values(raw.values)
     keys = ("load", "displacement", "contact_radius", "central_gap")
     source = raw.exponent
@@ -161,7 +168,8 @@ def assemble(
 ) -> Diagram:
     """The diagram of a curve: events named, thresholds collected, everything in the contact's own units."""
     scaling = _Scaling(contact)
-    events = tuple(number_layers([_event(contact, scaling, raw) for raw in curve.events], contact.interaction))
+    names = _names(contact, curve.events)
+    events = tuple(_event(scaling, raw, name) for raw, name in zip(curve.events, names, strict=True))
     branch = Branch(
         curve.load * scaling.load,
         curve.displacement * scaling.normal,

@@ -54,12 +54,13 @@ class _Side:
         start_u, start = near if near is not None else (self.u, self.x)
         x = self.problem.solve_at(start + (u - start_u) * self._tangent(start, start_u), u)
         rates = self.problem.rates(x, u, self._tangent(x, u), 1.0)
-        observed = self.problem.observables(x, u)
+        equations, fields = self.problem.equations, self.problem.fields(x, u)
+        control = equations.load(fields) if self.control == "load" else equations.displacement(fields)
+        order = fields.rim.radius if self.contact else max(0.0, -fields.y)
         y_rate = self.problem.scale * math.cosh(u)
-        coordinate = self.problem.equations.coordinate
-        order_rate = coordinate.slopes(self.problem.coordinate(u))[0] * y_rate if self.contact else -y_rate
+        order_rate = equations.coordinate.slopes(fields.y)[0] * y_rate if self.contact else -y_rate
         which = 0 if self.control == "load" else 1
-        return _Sample(observed[self.control], observed[self.order_name], rates[which], order_rate), x
+        return _Sample(control, order, rates[which], order_rate), x
 
 
 def critical_exponent(place: Place, values: Values, control: str) -> Exponent | None:

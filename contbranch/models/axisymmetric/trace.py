@@ -14,6 +14,7 @@ from contbranch.analysis.stability import Indices, morse_indices
 from contbranch.contact import Contact
 from contbranch.continuation import Curve, EventPoint, Options, Outcome, Point, StopAt, trace_curve
 from contbranch.diagram import Cost, Profile
+from contbranch.errors import InputError
 from contbranch.models.outcome import RawCurve, RawEvent
 
 from .adapt import start_edges
@@ -33,7 +34,7 @@ Progress = Callable[[float, str], None]
 # Meshes of the trace need not be as fine as those of its events, which are located anew.
 TRACE_TOLERANCE = 1e-6
 # Share of the accuracy that the load at the start of the trace may have.
-START_SHARE = 0.1
+START_SHARE = 0.5
 STEPS = Options(angle=0.3, angle_limit=0.8, tolerance=1e-9, noise=1e5, detect_folds=False, detect_branch_points=False, maximum_points=6000)
 # Changes of h small against the range of the interaction do not matter for the steps.
 STATE_FLOOR = 0.3
@@ -143,7 +144,21 @@ def trace(
         Whether events are made precise; without, the result has none, and its rows are as accurate as the trace.
     """
     began = time.perf_counter()
-    problem, u = start_problem(contact, accuracy, max(TRACE_TOLERANCE, accuracy))
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # answered by shorter steps, or reported
+        try:
+            problem, u = start_problem(contact, accuracy, max(TRACE_TOLERANCE, accuracy))
+        except InputError:
+            raise
+        except Exception as error:  # a law written by the user may raise anything; its text is kept
+            return _nothing(f"The interaction cannot be evaluated far away: {type(error).__name__}: {error}")
+        located = _Located(*_legs(problem, u, target, progress))
+        raw, indices = located.raw(contact, accuracy if events else None, progress)
+    cost = Cost(time.perf_counter() - began, problem.resolution.newton)
+    return Traced(located.points, replace(raw, cost=cost, unknowns=problem.resolution.unknowns), indices)
+
+
+def _legs(problem: ContactProblem, u: float, target: Target, progress: Progress | None) -> tuple[list[Curve], bool]:
+    """The curve without contact, and the one in contact if first touch is reached."""
     told = _Told(progress, u)
     steps = replace(STEPS, state_floor=STATE_FLOOR * problem.scale)
     folds = [FoldEvent("load", name="load"), FoldEvent("displacement", name="displacement"), InadmissibleEvent()]
@@ -152,27 +167,32 @@ def trace(
     first = trace_curve(
         problem, np.zeros(problem.equations.mesh.size), u, (u, 0.0), steps, [*folds, *bound], StopAt(predicate=told)
     )
-    curves = [first]
     touched = bool(first.points) and first.ends[1].outcome is Outcome.REACHED_EDGE and first.points[-1].parameter == 0.0
-    if touched:
-        last = first.points[-1]
-        assert isinstance(last.problem, ContactProblem)
-        for point in first.points:
-            if point.label in ("load", "edge"):
-                end.update(point.observables["load"])
-        stop = StopAt(predicate=lambda point: told(point) or end(point))
-        within = (0.0, math.inf)
-        contact_problem = last.problem.in_contact()
-        second = trace_curve(contact_problem, last.x, 0.0, within, steps, [*folds, end.event], stop)
-        if len(second.points) < 2:
-            # A stiff film answers a tiny contact on a length far below the innermost panel: start with graded panels.
-            contact_problem, x = contact_problem.graded(last.x)
-            second = trace_curve(contact_problem, x, 0.0, within, steps, [*folds, end.event], stop)
-        curves.append(second)
-    located = _Located(curves, touched)
-    raw, indices = located.raw(contact, accuracy if events else None, told)
-    cost = Cost(time.perf_counter() - began, problem.resolution.newton)
-    return Traced(located.points, replace(raw, cost=cost, unknowns=problem.resolution.unknowns), indices)
+    if not touched:
+        return [first], False
+    last = first.points[-1]
+    assert isinstance(last.problem, ContactProblem)
+    for point in first.points:
+        if point.label in ("load", "edge"):
+            end.update(point.observables["load"])
+    stop = StopAt(predicate=lambda point: told(point) or end(point))
+    within = (0.0, math.inf)
+    contact_problem, x = last.problem.in_contact(), last.x
+    second = trace_curve(contact_problem, x, 0.0, within, steps, [*folds, end.event], stop)
+    if len(second.points) < 2:
+        # A stiff film answers a tiny contact on a length far below the innermost panel: start with graded panels.
+        contact_problem, x = contact_problem.graded(x)
+        second = trace_curve(contact_problem, x, 0.0, within, steps, [*folds, end.event], stop)
+    return [first, second], True
+
+
+def _nothing(message: str) -> Traced:
+    """The result of a trace that could not start."""
+    empty, none = np.empty(0), np.empty(0, dtype=np.int64)
+    curve = RawCurve(
+        *(empty,) * 5, none, none, empty, empty, profiles=(), events=(), complete=False, message=message, cost=Cost(0.0, 0), unknowns=0
+    )
+    return Traced((), curve, Indices(*(none,) * 6))
 
 
 class _Told:
@@ -206,7 +226,7 @@ class _Located:
         ]
         self.marks = confirmed(self.points, marks)
 
-    def raw(self, contact: Contact, accuracy: float | None, told: _Told) -> tuple[RawCurve, Indices]:
+    def raw(self, contact: Contact, accuracy: float | None, progress: Progress | None) -> tuple[RawCurve, Indices]:
         """Arrays and events."""
         points = self.points
         columns = {
@@ -214,9 +234,10 @@ class _Located:
             for name in ("load", "displacement", "contact_radius", "central_gap", "energy", "load_error", "displacement_error")
         }
         folds = [(mark.row, mark.name) for mark in self.marks if mark.name in ("load", "displacement")]
-        loading, approaching = (1 if sign >= 0 else -1 for sign in (signs(points[:1]) or [(1, 1)])[0])
+        along = signs(points[: folds[0][0]] if folds else points)
+        loading, approaching = (next((sign[k] for sign in along if sign[k]), 1) for k in (0, 1))
         indices = morse_indices(len(points), folds, loading, approaching)
-        events = [] if accuracy is None else self._events(accuracy, indices, told)
+        events = [] if accuracy is None else self._events(accuracy, indices, progress)
         complete, message = self._outcome(contact)
         if complete and self._unstable_at_end() != indices.displacement_pieces[-1]:
             complete, message = False, "The inertia at the end disagrees with the folds counted: a fold was missed or doubled."
@@ -250,15 +271,15 @@ class _Located:
         assert isinstance(problem, ContactProblem)
         return problem.equations.unstable_modes(problem.fields(point.x, point.parameter))
 
-    def _events(self, accuracy: float, indices: Indices, told: _Told) -> list[RawEvent]:
+    def _events(self, accuracy: float, indices: Indices, progress: Progress | None) -> list[RawEvent]:
         marks = list(self.marks)
         if self.touch_row is not None:
             marks.append(Mark(self.touch_row, "touch", self.points[self.touch_row]))
         marks.sort(key=lambda mark: mark.row)
         refined = {}
         for k, mark in enumerate(marks):
-            if told.progress is not None:
-                told.progress(0.9 + 0.1 * k / len(marks), f"locating {mark.name}")
+            if progress is not None:
+                progress(0.9 + 0.1 * k / len(marks), f"locating {mark.name}")
             refined[k] = _refined(mark.point, mark.name, accuracy)
         self._sharpen([mark.name for mark in marks], refined, accuracy)
         return [self._event(mark.row, mark.name, *refined[k], indices) for k, mark in enumerate(marks)]
@@ -313,7 +334,21 @@ class _Located:
             )
         message = " ".join(dict.fromkeys(e.message for e in last.ends if not e.outcome.complete)) or end.message
         limitation = contact.interaction.limitation if contact.interaction is not None else ""
-        return False, f"{message} {limitation}".strip()
+        return False, f"{message} {limitation} {self._end_of_tip(contact)}".strip()
+
+    def _end_of_tip(self, contact: Contact) -> str:
+        """A sentence if the interaction has come to the end of a tip of finite extent."""
+        if not (self.points and math.isfinite(contact.tip.extent)):
+            return ""
+        point = self.points[-1]
+        problem = point.problem
+        assert isinstance(problem, ContactProblem)
+        fields = problem.fields(point.x, point.parameter)
+        r = np.hypot(problem.equations.mesh.nodes, fields.rim.radius)
+        felt = r[np.abs(fields.pressure) > 1e-3 * np.abs(fields.pressure).max()]
+        if max(fields.rim.radius, float(felt.max(initial=0.0))) < 0.9 * contact.tip.extent:
+            return ""
+        return "The contact, or the interaction around it, has reached the end of the tip."
 
 
 def _refined(point: Point, name: str, accuracy: float) -> tuple[Values, Place]:
