@@ -24,6 +24,8 @@ ROUNDING = 4e-14
 # An event this close (in u, relative to min(1, |u|)) needs no further iteration.
 CLOSE = 1e-4
 OPTIONS = Options(tolerance=1e-13, noise=1e8)
+# Meshes for an event aim at this part of the accuracy, since position adds its own error, in at most so many rounds.
+AIM, REMESHES = 0.5, 3
 # Times that a mesh is replaced by its finer one, and the number of unknowns at which that ends.
 ROUNDS = 4
 LARGEST = 1500
@@ -152,9 +154,11 @@ def refine(place: Place, event: Event | None, accuracy: float) -> tuple[Values, 
 
     Where the curve cannot be followed on a finer mesh, the estimate is that of one Newton step towards it.
     """
-    problem = place.problem
-    if problem.relative_error(problem.fields(place.x, place.u)) > accuracy:
-        problem, x = problem.remeshed(place.x, place.u, accuracy)
+    for _ in range(REMESHES):
+        problem = place.problem
+        if problem.relative_error(problem.fields(place.x, place.u)) <= AIM * accuracy:
+            break
+        problem, x = problem.remeshed(place.x, place.u, AIM * accuracy)
         place = moved(place, problem, x)
     try:
         place = locate(place, event)
@@ -162,7 +166,7 @@ def refine(place: Place, event: Event | None, accuracy: float) -> tuple[Values, 
         return _by_defect(place), place
     best: tuple[Values, Place] | None = None
     for _ in range(ROUNDS):
-        problem, x = place.problem.on(place.problem.equations.mesh.finer, place.x, place.u)
+        problem, x = place.problem.on(place.problem.equations.mesh.finer, place.x, place.u, solve=event is None)
         fine = moved(place, problem, x)
         try:
             there = None if event is None else _nudged(fine, event)

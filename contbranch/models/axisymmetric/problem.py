@@ -22,7 +22,7 @@ __all__ = ["ContactProblem", "FoldEvent", "InadmissibleEvent", "LoadReached", "R
 Array = NDArray[np.float64]
 
 # A new mesh aims below the tolerance by this factor, so that the solution can move on before it must be changed again.
-SLACK = 0.03
+SLACK = 0.06
 # A step to a solution whose error exceeds the tolerance by this factor is repeated shorter, so that meshes can follow.
 UNRESOLVED = 20.0
 # A change of mesh may move the solution by this multiple of its error estimate.
@@ -194,8 +194,10 @@ class ContactProblem(Problem):
         nodes = problem.equations.mesh.nodes
         return Adaptation(problem, start, lambda vector: mesh.interpolate(vector, nodes))
 
-    def remeshed(self, x: Array, p: float, tolerance: float | None = None) -> tuple[ContactProblem, Array]:
-        """The problem on a mesh made for this solution, and the solution there."""
+    def remeshed(
+        self, x: Array, p: float, tolerance: float | None = None, solve: bool = True
+    ) -> tuple[ContactProblem, Array]:
+        """The problem on a mesh made for this solution, and the solution there (or, unsolved, carried to it)."""
         fields = self.fields(x, p)
         tolerance = self.resolution.tolerance if tolerance is None else tolerance
         allowed = tolerance * max(1.0, abs(self.equations.load(fields)))
@@ -212,14 +214,17 @@ class ContactProblem(Problem):
             if error > tolerance:
                 sharpness = min(max(sharpness, 2 * error / max(guide, 1e-16)), 1e6)
             edges = adapted_edges(self.equations, fields, SLACK * allowed / sharpness, reach)
-        return self.on(Mesh(edges, self.resolution.order), x, p, sharpness)
+        return self.on(Mesh(edges, self.resolution.order), x, p, sharpness, solve)
 
-    def on(self, mesh: Mesh, x: Array, p: float, sharpness: float | None = None) -> tuple[ContactProblem, Array]:
-        """The problem on another mesh, and the solution of the same parameter there (Newton from the interpolated one)."""
+    def on(
+        self, mesh: Mesh, x: Array, p: float, sharpness: float | None = None, solve: bool = True
+    ) -> tuple[ContactProblem, Array]:
+        """The problem on another mesh, and the solution of the same parameter there (or, unsolved, carried to it)."""
         equations = self.equations.on(mesh)
         sharpness = self.sharpness if sharpness is None else sharpness
         problem = ContactProblem(equations, self.scale, self.resolution, sharpness)
-        return problem, problem.solve_at(self.equations.mesh.interpolate(x, mesh.nodes), p)
+        carried = self.equations.mesh.interpolate(x, mesh.nodes)
+        return problem, problem.solve_at(carried, p) if solve else carried
 
     def graded(self, x: Array) -> tuple[ContactProblem, Array]:
         """The problem at first touch with panels graded down to the length on which elasticity answers the interaction."""

@@ -35,7 +35,7 @@ Progress = Callable[[float, str], None]
 TRACE_TOLERANCE = 1e-6
 # Share of the accuracy that the load at the start of the trace may have.
 START_SHARE = 0.5
-STEPS = Options(angle=0.3, angle_limit=0.8, tolerance=1e-9, noise=1e5, detect_folds=False, detect_branch_points=False, maximum_points=6000)
+STEPS = Options(angle=0.3, angle_limit=0.8, tolerance=1e-9, noise=1e5, detect_folds=False, detect_branch_points=False, maximum_points=20_000)
 # Changes of h small against the range of the interaction do not matter for the steps.
 STATE_FLOOR = 0.3
 # A trace ends at this multiple of the largest load of any event, and not below the least load (reduced).
