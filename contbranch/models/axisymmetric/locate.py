@@ -114,23 +114,22 @@ def locate(place: Place, event: Event | None) -> Place:
     point, value = at(0.0, None)
     steepness = place.steepness or 0.0
     s, best = 0.0, (abs(value), point)
-    for iteration in range(12):
-        # Positions matter relative to u: folds in tiny contacts lie at tiny u.
-        resolution = 1e-13 * max(abs(point.parameter), 1e-12)
-        step = -value / steepness if steepness else 1e-4 * max(abs(point.parameter), 1e-6)
-        if not math.isfinite(step) or abs(step) > 0.2:
-            step = math.copysign(0.2, step)
-        if abs(step) < resolution:
-            step = math.copysign(resolution, step)
+    # Positions matter relative to u: folds in tiny contacts lie at tiny u.
+    unit = min(1.0, abs(place.u) / max(abs(du), 1e-300)) if place.u else 1.0
+    for iteration in range(14):
+        step = -value / steepness if steepness else 1e-4 * unit
+        step = math.copysign(min(abs(step), 0.2 * unit), step)
+        if iteration and abs(step) <= 1e-13 * unit:
+            break
         near_position = s
         new_point, new_value = at(s + step, point)
-        if new_value != value and (abs(step) > 1e-6 * abs(point.parameter) or not steepness):
+        if new_value != value and (abs(step) > 1e-7 * unit or not steepness):
             steepness = (new_value - value) / step
         s, point, value = s + step, new_point, new_value
         stalled = abs(value) >= 0.5 * best[0]
         if abs(value) < best[0]:
             best = (abs(value), point)
-        if value == 0.0 or abs(step) <= 2 * resolution or (iteration > 1 and stalled and abs(step) < 1e-5 * abs(point.parameter)):
+        if value == 0.0 or (stalled and abs(step) < 1e-8 * unit):
             break
     point = best[1]
     tangent = (point.tangent_x, point.tangent_parameter)
@@ -209,7 +208,7 @@ def _nudged(place: Place, event: Event) -> tuple[float, float, float, float] | N
     direction = (place.direction[0] / size, place.direction[1] / size)
     point, _ = corrected_point(problem, place.x, place.u, direction, metric, OPTIONS)
     step = -event.value(point) / place.steepness
-    if not abs(step) < CLOSE * min(1.0, abs(point.parameter)):
+    if not abs(step) < CLOSE * min(1.0, abs(point.parameter) / max(abs(point.tangent_parameter), 1e-300)):
         return None
     rates = problem.rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
     u = point.parameter + step * point.tangent_parameter

@@ -74,7 +74,7 @@ class ContactProblem(Problem):
         self.resolution = resolution
         self.sharpness = sharpness
         mesh = equations.mesh
-        self._weights = mesh.weights / mesh.edges[-1]
+        self._weights = mesh.weights
         resolution.unknowns = max(resolution.unknowns, mesh.size)
 
     def in_contact(self) -> ContactProblem:
@@ -117,7 +117,7 @@ class ContactProblem(Problem):
         return Linearisation(fields.residual, self.equations.jacobian(fields), slope)
 
     def inner(self, u: Array, v: Array) -> float:
-        """Mean of u v over the mesh."""
+        """∫ u v dtau, which does not know the mesh."""
         return float((self._weights * u) @ v)
 
     def dual(self, u: Array) -> Array:

@@ -36,7 +36,7 @@ TRACE_TOLERANCE = 1e-6
 # Share of the accuracy that the load at the start of the trace may have.
 START_SHARE = 0.5
 STEPS = Options(angle=0.3, angle_limit=0.8, tolerance=1e-9, noise=1e5, detect_folds=False, detect_branch_points=False, maximum_points=20_000)
-# Changes of h small against the range of the interaction do not matter for the steps.
+# Changes of h small against the range of the interaction, over the width √(2 range), do not matter for the steps.
 STATE_FLOOR = 0.3
 # A trace ends at this multiple of the largest load of any event, and not below the least load (reduced).
 END_FACTOR, LEAST_END = 1.4, 10.0
@@ -160,7 +160,7 @@ def trace(
 def _legs(problem: ContactProblem, u: float, target: Target, progress: Progress | None) -> tuple[list[Curve], bool]:
     """The curve without contact, and the one in contact if first touch is reached."""
     told = _Told(progress, u)
-    steps = replace(STEPS, state_floor=STATE_FLOOR * problem.scale)
+    steps = replace(STEPS, state_floor=STATE_FLOOR * problem.scale * (2 * problem.scale) ** 0.25)
     folds = [FoldEvent("load", name="load"), FoldEvent("displacement", name="displacement"), InadmissibleEvent()]
     end = _End(target, -math.inf)
     bound = [end.event] if end.fixed else []
