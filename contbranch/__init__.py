@@ -1,6 +1,7 @@
 """Continuation and bifurcation analysis of elastic contact with coexisting solutions.
 
-Describe a contact (`Contact`: a tip, an interaction law, a modulus), then `trace` its whole curve of equilibria or `solve` for
+Describe a contact (`Contact`: a tip, an interaction law, a modulus), then `trace` its whole curve of equilibria or
+`solve` for
 one of them. Closed-form theories are in `contbranch.theory`, continuation of any problem in `contbranch.continuation`.
 """
 

@@ -16,7 +16,19 @@ from contbranch.errors import InputError
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Branch", "Cost", "Diagram", "Event", "Exponent", "LocalExponent", "ModelChoice", "Profile", "Solution", "State", "Window"]
+__all__ = [
+    "Branch",
+    "Cost",
+    "Diagram",
+    "Event",
+    "Exponent",
+    "LocalExponent",
+    "ModelChoice",
+    "Profile",
+    "Solution",
+    "State",
+    "Window",
+]
 
 Array = NDArray[np.float64]
 EventKind = Literal["fold", "touch", "symmetry", "inadmissible", "end"]
@@ -125,8 +137,8 @@ class Exponent:
     kappa : float
         Exponent at the fold itself: 1/2 at every quadratic fold.
     crossover_load : float or None
-        Excess of the fold's control (load or displacement) at which the next term of the expansion has changed the order
-        parameter as much as the leading one.
+        Excess of the fold's control (load or displacement) at which the next term of the expansion has changed the
+        order parameter as much as the leading one.
     window : Window or None
         The fit over a window, which measures the crossover.
     prefactor : float
@@ -298,7 +310,9 @@ class Diagram:
     message: str = ""
     description: Mapping[str, Any] = field(default_factory=dict)
     unit_names: Mapping[str, str] = field(default_factory=dict)
-    local_exponents: Callable[[Event], LocalExponent] | Mapping[int, LocalExponent] | None = field(default=None, repr=False)
+    local_exponents: Callable[[Event], LocalExponent] | Mapping[int, LocalExponent] | None = field(
+        default=None, repr=False
+    )
 
     def folds(self, control: str | None = None) -> Iterator[Event]:
         """The folds of one control, or all of them."""
@@ -313,7 +327,9 @@ class Diagram:
             If the event is not a fold or touch of this diagram, or the diagram keeps no curve to take it from.
         """
         if event.kind not in ("fold", "touch") or event not in self.events:
-            raise InputError(f"event: {event.kind} is not a fold or touch of this diagram; take one from diagram.events")
+            raise InputError(
+                f"event: {event.kind} is not a fold or touch of this diagram; take one from diagram.events"
+            )
         source = self.local_exponents
         if callable(source):
             return source(event)

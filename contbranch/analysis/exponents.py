@@ -12,8 +12,8 @@ __all__ = ["crossover_excess", "fitted_window"]
 def crossover_excess(second: float, third: float) -> float | None:
     """Excess Δ× at which the correction to the square root has become as large as the square root itself.
 
-    With control = c0 + c2 q²/2 + c3 q³/6 the order parameter is q = √(2Δ/c2) − c3 Δ/(3 c2²) + …; both terms are equal at
-    Δ× = 18 |c2|³/c3².
+    With control = c0 + c2 q²/2 + c3 q³/6 the order parameter is q = √(2Δ/c2) − c3 Δ/(3 c2²) + …; both terms are equal
+    at Δ× = 18 |c2|³/c3².
 
     Parameters
     ----------
@@ -43,4 +43,6 @@ def fitted_window(local: LocalExponent, start: float, stop: float) -> Window | N
     intercept = float(np.average(y, weights=weights) - kappa * mean)
     misfit = np.average((y - intercept - kappa * x) ** 2, weights=weights)
     error = float(np.ptp(local.kappa[inside]) / 2 + np.sqrt(misfit / spread / len(x)))
-    return Window(float(local.excess[inside][0]), float(local.excess[inside][-1]), kappa, error, float(np.exp(intercept)))
+    return Window(
+        float(local.excess[inside][0]), float(local.excess[inside][-1]), kappa, error, float(np.exp(intercept))
+    )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+
 from contbranch.diagram import Event
 from contbranch.interactions import Interaction, Layered
 
@@ -12,9 +13,10 @@ __all__ = ["fold_name", "number_layers", "thresholds"]
 def fold_name(interaction: Interaction | None, control: str | None, load: float, lost_on_increase: bool) -> str:
     """Name of a fold at which a stable part ends.
 
-    Attraction: ``jump-in`` when stability is lost on approach, ``pull-off`` on retraction; repulsion: ``squeeze-out`` when it
-    is lost on increasing the control, ``wetting`` on decreasing it. Where both signs occur, the sign of the load decides
-    (jump-in exists under displacement control only: under load control it would lie at infinite separation).
+    Attraction: ``jump-in`` when stability is lost on approach, ``pull-off`` on retraction; repulsion: ``squeeze-out``
+    when it
+    is lost on increasing the control, ``wetting`` on decreasing it. Where both signs occur, the sign of the load
+    decides (jump-in exists under displacement control only: under load control it would lie at infinite separation).
 
     Parameters
     ----------
@@ -33,7 +35,9 @@ def fold_name(interaction: Interaction | None, control: str | None, load: float,
     return "squeeze-out" if lost_on_increase else "wetting"
 
 
-def number_layers(names: Sequence[str | None], controls: Sequence[str | None], interaction: Interaction | None) -> list[str | None]:
+def number_layers(
+    names: Sequence[str | None], controls: Sequence[str | None], interaction: Interaction | None
+) -> list[str | None]:
     """Names of a cascade of layers numbered from the wall: ``squeeze-out-1``, …; other names as they are."""
     numbered = list(names)
     terms = interaction.terms if interaction is not None else ()
@@ -53,8 +57,8 @@ def number_layers(names: Sequence[str | None], controls: Sequence[str | None], i
 def thresholds(events: Sequence[Event], repulsive: bool) -> dict[str, float]:
     """Named loads, displacements and radii of a diagram's events; no key for what does not exist.
 
-    Of several folds with one name the outermost counts: the lowest for pull-off and wetting, the highest for the others. A
-    repulsion without folds squeezes out continuously, at first touch.
+    Of several folds with one name the outermost counts: the lowest for pull-off and wetting, the highest for the
+    others. A repulsion without folds squeezes out continuously, at first touch.
     """
     found: dict[str, float] = {}
     for control in ("load", "displacement"):

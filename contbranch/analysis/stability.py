@@ -35,12 +35,14 @@ class Indices:
     approaching: Integers
 
 
-def morse_indices(count: int, folds: Sequence[tuple[int, str]], loading: int, approaching: int, start: int = 0) -> Indices:
+def morse_indices(
+    count: int, folds: Sequence[tuple[int, str]], loading: int, approaching: int, start: int = 0
+) -> Indices:
     """Indices under both controls by counting folds along the curve.
 
     With the displacement fixed, the slope dF/dd is −(coupling)²/λ plus something finite, where λ is the eigenvalue that
-    vanishes at a displacement fold: λ turns negative where the slope goes from −∞ to +∞, and positive where it goes from
-    +∞ to −∞ (Poincaré's turning points). Freeing the displacement adds one where the slope is negative:
+    vanishes at a displacement fold: λ turns negative where the slope goes from −∞ to +∞, and positive where it goes
+    from +∞ to −∞ (Poincaré's turning points). Freeing the displacement adds one where the slope is negative:
     n_load = n_displacement + [dF/dd < 0].
 
     Parameters

@@ -41,7 +41,9 @@ def adapted(point: Point, metric: Metric, options: Options) -> tuple[Point, bool
     direction = _direction(point, offer, metric)
     size = metric.norm(offer.problem, *direction)
     row = metric.row(offer.problem, direction[0] / size, direction[1] / size)
-    corrected = correct(offer.problem, offer.x, point.parameter, row, metric, tolerance=options.tolerance, noise=options.noise)
+    corrected = correct(
+        offer.problem, offer.x, point.parameter, row, metric, tolerance=options.tolerance, noise=options.noise
+    )
     return annotated(to_point(offer.problem, corrected, metric), label=point.label), True
 
 

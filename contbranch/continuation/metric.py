@@ -66,5 +66,6 @@ class Balance:
         )
 
     def metric(self, weight: float = 1.0, floor: float = 0.0) -> Metric:
-        """Return the metric; weight > 1 lets the parameter count for more, the state's scale does not go below floor."""
+        """Return the metric; weight > 1 lets the parameter count for more, the state's scale does not go below
+        floor."""
         return Metric(max(self.state, floor), self.parameter / weight)

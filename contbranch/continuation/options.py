@@ -38,7 +38,8 @@ class Options:
     tolerance : float
         Error allowed in the corrected points, relative to the recent path.
     noise : float
-        Newton's corrections below this multiple of rounding (relative to the state) that no longer contract are taken for
+        Newton's corrections below this multiple of rounding (relative to the state) that no longer contract are taken
+        for
         rounding: larger for ill-conditioned problems.
     maximum_points : int
         Largest number of steps in each direction.

@@ -97,7 +97,9 @@ def doubt_about_parameter(segment: Segment, previous: Segment | None) -> float |
     """Return the error to be expected of the cubic's dp/dθ inside a step."""
     if previous is None or previous.length == 0.0:
         return None
-    return doubt_about(segment.parameter_coefficients(), previous.parameter_coefficients(), segment.length / previous.length)
+    return doubt_about(
+        segment.parameter_coefficients(), previous.parameter_coefficients(), segment.length / previous.length
+    )
 
 
 def doubt_about(cubic: Cubic, previous: Cubic, ratio: float) -> float:

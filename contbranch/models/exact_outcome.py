@@ -119,7 +119,8 @@ def _exponent(curve: ExactCurve, event: ExactEvent, control: str) -> Exponent:
 
 
 def _local(curve: ExactCurve, event: ExactEvent, control: str) -> LocalExponent:
-    """κ_local along the contact side, from slopes in closed form (the contact radius, or the gap where there is none)."""
+    """κ_local along the contact side, from slopes in closed form (the contact radius, or the gap where there is
+    none)."""
     state = event.state
     in_contact = state.contact_radius > 0 or event.kind == "touch"
     index = 0 if control == "load" else 1
@@ -127,7 +128,9 @@ def _local(curve: ExactCurve, event: ExactEvent, control: str) -> LocalExponent:
     order = state.contact_radius if in_contact else state.central_gap
     rows = []
     for step in np.geomspace(1e-6, 10.0, 90):
-        parameter = state.parameter + step * (max(1.0, curve.touch_radius) if in_contact else abs(state.parameter) / 10.0)
+        parameter = state.parameter + step * (
+            max(1.0, curve.touch_radius) if in_contact else abs(state.parameter) / 10.0
+        )
         if not in_contact and parameter >= 0:
             break
         expansion = curve.expansion(curve.states(parameter).state(0), 1)

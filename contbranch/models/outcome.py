@@ -12,7 +12,18 @@ from numpy.typing import NDArray
 
 from contbranch.analysis.naming import fold_name, number_layers, thresholds
 from contbranch.contact import Contact
-from contbranch.diagram import Branch, Cost, Diagram, Event, Exponent, LocalExponent, ModelChoice, Profile, State, Window
+from contbranch.diagram import (
+    Branch,
+    Cost,
+    Diagram,
+    Event,
+    Exponent,
+    LocalExponent,
+    ModelChoice,
+    Profile,
+    State,
+    Window,
+)
 
 __all__ = ["RawCurve", "RawEvent", "assemble", "state_in_units"]
 
@@ -163,9 +174,7 @@ def _event(scaling: _Scaling, raw: RawEvent, name: str | None) -> Event:
     )
 
 
-def assemble(
-    contact: Contact, curve: RawCurve, choice: ModelChoice, control: str, accuracy: float
-) -> Diagram:
+def assemble(contact: Contact, curve: RawCurve, choice: ModelChoice, control: str, accuracy: float) -> Diagram:
     """The diagram of a curve: events named, thresholds collected, everything in the contact's own units."""
     scaling = _Scaling(contact)
     names = _names(contact, curve.events)

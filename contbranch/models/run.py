@@ -6,6 +6,10 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import fields as dataclass_fields
+from functools import cache, wraps
+from typing import ParamSpec, TypeVar
+
+from threadpoolctl import ThreadpoolController
 
 from contbranch.contact import Contact
 from contbranch.diagram import Cost, Diagram, ModelChoice, Solution, State
@@ -19,12 +23,33 @@ from .outcome import RawCurve, assemble, state_in_units
 
 __all__ = ["solve", "trace"]
 
+Result = TypeVar("Result")
+Parameters = ParamSpec("Parameters")
+
+
+@cache
+def _blas() -> ThreadpoolController:
+    return ThreadpoolController()
+
+
+def _one_thread(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
+    """Run with one BLAS thread: matrices of a few hundred rows lose more by waiting for threads than they gain."""
+
+    @wraps(function)
+    def limited(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
+        with _blas().limit(limits=1, user_api="blas"):
+            return function(*args, **kwargs)
+
+    return limited
+
+
 Progress = Callable[[float, str], None]
 
 CONTROLS = ("load", "displacement")
 FINEST, COARSEST = 1e-13, 1e-2
 
 
+@_one_thread
 def trace(
     contact: Contact,
     control: str = "load",
@@ -53,7 +78,8 @@ def trace(
     Returns
     -------
     Diagram
-        With status ``incomplete`` and a message where the curve could not be followed to its end; what was traced is kept.
+        With status ``incomplete`` and a message where the curve could not be followed to its end; what was traced is
+        kept.
 
     Raises
     ------
@@ -71,6 +97,7 @@ def trace(
     return assemble(contact, raw, ModelChoice(chosen.name, why, raw.unknowns), control, accuracy)  # type: ignore[arg-type]
 
 
+@_one_thread
 def solve(
     contact: Contact,
     *,
@@ -85,8 +112,8 @@ def solve(
 ) -> Solution:
     """Find the equilibrium at a load, displacement or contact radius (exactly one of them, in the contact's units).
 
-    Where several exist, the stable one that is lowest in energy − F d (load) or in energy (displacement) is returned, or the
-    one closest to `near`; all of them are in ``solution.states``.
+    Where several exist, the stable one that is lowest in energy − F d (load) or in energy (displacement) is returned,
+    or the one closest to `near`; all of them are in ``solution.states``.
 
     Parameters
     ----------
@@ -144,7 +171,9 @@ def solve(
 def _best(states: tuple[State, ...], control: str, near: State | None) -> tuple[State, str]:
     stable = [state for state in states if state.stable(control)]
     count = len(states)
-    message = f"{count} equilibri{'um' if count == 1 else 'a'} on the curve, {len(stable)} stable under {control} control."
+    message = (
+        f"{count} equilibri{'um' if count == 1 else 'a'} on the curve, {len(stable)} stable under {control} control."
+    )
     if near is not None:
 
         def distance(state: State) -> float:

@@ -8,20 +8,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .equations import Equations, Fields
-from .mesh import Mesh
 
 __all__ = ["DefectError", "adapted_edges", "defect_error", "needed_reach", "panel_errors", "start_edges"]
 
 Array = NDArray[np.float64]
 
-# Ratio of the innermost panel to the one it is split from: the solution has a tau⁴ log tau term at the rim, whose error falls
-# with the fourth power of the panel's length, so few strongly graded panels suffice.
+# Ratio of the innermost panel to the one it is split from: the solution has a tau⁴ log tau term at the rim, whose
+# error falls with the fourth power of the panel's length, so few strongly graded panels suffice.
 GRADING = 0.25
 # Neighbouring panels differ in their outer ends by no more than this factor.
 GROWTH = 4.5
 # The mesh is shortened when this part of it would do.
 SHORTEN = 0.6
-# Panels are merged when the joint panel's error stays below this part of what is allowed, so that it is not split again soon.
+# Panels are merged when the joint panel's error stays below this part of what is allowed, so that it is not split
+# again soon.
 MERGE = 0.1
 
 
@@ -49,8 +49,8 @@ class DefectError:
 def defect_error(equations: Equations, fields: Fields) -> DefectError:
     """One Newton step towards the solution on ``mesh.finer``, with the present mesh's linearisation.
 
-    The solution is carried to the finer mesh, its residual there is brought back, and the correction it asks for changes
-    load and displacement; so do the finer mesh's own integrals.
+    The solution is carried to the finer mesh, its residual there is brought back, and the correction it asks for
+    changes load and displacement; so do the finer mesh's own integrals.
     """
     mesh = equations.mesh
     fine_equations = equations.on(mesh.finer)
@@ -67,10 +67,11 @@ def defect_error(equations: Equations, fields: Fields) -> DefectError:
 def panel_errors(equations: Equations, fields: Fields, edges: Array | None = None) -> Array:
     """Estimated error of the load that stems from each panel, (P,), reduced units: a guide where to refine.
 
-    The tails of the Legendre series of the two functions that the panels represent, (h − h(0)) dt/dtau and p, weighted by the
+    The tails of the Legendre series of the two functions that the panels represent, (h − h(0)) dt/dtau and p, weighted
+    by the
     area they act on. Gauss nodes integrate the neglected terms to twice the order except on the innermost panel, whose
-    functions are not analytic at the rim; hence the product with the relative tail elsewhere. An error of h(0) shifts the
-    whole gap.
+    functions are not analytic at the rim; hence the product with the relative tail elsewhere. An error of h(0) shifts
+    the whole gap.
 
     Parameters
     ----------
@@ -105,7 +106,8 @@ def panel_errors(equations: Equations, fields: Fields, edges: Array | None = Non
 
 
 def needed_reach(equations: Equations, fields: Fields, tolerance: float) -> float:
-    """Smallest outer end of the mesh beyond which what is left out of the interaction amounts to less load than `tolerance`.
+    """Smallest outer end of the mesh beyond which what is left out of the interaction amounts to less load than
+    `tolerance`.
 
     The load beyond the mesh is taken into account with the undeformed tip's gap. What is left out is its change by the
     tip's deformation, and the displacement that the pressure out there causes inside.
@@ -131,7 +133,8 @@ def start_edges(width: float, reach: float) -> Array:
 
 
 def adapted_edges(equations: Equations, fields: Fields, tolerance: float, reach: float) -> Array:
-    """Edges made from the mesh's own: panels with too large an error split, neighbours that one panel would serve merged.
+    """Edges made from the mesh's own: panels with too large an error split, neighbours that one panel would serve
+    merged.
 
     Parameters
     ----------

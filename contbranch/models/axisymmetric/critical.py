@@ -43,17 +43,12 @@ class _Side:
         self.control, self.contact = control, contact
         self.problem: ContactProblem = place.problem
         self.u, self.x = place.u, place.x
-        self.tangent = self._tangent(place.x, place.u)
         self.order_name = "contact_radius" if contact else "central_gap"
-
-    def _tangent(self, x: Array, u: float) -> Array:
-        """dh/du at fixed nothing else: the parameter is monotone near an event."""
-        return np.linalg.solve(self.problem.jacobian(x, u), -self.problem.parameter_derivative(x, u))
 
     def at(self, u: float, near: tuple[float, Array] | None = None) -> tuple[_Sample, Array]:
         start_u, start = near if near is not None else (self.u, self.x)
-        x = self.problem.solve_at(start + (u - start_u) * self._tangent(start, start_u), u)
-        rates = self.problem.rates(x, u, self._tangent(x, u), 1.0)
+        x = self.problem.solve_at(start + (u - start_u) * self.problem.direction(start, start_u)[0], u)
+        rates = self.problem.rates(x, u, self.problem.direction(x, u)[0], 1.0)
         equations, fields = self.problem.equations, self.problem.fields(x, u)
         control = equations.load(fields) if self.control == "load" else equations.displacement(fields)
         order = fields.rim.radius if self.contact else max(0.0, -fields.y)
@@ -64,7 +59,8 @@ class _Side:
 
 
 def critical_exponent(place: Place, values: Values, control: str) -> Exponent | None:
-    """Normal form, crossover and windowed fit at a fold; the order parameter is the central gap where there is no contact.
+    """Normal form, crossover and windowed fit at a fold; the order parameter is the central gap where there is no
+    contact.
 
     With the order parameter q as coordinate, control = c0 + c2 (q − q0)²/2 + c3 (q − q0)³/6 + …, so
     |q − q0| = √(2Δ/|c2|) to leading order: kappa = 1/2 at every quadratic fold.
@@ -104,8 +100,8 @@ def _derivatives(distances: Array, slopes: Array) -> tuple[float, float]:
 def sampled_exponent(place: Place, values: Values, control: str) -> LocalExponent:
     """κ_local = dln|Δq|/dlnΔ on the contact side, from true tangents at logarithmically spaced distances.
 
-    Δ is the excess of the control beyond its value at the event, towards growing contact; q is the contact radius, or the
-    central gap on the branch of a fold without contact.
+    Δ is the excess of the control beyond its value at the event, towards growing contact; q is the contact radius, or
+    the central gap on the branch of a fold without contact.
     """
     touch = place.u == 0.0
     if touch:

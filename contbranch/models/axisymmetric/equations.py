@@ -42,7 +42,8 @@ PROBES = np.array([0.02, 0.3, 0.6, 0.8, 0.9])
 class ContactCoordinate:
     """One signed number that orders states: y = a^m in contact, y = −g(0) without (reduced units).
 
-    ``m = min(n, 2)`` for a tip that starts like r^n, so that load and displacement have a finite slope in y at first touch.
+    ``m = min(n, 2)`` for a tip that starts like r^n, so that load and displacement have a finite slope in y at first
+    touch.
     """
 
     tip: Tip
@@ -94,7 +95,8 @@ class Equations:
     mesh : Mesh
     coordinate : ContactCoordinate
     contact : bool
-        Whether there is a contact disc. First touch, y = 0, is a kink of the state's dependence on y, so either side has its
+        Whether there is a contact disc. First touch, y = 0, is a kink of the state's dependence on y, so either side
+        has its
         own equations; those without contact go on smoothly into y > 0, where the gap would be negative at the centre.
     """
 
@@ -185,7 +187,8 @@ class Equations:
         return fields.rim_value + float(self.tip.transform(np.float64(fields.rim.radius)))
 
     def load(self, fields: Fields) -> float:
-        """Load F = 2 ∫_0^∞ h dt (E = 1), with h = d − zeta inside the contact, and the interaction's beyond the mesh."""
+        """Load F = 2 ∫_0^∞ h dt (E = 1), with h = d − zeta inside the contact, and the interaction's beyond the
+        mesh."""
         a = fields.rim.radius
         inside = self.displacement(fields) * a - float(self.tip.transform_integral(np.float64(a))) if a > 0 else 0.0
         return 2 * (inside + float(fields.rim.weights @ fields.h)) + self._beyond(fields)[0]
@@ -296,9 +299,11 @@ class Equations:
     def unstable_modes(self, fields: Fields) -> int:
         """Morse index under displacement control (m = 0): negative eigenvalues of the second variation, by inertia.
 
-        The second variation of the energy divided by 2E, ``W + π planeᵀ (rho v'' w) plane`` with ``W = w dt/dtau``: a sum of
-        congruences, so that a stiff film (v'' > 0) can never look unstable, however coarse the mesh. The trial functions
-        are this mesh's polynomials; their gap has half-order edges at the panels' ends, so it is integrated on the finer one.
+        The second variation of the energy divided by 2E, ``W + π planeᵀ (rho v'' w) plane`` with ``W = w dt/dtau``: a
+        sum of congruences, so that a stiff film (v'' > 0) can never look unstable, however coarse the mesh. The trial
+        functions
+        are this mesh's polynomials; their gap has half-order edges at the panels' ends, so it is integrated on the
+        finer one.
         """
         mesh = self.mesh
         fine = self.on(mesh.finer)

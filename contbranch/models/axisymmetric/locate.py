@@ -148,8 +148,8 @@ def moved(place: Place, problem: ContactProblem, x: Array) -> Place:
 def refine(place: Place, event: Event | None, accuracy: float) -> tuple[Values, Place]:
     """Values at an event with error estimates within the accuracy, and the place on the mesh that gave them.
 
-    The estimate is the difference to the same event on ``mesh.finer``. The values are those of the coarser mesh: their error
-    is known, that of the finer one is only known to be smaller.
+    The estimate is the difference to the same event on ``mesh.finer``. The values are those of the coarser mesh: their
+    error is known, that of the finer one is only known to be smaller.
 
     Where the curve cannot be followed on a finer mesh, the estimate is that of one Newton step towards it.
     """
@@ -190,7 +190,10 @@ def _by_defect(place: Place) -> Values:
     along = defect.state / max(float(np.abs(place.direction[0]).max()), 1e-300)
     shift = place.uncertainty + along * abs(place.direction[1])
     aside = numbers(Place(place.problem, place.x, place.u + shift, place.direction))
-    error = [2 * SAFETY * abs(e) + ROUNDING * max(1.0, abs(v)) for e, v in zip((defect.load, defect.displacement), here, strict=False)]
+    error = [
+        2 * SAFETY * abs(e) + ROUNDING * max(1.0, abs(v))
+        for e, v in zip((defect.load, defect.displacement), here, strict=False)
+    ]
     moves = [2 * abs(a - b) for a, b in zip(aside[2:], here[2:], strict=True)]
     return Values(*here, (error[0], error[1], moves[0], moves[1]))
 
@@ -216,7 +219,9 @@ def _nudged(place: Place, event: Event) -> tuple[float, float, float, float] | N
     equations, y = problem.equations, problem.coordinate(u)
     radius = equations.coordinate.radius(y) if equations.contact else 0.0
     # Half of the rate at this end: where it vanishes at the other, the load (or displacement) has an extremum.
-    share = [0.5 if isinstance(event, FoldEvent) and event.control == name else 1.0 for name in ("load", "displacement")]
+    share = [
+        0.5 if isinstance(event, FoldEvent) and event.control == name else 1.0 for name in ("load", "displacement")
+    ]
     return (
         load + share[0] * rates[0] * step,
         displacement + share[1] * rates[1] * step,
@@ -227,7 +232,8 @@ def _nudged(place: Place, event: Event) -> tuple[float, float, float, float] | N
 
 def _compared(place: Place, there: tuple[float, float, float, float]) -> Values:
     here = numbers(place)
-    # What rounding leaves open of the position moves contact radius and gap (load and displacement are all but stationary).
+    # What rounding leaves open of the position moves contact radius and gap (load and displacement are all but
+    # stationary).
     aside = numbers(Place(place.problem, place.x, place.u + place.uncertainty, place.direction))
     position = (0.0, 0.0, abs(aside[2] - here[2]), abs(aside[3] - here[3]))
     error = [

@@ -39,8 +39,8 @@ def signs(points: Sequence[Point]) -> list[tuple[int, int]]:
 def confirmed(points: Sequence[Point], marks: Sequence[Mark]) -> list[Mark]:
     """The marks with folds made to agree with the tangents: a load fold is where the rate of the load changes sign.
 
-    Where a mesh was changed close to a fold, the fold may have been reported on both meshes or on neither. Two marks of one
-    control with no point between them are a pair of folds only if the signs on both sides are the same.
+    Where a mesh was changed close to a fold, the fold may have been reported on both meshes or on neither. Two marks
+    of one control with no point between them are a pair of folds only if the signs on both sides are the same.
     """
     kept = [mark for mark in marks if mark.name not in CONTROLS]
     along = signs(points)

@@ -1,6 +1,7 @@
 """Panels of Gauss–Legendre nodes, and the two Abel integrals on them.
 
-With the rim radius ``a`` and the coordinates ``tau = sqrt(t² − a²)`` and ``rho = sqrt(r² − a²)`` the kernels lose the rim:
+With the rim radius ``a`` and the coordinates ``tau = sqrt(t² − a²)`` and ``rho = sqrt(r² − a²)`` the kernels lose the
+rim:
 ``√(r² − t²) = √(rho² − tau²)`` and ``s ds = sigma dsigma``. So the matrices below are computed once per mesh, and a
 moving rim only scales columns by ``tau/t``.
 """
@@ -8,7 +9,7 @@ moving rim only scales columns by ``tau/t``.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cache, cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,14 +74,14 @@ def chebyshev_slopes(values: Array, x: Array) -> Array:
     return slopes
 
 
-@lru_cache(maxsize=None)
+@cache
 def gauss(count: int) -> tuple[Array, Array]:
     """Gauss–Legendre nodes and weights on [−1, 1]."""
     nodes, weights = np.polynomial.legendre.leggauss(count)
     return nodes, weights
 
 
-@lru_cache(maxsize=None)
+@cache
 def panel_rule(order: int) -> PanelRule:
     """The rule of `order` Gauss–Legendre nodes a panel."""
     nodes, weights = gauss(order)
@@ -134,10 +135,13 @@ class Mesh:
 
     @cached_property
     def finer(self) -> Mesh:
-        """A mesh on which this one's discretisation errors have all but vanished: graded, longer and of higher order."""
+        """A mesh on which this one's discretisation errors have all but vanished: graded, longer and of higher
+        order."""
         grading = [0.0, FINER_GRADING * self.innermost]
         end = FINER_REACH * self.edges[-1]
-        return Mesh(np.concatenate([grading, self.edges[1:], [end]]), self.order + max(3, self.order // FINER_ORDER_SHARE))
+        return Mesh(
+            np.concatenate([grading, self.edges[1:], [end]]), self.order + max(3, self.order // FINER_ORDER_SHARE)
+        )
 
     @cached_property
     def to_finer(self) -> Array:

@@ -31,10 +31,14 @@ class Axisymmetric:
         if any(isinstance(law, MaugisDugdale) for law in laws):
             if any(isinstance(law, MaugisDugdale) and law.work_of_adhesion < 0 for law in laws):
                 return (
-                    "the repulsive maugis-dugdale law has a ring on which the gap stays at the range of the law, a second kind "
+                    "the repulsive maugis-dugdale law has a ring on which the gap stays at the range of the law, a "
+                    "second kind "
                     "of contact with an inequality of its own, which is not available yet"
                 )
-            return "the pressure of the maugis-dugdale law jumps at the end of its range, which smooth panels cannot represent"
+            return (
+                "the pressure of the maugis-dugdale law jumps at the end of its range, which smooth "
+                "panels cannot represent"
+            )
         return None
 
     def trace(

@@ -10,8 +10,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from contbranch.errors import ModelError
 from contbranch.continuation import Adaptation, Event, Linearisation, Point, Problem
+from contbranch.errors import ModelError
 
 from .adapt import DefectError, adapted_edges, defect_error, needed_reach, panel_errors
 from .equations import Equations, Fields
@@ -66,9 +66,7 @@ class ContactProblem(Problem):
         Factor by which the panels' own error guide was found too optimistic here.
     """
 
-    def __init__(
-        self, equations: Equations, scale: float, resolution: Resolution, sharpness: float = 1.0
-    ) -> None:
+    def __init__(self, equations: Equations, scale: float, resolution: Resolution, sharpness: float = 1.0) -> None:
         self.equations = equations
         self.scale = scale
         self.resolution = resolution
@@ -123,6 +121,10 @@ class ContactProblem(Problem):
     def dual(self, u: Array) -> Array:
         """Vector whose product with v is inner(u, v)."""
         return self._weights * u
+
+    def direction(self, x: Array, p: float) -> tuple[Array, float]:
+        """A tangent of the curve where the parameter is monotone: (dh/du, 1)."""
+        return np.linalg.solve(self.jacobian(x, p), -self.parameter_derivative(x, p)), 1.0
 
     # -- observables --------------------------------------------------------------------------------------------------
     def observables(self, x: Array, p: float) -> Mapping[str, float]:
@@ -227,7 +229,8 @@ class ContactProblem(Problem):
         return problem, problem.solve_at(carried, p) if solve else carried
 
     def graded(self, x: Array) -> tuple[ContactProblem, Array]:
-        """The problem at first touch with panels graded down to the length on which elasticity answers the interaction."""
+        """The problem at first touch with panels graded down to the length on which elasticity answers the
+        interaction."""
         mesh = self.equations.mesh
         fields = self.fields(x, 0.0)
         length = 0.5 / max(1.0, float(np.abs(fields.stiffness).max()))
@@ -315,7 +318,8 @@ class InadmissibleEvent(Event):
     def value(self, point: Point) -> float:
         """Smallest gap and wall pressure in units of the interaction's own, plus the tolerance; negative: inadmissible.
 
-        While tracing, the tolerance keeps errors of the discretisation close to the rim from looking like a wall that pulls.
+        While tracing, the tolerance keeps errors of the discretisation close to the rim from looking like a wall that
+        pulls.
         """
         problem = point.problem
         assert isinstance(problem, ContactProblem)

@@ -13,8 +13,8 @@ __all__ = ["Rim", "make_rim"]
 
 Array = NDArray[np.float64]
 
-# The factor tau/√(a² + tau²) is a polynomial to machine precision on an innermost panel shorter than a/SMOOTH; closer in,
-# the panel is integrated in theta, where the factor disappears.
+# The factor tau/√(a² + tau²) is a polynomial to machine precision on an innermost panel shorter than a/SMOOTH; closer
+# in, the panel is integrated in theta, where the factor disappears.
 SMOOTH = 2.0
 
 
@@ -94,7 +94,7 @@ class _Slope:
         values = chebyshev_values(mesh.rule.even_order, local)
         coefficients = mesh.rule.to_even @ f[:n]
         slopes = np.tensordot(coefficients, chebyshev_slopes(values, local), 1) * (2 / mesh.innermost**2)
-        inside = scale[:, 0] * ((slopes * -np.cos(theta) ** 2) @ gauss(_count(mesh))[1])
+        inside = scale[:, 0] * ((slopes * -(np.cos(theta) ** 2)) @ gauss(_count(mesh))[1])
         end = mesh.innermost
         rho = mesh.nodes
         r2 = a * a + rho * rho

@@ -61,7 +61,11 @@ def solve_all(
     for row in range(len(reached) - 1):
         low, high = reached[row], reached[row + 1]
         if min(low, high) < value <= max(low, high) and (field != "contact_radius" or high > 0):
-            nearer = row if abs(low - value) < abs(high - value) and not (field == "contact_radius" and low == 0) else row + 1
+            nearer = (
+                row
+                if abs(low - value) < abs(high - value) and not (field == "contact_radius" and low == 0)
+                else row + 1
+            )
             states.append(_state(traced, nearer, field, value, accuracy, row))
     if not states and not traced.curve.complete:
         raise ModelError(f"{field}: the curve ends before {value:.6g} is reached. {traced.curve.message}")
@@ -84,11 +88,13 @@ def _state(traced: Traced, row: int, field: str, value: float, accuracy: float, 
     problem = point.problem
     assert isinstance(problem, ContactProblem)
     place = Place(problem, point.x, point.parameter, (point.tangent_x, point.tangent_parameter))
+    if not problem.equations.contact and traced.curve.contact_radius[piece + 1] > 0:
+        # From first touch into contact: the row belongs to the side without.
+        problem = problem.in_contact()
+        place = Place(problem, point.x, point.parameter, problem.direction(point.x, point.parameter))
     event = None
     if field == "contact_radius":
         u = problem.parameter(problem.equations.coordinate.of(value, 0.0))
-        if not problem.equations.contact:
-            problem = problem.in_contact()
         place = Place(problem, problem.solve_at(point.x, u), u, place.direction)
     elif field == "load":
         event = LoadReached(value)

@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +36,15 @@ Progress = Callable[[float, str], None]
 TRACE_TOLERANCE = 1e-6
 # Share of the accuracy that the load at the start of the trace may have.
 START_SHARE = 0.5
-STEPS = Options(angle=0.3, angle_limit=0.8, tolerance=1e-9, noise=1e5, detect_folds=False, detect_branch_points=False, maximum_points=20_000)
+STEPS = Options(
+    angle=0.3,
+    angle_limit=0.8,
+    tolerance=1e-9,
+    noise=1e5,
+    detect_folds=False,
+    detect_branch_points=False,
+    maximum_points=20_000,
+)
 # Changes of h small against the range of the interaction, over the width √(2 range), do not matter for the steps.
 STATE_FLOOR = 0.3
 # A trace ends at this multiple of the largest load of any event, and not below the least load (reduced).
@@ -190,7 +199,17 @@ def _nothing(message: str) -> Traced:
     """The result of a trace that could not start."""
     empty, none = np.empty(0), np.empty(0, dtype=np.int64)
     curve = RawCurve(
-        *(empty,) * 5, none, none, empty, empty, profiles=(), events=(), complete=False, message=message, cost=Cost(0.0, 0), unknowns=0
+        *(empty,) * 5,
+        none,
+        none,
+        empty,
+        empty,
+        profiles=(),
+        events=(),
+        complete=False,
+        message=message,
+        cost=Cost(0.0, 0),
+        unknowns=0,
     )
     return Traced((), curve, Indices(*(none,) * 6))
 
@@ -231,7 +250,15 @@ class _Located:
         points = self.points
         columns = {
             name: np.array([point.observables[name] for point in points])
-            for name in ("load", "displacement", "contact_radius", "central_gap", "energy", "load_error", "displacement_error")
+            for name in (
+                "load",
+                "displacement",
+                "contact_radius",
+                "central_gap",
+                "energy",
+                "load_error",
+                "displacement_error",
+            )
         }
         folds = [(mark.row, mark.name) for mark in self.marks if mark.name in ("load", "displacement")]
         along = signs(points[: folds[0][0]] if folds else points)
@@ -240,10 +267,16 @@ class _Located:
         events = [] if accuracy is None else self._events(accuracy, indices, progress)
         complete, message = self._outcome(contact)
         if complete and self._unstable_at_end() != indices.displacement_pieces[-1]:
-            complete, message = False, "The inertia at the end disagrees with the folds counted: a fold was missed or doubled."
+            complete, message = (
+                False,
+                "The inertia at the end disagrees with the folds counted: a fold was missed or doubled.",
+            )
         worst = max((_relative_error(event) / accuracy for event in events if accuracy), default=0.0)
         if worst > 1:
-            complete, message = False, f"{message} An event's error estimate is {worst:.3g} times the accuracy asked.".strip()
+            complete, message = (
+                False,
+                f"{message} An event's error estimate is {worst:.3g} times the accuracy asked.".strip(),
+            )
         profiles = [_deferred_profile(point) for point in points]
         curve = RawCurve(
             columns["load"],
@@ -288,7 +321,7 @@ class _Located:
         """Locate folds anew that their error estimates do not tell apart."""
         for control, column in (("load", 0), ("displacement", 1)):
             members = [k for k, name in enumerate(names) if name == control]
-            for a, b in zip(members[:-1], members[1:], strict=True):
+            for a, b in pairwise(members):
                 allowed = accuracy
                 while allowed > SHARPEST:
                     (first, _), (second, _) = refined[a], refined[b]
@@ -329,7 +362,8 @@ class _Located:
             return True, ""
         if end.outcome is Outcome.STOPPED_AT_EVENT:
             return False, (
-                "The branch ends where the contact set stops being a disc: the gap would close outside the contact, or the wall "
+                "The branch ends where the contact set stops being a disc: the gap would close outside the contact, "
+                "or the wall "
                 "would have to pull."
             )
         message = " ".join(dict.fromkeys(e.message for e in last.ends if not e.outcome.complete)) or end.message
