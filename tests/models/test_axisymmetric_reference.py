@@ -232,9 +232,7 @@ def test_profiles_obey_boussinesq_in_real_space(law, where):
     a = state.contact_radius
     for r in (0.4, 0.9, 1.3, 2.0):
         places = sorted({0.0, r, end, *(x for x in (a, 0.99 * a, 1.01 * a, r - 1e-3, r + 1e-3) if 0 < x < end)})
-        shift = sum(
-            quad(ring, lo, hi, (r,), epsabs=1e-9, limit=200)[0] for lo, hi in pairwise(places)
-        )
+        shift = sum(quad(ring, lo, hi, (r,), epsabs=1e-9, limit=200)[0] for lo, hi in pairwise(places))
         gap = 0.0 if r <= a else float(CubicSpline(state.r, state.gap)(r))
         assert r * r / 2 - state.displacement + shift == pytest.approx(gap, abs=2e-4)
     load = quad(lambda s: 2 * np.pi * s * float(pressure(s)), 0, end, points=[a] if a else None, limit=300)[0]

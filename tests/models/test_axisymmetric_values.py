@@ -205,3 +205,16 @@ def test_states_just_beyond_first_touch_are_in_contact(beyond):
     before = cb.solve(contact, load=touch["touch_load"] - beyond, accuracy=1e-8)
     assert before.central_gap > 0
     assert before.contact_radius == 0
+
+
+@pytest.mark.parametrize("below", [1e-3, 6e-3, 2e-2])
+def test_states_on_both_sides_of_a_fold_are_found(below):
+    """Under the jump-in of the exponential attraction, mu_T = 1 (d = −1.69649394): far away, unstable, in contact."""
+    contact = cb.Contact.reduced(cb.Exponential, 1.0)
+    found = cb.solve(contact, displacement=-1.696493939409 - below, accuracy=1e-8)
+    states = sorted(found.states, key=lambda state: -state.load)
+    assert len(states) == 3
+    loads = [state.load for state in states]
+    assert loads[0] > -2.72315677 > loads[1] > loads[2]  # the load at jump-in lies between the first two
+    assert [state.unstable_displacement for state in states] == [0, 1, 0]
+    assert [state.contact_radius > 0 for state in states] == [False, below > 0.0318, True]
