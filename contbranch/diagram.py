@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -189,8 +190,8 @@ class Event:
     load, displacement, contact_radius, central_gap : float
     error : mapping
         Error estimate of each of the four.
-    exponent : Exponent or None
-        Critical exponent (folds).
+    critical : Exponent, callable or None
+        Critical exponent (folds), or what computes it: ask for it as ``event.exponent``.
     stiffness : float or None
         Stiffness of the spring (spring folds).
     message : str
@@ -207,11 +208,16 @@ class Event:
     error: Mapping[str, float]
     control: str | None = None
     name: str | None = None
-    exponent: Exponent | None = None
+    critical: Exponent | Callable[[], Exponent | None] | None = field(default=None, repr=False, compare=False)
     stiffness: float | None = None
     message: str = ""
     branch: int = 0
     position: float = 0.0
+
+    @cached_property
+    def exponent(self) -> Exponent | None:
+        """Critical exponent of a fold; computed when it is asked for, since it costs some tens of solutions."""
+        return self.critical() if callable(self.critical) else self.critical
 
 
 @dataclass(frozen=True)
@@ -245,7 +251,11 @@ class Branch:
         """Point `i` with its profile: r, gap, pressure and wall_pressure."""
         profile: Profile | Callable[[], Profile] | None = self.profiles[i] if len(self.profiles) else None
         return State(
-            *(float(getattr(self, name)[i]) for name in (*OBSERVABLES, "energy")),
+            load=float(self.load[i]),
+            displacement=float(self.displacement[i]),
+            contact_radius=float(self.contact_radius[i]),
+            central_gap=float(self.central_gap[i]),
+            energy=float(self.energy[i]),
             unstable_load=int(self.unstable_load[i]),
             unstable_displacement=int(self.unstable_displacement[i]),
             residual=0.0,

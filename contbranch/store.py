@@ -317,7 +317,7 @@ def _event(row: Mapping[str, Any]) -> Event:
         error={name: float(row[f"{name}_error"]) for name in OBSERVABLES},
         control=row["control"] or None,
         name=row["name"] or None,
-        exponent=exponent,
+        critical=exponent,
         stiffness=_or_none(row["stiffness"]),
         message=row["message"],
         branch=int(row["branch"]),

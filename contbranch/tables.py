@@ -81,7 +81,7 @@ class EnergyTable:
             raise InputError(f"{kind}: {values.size} numbers for {gaps.size} gaps; must be as many")
         # Quintic, for four continuous derivatives: kinks of a lower one cost the solution its digits. Few rows: lower.
         spline = make_interp_spline(gaps, values, k=5 if gaps.size >= _QUINTIC_ROWS else 3)
-        pieces = PPoly.from_spline(spline)
+        pieces = PPoly.from_spline((spline.t, spline.c, spline.k))
         pieces = PPoly(pieces.c[:, np.diff(pieces.x) > 0], np.unique(pieces.x))
         smooth = range(spline.k)
         level, slope, *higher = (float(spline(gaps[-1], order)) for order in smooth)

@@ -86,7 +86,7 @@ def _event(kind, state, branch: Branch, control: str | None = None, name: str | 
         exponent = Exponent(0.5, 42.0, Window(1.0, 10.0, 0.47, 0.02, 3.5), 4.25, "contact_radius")
     position = float(np.interp(values["contact_radius"] - values["central_gap"], along, np.arange(len(along))))
     error = dict.fromkeys(values, 2e-7)
-    return Event(kind, **values, error=error, control=control, name=name, exponent=exponent, position=position)
+    return Event(kind, **values, error=error, control=control, name=name, critical=exponent, position=position)
 
 
 def repulsive_diagram() -> Diagram:

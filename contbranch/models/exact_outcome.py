@@ -126,7 +126,7 @@ def _local(curve: ExactCurve, event: ExactEvent, control: str) -> LocalExponent:
     index = 0 if control == "load" else 1
     start = (state.load, state.displacement)[index]
     order = state.contact_radius if in_contact else state.central_gap
-    rows = []
+    rows: list[tuple[float, float, float, float]] = []
     for step in np.geomspace(1e-6, 10.0, 90):
         parameter = state.parameter + step * (
             max(1.0, curve.touch_radius) if in_contact else abs(state.parameter) / 10.0

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -83,21 +82,6 @@ class RawCurve:
     extra: Mapping[str, Any] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
-class _LiveEvent(Event):
-    """An event whose exponent is computed when it is asked for."""
-
-    source: Callable[[], Exponent | None] | None = field(default=None, repr=False, compare=False)
-
-    def __post_init__(self) -> None:
-        del self.__dict__["exponent"]  # so that the property below is asked instead
-
-    @cached_property
-    def exponent(self) -> Exponent | None:  # type: ignore[override]
-        """Critical exponent (folds)."""
-        return self.source() if self.source is not None else None
-
-
 class _Scaling:
     """From reduced units to a contact's."""
 
@@ -159,7 +143,7 @@ def _event(scaling: _Scaling, raw: RawEvent, name: str | None) -> Event:
     load, displacement, radius, gap = scaling.values(raw.values)
     keys = ("load", "displacement", "contact_radius", "central_gap")
     source = raw.exponent
-    return _LiveEvent(
+    return Event(
         kind=raw.kind,  # type: ignore[arg-type]
         load=load,
         displacement=displacement,
@@ -170,7 +154,7 @@ def _event(scaling: _Scaling, raw: RawEvent, name: str | None) -> Event:
         name=name,
         message=raw.message,
         position=float(raw.row),
-        source=None if source is None else lambda: scaling.exponent(source(), raw.control),
+        critical=None if source is None else lambda: scaling.exponent(source(), raw.control),
     )
 
 

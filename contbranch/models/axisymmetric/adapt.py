@@ -177,4 +177,4 @@ def _mergeable(equations: Equations, fields: Fields, edges: Array, errors: Array
     joined = np.delete(edges, pairs)
     merged = panel_errors(equations, fields, joined)
     places = np.searchsorted(joined, edges[pairs - 1])
-    return pairs[merged[places] < share]
+    return np.asarray(pairs[merged[places] < share])

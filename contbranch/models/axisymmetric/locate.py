@@ -17,8 +17,8 @@ __all__ = ["Place", "Values", "locate", "refine"]
 
 Array = NDArray[np.float64]
 
-# The finer mesh's own error is small against the difference, but not nothing.
-SAFETY = 1.5
+# The finer mesh has an error of its own, and its event is found to first order only.
+SAFETY = 3.0
 # Rounding of a solution, relative to max(1, |value|).
 ROUNDING = 4e-14
 # An event this close (in u, relative to min(1, |u|)) needs no further iteration.

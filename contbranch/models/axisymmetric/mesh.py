@@ -89,10 +89,10 @@ def panel_rule(order: int) -> PanelRule:
     even_order = max(3, int(0.75 * order))
     squares = ((1 + nodes) / 2) ** 2
     vandermonde = chebyshev_values(even_order, 2 * squares - 1).T
-    to_even = np.linalg.pinv(vandermonde)
+    to_even = np.asarray(np.linalg.pinv(vandermonde), dtype=np.float64)
     signs = (-1.0) ** np.arange(even_order)
     slopes = np.polynomial.legendre.legder(np.eye(order))
-    derivative = np.polynomial.legendre.legval(nodes, slopes).T @ to_legendre
+    derivative = np.asarray(np.polynomial.legendre.legval(nodes, slopes).T @ to_legendre, dtype=np.float64)
     return PanelRule(
         order, nodes, weights, to_legendre, even_order, to_even, vandermonde @ to_even, signs @ to_even, derivative
     )
@@ -160,13 +160,14 @@ class Mesh:
         x = self.nodes[:, None]
         touched = (right > x) if above else (left < x)
         distance = np.maximum(0.0, np.maximum(left - x, x - right))
-        return np.nonzero(touched & (distance < NEAR * (right - left)))
+        node, panel = np.nonzero(touched & (distance < NEAR * (right - left)))
+        return node, panel
 
     def _moments(self, points: Array, panel: NDArray[np.intp], factors: Array) -> Array:
         """Weights of the panel's nodal values in ``Σ_m factors · f(points)``; (pairs, m) -> (pairs, order)."""
         local = (points - self.edges[panel][:, None]) / self.half[panel][:, None] - 1.0
         values = legendre_values(self.order, local)
-        return np.einsum("kpm,pm->pk", values, factors) @ self.rule.to_legendre
+        return np.asarray(np.einsum("kpm,pm->pk", values, factors) @ self.rule.to_legendre)
 
     def _fill(self, matrix: Array, node: NDArray[np.intp], panel: NDArray[np.intp], rows: Array) -> None:
         matrix.reshape(self.size, self.panels, self.order)[node, panel] = rows
@@ -219,7 +220,8 @@ class Mesh:
 
     def derivative(self, values: Array) -> Array:
         """Derivative with respect to tau, at the nodes, of the panel polynomials through nodal values; (N,)."""
-        return ((values.reshape(self.panels, self.order) @ self.rule.derivative.T) / self.half[:, None]).ravel()
+        slopes = values.reshape(self.panels, self.order) @ self.rule.derivative.T
+        return np.asarray((slopes / self.half[:, None]).ravel())
 
     def _locate(self, points: Array) -> tuple[NDArray[np.intp], Array]:
         """Panel of each point and its place there, in [−1, 1]; points beyond the mesh belong to the last panel."""

@@ -124,7 +124,8 @@ class ContactProblem(Problem):
 
     def direction(self, x: Array, p: float) -> tuple[Array, float]:
         """A tangent of the curve where the parameter is monotone: (dh/du, 1)."""
-        return np.linalg.solve(self.jacobian(x, p), -self.parameter_derivative(x, p)), 1.0
+        rate = np.linalg.solve(self.jacobian(x, p), -self.parameter_derivative(x, p))
+        return np.asarray(rate, dtype=np.float64), 1.0
 
     # -- observables --------------------------------------------------------------------------------------------------
     def observables(self, x: Array, p: float) -> Mapping[str, float]:

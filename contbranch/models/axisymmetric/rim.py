@@ -101,7 +101,7 @@ class _Slope:
         with np.errstate(divide="ignore", invalid="ignore"):
             # sin(theta1) = t1/r:  d theta1/d(a²) = (rho² − L²) / (2 t1 r² √(r² − t1²)) = √(rho² − L²)/(2 t1 r²)
             moved = np.sqrt(np.maximum(rho**2 - end**2, 0.0)) / (2 * np.sqrt(a * a + end**2) * r2)
-        return result + (2 / np.pi) * (inside + moved * coefficients.sum())
+        return np.asarray(result + (2 / np.pi) * (inside + moved * coefficients.sum()))
 
     def weights(self, f: Array) -> float:
         mesh, a, n = self.rim.mesh, self.rim.radius, self.rim.mesh.order

@@ -108,7 +108,10 @@ def _state(traced: Traced, row: int, field: str, value: float, accuracy: float, 
     numbers[index], errors[index] = value, 0.0
     keys = ("load", "displacement", "contact_radius", "central_gap")
     return State(
-        *numbers,
+        load=numbers[0],
+        displacement=numbers[1],
+        contact_radius=numbers[2],
+        central_gap=numbers[3],
         energy=problem.equations.energy(fields),
         unstable_load=int(traced.indices.load_pieces[piece]),
         unstable_displacement=int(traced.indices.displacement_pieces[piece]),
