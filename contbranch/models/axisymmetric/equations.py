@@ -29,6 +29,8 @@ __all__ = ["ContactCoordinate", "Equations", "Fields"]
 
 Array = NDArray[np.float64]
 
+# Gauss nodes in end/r for what lies beyond the mesh.
+TAIL_NODES = 20
 # Below this size of the blocks a plain product is as fast.
 SMALLEST_SPLIT = 48
 # Solutions whose fields are kept: the ends of a step and what was tried between them.
@@ -83,6 +85,22 @@ class Fields:
     def finite(self) -> bool:
         """Whether the residual is finite, so that the law could be evaluated everywhere."""
         return bool(np.isfinite(self.residual).all())
+
+
+@dataclass(frozen=True)
+class _Beyond:
+    """Load, energy and displacement from beyond the mesh, and what changes of displacement and of the last gap add."""
+
+    load: float = 0.0
+    energy: float = 0.0
+    shift: float = 0.0
+    load_per_displacement: float = 0.0
+    load_per_gap: float = 0.0
+    shift_per_displacement: float = 0.0
+    shift_per_gap: float = 0.0
+
+
+NOTHING = _Beyond()
 
 
 class Equations:
@@ -167,7 +185,10 @@ class Equations:
         """dgap/dy and dR/dy at fixed h, (N,) each."""
         if "slopes" not in fields.derived:
             gap_slope = self._gap_slope(fields)
-            fields.derived["slopes"] = gap_slope, self.mesh.abel @ (fields.stiffness * gap_slope)
+            # Beyond the end of a tip the gap is infinite and nothing answers its change.
+            answer = np.zeros_like(gap_slope)
+            np.multiply(fields.stiffness, gap_slope, out=answer, where=fields.stiffness != 0.0)
+            fields.derived["slopes"] = gap_slope, self.mesh.abel @ answer
         gap_slope, residual_slope = fields.derived["slopes"]
         return gap_slope, residual_slope
 
@@ -182,6 +203,10 @@ class Equations:
     # -- observables --------------------------------------------------------------------------------------------------
     def displacement(self, fields: Fields) -> float:
         """Far-field displacement d."""
+        return self._own_displacement(fields) + self._beyond(fields).shift
+
+    def _own_displacement(self, fields: Fields) -> float:
+        """Displacement without the interaction beyond the mesh."""
         if not self.contact:
             return fields.rim_value + fields.y
         return fields.rim_value + float(self.tip.transform(np.float64(fields.rim.radius)))
@@ -189,15 +214,22 @@ class Equations:
     def load(self, fields: Fields) -> float:
         """Load F = 2 ∫_0^∞ h dt (E = 1), with h = d − zeta inside the contact, and the interaction's beyond the
         mesh."""
+        return self._own_load(fields) + self._beyond(fields).load
+
+    def _own_load(self, fields: Fields) -> float:
+        """Load without the interaction beyond the mesh."""
         a = fields.rim.radius
-        inside = self.displacement(fields) * a - float(self.tip.transform_integral(np.float64(a))) if a > 0 else 0.0
-        return 2 * (inside + float(fields.rim.weights @ fields.h)) + self._beyond(fields)[0]
+        inside = 0.0
+        if a > 0:
+            inside = self._own_displacement(fields) * a - float(self.tip.transform_integral(np.float64(a)))
+        return 2 * (inside + float(fields.rim.weights @ fields.h))
 
     def energy(self, fields: Fields) -> float:
         """V_ela + V_fr, with the contact's own −work pi a² and the law's tail beyond the mesh."""
         a = fields.rim.radius
-        d = self.displacement(fields)
-        elastic = float(fields.rim.weights @ fields.h**2)
+        d = self._own_displacement(fields)
+        beyond = self._beyond(fields)
+        elastic = float(fields.rim.weights @ fields.h**2) + beyond.shift * self._own_load(fields)
         if a > 0:
             tip = self.tip
             elastic += d * d * a - 2 * d * float(tip.transform_integral(np.float64(a)))
@@ -208,7 +240,7 @@ class Equations:
         surface = 2 * np.pi * float(self.mesh.weights @ (rho * fields.energy_density))
         if a > 0:
             surface += np.pi * a * a * float(self.interaction.evaluate(np.zeros(1)).energy[0])
-        return elastic + surface + self._beyond(fields)[1]
+        return elastic + surface + beyond.energy
 
     def load_beyond(self, fields: Fields) -> Array:
         """Load of the interaction beyond each node, (N,), where the gap is the tip's own: ∫ p r dr = ∫ p (r/z') dg."""
@@ -217,34 +249,62 @@ class Equations:
             ring = np.nan_to_num(2 * np.pi * r / self.tip.height_derivative(r), posinf=0.0)
         return ring * fields.energy_density
 
-    def _beyond(self, fields: Fields) -> tuple[float, float, float]:
-        """Load and energy beyond the last node, and 2π r/z' there."""
-        if "beyond" not in fields.derived:
-            r = math.hypot(self.mesh.nodes[-1], fields.rim.radius)
-            slope = float(self.tip.height_derivative(r))
-            ring = 2 * math.pi * r / slope if 0 < slope < math.inf else 0.0
-            tail = 0.0
-            if self.interaction is not None and ring > 0:
-                tail = float(self.interaction.tail_energy(fields.gap[-1]))
-            fields.derived["beyond"] = ring * float(fields.energy_density[-1]), ring * tail, ring
-        load, energy, ring = fields.derived["beyond"]
-        return load, energy, ring
+    def _beyond(self, fields: Fields) -> _Beyond:
+        """What the interaction beyond the mesh adds to load, energy and displacement.
 
-    def displacement_rate(self, fields: Fields, h_rate: Array, y_rate: float) -> float:
-        """Directional derivative of d along (h_rate, y_rate)."""
-        moved = self.coordinate.slopes(fields.y)[2] if self.contact else 1.0
-        return float(self.rim_row @ h_rate) + moved * y_rate
-
-    def load_rate(self, fields: Fields, h_rate: Array, y_rate: float) -> float:
-        """Directional derivative of F along (h_rate, y_rate)."""
+        The gap there is the tip's own plus an elastic displacement that falls like 1/r, as a point force's, from its
+        value at
+        the last node. The load is 2π ∫ p r dr and the energy 2π ∫ v r dr; the pressure out there lifts h, and with it
+        the
+        displacement, by 2 ∫ p r dr / rho everywhere inside. In x = end/r the integrands of algebraic tails are all but
+        polynomials.
+        """
+        known = fields.derived.get("beyond")
+        if isinstance(known, _Beyond):
+            return known
         a = fields.rim.radius
-        rate = 2 * float(fields.rim.weights @ h_rate)
+        end = math.hypot(float(self.mesh.edges[-1]), a)
+        found = NOTHING
+        if self.interaction is not None and end < self.tip.extent:
+            last = math.hypot(float(self.mesh.nodes[-1]), a)
+            displacement = self._own_displacement(fields)
+            lift = float(fields.gap[-1]) + displacement - float(self.tip.height(last))
+            nodes, weights = gauss(TAIL_NODES)
+            x = (nodes + 1) / 2
+            r = end / x
+            fading = last / r
+            gap = self.tip.height(r) - displacement + lift * fading
+            energy, pressure, stiffness = self.interaction.evaluate(gap)
+            ring = 2 * np.pi * weights / 2 * r * (end / x**2)
+            raised = ring / (np.pi * np.sqrt(r * r - a * a))
+            found = _Beyond(
+                float(ring @ pressure),
+                float(ring @ energy),
+                float(raised @ pressure),
+                float((ring * stiffness) @ (1 - fading)),
+                float((ring * stiffness) @ fading),
+                float((raised * stiffness) @ (1 - fading)),
+                float((raised * stiffness) @ fading),
+            )
+        fields.derived["beyond"] = found
+        return found
+
+    def rates(self, fields: Fields, h_rate: Array, y_rate: float) -> tuple[float, float]:
+        """Directional derivatives of load and displacement along (h_rate, y_rate)."""
+        a = fields.rim.radius
+        _, area, lift = self.coordinate.slopes(fields.y) if self.contact else (0.0, 0.0, 1.0)
+        displacement = float(self.rim_row @ h_rate) + lift * y_rate
+        load = 2 * float(fields.rim.weights @ h_rate)
         if self.contact:
-            rate += 2 * a * self.displacement_rate(fields, h_rate, y_rate)
-            rate += 2 * fields.rim.weights_slope(fields.h) * self.coordinate.slopes(fields.y)[1] * y_rate
-        # The gap at the mesh's end moves what lies beyond: d(ring v) = −ring p dgap.
-        gap_rate = float(fields.rim.plane[-1] @ (h_rate - self.rim_row @ h_rate)) + self.slopes(fields)[0][-1] * y_rate
-        return float(rate - self._beyond(fields)[2] * float(fields.pressure[-1]) * gap_rate)
+            load += 2 * a * displacement + 2 * fields.rim.weights_slope(fields.h) * area * y_rate
+        beyond = self._beyond(fields)
+        if beyond is NOTHING:
+            return load, displacement
+        gap = float(fields.rim.plane[-1] @ (h_rate - self.rim_row @ h_rate)) + self.slopes(fields)[0][-1] * y_rate
+        return (
+            load + beyond.load_per_displacement * displacement - beyond.load_per_gap * gap,
+            displacement + beyond.shift_per_displacement * displacement - beyond.shift_per_gap * gap,
+        )
 
     # -- pressures inside the contact, admissibility ------------------------------------------------------------------
     def inner_pressure(self, fields: Fields, r: Array) -> Array:

@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 
 # The finer mesh has an error of its own, and its event is found to first order only.
 SAFETY = 3.0
+# Least error estimate as a share of the accuracy: both meshes may happen to agree.
+FLOOR = 0.003
 # Rounding of a solution, relative to max(1, |value|).
 ROUNDING = 4e-14
 # An event this close (in u, relative to min(1, |u|)) needs no further iteration.
@@ -172,7 +174,7 @@ def refine(place: Place, event: Event | None, accuracy: float) -> tuple[Values, 
             if there is None:
                 fine = locate(fine, event)
                 there = numbers(fine)
-            values = _compared(place, there)
+            values = _compared(place, there, accuracy)
             if best is None or values.relative_error() < best[0].relative_error():
                 best = (values, place)
             if values.relative_error() <= accuracy or problem.equations.mesh.size > LARGEST:
@@ -230,14 +232,15 @@ def _nudged(place: Place, event: Event) -> tuple[float, float, float, float] | N
     )
 
 
-def _compared(place: Place, there: tuple[float, float, float, float]) -> Values:
+def _compared(place: Place, there: tuple[float, float, float, float], accuracy: float) -> Values:
     here = numbers(place)
     # What rounding leaves open of the position moves contact radius and gap (load and displacement are all but
     # stationary).
     aside = numbers(Place(place.problem, place.x, place.u + place.uncertainty, place.direction))
+    floor = ROUNDING + FLOOR * accuracy
     position = (0.0, 0.0, abs(aside[2] - here[2]), abs(aside[3] - here[3]))
     error = [
-        SAFETY * abs(a - b) + ROUNDING * max(1.0, abs(a)) + 2 * p if a or b else 0.0
+        SAFETY * abs(a - b) + floor * max(1.0, abs(a)) + 2 * p if a or b else 0.0
         for a, b, p in zip(here, there, position, strict=True)
     ]
     return Values(*here, (error[0], error[1], error[2], error[3]))

@@ -152,8 +152,7 @@ class ContactProblem(Problem):
             if direction is x_rate and p_known == p_rate:
                 return load_rate, displacement_rate
         y_rate = self.scale * math.cosh(p) * p_rate
-        load_rate = self.equations.load_rate(fields, x_rate, y_rate)
-        displacement_rate = self.equations.displacement_rate(fields, x_rate, y_rate)
+        load_rate, displacement_rate = self.equations.rates(fields, x_rate, y_rate)
         known.append((x_rate, p_rate, load_rate, displacement_rate))
         return load_rate, displacement_rate
 
@@ -271,7 +270,7 @@ class FoldEvent(Event):
     control: str = "load"
     name: str = "fold"
     terminal: bool = False
-    resolution: ClassVar[float] = COARSE
+    resolution: float = COARSE  # type: ignore[misc]
 
     def primitive(self, point: Point) -> float:
         """The load (or the displacement) itself."""

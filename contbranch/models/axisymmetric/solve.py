@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from contbranch.contact import Contact
+from contbranch.continuation import Metric, find_root
+from contbranch.continuation.segment import Segment
+from contbranch.continuation.walk import point_on
 from contbranch.diagram import State
 from contbranch.errors import InputError, ModelError
 
-from .locate import Place, refine
-from .problem import ContactProblem, LoadReached
+from .locate import OPTIONS, Place, refine
+from .problem import LoadReached
 from .profile import profile_of
 from .trace import Target, Traced, trace
 
@@ -61,12 +65,7 @@ def solve_all(
     for row in range(len(reached) - 1):
         low, high = reached[row], reached[row + 1]
         if min(low, high) < value <= max(low, high) and (field != "contact_radius" or high > 0):
-            nearer = (
-                row
-                if abs(low - value) < abs(high - value) and not (field == "contact_radius" and low == 0)
-                else row + 1
-            )
-            states.append(_state(traced, nearer, field, value, accuracy, row))
+            states.append(_state(traced, row, field, value, accuracy))
     if not states and not traced.curve.complete:
         raise ModelError(f"{field}: the curve ends before {value:.6g} is reached. {traced.curve.message}")
     return states, traced
@@ -82,24 +81,14 @@ def _target(contact: Contact, field: str, value: float, traced: Traced) -> Targe
     return Target(load=1.2 * (hertz + float(traced.curve.load[-1]) + 2 * math.pi))
 
 
-def _state(traced: Traced, row: int, field: str, value: float, accuracy: float, piece: int = 0) -> State:
-    """The state with exactly the value asked for, starting from a row next to it."""
-    point = traced.points[row]
-    problem = point.problem
-    assert isinstance(problem, ContactProblem)
-    place = Place(problem, point.x, point.parameter, (point.tangent_x, point.tangent_parameter))
-    if not problem.equations.contact and traced.curve.contact_radius[piece + 1] > 0:
-        # From first touch into contact: the row belongs to the side without.
-        problem = problem.in_contact()
-        place = Place(problem, point.x, point.parameter, problem.direction(point.x, point.parameter))
-    event = None
-    if field == "contact_radius":
-        u = problem.parameter(problem.equations.coordinate.of(value, 0.0))
-        place = Place(problem, problem.solve_at(point.x, u), u, place.direction)
-    elif field == "load":
-        event = LoadReached(value)
+def _state(traced: Traced, piece: int, field: str, value: float, accuracy: float) -> State:
+    """The state with exactly the value asked for, between the rows `piece` and the next (or before the first)."""
+    event = None if field == "contact_radius" else LoadReached(value, value if field == "displacement" else None)
+    if getattr(traced.curve, field)[piece] > value and piece == 0 and field == "displacement":
+        point = traced.points[0]
+        place = Place(traced.problem(0), point.x, point.parameter, (point.tangent_x, point.tangent_parameter))
     else:
-        event = LoadReached(math.inf, value)
+        place = _between(traced, piece, event, value)
     values, place = refine(place, event, accuracy)
     problem = place.problem
     fields = problem.fields(place.x, place.u)
@@ -119,3 +108,33 @@ def _state(traced: Traced, row: int, field: str, value: float, accuracy: float, 
         error=dict(zip(keys, errors, strict=True)),
         profile=profile_of(problem.equations, fields),
     )
+
+
+def _between(traced: Traced, piece: int, event: LoadReached | None, value: float) -> Place:
+    """A place on the piece of curve between two rows: where the event vanishes, or with a given contact radius."""
+    begin, end = traced.points[piece], traced.points[piece + 1]
+    problem = traced.problem(piece)
+    if traced.curve.contact_radius[piece + 1] > 0 and not problem.equations.contact:
+        # From first touch into contact: the row belongs to the side without.
+        problem = problem.in_contact()
+        tangent = problem.direction(begin.x, begin.parameter)
+        begin = replace(begin, problem=problem, tangent_x=tangent[0], tangent_parameter=tangent[1])
+    mesh = problem.equations.mesh
+    other = traced.problem(piece + 1).equations.mesh
+    if other is not mesh:
+        x = problem.solve_at(other.interpolate(end.x, mesh.nodes), end.parameter)
+        end = replace(end, x=x, tangent_x=other.interpolate(end.tangent_x, mesh.nodes))
+    end = replace(end, problem=problem)
+    if event is None:
+        u = problem.parameter(problem.equations.coordinate.of(value, 0.0))
+        share = (u - begin.parameter) / (end.parameter - begin.parameter)
+        x = problem.solve_at(begin.x + share * (end.x - begin.x), u)
+        return Place(problem, x, u, problem.direction(x, u))
+    segment = Segment(begin, end, Metric(math.sqrt(problem.inner(end.x, end.x)) + problem.scale, 1.0))
+    first, last = event.value(begin), event.value(end)
+    if (first > 0) == (last > 0):  # decided by the difference between two meshes
+        nearer = begin if abs(first) < abs(last) else end
+        return Place(problem, nearer.x, nearer.parameter, (nearer.tangent_x, nearer.tangent_parameter))
+    theta = find_root(lambda t: event.value(point_on(segment, t, OPTIONS)[0]), (0.0, first), (1.0, last), 1e-8)
+    point, _ = point_on(segment, theta, OPTIONS)
+    return Place(problem, point.x, point.parameter, (point.tangent_x, point.tangent_parameter))

@@ -49,6 +49,8 @@ STEPS = Options(
 STATE_FLOOR = 0.3
 # A trace ends at this multiple of the largest load of any event, and not below the least load (reduced).
 END_FACTOR, LEAST_END = 1.4, 10.0
+# The rows' error estimates are those of one Newton step on a finer mesh.
+ROW_SAFETY = 3.0
 # Neighbouring folds closer than this multiple of their error estimates are located more sharply, down to this accuracy.
 DISTINCT, SHARPEST = 3.0, 1e-12
 
@@ -155,7 +157,7 @@ def trace(
     began = time.perf_counter()
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # answered by shorter steps, or reported
         try:
-            problem, u = start_problem(contact, accuracy, max(TRACE_TOLERANCE, accuracy))
+            problem, u = start_problem(contact, accuracy, max(TRACE_TOLERANCE, accuracy) / ROW_SAFETY)
         except InputError:
             raise
         except Exception as error:  # a law written by the user may raise anything; its text is kept
@@ -187,6 +189,9 @@ def _legs(problem: ContactProblem, u: float, target: Target, progress: Progress 
     stop = StopAt(predicate=lambda point: told(point) or end(point))
     within = (0.0, math.inf)
     contact_problem, x = last.problem.in_contact(), last.x
+    # Folds may lie at contact radii that are tiny against the first step.
+    folds = [FoldEvent(control, name=control, resolution=1e-15) for control in ("load", "displacement")]
+    folds = [*folds, InadmissibleEvent()]
     second = trace_curve(contact_problem, x, 0.0, within, steps, [*folds, end.event], stop)
     if len(second.points) < 2:
         # A stiff film answers a tiny contact on a length far below the innermost panel: start with graded panels.
@@ -286,8 +291,8 @@ class _Located:
             columns["energy"],
             indices.load,
             indices.displacement,
-            np.abs(columns["load_error"]),
-            np.abs(columns["displacement_error"]),
+            ROW_SAFETY * np.abs(columns["load_error"]),
+            ROW_SAFETY * np.abs(columns["displacement_error"]),
             profiles,
             events,
             complete,
