@@ -29,8 +29,10 @@ OPTIONS = Options(tolerance=1e-13, noise=1e8)
 # Meshes for an event aim at this part of the accuracy, since position adds its own error, in at most so many rounds.
 AIM, REMESHES = 0.5, 3
 # Times that a mesh is replaced by its finer one, and the number of unknowns at which that ends.
-ROUNDS = 4
+ROUNDS = 6
 LARGEST = 1500
+# A finer mesh that leaves more than this share of the error has not helped.
+GAIN = 0.1
 
 
 @dataclass(frozen=True)
@@ -166,6 +168,7 @@ def refine(place: Place, event: Event | None, accuracy: float) -> tuple[Values, 
     except CorrectionError:
         return _by_defect(place), place
     best: tuple[Values, Place] | None = None
+    last = math.inf
     for _ in range(ROUNDS):
         problem, x = place.problem.on(place.problem.equations.mesh.finer, place.x, place.u, solve=event is None)
         fine = moved(place, problem, x)
@@ -177,8 +180,15 @@ def refine(place: Place, event: Event | None, accuracy: float) -> tuple[Values, 
             values = _compared(place, there, accuracy)
             if best is None or values.relative_error() < best[0].relative_error():
                 best = (values, place)
-            if values.relative_error() <= accuracy or problem.equations.mesh.size > LARGEST:
+            error = values.relative_error()
+            if error <= accuracy or problem.equations.mesh.size > LARGEST:
                 break
+            if (
+                error > GAIN * last
+            ):  # higher order does not help where the law has kinks, as tables have: halve the panels
+                problem, x = place.problem.on(place.problem.equations.mesh.halved(), place.x, place.u)
+                fine = moved(place, problem, x)
+            last = error
             place = locate(fine, event)
         except CorrectionError:
             break  # what has been reached stands, with its own error estimate

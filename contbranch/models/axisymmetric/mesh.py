@@ -143,6 +143,10 @@ class Mesh:
             np.concatenate([grading, self.edges[1:], [end]]), self.order + max(3, self.order // FINER_ORDER_SHARE)
         )
 
+    def halved(self) -> Mesh:
+        """A mesh with every panel cut in two, of the same order."""
+        return Mesh(np.sort(np.concatenate([self.edges, (self.edges[:-1] + self.edges[1:]) / 2])), self.order)
+
     @cached_property
     def to_finer(self) -> Array:
         """Nodal values here -> values of the panels' polynomials at the nodes of `finer`; 0 beyond the last edge."""
