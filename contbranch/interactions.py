@@ -227,7 +227,8 @@ class Tabulated(Interaction):
     Notes
     -----
     Energies are joined by a quintic spline, pressures by a cubic one. If the table ends where |v| and |p| are below
-    1 % of their largest values, a short polynomial takes them to zero smoothly; otherwise the law is NaN beyond its end, and a
+    1 % of their largest values, a short polynomial takes them to zero smoothly; otherwise the law is NaN beyond its
+    end, and a
     computation that needs it there stops and says so (`limitation`).
     """
 

@@ -79,7 +79,8 @@ class EnergyTable:
         increasing_from_zero(gaps, "gaps")
         if values.size != gaps.size:
             raise InputError(f"{kind}: {values.size} numbers for {gaps.size} gaps; must be as many")
-        # Energies are differentiated once more: both give a pressure with continuous curvature, whose kinks cost digits.
+        # Energies are differentiated once more: both give a pressure with continuous curvature, whose kinks cost
+        # digits.
         spline = make_interp_spline(gaps, values, k=5 if kind == "energies" and gaps.size >= _QUINTIC_ROWS else 3)
         pieces = PPoly.from_spline((spline.t, spline.c, spline.k))
         pieces = PPoly(pieces.c[:, np.diff(pieces.x) > 0], np.unique(pieces.x))

@@ -27,7 +27,8 @@ SLACK = 0.06
 UNRESOLVED = 20.0
 # A change of mesh may move the solution by this multiple of its error estimate.
 LEAP = 30.0
-# Share of a step to which events are located while tracing; they are located anew afterwards, but their order stays. In stiff
+# Share of a step to which events are located while tracing; they are located anew afterwards, but their order stays.
+# In stiff
 # films folds of load and displacement all but coincide.
 COARSE = 1e-11
 # Rounds of meshing, solving and judging until a mesh satisfies its own error estimate.
