@@ -30,12 +30,15 @@ class Event(ABC):
         costs nothing more.
     resolution : float
         Share of the step to which zeros are located; the default is machine precision.
+    relative_resolution : float
+        The same relative to the position in the step, so that zeros right behind its start are still told from it.
     """
 
     name: str = "event"
     terminal: bool = False
     hidden_pairs: ClassVar[bool] = True
     resolution: ClassVar[float] = 1e-15
+    relative_resolution: ClassVar[float] = 0.0
 
     @abstractmethod
     def value(self, point: Point) -> float:

@@ -15,7 +15,9 @@ BESIDE = 1e-4
 PATIENCE = 3
 
 
-def find_root(function: Callable[[float], float], begin: Sample, end: Sample, tolerance: float = 1e-15) -> float:
+def find_root(
+    function: Callable[[float], float], begin: Sample, end: Sample, tolerance: float = 1e-15, relative: float = 0.0
+) -> float:
     """Return a zero of a continuous function between two samples of opposite sign.
 
     Chandrupatla's method: inverse quadratic interpolation where it can be trusted, bisection otherwise; the bracket
@@ -29,6 +31,8 @@ def find_root(function: Callable[[float], float], begin: Sample, end: Sample, to
         The bracket.
     tolerance : float
         Absolute width to which the position is determined.
+    relative : float
+        Width relative to the position that is enough.
 
     Raises
     ------
@@ -55,7 +59,7 @@ def find_root(function: Callable[[float], float], begin: Sample, end: Sample, to
         a, fa = x, fx
         best = a if abs(fa) < abs(fb) else b
         width = abs(b - a)
-        resolution = 2e-16 * abs(best) + 0.5 * tolerance
+        resolution = (2e-16 + 0.5 * relative) * abs(best) + 0.5 * tolerance
         limit = resolution / width if width > 0 else 1.0
         if limit > 0.5 or fa == 0.0:
             return best if fa != 0.0 else a

@@ -220,10 +220,12 @@ def _zeros(segment: Segment, previous: Segment | None, event: Event, options: Op
     found = []
     for bracket in parts:
         part, first, last = bracket.segment, bracket.first, bracket.last
-        theta = find_root(partial(_value_on, event, part, options), first, last, event.resolution)
+        theta = find_root(
+            partial(_value_on, event, part, options), first, last, event.resolution, event.relative_resolution
+        )
         point = annotated(point_on(part, theta, options)[0], label=event.name)
         steepness = abs(last[1] - first[1]) / (last[0] - first[0])
-        miss = abs(value(point)) / steepness + event.resolution
+        miss = abs(value(point)) / steepness + event.resolution + event.relative_resolution * theta
         change = part.end.x - part.begin.x
         located = EventPoint(
             point,

@@ -49,7 +49,9 @@ def legendre_values(count: int, x: Array) -> Array:
     if count > 1:
         values[1] = x
     for k in range(1, count - 1):
-        values[k + 1] = ((2 * k + 1) * x * values[k] - k * values[k - 1]) / (k + 1)
+        np.multiply(x, values[k], out=values[k + 1])
+        values[k + 1] *= (2 * k + 1) / (k + 1)
+        values[k + 1] -= (k / (k + 1)) * values[k - 1]
     return values
 
 
@@ -59,8 +61,10 @@ def chebyshev_values(count: int, x: Array) -> Array:
     values[0] = 1.0
     if count > 1:
         values[1] = x
+    twice = 2 * x
     for k in range(1, count - 1):
-        values[k + 1] = 2 * x * values[k] - values[k - 1]
+        np.multiply(twice, values[k], out=values[k + 1])
+        values[k + 1] -= values[k - 1]
     return values
 
 

@@ -27,10 +27,8 @@ SLACK = 0.06
 UNRESOLVED = 20.0
 # A change of mesh may move the solution by this multiple of its error estimate.
 LEAP = 30.0
-# Share of a step to which events are located while tracing; they are located anew afterwards, but their order stays.
-# In stiff
-# films folds of load and displacement all but coincide.
-COARSE = 1e-11
+# Relative to their place in a step, events are located so coarsely while tracing; they are located anew afterwards.
+COARSE = 0.03
 # Rounds of meshing, solving and judging until a mesh satisfies its own error estimate.
 ROUNDS = 6
 
@@ -272,7 +270,7 @@ class FoldEvent(Event):
     control: str = "load"
     name: str = "fold"
     terminal: bool = False
-    resolution: float = COARSE  # type: ignore[misc]
+    relative_resolution: float = COARSE  # type: ignore[misc]
 
     def primitive(self, point: Point) -> float:
         """The load (or the displacement) itself."""
@@ -315,7 +313,7 @@ class InadmissibleEvent(Event):
     name: str = "inadmissible"
     terminal: bool = True
     hidden_pairs: ClassVar[bool] = False
-    resolution: ClassVar[float] = COARSE
+    relative_resolution: ClassVar[float] = COARSE
 
     def value(self, point: Point) -> float:
         """Smallest gap and wall pressure in units of the interaction's own, plus the tolerance; negative: inadmissible.

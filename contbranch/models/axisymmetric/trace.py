@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from contbranch.analysis.stability import Indices, morse_indices
 from contbranch.contact import Contact
-from contbranch.continuation import Curve, EventPoint, Options, Outcome, Point, StopAt, trace_curve
+from contbranch.continuation import Curve, Event, EventPoint, Options, Outcome, Point, StopAt, trace_curve
 from contbranch.diagram import Cost, Profile
 from contbranch.errors import InputError
 from contbranch.models.outcome import RawCurve, RawEvent
@@ -24,7 +24,7 @@ from .equations import ContactCoordinate, Equations
 from .locate import Place, Values, refine
 from .marks import Mark, confirmed, signs
 from .mesh import Mesh
-from .problem import ContactProblem, FoldEvent, InadmissibleEvent, LoadReached, Resolution
+from .problem import COARSE, ContactProblem, FoldEvent, InadmissibleEvent, LoadReached, Resolution
 from .profile import profile_of
 
 __all__ = ["Target", "Traced", "order_for", "trace"]
@@ -41,16 +41,22 @@ STEPS = Options(
     angle_limit=0.8,
     tolerance=1e-9,
     noise=1e5,
+    first_step=0.05,
     detect_folds=False,
     detect_branch_points=False,
-    maximum_points=20_000,
+    maximum_points=6_000,
 )
 # Changes of h small against the range of the interaction, over the width √(2 range), do not matter for the steps.
 STATE_FLOOR = 0.3
+# Resolution of events that will not be located anew: close enough to tell the order of coinciding folds of stiff films.
+FINE = 1e-11
 # A trace ends at this multiple of the largest load of any event, and not below the least load (reduced).
 END_FACTOR, LEAST_END = 1.4, 10.0
+CONE = "Exactly at first touch admissible variations form a cone, not a space: the indices are those of both sides."
 # The rows' error estimates are those of one Newton step on a finer mesh.
 ROW_SAFETY = 3.0
+# ... with the coarser mesh's linearisation, which leaves errors far below the tolerance undecided.
+ROW_FLOOR = 0.02
 # Neighbouring folds closer than this multiple of their error estimates are located more sharply, down to this accuracy.
 DISTINCT, SHARPEST = 3.0, 1e-12
 
@@ -157,22 +163,27 @@ def trace(
     began = time.perf_counter()
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # answered by shorter steps, or reported
         try:
-            problem, u = start_problem(contact, accuracy, max(TRACE_TOLERANCE, accuracy) / ROW_SAFETY)
+            problem, u = start_problem(contact, accuracy, max(TRACE_TOLERANCE, accuracy) * (1 - ROW_FLOOR) / ROW_SAFETY)
         except InputError:
             raise
         except Exception as error:  # a law written by the user may raise anything; its text is kept
             return _nothing(f"The interaction cannot be evaluated far away: {type(error).__name__}: {error}")
-        located = _Located(*_legs(problem, u, target, progress))
+        located = _Located(*_legs(problem, u, target, progress, COARSE if events else FINE))
         raw, indices = located.raw(contact, accuracy if events else None, progress)
     cost = Cost(time.perf_counter() - began, problem.resolution.newton)
     return Traced(located.points, replace(raw, cost=cost, unknowns=problem.resolution.unknowns), indices)
 
 
-def _legs(problem: ContactProblem, u: float, target: Target, progress: Progress | None) -> tuple[list[Curve], bool]:
+def _legs(
+    problem: ContactProblem, u: float, target: Target, progress: Progress | None, resolution: float
+) -> tuple[list[Curve], bool]:
     """The curve without contact, and the one in contact if first touch is reached."""
     told = _Told(progress, u)
     steps = replace(STEPS, state_floor=STATE_FLOOR * problem.scale * (2 * problem.scale) ** 0.25)
-    folds = [FoldEvent("load", name="load"), FoldEvent("displacement", name="displacement"), InadmissibleEvent()]
+    folds: list[Event] = [
+        *(FoldEvent(control, name=control, relative_resolution=resolution) for control in ("load", "displacement")),
+        InadmissibleEvent(),
+    ]
     end = _End(target, -math.inf)
     bound = [end.event] if end.fixed else []
     first = trace_curve(
@@ -189,9 +200,6 @@ def _legs(problem: ContactProblem, u: float, target: Target, progress: Progress 
     stop = StopAt(predicate=lambda point: told(point) or end(point))
     within = (0.0, math.inf)
     contact_problem, x = last.problem.in_contact(), last.x
-    # Folds may lie at contact radii that are tiny against the first step.
-    folds = [FoldEvent(control, name=control, resolution=1e-15) for control in ("load", "displacement")]
-    folds = [*folds, InadmissibleEvent()]
     second = trace_curve(contact_problem, x, 0.0, within, steps, [*folds, end.event], stop)
     if len(second.points) < 2:
         # A stiff film answers a tiny contact on a length far below the innermost panel: start with graded panels.
@@ -265,11 +273,14 @@ class _Located:
                 "displacement_error",
             )
         }
+        refined = [] if accuracy is None else self._refined(accuracy, progress)
         folds = [(mark.row, mark.name) for mark in self.marks if mark.name in ("load", "displacement")]
         along = signs(points[: folds[0][0]] if folds else points)
         loading, approaching = (next((sign[k] for sign in along if sign[k]), 1) for k in (0, 1))
         indices = morse_indices(len(points), folds, loading, approaching)
-        events = [] if accuracy is None else self._events(accuracy, indices, progress)
+        events = [
+            self._event(mark.row, mark.name, *found, indices) for mark, found in zip(self.marks, refined, strict=False)
+        ]
         complete, message = self._outcome(contact)
         if complete and self._unstable_at_end() != indices.displacement_pieces[-1]:
             complete, message = (
@@ -291,8 +302,8 @@ class _Located:
             columns["energy"],
             indices.load,
             indices.displacement,
-            ROW_SAFETY * np.abs(columns["load_error"]),
-            ROW_SAFETY * np.abs(columns["displacement_error"]),
+            _row_errors(columns["load_error"], columns["load"]),
+            _row_errors(columns["displacement_error"], columns["displacement"]),
             profiles,
             events,
             complete,
@@ -309,20 +320,28 @@ class _Located:
         assert isinstance(problem, ContactProblem)
         return problem.equations.unstable_modes(problem.fields(point.x, point.parameter))
 
-    def _events(self, accuracy: float, indices: Indices, progress: Progress | None) -> list[RawEvent]:
-        marks = list(self.marks)
+    def _refined(self, accuracy: float, progress: Progress | None) -> list[tuple[Values, Place]]:
+        """Values and places of all marks, first touch among them, whose order is that of their precise places."""
         if self.touch_row is not None:
-            marks.append(Mark(self.touch_row, "touch", self.points[self.touch_row]))
-        marks.sort(key=lambda mark: mark.row)
-        refined = {}
-        for k, mark in enumerate(marks):
+            self.marks.append(Mark(self.touch_row, "touch", self.points[self.touch_row]))
+        self.marks.sort(key=lambda mark: mark.row)
+        found: list[tuple[Values, Place]] = []
+        for k, mark in enumerate(self.marks):
             if progress is not None:
-                progress(0.9 + 0.1 * k / len(marks), f"locating {mark.name}")
-            refined[k] = _refined(mark.point, mark.name, accuracy)
-        self._sharpen([mark.name for mark in marks], refined, accuracy)
-        return [self._event(mark.row, mark.name, *refined[k], indices) for k, mark in enumerate(marks)]
+                progress(0.9 + 0.1 * k / len(self.marks), f"locating {mark.name}")
+            found.append(_refined(mark.point, mark.name, accuracy))
+        self._sharpen([mark.name for mark in self.marks], found, accuracy)
+        for k in range(len(found) - 1):
+            here, there = self.marks[k], self.marks[k + 1]
+            forward = here.point.tangent_parameter
+            apart = (found[k + 1][1].u - found[k][1].u) * forward
+            if there.row == here.row + 1 and apart < 0 and "touch" not in (here.name, there.name):
+                # Neighbours without a point between them change places, but not rows.
+                self.marks[k], self.marks[k + 1] = replace(there, row=here.row), replace(here, row=there.row)
+                found[k], found[k + 1] = found[k + 1], found[k]
+        return found
 
-    def _sharpen(self, names: list[str], refined: dict[int, tuple[Values, Place]], accuracy: float) -> None:
+    def _sharpen(self, names: list[str], refined: list[tuple[Values, Place]], accuracy: float) -> None:
         """Locate folds anew that their error estimates do not tell apart."""
         for control, column in (("load", 0), ("displacement", 1)):
             members = [k for k, name in enumerate(names) if name == control]
@@ -340,7 +359,7 @@ class _Located:
     def _event(self, row: int, name: str, values: Values, place: Place, indices: Indices) -> RawEvent:
         event = RawEvent(name, row, values.numbers, values.error)
         if name == "touch":
-            return replace(event, local_exponent=lambda: sampled_exponent(place, values, "load"))
+            return replace(event, message=CONE, local_exponent=lambda: sampled_exponent(place, values, "load"))
         if name == "inadmissible":
             return replace(event, message="The contact set stops being a disc: see the message of the diagram.")
         if name == "end":
@@ -394,18 +413,22 @@ def _refined(point: Point, name: str, accuracy: float) -> tuple[Values, Place]:
     problem = point.problem
     assert isinstance(problem, ContactProblem)
     place = Place(problem, point.x, point.parameter, (point.tangent_x, point.tangent_parameter))
-    if name == "touch":
-        return refine(place, None, accuracy)
+    event: Event | None = None
     if name == "end":
-        load = problem.equations.load(problem.fields(point.x, point.parameter))
-        return refine(place, LoadReached(load), accuracy)
-    if name == "inadmissible":
-        return refine(place, InadmissibleEvent(tolerance=0.0), accuracy)
-    return refine(place, FoldEvent(name, name=name), accuracy)
+        event = LoadReached(problem.equations.load(problem.fields(point.x, point.parameter)))
+    elif name == "inadmissible":
+        event = InadmissibleEvent(tolerance=0.0)
+    elif name != "touch":
+        event = FoldEvent(name, name=name)
+    return refine(place, event, accuracy)
 
 
 def _relative_error(event: RawEvent) -> float:
     return max(error / max(1.0, abs(value)) for error, value in zip(event.error, event.values, strict=True))
+
+
+def _row_errors(defect: Array, values: Array) -> Array:
+    return ROW_SAFETY * np.abs(defect) + ROW_FLOOR * TRACE_TOLERANCE * np.maximum(1.0, np.abs(values))
 
 
 def _deferred_profile(point: Point) -> Callable[[], Profile]:
