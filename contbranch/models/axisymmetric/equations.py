@@ -356,7 +356,7 @@ class Equations:
         return least
 
     # -- stability ----------------------------------------------------------------------------------------------------
-    def unstable_modes(self, fields: Fields) -> int:
+    def unstable_modes(self, fields: Fields, finely: bool = True) -> int:
         """Morse index under displacement control (m = 0): negative eigenvalues of the second variation, by inertia.
 
         The second variation of the energy divided by 2E, ``W + π planeᵀ (rho v'' w) plane`` with ``W = w dt/dtau``: a
@@ -366,12 +366,15 @@ class Equations:
         finer one.
         """
         mesh = self.mesh
-        fine = self.on(mesh.finer)
-        fine_fields = fine.fields(mesh.to_finer @ fields.h, fields.y)
         weights = mesh.weights * fields.rim.factor
+        plane, fine_mesh, fine_fields = fields.rim.plane, mesh, fields
+        if finely:
+            fine_mesh = mesh.finer
+            fine_fields = self.on(fine_mesh).fields(mesh.to_finer @ fields.h, fields.y)
+            plane = fine_fields.rim.plane @ mesh.to_finer
         # The congruence with W^(-1/2) leaves the inertia alone and makes the unit matrix the bulk of the spectrum.
-        scaled = (fine_fields.rim.plane @ mesh.to_finer) / np.sqrt(weights)
-        stiffness = np.pi * fine.mesh.weights * fine.mesh.nodes * fine_fields.stiffness
+        scaled = plane / np.sqrt(weights)
+        stiffness = np.pi * fine_mesh.weights * fine_mesh.nodes * fine_fields.stiffness
         matrix = scaled.T @ (stiffness[:, None] * scaled)
         matrix.flat[:: mesh.size + 1] += 1.0
         return negative_eigenvalues(matrix)

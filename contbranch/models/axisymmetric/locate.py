@@ -27,7 +27,7 @@ ROUNDING = 4e-14
 CLOSE = 1e-4
 OPTIONS = Options(tolerance=1e-13, noise=1e8)
 # Meshes for an event aim at this part of the accuracy, since position adds its own error, in at most so many rounds.
-AIM, REMESHES = 0.5, 3
+AIM, REMESHES = 0.25, 3
 # Times that a mesh is replaced by its finer one, and the number of unknowns at which that ends.
 ROUNDS = 6
 LARGEST = 1500

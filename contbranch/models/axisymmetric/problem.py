@@ -290,6 +290,7 @@ class LoadReached(Event):
     name = "end"
     terminal = True
     hidden_pairs = False
+    relative_resolution = 1e-9
 
     def __init__(self, target: float, displacement: float | None = None) -> None:
         self.target = target
