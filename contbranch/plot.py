@@ -6,6 +6,7 @@ those of Okabe and Ito, which stay apart for colour-blind readers; line style an
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -79,6 +80,8 @@ def bifurcation_diagram(diagram: Diagram, x: str = "load", y: str = "contact_rad
     InputError
         For another observable.
     """
+    if not _drawable(diagram):
+        return _nothing_to_draw(diagram)
     with mpl.rc_context(_STYLE):
         figure = _figure(2.7)
         axes = figure.subplots()
@@ -89,6 +92,8 @@ def bifurcation_diagram(diagram: Diagram, x: str = "load", y: str = "contact_rad
 
 def overview(diagram: Diagram) -> Figure:
     """Draw contact radius against load above load against displacement, as `bifurcation_diagram` draws one of them."""
+    if not _drawable(diagram):
+        return _nothing_to_draw(diagram)
     panels = [("load", "contact_radius"), ("displacement", "load")]
     with mpl.rc_context(_STYLE):
         figure = _figure(4.9)
@@ -98,6 +103,20 @@ def overview(diagram: Diagram) -> Figure:
             _draw_curve(axes, diagram, lines, x, y)
             axes.set_title(f"({letter})", loc="left", fontsize=8.5, pad=4.0)
         _finish(figure, both, diagram, panels)
+    return figure
+
+
+def _drawable(diagram: Diagram) -> bool:
+    """Whether there is a line to draw: two points at least on every branch."""
+    return bool(diagram.branches) and all(len(branch) > 1 for branch in diagram.branches)
+
+
+def _nothing_to_draw(diagram: Diagram) -> Figure:
+    """Return a figure that says why there is no curve."""
+    with mpl.rc_context(_STYLE):
+        figure = _figure(1.2)
+        words = textwrap.fill(f"No curve could be traced. {diagram.message}", 60)
+        figure.text(0.5, 0.5, words, ha="center", va="center")
     return figure
 
 

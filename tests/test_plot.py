@@ -220,3 +220,14 @@ def test_figures_that_cannot_be_written(repulsion: Diagram, tmp_path: Path) -> N
 def test_no_pyplot() -> None:
     code = "import sys, contbranch.plot; sys.exit('matplotlib.pyplot' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_a_diagram_without_points_says_so_in_a_figure() -> None:
+    """A table that ends before the law has decayed leaves nothing to trace."""
+    import contbranch as cb
+
+    law = cb.Tabulated((0.0, 0.5, 1.0, 1.5), energies=(1.0, 0.88, 0.61, 0.32))
+    diagram = cb.trace(cb.Contact(cb.Parabola(1.0), law, 1.0))
+    assert len(diagram.branches[0]) == 0
+    for figure in (plot.overview(diagram), plot.bifurcation_diagram(diagram)):
+        assert "before the law has decayed" in " ".join(figure.texts[0].get_text().split())
