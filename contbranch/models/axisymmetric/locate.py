@@ -33,6 +33,8 @@ ROUNDS = 6
 LARGEST = 1500
 # A finer mesh that leaves more than this share of the error has not helped.
 GAIN = 0.1
+# One that makes the error so much larger has met round-off.
+WORSE = 3.0
 
 
 @dataclass(frozen=True)
@@ -183,9 +185,10 @@ def refine(place: Place, event: Event | None, accuracy: float) -> tuple[Values, 
             error = values.relative_error()
             if error <= accuracy or problem.equations.mesh.size > LARGEST:
                 break
-            if (
-                error > GAIN * last
-            ):  # higher order does not help where the law has kinks, as tables have: halve the panels
+            if error > WORSE * last:
+                break  # round-off has taken over
+            if error > GAIN * last:
+                # Higher order does not help where the law has kinks, as tables have: halve the panels.
                 problem, x = place.problem.on(place.problem.equations.mesh.halved(), place.x, place.u)
                 fine = moved(place, problem, x)
             last = error
