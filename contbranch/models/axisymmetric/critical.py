@@ -20,8 +20,8 @@ Array = NDArray[np.float64]
 
 # The window of the excess (reduced units) over which a power law is fitted, and the points in it.
 WINDOW = (1e-2, 1e1)
-# Excesses sampled for the local exponent: from so far below the crossover to the window's end.
-LOWEST, HIGHEST, SAMPLES = 1e-5, 1e2, 57
+# The local exponent is sampled at so many points, up to this excess.
+HIGHEST, SAMPLES = 1e2, 57
 # Offset of the parameter for derivatives at a fold.
 OFFSET = 2e-2
 

@@ -319,7 +319,7 @@ class _Located:
         problem = point.problem
         assert isinstance(problem, ContactProblem)
         fields = problem.fields(point.x, point.parameter)
-        # Deep in contact the rough answer is 0 and settles it: errors of the quadrature only add negative eigenvalues.
+        # Deep in contact the rough answer is nearly always 0, which is what is expected; any other is checked finely.
         return problem.equations.unstable_modes(fields, finely=False) and problem.equations.unstable_modes(fields)
 
     def _refined(self, accuracy: float, progress: Progress | None) -> list[tuple[Values, Place]]:
