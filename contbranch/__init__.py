@@ -21,7 +21,8 @@ from contbranch.interactions import (
     Tabulated,
     VanDerWaals,
 )
-from contbranch.models import solve, trace
+from contbranch.loop import Hysteresis
+from contbranch.models import hysteresis, solve, trace
 from contbranch.models.axisymmetric import Axisymmetric
 from contbranch.models.exact import Exact
 from contbranch.store import load
@@ -40,6 +41,7 @@ __all__ = [
     "Exponent",
     "Exponential",
     "Gauss",
+    "Hysteresis",
     "InputError",
     "Interaction",
     "InverseSquare",
@@ -60,6 +62,7 @@ __all__ = [
     "Tip",
     "VanDerWaals",
     "Window",
+    "hysteresis",
     "load",
     "solve",
     "trace",

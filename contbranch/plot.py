@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from contbranch.errors import InputError
 from contbranch.plot_curve import Line, Piece, fine_profile, pieces, smooth_line
 from contbranch.plot_labels import place_labels
-from contbranch.plot_view import WIDTH, arrange_panels, axis_label, check_observables, view
+from contbranch.plot_view import WIDTH, arrange_panels, axis_label, check_observables, has_natural_units, view
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -274,11 +274,7 @@ def _lines(diagram: Diagram) -> list[Line]:
 
 def _has_natural_units(diagram: Diagram) -> bool:
     """Whether numbers are in the units R, E and |Δγ| of a parabola, which the axis labels then name."""
-    contact = diagram.contact
-    if diagram.unit_names or contact is None or contact.interaction is None or contact.tip.name != "parabola":
-        return False
-    scales = contact.scales
-    return bool(np.allclose([scales.in_plane, scales.normal, scales.modulus], 1.0, rtol=1e-12))
+    return not diagram.unit_names and diagram.contact is not None and has_natural_units(diagram.contact)
 
 
 def _draw_piece(axes: Axes, piece: Piece) -> None:

@@ -15,9 +15,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from contbranch.contact import Contact
     from contbranch.diagram import Diagram
 
-__all__ = ["WIDTH", "Limits", "arrange_panels", "axis_label", "check_observables", "view"]
+__all__ = ["WIDTH", "Limits", "arrange_panels", "axis_label", "check_observables", "has_natural_units", "view"]
 
 # observable: (words, symbol, its unit where R = E = |Δγ| = 1, (23)-(26))
 _AXES: Final = {
@@ -53,6 +54,14 @@ def axis_label(name: str, unit_names: Mapping[str, str], natural: bool) -> str:
     if natural and reduced_unit:
         return f"${symbol}\\,/\\,{_bracketed(reduced_unit)}$"
     return f"{words} ${symbol}$"
+
+
+def has_natural_units(contact: Contact) -> bool:
+    """Whether a contact's numbers are in the units R, E and |Δγ| of a parabola, which axis labels can name."""
+    if contact.units.physical or contact.interaction is None or contact.tip.name != "parabola":
+        return False
+    scales = contact.scales
+    return bool(np.allclose([scales.in_plane, scales.normal, scales.modulus], 1.0, rtol=1e-12))
 
 
 def _bracketed(unit: str) -> str:
@@ -140,7 +149,7 @@ def arrange_panels(figure: Figure, panels: Sequence[Axes], rows: int) -> None:
     slot = (height - _LEGEND_ROW * rows - 0.03) / len(panels)
     title = _TITLE if len(panels) > 1 else 0.08
     left = 0.55
-    for _ in range(2):  # the second time with the ticks that fit
+    for _ in range(3):  # again with the ticks that fit
         for i, axes in enumerate(panels):
             bottom = (len(panels) - 1 - i) * slot + _BELOW
             size = (WIDTH - left - _RIGHT, slot - _BELOW - title)

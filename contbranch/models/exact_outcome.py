@@ -18,7 +18,7 @@ from contbranch.models.exact_results import ExactEvent, ExactState
 from contbranch.models.exact_series import LocalExpansion
 from contbranch.models.outcome import RawCurve, RawEvent
 
-__all__ = ["exact_outcome", "exact_state"]
+__all__ = ["exact_outcome", "exact_state", "plain_state"]
 
 Array = NDArray[np.float64]
 
@@ -58,6 +58,14 @@ def exact_outcome(curve: ExactCurve, max_load: float | None, control: Control = 
         1,
         unstable_spring=None if stiffness is None else curve.unstable_spring(states, stiffness),
     )
+
+
+def plain_state(state: ExactState) -> State:
+    """A state without profile, reduced units."""
+    values = (state.load, state.displacement, state.contact_radius, state.central_gap)
+    keys = ("load", "displacement", "contact_radius", "central_gap")
+    error = dict(zip(keys, _rounding(values), strict=True))
+    return State(*values, state.energy, state.unstable_load, state.unstable_displacement, 0.0, error)
 
 
 def exact_state(curve: ExactCurve, state: ExactState, stiffness: float | None = None) -> State:

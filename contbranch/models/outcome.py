@@ -25,6 +25,8 @@ from contbranch.diagram import (
     Window,
 )
 
+from .threads import one_thread
+
 __all__ = ["RawCurve", "RawEvent", "assemble", "state_in_units"]
 
 Array = NDArray[np.float64]
@@ -173,7 +175,7 @@ def _event(contact: Contact, scaling: _Scaling, raw: RawEvent, name: str | None)
         stiffness=None if raw.stiffness is None else raw.stiffness * scaling.stiffness,
         position=float(raw.row),
         origin=None if raw.place is None else Origin(contact, raw),
-        critical=None if source is None else lambda: scaling.exponent(source(), raw.control),
+        critical=None if source is None else one_thread(lambda: scaling.exponent(source(), raw.control)),
     )
 
 
@@ -198,6 +200,7 @@ def assemble(contact: Contact, curve: RawCurve, choice: ModelChoice, control: Co
     terms = contact.interaction.terms if contact.interaction is not None else ()
     repulsive = bool(terms) and all(term.work_of_adhesion < 0 for term in terms)
 
+    @one_thread
     def local_exponents(event: Event) -> LocalExponent:
         raw = curve.events[events.index(event)]
         assert raw.local_exponent is not None

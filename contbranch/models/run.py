@@ -6,10 +6,6 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import fields as dataclass_fields
-from functools import cache, wraps
-from typing import ParamSpec, TypeVar
-
-from threadpoolctl import ThreadpoolController
 
 from contbranch.contact import Contact
 from contbranch.control import Control, Spring, as_control
@@ -21,35 +17,16 @@ from .choice import Model, choose
 from .exact import Exact
 from .exact_outcome import exact_outcome, exact_state
 from .outcome import RawCurve, assemble, state_in_units
+from .threads import one_thread
 
-__all__ = ["solve", "trace"]
-
-Result = TypeVar("Result")
-Parameters = ParamSpec("Parameters")
-
-
-@cache
-def _blas() -> ThreadpoolController:
-    return ThreadpoolController()
-
-
-def _one_thread(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
-    """Run with one BLAS thread: matrices of a few hundred rows lose more by waiting for threads than they gain."""
-
-    @wraps(function)
-    def limited(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
-        with _blas().limit(limits=1, user_api="blas"):
-            return function(*args, **kwargs)
-
-    return limited
-
+__all__ = ["check", "solve", "trace"]
 
 Progress = Callable[[float, str], None]
 
 FINEST, COARSEST = 1e-13, 1e-2
 
 
-@_one_thread
+@one_thread
 def trace(
     contact: Contact,
     control: str | Spring = "load",
@@ -87,7 +64,7 @@ def trace(
     InputError
         If an argument cannot be used.
     """
-    driven = _check(contact, control, accuracy)
+    driven = check(contact, control, accuracy)
     reduced = driven.scaled(contact.scales.stiffness)
     chosen, why = choose(contact, model)
     limit = None if max_load is None else positive_number(max_load, "max_load") / contact.scales.load
@@ -99,7 +76,7 @@ def trace(
     return assemble(contact, raw, ModelChoice(chosen.name, why, raw.unknowns), driven, accuracy)  # type: ignore[arg-type]
 
 
-@_one_thread
+@one_thread
 def solve(
     contact: Contact,
     *,
@@ -139,7 +116,7 @@ def solve(
     if len(asked) != 1:
         raise InputError(f"solve: give exactly one of load, displacement and contact_radius, not {len(asked)}")
     ((field, value),) = asked.items()
-    driven = _check(contact, control or ("displacement" if field == "displacement" else "load"), accuracy)
+    driven = check(contact, control or ("displacement" if field == "displacement" else "load"), accuracy)
     reduced = driven.scaled(contact.scales.stiffness)
     value = finite_number(value, field)
     scales = contact.scales
@@ -204,7 +181,7 @@ def _reachable(raw: RawCurve, field: str, unit: float) -> str:
     return f"{name} from {low:.10g} upwards are reachable"
 
 
-def _check(contact: Contact, control: object, accuracy: float) -> Control:
+def check(contact: Contact, control: object, accuracy: float) -> Control:
     """Check what every computation is given, and return the control."""
     if not isinstance(contact, Contact):
         raise InputError(f"contact: {type(contact).__name__}; must be a Contact, made by cb.Contact(...)")

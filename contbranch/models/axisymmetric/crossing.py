@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,12 +14,13 @@ from contbranch.continuation.walk import point_on
 from contbranch.control import Control
 from contbranch.diagram import State
 
+from .arc import on_one_mesh
 from .locate import OPTIONS, SAFETY, Place, Values, refine
-from .problem import ControlReached
+from .problem import ContactProblem, ControlReached
 from .profile import profile_of
 from .trace import Traced
 
-__all__ = ["Crossing", "control_values", "cross", "cross_before", "pieces_at", "state_at"]
+__all__ = ["Crossing", "control_values", "cross", "cross_before", "energy_at", "pieces_at", "state_at"]
 
 Array = NDArray[np.float64]
 
@@ -79,7 +80,8 @@ def state_at(traced: Traced, crossing: Crossing, given: dict[str, float] | None 
     numbers = {**dict(zip(keys, values.numbers, strict=True)), **known}
     errors = {**dict(zip(keys, values.error, strict=True)), **dict.fromkeys(known, 0.0)}
     fields = place.problem.fields(place.x, place.u)
-    energy, errors["energy"] = energy_at(crossing)
+    energy, potential_error = energy_at(crossing)
+    errors["energy"] = potential_error + abs(values.load) * values.error[1]
     return State(
         **numbers,
         energy=energy,
@@ -93,10 +95,10 @@ def state_at(traced: Traced, crossing: Crossing, given: dict[str, float] | None 
 
 
 def energy_at(crossing: Crossing) -> tuple[float, float]:
-    """Energy V_ela + V_fr of a state and its error estimate, from the same contact coordinate on the finer mesh.
+    """Energy V_ela + V_fr of a state, and the error estimate of V − F d at its load.
 
-    The change of V − F d is of second order in what is wrong with the state; the rest of the error of V is F times
-    that of the displacement.
+    The latter is stationary along the curve, so it does not matter that the same contact coordinate is compared on the
+    finer mesh; the rest of the error of V is F times that of the displacement.
     """
     place, values = crossing.place, crossing.values
     problem = place.problem
@@ -106,25 +108,15 @@ def energy_at(crossing: Crossing) -> tuple[float, float]:
     energy = problem.equations.energy(fields)
     change = finer.equations.energy(fine) - energy
     change -= values.load * (finer.equations.displacement(fine) - problem.equations.displacement(fields))
-    error = SAFETY * abs(change) + abs(values.load) * values.error[1] + ROUNDING * max(1.0, abs(energy))
+    error = SAFETY * abs(change) + ROUNDING * max(1.0, abs(energy))
     return energy, error
 
 
 def _between(traced: Traced, piece: int, event: ControlReached | None, value: float) -> Place:
     """A place on the piece of curve between two rows: where the event vanishes, or with a given contact radius."""
-    begin, end = traced.points[piece], traced.points[piece + 1]
-    problem = traced.problem(piece)
-    if traced.curve.contact_radius[piece + 1] > 0 and not problem.equations.contact:
-        # From first touch into contact: the row belongs to the side without.
-        problem = problem.in_contact()
-        tangent = problem.direction(begin.x, begin.parameter)
-        begin = replace(begin, problem=problem, tangent_x=tangent[0], tangent_parameter=tangent[1])
-    mesh = problem.equations.mesh
-    other = traced.problem(piece + 1).equations.mesh
-    if other is not mesh:
-        x = problem.solve_at(other.interpolate(end.x, mesh.nodes), end.parameter)
-        end = replace(end, x=x, tangent_x=other.interpolate(end.tangent_x, mesh.nodes))
-    end = replace(end, problem=problem)
+    begin, end = on_one_mesh(traced.points[piece], traced.points[piece + 1])
+    problem = begin.problem
+    assert isinstance(problem, ContactProblem)
     if event is None:
         u = problem.parameter(problem.equations.coordinate.of(value, 0.0))
         share = (u - begin.parameter) / (end.parameter - begin.parameter)

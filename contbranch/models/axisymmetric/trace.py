@@ -163,6 +163,7 @@ def trace(
     progress: Progress | None = None,
     events: bool = True,
     control: Control = LOAD,
+    fine: bool = False,
 ) -> Traced:
     """Follow a reduced contact's curve and locate its events.
 
@@ -179,12 +180,15 @@ def trace(
         Whether events are made precise; without, the result has none, and its rows are as accurate as the trace.
     control : Control
         A spring (reduced units), whose folds are located besides those of load and displacement.
+    fine : bool
+        Whether the rows are to be as accurate as the events.
     """
     began = time.perf_counter()
     controls = (LOAD, DISPLACEMENT, *((control,) if control.kind == "spring" else ()))
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # answered by shorter steps, or reported
         try:
-            tolerance = max(TRACE_TOLERANCE, accuracy) * (1 - ROW_FLOOR) / ROW_SAFETY
+            allowed = accuracy if fine else max(TRACE_TOLERANCE, accuracy)
+            tolerance = allowed * (1 - ROW_FLOOR) / ROW_SAFETY
             problem, u = start_problem(contact, accuracy, tolerance, control.spring_stiffness)
         except InputError:
             raise
