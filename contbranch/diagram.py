@@ -24,6 +24,7 @@ __all__ = [
     "Event",
     "Exponent",
     "LocalExponent",
+    "ModeShape",
     "ModelChoice",
     "Profile",
     "Solution",
@@ -51,6 +52,29 @@ class Profile:
     gap: Array
     pressure: Array
     wall_pressure: Array
+
+
+@dataclass(frozen=True)
+class ModeShape:
+    """A variation ``cos(mode · θ)`` of an axisymmetric state, as a function of the radius.
+
+    Attributes
+    ----------
+    mode : int
+        Number of periods around the axis.
+    r : array (M,)
+        Radius, increasing, in the contact's unit of length.
+    gap : array (M,)
+        Change of the gap, scaled so that the largest is 1; zero inside the contact.
+    pressure : array (M,)
+        Change of the total pressure for that change of the gap: in the unit of pressure over that of the gap. Inside
+        the contact it grows without bound towards the rim, which shifts.
+    """
+
+    mode: int
+    r: Array
+    gap: Array
+    pressure: Array
 
 
 @dataclass(frozen=True)
