@@ -94,6 +94,9 @@ class State:
         Gap and pressures.
     unstable_spring : int or None
         Morse index under the control of a spring, where one was asked for.
+    unstable_azimuthal : int
+        Number of unstable modes that break the axial symmetry, cos mθ and sin mθ of each m ≥ 1 together counted as one.
+        They do not depend on the control.
     """
 
     load: float
@@ -107,6 +110,7 @@ class State:
     error: Mapping[str, float] = field(default_factory=dict)
     profile: Profile | None = None
     unstable_spring: int | None = None
+    unstable_azimuthal: int = 0
 
     @property
     def r(self) -> Array:
@@ -144,8 +148,8 @@ class State:
         return int(_of_control(self, control))
 
     def stable(self, control: str | Control) -> bool:
-        """Whether the state is stable under ``"load"``, ``"displacement"`` or ``"spring"`` control."""
-        return self.unstable(control) == 0
+        """Whether the state is stable under ``"load"``, ``"displacement"`` or ``"spring"`` control, to modes of all m."""
+        return self.unstable(control) == 0 and self.unstable_azimuthal == 0
 
 
 @dataclass(frozen=True)
@@ -236,6 +240,10 @@ class Event:
         What happened, where the kind does not say it all.
     branch, position : int, float
         Branch, and position on it in units of points (between points i and i + 1: i + 0.5).
+    mode : int or None
+        Number m of the azimuthal mode that changes stability (symmetry).
+    mode_shape : ModeShape or None
+        Gap and pressure of that mode.
     origin : object or None
         What `contbranch.follow` needs to follow the event; None for events read from a file.
     """
@@ -254,6 +262,8 @@ class Event:
     branch: int = 0
     position: float = 0.0
     origin: Any = field(default=None, repr=False, compare=False)
+    mode: int | None = None
+    mode_shape: ModeShape | None = field(default=None, repr=False, compare=False)
 
     @cached_property
     def exponent(self) -> Exponent | None:
@@ -274,6 +284,9 @@ class Branch:
         Error estimates of load and displacement at every point.
     unstable_spring : integer array (M,) or None
         Morse index under the control of the spring of the diagram, if it has one.
+    unstable_azimuthal : integer array (M,) or None
+        Number of unstable modes of all m ≥ 1 (see `State`), which can differ from zero only where
+        `unstable_displacement` does; None where it has not been examined.
     """
 
     load: Array
@@ -287,6 +300,7 @@ class Branch:
     displacement_error: Array
     profiles: Sequence[Profile | Callable[[], Profile]] = field(default=(), repr=False)
     unstable_spring: NDArray[np.int64] | None = None
+    unstable_azimuthal: NDArray[np.int64] | None = None
 
     def __len__(self) -> int:
         return len(self.load)
@@ -312,6 +326,7 @@ class Branch:
             error={"load": float(self.load_error[i]), "displacement": float(self.displacement_error[i])},
             profile=profile() if callable(profile) else profile,
             unstable_spring=None if self.unstable_spring is None else int(self.unstable_spring[i]),
+            unstable_azimuthal=0 if self.unstable_azimuthal is None else int(self.unstable_azimuthal[i]),
         )
 
     def unstable(self, control: str | Control) -> NDArray[np.int64]:

@@ -41,7 +41,7 @@ from contbranch.diagram import ModeShape
 from .equations import Equations, Fields, negative_eigenvalues, upper_times_lower
 from .modal import ModeSpace, inner_mode_pressure
 
-__all__ = ["Count", "CriticalMode", "critical_eigenvalue", "eigenvalues", "mode_shape", "settled", "unstable_count"]
+__all__ = ["Count", "CriticalMode", "counted", "critical_eigenvalue", "eigenvalues", "mode_shape", "settled", "unstable_count"]
 
 Array = NDArray[np.float64]
 
@@ -154,17 +154,48 @@ def unstable_count(equations: Equations, fields: Fields, m: int, finely: bool = 
     return negative_eigenvalues(matrix)
 
 
-def counted(equations: Equations, fields: Fields, unstable: int | None = None, limit: int = LARGEST_MODE) -> Count:
-    """n_1, n_2, … until the order in m settles the rest, or until `limit`."""
+def counted(
+    equations: Equations, fields: Fields, unstable: int | None = None, limit: int = LARGEST_MODE, near: int = 1
+) -> Count:
+    """n_1, n_2, … until the order in m settles the rest, or until `limit`.
+
+    Since n_m does not grow with m, equal numbers at two m hold between them, and few m are examined.
+
+    Parameters
+    ----------
+    unstable : int, optional
+        n_0, the index under displacement control, if it is known.
+    near : int
+        A guess of the last unstable m.
+    """
     if settled(equations, fields, unstable):
         return Count()
-    found: list[int] = []
-    for m in range(1, limit + 1):
-        number = unstable_count(equations, fields, m, finely=False)
-        if number == 0:
-            return Count(tuple(found))
-        found.append(number)
-    return Count(tuple(found), complete=False)
+    known: dict[int, int] = {}
+
+    def number(m: int) -> int:
+        if m not in known:
+            known[m] = unstable_count(equations, fields, m, finely=False)
+        return known[m]
+
+    if number(1) == 0:
+        return Count()
+    last, beyond = 1, min(max(near, 1) + 1, limit + 1)
+    if 1 < near <= limit and number(near):
+        last = near
+    while beyond <= limit and number(beyond):
+        last, beyond = beyond, min(beyond + max(1, beyond // 4), limit + 1)
+    while beyond - last > 1:  # the last unstable m lies between the two
+        middle = (last + beyond) // 2
+        last, beyond = (middle, beyond) if number(middle) else (last, middle)
+
+    def between(low: int, high: int) -> list[int]:
+        """n of low … high."""
+        if high - low < 2 or number(low) == number(high):
+            return [number(low)] * (high - low) + [number(high)] if high > low else [number(low)]
+        middle = (low + high) // 2
+        return between(low, middle)[:-1] + between(middle, high)
+
+    return Count(tuple(between(1, last)), complete=last < limit)
 
 
 def eigenvalues(equations: Equations, fields: Fields, m: int, count: int = 1) -> Array:

@@ -27,6 +27,7 @@ from .marks import Mark, confirmed, signs
 from .mesh import Mesh
 from .problem import COARSE, ContactProblem, ControlReached, FoldEvent, InadmissibleEvent, Resolution
 from .profile import profile_of
+from .symmetry import Breaking, merged, symmetry_breaking
 
 __all__ = ["Target", "Traced", "order_for", "trace"]
 
@@ -309,7 +310,13 @@ class _Located:
         events = [
             self._event(mark.row, mark.name, *found, indices) for mark, found in zip(self.marks, refined, strict=False)
         ]
+        breaking = Breaking()
+        if accuracy is not None:
+            breaking = symmetry_breaking(points, indices.displacement, accuracy)
+            events = merged(events, breaking.events)
         complete, message = self._outcome(contact)
+        if breaking.message:
+            complete, message = False, f"{message} {breaking.message}".strip()
         if complete and self._unstable_at_end() != indices.displacement_pieces[-1]:
             complete, message = (
                 False,
@@ -339,6 +346,7 @@ class _Located:
             Cost(0.0, 0),
             0,
             unstable_spring=indices.spring if "spring" in self.controls else None,
+            unstable_azimuthal=breaking.unstable if breaking.counts else None,
         )
         return curve, indices
 
