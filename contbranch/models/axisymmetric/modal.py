@@ -20,7 +20,7 @@ __all__ = ["ModeSpace", "inner_mode_pressure"]
 Array = NDArray[np.float64]
 Pairs = NDArray[np.intp]
 
-# Gauss nodes for the gap, a panel, beyond those of the mesh: the gap of single trial functions has half-order edges.
+# Gauss nodes for the gap, a panel, beyond those of the mesh.
 EXTRA = 6
 
 
@@ -37,7 +37,8 @@ class ModeSpace:
     radius : float
         a.
     rho, weights : array (M,)
-        ``√(r² − a²)`` and Gauss weights in rho, more of them than the mesh has nodes.
+        ``√(r² − a²)`` and weights of ∫ drho, more of them than the mesh has nodes. The gap of a trial function that
+        jumps between panels starts like the root of the distance from there, so the nodes are Gauss' in that root.
     stiffness : array (M,)
         v'' of the state at rho.
     """
@@ -56,9 +57,9 @@ class ModeSpace:
             return known
         mesh, a = equations.mesh, fields.rim.radius
         z, w = gauss(mesh.order + EXTRA)
-        centre = (mesh.edges[:-1] + mesh.edges[1:]) / 2
-        rho = (centre[:, None] + mesh.half[:, None] * z).ravel()
-        weights = (mesh.half[:, None] * w).ravel()
+        share, length = (z + 1) / 2, np.diff(mesh.edges)[:, None]
+        rho = (mesh.edges[:-1, None] + length * share**2).ravel()
+        weights = (length * share * w).ravel()
         profile = fields.h - fields.rim_value
         inner = inner_plane(mesh, a, rho, 0) @ (mesh.rule.to_even @ profile[: mesh.order])
         shape, _ = equations.tip.shape_gap(rho, a)
