@@ -442,6 +442,20 @@ class Diagram:
 
         save(self, path)
 
+    def plot_mode(self, event: Event) -> Figure:
+        """Draw the mode that changes stability at a symmetry event: gap and pressure over r, and the gap from above.
+
+        Raises
+        ------
+        InputError
+            If the event has no mode.
+        """
+        from contbranch.plot_modes import mode_figure
+
+        if event.mode_shape is None:
+            raise InputError(f"event: {event.kind} has no azimuthal mode; take a symmetry event")
+        return mode_figure(event.mode_shape, event.contact_radius, self.unit_names)
+
     def plot(self, x: str = "load", y: str = "contact_radius") -> Figure:
         """Draw observable `y` against `x` with dashed unstable parts and marked events."""
         from contbranch.plot import bifurcation_diagram
