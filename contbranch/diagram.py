@@ -148,7 +148,7 @@ class State:
         return int(_of_control(self, control))
 
     def stable(self, control: str | Control) -> bool:
-        """Whether the state is stable under ``"load"``, ``"displacement"`` or ``"spring"`` control, to modes of all m."""
+        """Whether the state is stable to all modes under ``"load"``, ``"displacement"`` or ``"spring"`` control."""
         return self.unstable(control) == 0 and self.unstable_azimuthal == 0
 
 

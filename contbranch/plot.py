@@ -22,7 +22,7 @@ from contbranch.plot_curve import Line, Piece, fine_profile, pieces, smooth_line
 from contbranch.plot_labels import place_labels
 from contbranch.plot_style import STYLE as _STYLE
 from contbranch.plot_style import new_figure as _figure
-from contbranch.plot_view import WIDTH, arrange_panels, axis_label, check_observables, view
+from contbranch.plot_view import arrange_panels, axis_label, check_observables, view
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -40,6 +40,8 @@ _SYMMETRY: Final = "#CC79A7"
 _MODES: Final = 6  # up to so many losses of symmetry are all labelled; of more, those of the least and the largest m
 _KNOWN: Final = 0.1  # local exponents with a larger error are not drawn
 _SERIES: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+
+
 def bifurcation_diagram(diagram: Diagram, x: str = "load", y: str = "contact_radius") -> Figure:
     """Draw `y` against `x`: solid where stable under the diagram's control, dashed where not, folds and touch marked.
 

@@ -84,7 +84,7 @@ def _reach(shape: ModeShape, contact_radius: float) -> float:
 
 def _profile(r: Array, values: Array, at: Array) -> Array:
     """Return a mode's profile between its radii; on the axis it vanishes, as all with m ≥ 1 do."""
-    start = 0.0 < r[0]
+    start = r[0] > 0.0
     known, height = (np.r_[0.0, r], np.r_[0.0, values]) if start else (r, values)
     return np.asarray(PchipInterpolator(known, height)(at))
 
@@ -106,7 +106,7 @@ def _draw_map(axes: Axes, shape: ModeShape, contact_radius: float, reach: float)
     figure = axes.get_figure(root=True)
     assert figure is not None
     bar = figure.colorbar(image, ax=axes, shrink=0.85, aspect=16, ticks=[-1, 0, 1], pad=0.04)
-    bar.outline.set_linewidth(0.5)  # type: ignore[operator]
+    bar.outline.set_linewidth(0.5)
     bar.ax.minorticks_off()
 
 

@@ -1,10 +1,10 @@
 """Azimuthal eigenvalues in real space: rings of pressure on a half space, with nothing of the Abel transform.
 
-A pressure p(r') cos mθ on a ring lifts the surface at r by ``C_m(r, r') p r' dr'``, with (E = 1, and x < y the two radii)
+A pressure p(r') cos mθ on a ring lifts the surface at r by ``C_m(r, r') p r' dr'``, with (E = 1, x < y the two radii)
 
     C_m = (1/π) ∮ cos mφ / |r − r'| dφ = 2 (1/2)_m/m! x^m/y^(m+1) ₂F₁(1/2, m + 1/2; m + 1; x²/y²),
 
-which is 2/(π √(xy)) Q_(m−1/2)((x² + y²)/2xy). In a contact disc the pressure cancels the displacement: it is eliminated.
+which is 2/(π √(xy)) Q_(m−1/2)((x² + y²)/2xy). In a contact disc the pressure cancels the displacement.
 """
 
 from __future__ import annotations

@@ -41,12 +41,21 @@ from contbranch.diagram import ModeShape
 from .equations import Equations, Fields, negative_eigenvalues, upper_times_lower
 from .modal import ModeSpace, inner_mode_pressure
 
-__all__ = ["Count", "CriticalMode", "counted", "critical_eigenvalue", "eigenvalues", "mode_shape", "settled", "unstable_count"]
+__all__ = [
+    "Count",
+    "CriticalMode",
+    "counted",
+    "critical_eigenvalue",
+    "eigenvalues",
+    "mode_shape",
+    "settled",
+    "unstable_count",
+]
 
 Array = NDArray[np.float64]
 
 # Largest mode number examined, where nothing settles the larger ones before.
-LARGEST_MODE = 64
+LARGEST_MODE = 32
 # The finer mesh has an error of its own.
 SAFETY = 3.0
 # Rounding of an eigenvalue, relative to the largest of the matrix.
@@ -137,8 +146,8 @@ def _has_supersolution(equations: Equations, fields: Fields, t: Array) -> bool:
 def unstable_count(equations: Equations, fields: Fields, m: int, finely: bool = True) -> int:
     """n_m: the number of eigenvalues of T_m above 1, by inertia.
 
-    The form is a sum of squares for v'' ≥ 0 on the trial functions (panel polynomials), so that a stiff film cannot look
-    unstable, however coarse the mesh.
+    For v'' ≥ 0 the form is a sum of squares on the trial functions (panel polynomials), so that a stiff film cannot
+    look unstable, however coarse the mesh.
 
     Parameters
     ----------

@@ -151,7 +151,7 @@ def outer_plane(mesh: Mesh, a: float, rho: Array, m: int) -> Array:
     blocks = matrix.reshape(len(rho), panels, n)
     blocks[~touched] = 0.0
     blocks[row, panel] = _near(mesh, a, rho[row], panel + 1, m)
-    return matrix
+    return np.asarray(matrix)
 
 
 def _near(mesh: Mesh, a: float, rho: Array, panel: Pairs, m: int) -> Array:

@@ -21,7 +21,8 @@ def piece_between(begin: Point, end: Point) -> tuple[Point, Point]:
     First touch is a row of the side without contact; towards the contact it is a point of the other side.
     """
     problem, other = begin.problem, end.problem
-    assert isinstance(problem, ContactProblem) and isinstance(other, ContactProblem)
+    assert isinstance(problem, ContactProblem)
+    assert isinstance(other, ContactProblem)
     if other.equations.contact and not problem.equations.contact:
         problem = problem.in_contact()
         tangent = problem.direction(begin.x, begin.parameter)
@@ -51,7 +52,5 @@ def zero_between(begin: Point, end: Point, event: Event, tolerance: float = 1e-8
     if (first > 0) == (last > 0):
         return place_of(begin if abs(first) < abs(last) else end)
     segment = Segment(begin, end, Metric(math.sqrt(problem.inner(end.x, end.x)) + problem.scale, 1.0))
-    share = find_root(
-        lambda s: event.value(point_on(segment, s, OPTIONS)[0]), (0.0, first), (1.0, last), tolerance
-    )
+    share = find_root(lambda s: event.value(point_on(segment, s, OPTIONS)[0]), (0.0, first), (1.0, last), tolerance)
     return place_of(point_on(segment, share, OPTIONS)[0])

@@ -1,8 +1,9 @@
 """Where on a traced curve azimuthal modes m ≥ 1 change stability.
 
-The numbers n_m of unstable modes (see `azimuthal`) are found at every row; where n_m differs between two neighbours, the
-eigenvalue of T_m that passes 1 is followed to the place where it does. First touch is a kink of the curve: the pieces on
-both sides of it belong to problems of their own. An eigenvalue that passes 1 twice between two rows is not seen.
+The numbers n_m of unstable modes (see `azimuthal`) are found at every row; where n_m differs between two neighbours,
+the eigenvalue of T_m that passes 1 is followed to the place where it does. First touch is a kink of the curve: the
+pieces on both sides of it belong to problems of their own. An eigenvalue that passes 1 twice between two rows is not
+seen.
 """
 
 from __future__ import annotations
@@ -67,12 +68,15 @@ class Breaking:
         Numbers of unstable modes at every row.
     events : tuple of RawEvent
         In the order in which they lie on the curve.
+    complete : bool
+        Whether every change of the numbers was located.
     message : str
-        Empty, or why something is missing.
+        Empty, or what is missing.
     """
 
     counts: tuple[Count, ...] = ()
     events: tuple[RawEvent, ...] = ()
+    complete: bool = True
     message: str = ""
 
     @property
@@ -86,7 +90,7 @@ def symmetry_breaking(
     unstable: Sequence[int] | Integers,
     accuracy: float,
     largest_mode: int = LARGEST_MODE,
-    progress: Callable[[str], None] | None = None,
+    progress: Callable[[float, str], None] | None = None,
 ) -> Breaking:
     """Numbers of unstable azimuthal modes along a curve, and the events at which they change.
 
@@ -100,9 +104,11 @@ def symmetry_breaking(
         Error allowed to the events, relative to max(1, |value|).
     largest_mode : int
         m is examined up to here where nothing settles the rest before.
+    progress : callable, optional
+        Called with the fraction done (a guess) and what is being done.
     """
     counts: list[Count] = []
-    for point, index in zip(points, unstable, strict=True):
+    for point, index in zip(points, unstable, strict=False):
         problem = point.problem
         assert isinstance(problem, ContactProblem)
         fields = problem.fields(point.x, point.parameter)
@@ -113,7 +119,7 @@ def symmetry_breaking(
     for row, (here, there) in enumerate(pairwise(counts)):
         for event in _changes(here, there):
             if progress is not None:
-                progress(f"locating the loss of symmetry, m = {event.mode}")
+                progress(0.98, f"locating the loss of symmetry, m = {event.mode}")
             try:
                 found.append(_located(points, row, event, accuracy, there.of(event.mode) > here.of(event.mode)))
             except CorrectionError:
@@ -124,7 +130,7 @@ def symmetry_breaking(
         notes.append(f"Azimuthal modes above m = {largest_mode} were not examined, and some are unstable.")
     if lost:
         notes.append(f"{lost} symmetry events could not be located: the curve cannot be followed there.")
-    return Breaking(tuple(counts), tuple(event for _, event in found), " ".join(notes))
+    return Breaking(tuple(counts), tuple(event for _, event in found), not lost, " ".join(notes))
 
 
 def critical_at(

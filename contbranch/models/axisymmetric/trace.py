@@ -20,6 +20,7 @@ from contbranch.errors import InputError
 from contbranch.models.outcome import RawCurve, RawEvent
 
 from .adapt import start_edges
+from .azimuthal import LARGEST_MODE
 from .critical import critical_exponent, sampled_exponent
 from .equations import ContactCoordinate, Equations
 from .locate import Place, Values, refine
@@ -164,6 +165,7 @@ def trace(
     progress: Progress | None = None,
     events: bool = True,
     control: Control = LOAD,
+    modes: int = LARGEST_MODE,
 ) -> Traced:
     """Follow a reduced contact's curve and locate its events.
 
@@ -180,6 +182,8 @@ def trace(
         Whether events are made precise; without, the result has none, and its rows are as accurate as the trace.
     control : Control
         A spring (reduced units), whose folds are located besides those of load and displacement.
+    modes : int
+        Largest azimuthal mode number examined where events are located; 0: none.
     """
     began = time.perf_counter()
     controls = (LOAD, DISPLACEMENT, *((control,) if control.kind == "spring" else ()))
@@ -192,7 +196,7 @@ def trace(
         except Exception as error:  # a law written by the user may raise anything; its text is kept
             return _nothing(f"The interaction cannot be evaluated far away: {type(error).__name__}: {error}")
         located = _Located(*_legs(problem, u, target, controls, progress, COARSE if events else FINE), controls)
-        raw, indices = located.raw(contact, accuracy if events else None, progress)
+        raw, indices = located.raw(contact, accuracy if events else None, progress, modes)
     cost = Cost(time.perf_counter() - began, problem.resolution.newton)
     return Traced(located.points, replace(raw, cost=cost, unknowns=problem.resolution.unknowns), indices, controls)
 
@@ -287,7 +291,9 @@ class _Located:
         ]
         self.marks = confirmed(self.points, marks, controls)
 
-    def raw(self, contact: Contact, accuracy: float | None, progress: Progress | None) -> tuple[RawCurve, Indices]:
+    def raw(
+        self, contact: Contact, accuracy: float | None, progress: Progress | None, modes: int
+    ) -> tuple[RawCurve, Indices]:
         """Arrays and events."""
         points = self.points
         columns = {
@@ -311,12 +317,11 @@ class _Located:
             self._event(mark.row, mark.name, *found, indices) for mark, found in zip(self.marks, refined, strict=False)
         ]
         breaking = Breaking()
-        if accuracy is not None:
-            breaking = symmetry_breaking(points, indices.displacement, accuracy)
+        if accuracy is not None and modes:
+            breaking = symmetry_breaking(points, indices.displacement, accuracy, modes, progress)
             events = merged(events, breaking.events)
         complete, message = self._outcome(contact)
-        if breaking.message:
-            complete, message = False, f"{message} {breaking.message}".strip()
+        complete, message = complete and breaking.complete, f"{message} {breaking.message}".strip()
         if complete and self._unstable_at_end() != indices.displacement_pieces[-1]:
             complete, message = (
                 False,
