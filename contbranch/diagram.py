@@ -287,6 +287,8 @@ class Branch:
     unstable_azimuthal : integer array (M,) or None
         Number of unstable modes of all m ≥ 1 (see `State`), which can differ from zero only where
         `unstable_displacement` does; None where it has not been examined.
+    critical : array (M,), callable or None
+        The critical eigenvalue, or what computes it: ask for it as ``branch.critical_eigenvalue``.
     """
 
     load: Array
@@ -301,6 +303,7 @@ class Branch:
     profiles: Sequence[Profile | Callable[[], Profile]] = field(default=(), repr=False)
     unstable_spring: NDArray[np.int64] | None = None
     unstable_azimuthal: NDArray[np.int64] | None = None
+    critical: Array | Callable[[], Array] | None = field(default=None, repr=False)
 
     def __len__(self) -> int:
         return len(self.load)
@@ -308,8 +311,19 @@ class Branch:
     @property
     def columns(self) -> dict[str, NDArray[Any]]:
         """The arrays by name, those that the branch has."""
-        found = {item.name: getattr(self, item.name) for item in fields(self) if item.name != "profiles"}
+        found = {
+            item.name: getattr(self, item.name) for item in fields(self) if item.name not in ("profiles", "critical")
+        }
         return {name: values for name, values in found.items() if values is not None}
+
+    @cached_property
+    def critical_eigenvalue(self) -> Array | None:
+        """Largest eigenvalue of the azimuthal modes at every point, (M,); computed when asked for, None where unknown.
+
+        It is that of m = 1, which is the largest of all m ≥ 1; a state is stable to all of them if and only if it is
+        below 1.
+        """
+        return self.critical() if callable(self.critical) else self.critical
 
     def state(self, i: int) -> State:
         """Point `i` with its profile: r, gap, pressure and wall_pressure."""

@@ -42,6 +42,7 @@ VERSION: Final = 1
 
 _CURVE: Final = (*OBSERVABLES, "energy", "load_error", "displacement_error")
 _INDICES: Final = ("unstable_load", "unstable_displacement")
+_CRITICAL: Final = "critical_eigenvalue"
 _OPTIONAL: Final = ("unstable_spring", "unstable_azimuthal")
 _PROFILE: Final = ("r", "gap", "pressure", "wall_pressure")
 _LOCAL: Final = ("excess", "order_parameter", "kappa", "error")
@@ -60,8 +61,8 @@ _UNIT: Final = {  # where it is not the unit of the same name
 def save(diagram: Diagram, path: str | Path) -> None:
     """Write a diagram to an HDF5 file, which replaces `path` only when it is complete.
 
-    Local exponents are computed and stored for every fold and touch that has one, and gap and pressure profiles for
-    every point that has them, so that a loaded diagram answers what the present one does.
+    Local exponents are computed and stored for every fold and touch that has one, gap and pressure profiles for every
+    point that has them, and the critical eigenvalue of azimuthal modes, so that a loaded diagram answers what the present one does.
 
     Raises
     ------
@@ -207,7 +208,7 @@ def _write_arrays(group: h5py.Group, source: object, columns: Sequence[str], nam
 
 
 def _write_branch(group: h5py.Group, branch: Branch, names: Mapping[str, str]) -> None:
-    optional = [name for name in _OPTIONAL if getattr(branch, name) is not None]
+    optional = [name for name in (*_OPTIONAL, _CRITICAL) if getattr(branch, name) is not None]
     _write_arrays(group, branch, (*_CURVE, *_INDICES, *optional), names)
     profiles = [profile() if callable(profile) else profile for profile in branch.profiles]
     if not profiles:
@@ -311,7 +312,8 @@ def _read_branch(group: h5py.Group) -> Branch:
         fields = _arrays(group["profiles"], _PROFILE)
         offsets = group["profiles"]["offsets"][()]
         profiles = tuple(Profile(*(array[i:j] for array in fields)) for i, j in pairwise(offsets))
-    return Branch(**columns, profiles=profiles)
+    critical = np.asarray(group[_CRITICAL][()], dtype=np.float64) if _CRITICAL in group else None
+    return Branch(**columns, profiles=profiles, critical=critical)
 
 
 def _read_events(group: h5py.Group, shapes: Mapping[str, h5py.Group]) -> tuple[Event, ...]:

@@ -97,6 +97,7 @@ class RawCurve:
     unknowns: int
     unstable_spring: Integers | None = None
     unstable_azimuthal: Integers | None = None
+    critical: Callable[[], Array] | None = None
     extra: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -211,6 +212,7 @@ def assemble(contact: Contact, curve: RawCurve, choice: ModelChoice, control: Co
         [lambda source=source: scaling.profile(source()) for source in curve.profiles],  # type: ignore[misc]
         curve.unstable_spring,
         curve.unstable_azimuthal,
+        curve.critical,
     )
     terms = contact.interaction.terms if contact.interaction is not None else ()
     repulsive = bool(terms) and all(term.work_of_adhesion < 0 for term in terms)

@@ -80,6 +80,12 @@ class Rings:
         return np.asarray(total @ self.inverse)
 
 
+def disc_rings(a: float) -> Rings:
+    """Rings inside a contact; their nodal values are s times the pressure, ``s = √(1 − r²/a²)``, smooth at the rim."""
+    edges = np.concatenate([[0.0], 0.3 ** np.arange(6, 0, -1), [0.6, 0.85, 1.0]])
+    return Rings(edges, lambda s: a * np.sqrt(np.maximum(1 - s * s, 0.0)), lambda s: np.full_like(s, a * a))
+
+
 def ring_eigenvalues(m: int, a: float, edges: Array, stiffness: Callable[[Array], Array]) -> Array:
     """Eigenvalues λ of ``C k η = λ η`` outside a contact disc of radius a, k = −stiffness(rho), in decreasing order.
 
@@ -90,9 +96,7 @@ def ring_eigenvalues(m: int, a: float, edges: Array, stiffness: Callable[[Array]
         matrix = free.compliance(m, free.r, free.s, 0.0)
     else:
         free = Rings(edges, lambda s: np.sqrt(a * a + s * s), lambda s: s)
-        # r = a √(1 − s²): the rim's pressure ~ 1/s times r dr = a² s ds is smooth.
-        graded = np.concatenate([[0.0], 0.3 ** np.arange(6, 0, -1), [0.6, 0.85, 1.0]])
-        disc = Rings(graded, lambda s: a * np.sqrt(np.maximum(1 - s * s, 0.0)), lambda s: np.full_like(s, a * a))
+        disc = disc_rings(a)
         inside = disc.compliance(m, disc.r, disc.s, 0.0)
         on_free = disc.compliance(m, free.r, None, 0.0)
         on_disc = free.compliance(m, disc.r, None, 0.0)

@@ -92,6 +92,13 @@ class ModeSpace:
         values = inner @ chebyshev_values(mesh.rule.even_order, local)
         return t, np.concatenate([values * (t[: mesh.order] / mesh.innermost) ** (m % 2), outer])
 
+    def vector(self, m: int, values: Array) -> Array:
+        """Components of a function with nodal `values`, (N,): the inverse of `nodal`."""
+        n, mesh = self.mesh.order, self.mesh
+        t = np.hypot(self.radius, mesh.nodes[:n])
+        inner = mesh.rule.to_even @ (values[:n] / (t / mesh.innermost) ** (m % 2))
+        return np.concatenate([self._factor(m).T @ inner, values[n:] * np.sqrt(self._outer_weights())])
+
     def _outer_weights(self) -> Array:
         """Weights of ∫ dt on all panels but the innermost."""
         n, mesh = self.mesh.order, self.mesh

@@ -23,7 +23,7 @@ from .locate import Place, locate, refine
 from .piece import piece_between, place_of, zero_between
 from .problem import COARSE, ContactProblem
 
-__all__ = ["Breaking", "SymmetryEvent", "critical_at", "merged", "symmetry_breaking"]
+__all__ = ["Breaking", "SymmetryEvent", "critical_at", "critical_eigenvalues", "merged", "symmetry_breaking"]
 
 Integers = NDArray[np.int64]
 
@@ -150,6 +150,21 @@ def critical_at(
         problem, x = problem.on(problem.equations.mesh.finer, x, u)
     assert best is not None
     return best
+
+
+def critical_eigenvalues(points: Sequence[Point]) -> NDArray[np.float64]:
+    """Largest eigenvalue of all m ≥ 1, which is that of m = 1, at every row, (M,), as exact as the rows' meshes.
+
+    Zero, to which the eigenvalues of T_m accumulate, where the interaction stiffens everywhere.
+    """
+    found = np.zeros(len(points))
+    for row, point in enumerate(points):
+        problem = point.problem
+        assert isinstance(problem, ContactProblem)
+        fields = problem.fields(point.x, point.parameter)
+        if bool((fields.stiffness < 0).any()):
+            found[row] = max(0.0, float(eigenvalues(problem.equations, fields, 1)[0]))
+    return found
 
 
 def merged(events: Sequence[RawEvent], others: Sequence[RawEvent]) -> list[RawEvent]:

@@ -28,7 +28,7 @@ from .marks import Mark, confirmed, signs
 from .mesh import Mesh
 from .problem import COARSE, ContactProblem, ControlReached, FoldEvent, InadmissibleEvent, Resolution
 from .profile import profile_of
-from .symmetry import Breaking, merged, symmetry_breaking
+from .symmetry import Breaking, critical_eigenvalues, merged, symmetry_breaking
 
 __all__ = ["Target", "Traced", "order_for", "trace"]
 
@@ -352,6 +352,7 @@ class _Located:
             0,
             unstable_spring=indices.spring if "spring" in self.controls else None,
             unstable_azimuthal=breaking.unstable if breaking.counts else None,
+            critical=lambda: critical_eigenvalues(points),
         )
         return curve, indices
 
