@@ -62,7 +62,8 @@ def save(diagram: Diagram, path: str | Path) -> None:
     """Write a diagram to an HDF5 file, which replaces `path` only when it is complete.
 
     Local exponents are computed and stored for every fold and touch that has one, gap and pressure profiles for every
-    point that has them, and the critical eigenvalue of azimuthal modes, so that a loaded diagram answers what the present one does.
+    point that has them, and the critical eigenvalue of azimuthal modes, so that a loaded diagram answers what the
+    present one does.
 
     Raises
     ------
