@@ -196,12 +196,13 @@ def _located(
     share = (place.u - begin.parameter) / (end.parameter - begin.parameter)
     position = row + min(1.0, max(0.0, share))
     kind = "lost" if lost else "regained"
+    load, displacement, radius, gap = (float(error) for error in values.error)
     message = f"Stability to variations cos({event.mode}θ) is {kind} along the curve."
     return position, RawEvent(
         "symmetry",
         row,
         values.numbers,
-        values.error,
+        (load, displacement, radius, gap),
         message=message,
         place=place,
         position=position,
