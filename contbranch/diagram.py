@@ -96,7 +96,7 @@ class State:
         Morse index under the control of a spring, where one was asked for.
     unstable_azimuthal : int
         Number of unstable modes that break the axial symmetry, cos mθ and sin mθ of each m ≥ 1 together counted as one.
-        They do not depend on the control.
+        They do not depend on the control. Modes up to m = 32 are counted (a trace: up to its `modes`).
     """
 
     load: float

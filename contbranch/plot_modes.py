@@ -9,7 +9,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
+from scipy.interpolate import Akima1DInterpolator
 
 from contbranch.plot_style import BLUE, GREY, ORANGE, STYLE, new_figure
 from contbranch.plot_view import axis_label
@@ -24,6 +24,8 @@ __all__ = ["mode_figure"]
 Array = NDArray[np.float64]
 
 _FAINT: Final = 0.03  # the mode is shown out to where its gap, or its pressure, falls below this part of its largest
+_NAMED: Final = 0.1  # a contact of at least this part of what is shown has its radius named
+_WIDE: Final = 0.2  # and of this part its disc
 _AROUND: Final = 361  # angles of the map
 _ACROSS: Final = 241  # and radii
 _RIM: Final = 0.97  # pressures nearer to the rim, in units of its radius, do not set the scale: they have no bound
@@ -51,8 +53,8 @@ def mode_figure(shape: ModeShape, contact_radius: float = 0.0, unit_names: Mappi
         gap.plot(r, _profile(shape.r, shape.gap, r), color=BLUE)
         gap.set_ylabel(r"$\delta g\,/\,\max|\delta g|$")
         _draw_pressure(pressure, shape, contact_radius, r)
-        unit = f"{names['pressure']}/{names['displacement']}" if "pressure" in names else ""
-        pressure.set_ylabel(r"$\delta p\,/\,\max|\delta g|$" + (f" ({unit})" if unit else ""))
+        unit = f"{names['pressure']} per {names['displacement']}" if "pressure" in names else ""
+        pressure.set_ylabel(r"$\delta p\,/\,\max|\delta g|$" + (f"\n({unit})" if unit else ""))
         pressure.set_xlabel(axis_label("r", names, False))
         gap.tick_params(labelbottom=False)
         for axes in (gap, pressure):
@@ -60,7 +62,7 @@ def mode_figure(shape: ModeShape, contact_radius: float = 0.0, unit_names: Mappi
             axes.set_xlim(0.0, reach)
             if contact_radius > 0.0:
                 axes.axvline(contact_radius, color=GREY, linewidth=0.6, linestyle=":", zorder=0)
-        if contact_radius > 0.0:
+        if contact_radius > _NAMED * reach:
             gap.annotate(
                 "$a_c$", (contact_radius, 1.0), (-3.0, -3.0), xycoords=gap.get_xaxis_transform(),
                 textcoords="offset points", va="top", ha="right", color=GREY,
@@ -83,10 +85,10 @@ def _reach(shape: ModeShape, contact_radius: float) -> float:
 
 
 def _profile(r: Array, values: Array, at: Array) -> Array:
-    """Return a mode's profile between its radii; on the axis it vanishes, as all with m ≥ 1 do."""
-    start = r[0] > 0.0
-    known, height = (np.r_[0.0, r], np.r_[0.0, values]) if start else (r, values)
-    return np.asarray(PchipInterpolator(known, height)(at))
+    """Return a mode's profile between its radii; up to the first it rises from zero on the axis."""
+    if at[0] < r[0]:
+        r, values = np.concatenate([[0.0], r]), np.concatenate([[0.0], values])
+    return np.asarray(Akima1DInterpolator(r, values)(at))
 
 
 def _draw_map(axes: Axes, shape: ModeShape, contact_radius: float, reach: float) -> None:
@@ -99,7 +101,8 @@ def _draw_map(axes: Axes, shape: ModeShape, contact_radius: float, reach: float)
     if contact_radius > 0.0:
         axes.fill(contact_radius * np.cos(turn), contact_radius * np.sin(turn), facecolor="#D9D9D9", edgecolor=GREY,
                   linewidth=0.6)  # fmt: skip
-        axes.annotate("contact", (0.0, 0.0), ha="center", va="center", color=GREY, fontsize=7.0)
+        if contact_radius > _WIDE * reach:
+            axes.annotate("contact", (0.0, 0.0), ha="center", va="center", color=GREY, fontsize=7.0)
     axes.set_aspect("equal")
     axes.set_axis_off()
     axes.set_title(rf"$\delta g = \eta(r)\,\cos\,{shape.mode if shape.mode > 1 else ''}\theta$", fontsize=8.5, pad=3.0)
@@ -117,7 +120,9 @@ def _draw_pressure(axes: Axes, shape: ModeShape, contact_radius: float, r: Array
         return
     inside = shape.r < contact_radius
     axes.plot(shape.r[inside], shape.pressure[inside], color=ORANGE, linestyle="--", label="wall")
-    axes.plot(shape.r[~inside], shape.pressure[~inside], color=ORANGE, label="interaction")
+    beyond = np.concatenate([shape.r[~inside][:1], r[r > shape.r[~inside][0]]])
+    outer = _profile(shape.r[~inside], shape.pressure[~inside], beyond)
+    axes.plot(beyond, outer, color=ORANGE, label="interaction")
     bounded = shape.pressure[~inside | (shape.r < _RIM * contact_radius)]
     low, high = min(0.0, float(bounded.min())), max(0.0, float(bounded.max()))
     margin = 0.15 * (high - low)

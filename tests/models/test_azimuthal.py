@@ -21,6 +21,7 @@ from contbranch.models.axisymmetric.azimuthal import (
 from contbranch.models.axisymmetric.modal import ModeSpace, inner_mode_pressure
 from contbranch.models.axisymmetric.symmetry import critical_at
 from contbranch.models.axisymmetric.trace import Target, trace
+from contbranch.plot_modes import mode_figure
 
 TABOR = 2.0
 
@@ -275,6 +276,10 @@ def test_results_carry_modes(cascade, tmp_path):
     np.testing.assert_array_equal(critical, diagram.branches[0].critical_eigenvalue)
     np.testing.assert_array_equal(critical > 1, diagram.branches[0].unstable_azimuthal > 0)
 
+    physical = mode_figure(again.mode_shape, 0.3, {"pressure": "GPa", "displacement": "nm", "radius": "nm"})
+    labels = " ".join(axes.get_ylabel() + axes.get_xlabel() for axes in physical.axes)
+    assert "GPa per nm" in labels
+    assert "Radius $r$ (nm)" in labels
     figure = loaded.plot_mode(again)
     assert [axes.get_xlabel() for axes in figure.axes if axes.get_xlabel()] == ["Radius $r$"]
     texts = {text.get_text() for text in loaded.plot("displacement", "load").axes[0].texts}
