@@ -19,6 +19,7 @@ VERSION: Final = 1
 
 _OBSERVABLES: Final = ("load", "displacement", "contact_radius", "central_gap")
 _INDICES: Final = ("unstable_load", "unstable_displacement")
+_OPTIONAL: Final = ("unstable_spring", "unstable_azimuthal")
 _COLUMNS: Final = (*_OBSERVABLES, "energy", *_INDICES, "load_error", "displacement_error")
 
 
@@ -27,7 +28,8 @@ def diagram_document(diagram: Diagram) -> dict[str, Any]:
 
     Numbers are in the contact's units (`units`, `unit_names`); NaN and infinity become None. Besides what the format
     requires, branches have `load_error` and `displacement_error`, exponents `prefactor` and `order_parameter`, and
-    events `stiffness`, `message`, `branch` and `position`.
+    events `stiffness`, `mode`, `message`, `branch` and `position`. Branches have `unstable_spring` and
+    `unstable_azimuthal` where these are known.
     """
     return {
         "format": "contbranch-diagram",
@@ -113,10 +115,9 @@ def _cost(cost: Cost) -> dict[str, Any]:
 
 
 def _branch(branch: Branch) -> dict[str, list[Any]]:
-    columns = {name: _numbers(getattr(branch, name)) for name in _COLUMNS}
-    return (
-        columns if branch.unstable_spring is None else columns | {"unstable_spring": _numbers(branch.unstable_spring)}
-    )
+    optional = {name: getattr(branch, name) for name in _OPTIONAL}
+    columns = {name: getattr(branch, name) for name in _COLUMNS}
+    return {name: _numbers(values) for name, values in (columns | optional).items() if values is not None}
 
 
 def _observables(state: State | Event) -> dict[str, Any]:
@@ -133,6 +134,7 @@ def _event(event: Event) -> dict[str, Any]:
         **_observables(event),
         "exponent": _exponent(event.exponent),
         "stiffness": _number(event.stiffness),
+        "mode": event.mode,
         "message": event.message,
         "branch": event.branch,
         "position": _number(event.position),
@@ -170,5 +172,6 @@ def _state(state: State) -> dict[str, Any]:
         "unstable_load": int(state.unstable_load),
         "unstable_displacement": int(state.unstable_displacement),
         **({} if state.unstable_spring is None else {"unstable_spring": int(state.unstable_spring)}),
+        "unstable_azimuthal": int(state.unstable_azimuthal),
         "residual": _number(state.residual),
     }

@@ -98,14 +98,14 @@ def view(diagram: Diagram, lines: Sequence[Line], x: str, y: str) -> Limits | No
 
 
 def _positions(diagram: Diagram, number: int) -> list[float]:
-    """Return the positions of folds and touches on a branch."""
-    return [e.position for e in diagram.events if e.branch == number and e.kind in ("fold", "touch")]
+    """Return the positions of folds, touches and losses of symmetry on a branch."""
+    return [e.position for e in diagram.events if e.branch == number and e.kind in ("fold", "touch", "symmetry")]
 
 
 def _event_values(diagram: Diagram, name: str) -> list[float]:
     if name == "energy":
         return []
-    return [getattr(e, name) for e in diagram.events if e.kind in ("fold", "touch")]
+    return [getattr(e, name) for e in diagram.events if e.kind in ("fold", "touch", "symmetry")]
 
 
 def _window(diagram: Diagram, lines: Sequence[Line], name: str) -> tuple[float, float]:

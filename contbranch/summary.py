@@ -142,7 +142,7 @@ def _headings(units: Mapping[str, str]) -> list[str]:
 
 def _title(event: Event) -> str:
     """Return what an event is called in a table."""
-    kind = "first touch" if event.kind == "touch" else event.kind
+    kind = {"touch": "first touch", "symmetry": f"symmetry m = {event.mode}"}.get(event.kind, event.kind)
     return f"{kind} {event.name}" if event.name else kind
 
 

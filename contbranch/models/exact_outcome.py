@@ -57,6 +57,8 @@ def exact_outcome(curve: ExactCurve, max_load: float | None, control: Control = 
         Cost(time.perf_counter() - began, 0),
         1,
         unstable_spring=None if stiffness is None else curve.unstable_spring(states, stiffness),
+        # The gap of a parabola under attraction grows with the radius: no azimuthal mode is unstable (see `azimuthal`).
+        unstable_azimuthal=np.zeros_like(states.unstable_displacement),
     )
 
 

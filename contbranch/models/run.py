@@ -34,6 +34,7 @@ def trace(
     max_load: float | None = None,
     model: str | Model = "auto",
     progress: Progress | None = None,
+    modes: int = 32,
 ) -> Diagram:
     """Trace the whole curve of equilibria of a contact, stable and unstable, and locate its events.
 
@@ -52,6 +53,9 @@ def trace(
         ``"auto"``, ``"exact"``, ``"axisymmetric"``, or an object such as ``cb.Exact()``.
     progress : callable, optional
         Called as ``progress(fraction, text)`` now and then.
+    modes : int
+        Azimuthal modes cos mθ are examined from m = 1 up to here at most, fewer where the rest is known to be stable;
+        0: none, and no ``unstable_azimuthal``.
 
     Returns
     -------
@@ -67,12 +71,14 @@ def trace(
     driven = check(contact, control, accuracy)
     reduced = driven.scaled(contact.scales.stiffness)
     chosen, why = choose(contact, model)
+    if not isinstance(modes, int) or modes < 0:
+        raise InputError(f"modes: {modes!r}; must be a whole number, zero or greater")
     limit = None if max_load is None else positive_number(max_load, "max_load") / contact.scales.load
     if isinstance(chosen, Exact):
         curve = chosen.curve(contact)
         raw = exact_outcome(curve, limit, reduced)
     else:
-        raw = chosen.trace(contact.to_reduced(), accuracy, limit, progress, reduced)
+        raw = chosen.trace(contact.to_reduced(), accuracy, limit, progress, reduced, modes)
     return assemble(contact, raw, ModelChoice(chosen.name, why, raw.unknowns), driven, accuracy)  # type: ignore[arg-type]
 
 

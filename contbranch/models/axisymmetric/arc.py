@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 
@@ -16,9 +15,10 @@ from contbranch.continuation.segment import Segment
 from contbranch.continuation.walk import point_on
 
 from .locate import OPTIONS
+from .piece import piece_between
 from .problem import ContactProblem
 
-__all__ = ["on_one_mesh", "points_between", "work_along"]
+__all__ = ["points_between", "work_along"]
 
 Array = NDArray[np.float64]
 
@@ -42,46 +42,6 @@ def lobatto(count: int) -> tuple[Array, Array, Array]:
     return x, moments @ inverse, slopes @ inverse
 
 
-def on_one_mesh(begin: Point, end: Point) -> tuple[Point, Point]:
-    """Two neighbouring points of a curve as points of one problem: that of the first, on the second's side of touch."""
-    problem = begin.problem
-    other = end.problem
-    assert isinstance(problem, ContactProblem)
-    assert isinstance(other, ContactProblem)
-    contact = problem.equations.contact or other.equations.contact
-    if contact and not problem.equations.contact:
-        # From first touch into contact: the row belongs to the side without.
-        begin = _touching(begin, problem.in_contact())
-    if contact and not other.equations.contact:
-        end = _touching(end, other.in_contact())
-    problem, other = begin.problem, end.problem
-    assert isinstance(problem, ContactProblem)
-    assert isinstance(other, ContactProblem)
-    mesh, there = problem.equations.mesh, other.equations.mesh
-    if there is not mesh:
-        x = problem.solve_at(there.interpolate(end.x, mesh.nodes), end.parameter)
-        end = replace(end, x=x, tangent_x=there.interpolate(end.tangent_x, mesh.nodes))
-    end = replace(end, problem=problem)
-    return _along(begin, begin, end), _along(end, begin, end)
-
-
-def _touching(point: Point, problem: ContactProblem) -> Point:
-    """A point at first touch as one of the side in contact."""
-    tangent = problem.direction(point.x, point.parameter)
-    return replace(point, problem=problem, tangent_x=tangent[0], tangent_parameter=tangent[1])
-
-
-def _along(point: Point, begin: Point, end: Point) -> Point:
-    """The point with its tangent towards the end of the piece."""
-    problem = begin.problem
-    ahead = problem.inner(end.x - begin.x, point.tangent_x)
-    size = math.sqrt(problem.inner(end.x, end.x)) + 1e-300
-    ahead += size * size * (end.parameter - begin.parameter) * point.tangent_parameter
-    return (
-        point if ahead >= 0 else replace(point, tangent_x=-point.tangent_x, tangent_parameter=-point.tangent_parameter)
-    )
-
-
 def work_along(points: Sequence[Point], tolerance: float) -> float:
     """∫ F dd over the pieces of curve between consecutive points, reduced units.
 
@@ -97,7 +57,7 @@ def work_along(points: Sequence[Point], tolerance: float) -> float:
     parts: list[float] = []
     last: float | None = None
     for begin, end in pairwise(points):
-        piece = _Piece(*on_one_mesh(begin, end))
+        piece = _Piece(*piece_between(begin, end))
         parts.append(piece.work(tolerance))
         first, load = piece.value(0.0)
         if last is not None:
@@ -108,7 +68,7 @@ def work_along(points: Sequence[Point], tolerance: float) -> float:
 
 def points_between(begin: Point, end: Point, count: int) -> list[Point]:
     """Points of the curve between two neighbouring ones, without observables."""
-    piece = _Piece(*on_one_mesh(begin, end))
+    piece = _Piece(*piece_between(begin, end))
     return [piece.point((k + 1) / (count + 1)) for k in range(count)]
 
 

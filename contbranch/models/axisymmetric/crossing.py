@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from contbranch.continuation import Metric, find_root
-from contbranch.continuation.segment import Segment
-from contbranch.continuation.walk import point_on
 from contbranch.control import Control
 from contbranch.diagram import State
 
-from .arc import on_one_mesh
-from .locate import OPTIONS, SAFETY, Place, Values, refine
+from .azimuthal import counted
+from .locate import SAFETY, Place, Values, refine
+from .piece import piece_between, zero_between
 from .problem import ContactProblem, ControlReached
 from .profile import profile_of
 from .trace import Traced
@@ -91,6 +88,7 @@ def state_at(traced: Traced, crossing: Crossing, given: dict[str, float] | None 
         residual=float(np.abs(fields.residual).max() / max(1e-300, np.abs(fields.h).max())) if fields.h.any() else 0.0,
         error=errors,
         profile=profile_of(place.problem.equations, fields),
+        unstable_azimuthal=counted(place.problem.equations, fields, int(indices.displacement_pieces[piece])).total,
     )
 
 
@@ -114,19 +112,12 @@ def energy_at(crossing: Crossing) -> tuple[float, float]:
 
 def _between(traced: Traced, piece: int, event: ControlReached | None, value: float) -> Place:
     """A place on the piece of curve between two rows: where the event vanishes, or with a given contact radius."""
-    begin, end = on_one_mesh(traced.points[piece], traced.points[piece + 1])
+    begin, end = piece_between(traced.points[piece], traced.points[piece + 1])
+    if event is not None:
+        return zero_between(begin, end, event)
     problem = begin.problem
     assert isinstance(problem, ContactProblem)
-    if event is None:
-        u = problem.parameter(problem.equations.coordinate.of(value, 0.0))
-        share = (u - begin.parameter) / (end.parameter - begin.parameter)
-        x = problem.solve_at(begin.x + share * (end.x - begin.x), u)
-        return Place(problem, x, u, problem.direction(x, u))
-    segment = Segment(begin, end, Metric(math.sqrt(problem.inner(end.x, end.x)) + problem.scale, 1.0))
-    first, last = event.value(begin), event.value(end)
-    if (first > 0) == (last > 0):  # decided by the difference between two meshes
-        nearer = begin if abs(first) < abs(last) else end
-        return Place(problem, nearer.x, nearer.parameter, (nearer.tangent_x, nearer.tangent_parameter))
-    theta = find_root(lambda t: event.value(point_on(segment, t, OPTIONS)[0]), (0.0, first), (1.0, last), 1e-8)
-    point, _ = point_on(segment, theta, OPTIONS)
-    return Place(problem, point.x, point.parameter, (point.tangent_x, point.tangent_parameter))
+    u = problem.parameter(problem.equations.coordinate.of(value, 0.0))
+    share = (u - begin.parameter) / (end.parameter - begin.parameter)
+    x = problem.solve_at(begin.x + share * (end.x - begin.x), u)
+    return Place(problem, x, u, problem.direction(x, u))

@@ -12,6 +12,7 @@ from contbranch.diagram import State
 from contbranch.interactions import MaugisDugdale
 from contbranch.models.outcome import RawCurve
 
+from .azimuthal import LARGEST_MODE
 from .solve import solve_all
 from .trace import Target, trace
 
@@ -49,9 +50,10 @@ class Axisymmetric:
         max_load: float | None,
         progress: Progress | None = None,
         control: Control = LOAD,
+        modes: int = LARGEST_MODE,
     ) -> RawCurve:
         """The whole curve of a reduced contact."""
-        return trace(contact, accuracy, Target(max_load), progress, control=control).curve
+        return trace(contact, accuracy, Target(max_load), progress, control=control, modes=modes).curve
 
     def solve(
         self,

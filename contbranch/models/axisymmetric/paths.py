@@ -169,7 +169,7 @@ class TracedWalk:
             inner = range(begin.row + 1, inner.stop)
         points = [_point(begin), *(self.traced.points[row] for row in inner), _point(end)]
         try:
-            return work_along(points, 0.05 * self.accuracy * max(1.0, abs(begin.state.load)))
+            return work_along(points, 0.1 * self.accuracy)
         except CorrectionError as error:
             raise ModelError(f"work along the curve: the curve cannot be followed there. {error}") from error
 

@@ -20,6 +20,7 @@ from contbranch.errors import InputError
 from contbranch.models.outcome import RawCurve, RawEvent
 
 from .adapt import start_edges
+from .azimuthal import LARGEST_MODE
 from .critical import critical_exponent, sampled_exponent
 from .equations import ContactCoordinate, Equations
 from .locate import Place, Values, refine
@@ -27,6 +28,7 @@ from .marks import Mark, confirmed, signs
 from .mesh import Mesh
 from .problem import COARSE, ContactProblem, ControlReached, FoldEvent, InadmissibleEvent, Resolution
 from .profile import profile_of
+from .symmetry import Breaking, critical_eigenvalues, merged, symmetry_breaking
 
 __all__ = ["Target", "Traced", "order_for", "trace"]
 
@@ -164,6 +166,7 @@ def trace(
     events: bool = True,
     control: Control = LOAD,
     fine: bool = False,
+    modes: int = LARGEST_MODE,
 ) -> Traced:
     """Follow a reduced contact's curve and locate its events.
 
@@ -182,6 +185,8 @@ def trace(
         A spring (reduced units), whose folds are located besides those of load and displacement.
     fine : bool
         Whether the rows are to be as accurate as the events.
+    modes : int
+        Largest azimuthal mode number examined where events are located; 0: none.
     """
     began = time.perf_counter()
     controls = (LOAD, DISPLACEMENT, *((control,) if control.kind == "spring" else ()))
@@ -195,7 +200,7 @@ def trace(
         except Exception as error:  # a law written by the user may raise anything; its text is kept
             return _nothing(f"The interaction cannot be evaluated far away: {type(error).__name__}: {error}")
         located = _Located(*_legs(problem, u, target, controls, progress, COARSE if events else FINE), controls)
-        raw, indices = located.raw(contact, accuracy if events else None, progress)
+        raw, indices = located.raw(contact, accuracy if events else None, progress, modes)
     cost = Cost(time.perf_counter() - began, problem.resolution.newton)
     return Traced(located.points, replace(raw, cost=cost, unknowns=problem.resolution.unknowns), indices, controls)
 
@@ -290,7 +295,9 @@ class _Located:
         ]
         self.marks = confirmed(self.points, marks, controls)
 
-    def raw(self, contact: Contact, accuracy: float | None, progress: Progress | None) -> tuple[RawCurve, Indices]:
+    def raw(
+        self, contact: Contact, accuracy: float | None, progress: Progress | None, modes: int
+    ) -> tuple[RawCurve, Indices]:
         """Arrays and events."""
         points = self.points
         columns = {
@@ -313,7 +320,12 @@ class _Located:
         events = [
             self._event(mark.row, mark.name, *found, indices) for mark, found in zip(self.marks, refined, strict=False)
         ]
+        breaking = Breaking()
+        if accuracy is not None and modes:
+            breaking = symmetry_breaking(points, indices.displacement, accuracy, modes, progress)
+            events = merged(events, breaking.events)
         complete, message = self._outcome(contact)
+        complete, message = complete and breaking.complete, f"{message} {breaking.message}".strip()
         if complete and self._unstable_at_end() != indices.displacement_pieces[-1]:
             complete, message = (
                 False,
@@ -343,6 +355,8 @@ class _Located:
             Cost(0.0, 0),
             0,
             unstable_spring=indices.spring if "spring" in self.controls else None,
+            unstable_azimuthal=breaking.unstable if breaking.counts else None,
+            critical=lambda: critical_eigenvalues(points),
         )
         return curve, indices
 
