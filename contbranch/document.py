@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import fields
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -12,8 +13,9 @@ from numpy.typing import ArrayLike
 if TYPE_CHECKING:
     from contbranch.contact import Contact
     from contbranch.diagram import Branch, Cost, Diagram, Event, Exponent, ModelChoice, Solution, State, Window
+    from contbranch.loop import Hysteresis, Jump
 
-__all__ = ["VERSION", "diagram_document", "solution_document"]
+__all__ = ["VERSION", "diagram_document", "loop_document", "solution_document"]
 
 VERSION: Final = 1
 
@@ -79,6 +81,39 @@ def _numbers(values: ArrayLike) -> list[Any]:
     if array.dtype.kind == "f" and not np.isfinite(array).all():
         return [_number(value) for value in listed]
     return listed
+
+
+def loop_document(loop: Hysteresis) -> dict[str, Any]:
+    """Return a hysteresis loop as a JSON-able dictionary: path, jumps, dissipated, and what every document has."""
+    path = loop.path
+    return {
+        "format": "contbranch-loop",
+        "version": VERSION,
+        "contact": _contact(loop.contact),
+        **_units(loop.contact, {}),
+        "control": loop.control,
+        **({"stiffness": _number(loop.stiffness)} if loop.stiffness is not None else {}),
+        "model": _model(loop.model),
+        "path": {item.name: _numbers(path[item.name]) for item in fields(path)},
+        "jumps": [_jump(jump) for jump in loop.jumps],
+        "dissipated": _number(loop.dissipated),
+        "error": _number(loop.error),
+        "closed": loop.closed,
+        "cost": _cost(loop.cost),
+        "status": loop.status,
+        "message": loop.message,
+    }
+
+
+def _jump(jump: Jump) -> dict[str, Any]:
+    return {
+        "name": jump.name,
+        "position": _number(jump.position),
+        "from": _state(jump.start),
+        "to": None if jump.to is None else _state(jump.to),
+        "dissipated": _number(jump.dissipated),
+        "error": _number(jump.error),
+    }
 
 
 def _plain(value: Any) -> Any:

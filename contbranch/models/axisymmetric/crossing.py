@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +18,7 @@ from .problem import ContactProblem, ControlReached
 from .profile import profile_of
 from .trace import Traced
 
-__all__ = ["Crossing", "control_values", "cross", "cross_before", "energy_at", "pieces_at", "state_at"]
+__all__ = ["Crossing", "control_values", "cross", "cross_before", "energy_at", "pieces_at", "state_apart", "state_at"]
 
 Array = NDArray[np.float64]
 
@@ -71,7 +72,28 @@ def cross_before(traced: Traced, control: Control, value: float, accuracy: float
 
 def state_at(traced: Traced, crossing: Crossing, given: dict[str, float] | None = None) -> State:
     """The state of a crossing in reduced units; `given` are observables known exactly, since they were asked for."""
-    values, place, piece, indices = crossing.values, crossing.place, crossing.piece, traced.indices
+    piece, indices = crossing.piece, traced.indices
+    unstable = int(indices.load_pieces[piece]), int(indices.displacement_pieces[piece])
+    spring = int(indices.spring_pieces[piece]) if len(traced.controls) > 2 else None
+    return _state(crossing, (*unstable, spring), given)
+
+
+def state_apart(crossing: Crossing, controls: Sequence[Control], given: dict[str, float] | None = None) -> State:
+    """The same for a state that is not on the traced curve: its Morse indices by inertia and by the slope dF/dd."""
+    place = crossing.place
+    problem, fields = place.problem, place.problem.fields(place.x, place.u)
+    held = problem.equations.unstable_modes(fields)
+    load_rate, displacement_rate = problem.rates(place.x, place.u, *place.direction)
+
+    def freed(control: Control) -> int:
+        return held + int(control.weighted(load_rate, displacement_rate) * displacement_rate < 0)
+
+    spring = freed(controls[2]) if len(controls) > 2 else None
+    return _state(crossing, (freed(controls[0]), held, spring), given)
+
+
+def _state(crossing: Crossing, unstable: tuple[int, int, int | None], given: dict[str, float] | None) -> State:
+    values, place = crossing.values, crossing.place
     keys = ("load", "displacement", "contact_radius", "central_gap")
     known = given or {}
     numbers = {**dict(zip(keys, values.numbers, strict=True)), **known}
@@ -82,13 +104,13 @@ def state_at(traced: Traced, crossing: Crossing, given: dict[str, float] | None 
     return State(
         **numbers,
         energy=energy,
-        unstable_load=int(indices.load_pieces[piece]),
-        unstable_displacement=int(indices.displacement_pieces[piece]),
-        unstable_spring=int(indices.spring_pieces[piece]) if len(traced.controls) > 2 else None,
+        unstable_load=unstable[0],
+        unstable_displacement=unstable[1],
+        unstable_spring=unstable[2],
         residual=float(np.abs(fields.residual).max() / max(1e-300, np.abs(fields.h).max())) if fields.h.any() else 0.0,
         error=errors,
         profile=profile_of(place.problem.equations, fields),
-        unstable_azimuthal=counted(place.problem.equations, fields, int(indices.displacement_pieces[piece])).total,
+        unstable_azimuthal=counted(place.problem.equations, fields, unstable[1]).total,
     )
 
 

@@ -13,7 +13,7 @@ from contbranch.interactions import MaugisDugdale
 from contbranch.models.outcome import RawCurve
 
 from .azimuthal import LARGEST_MODE
-from .solve import solve_all
+from .solve import find_all, solve_all
 from .trace import Target, trace
 
 __all__ = ["Axisymmetric"]
@@ -67,3 +67,17 @@ class Axisymmetric:
         """Every equilibrium of a reduced contact with a given load, displacement or contact radius."""
         states, traced = solve_all(contact, field, value, accuracy, progress, control)
         return states, traced.curve
+
+    def find_all(
+        self,
+        contact: Contact,
+        field: str,
+        value: float,
+        accuracy: float,
+        window: tuple[float, float] | None,
+        progress: Progress | None = None,
+        control: Control = LOAD,
+    ) -> tuple[list[State], list[bool], tuple[float, float], RawCurve]:
+        """Every equilibrium with a load or displacement, which of them lie on the curve, and the window used."""
+        states, connected, used, traced = find_all(contact, field, value, accuracy, window, progress, control)
+        return states, connected, used, traced.curve
