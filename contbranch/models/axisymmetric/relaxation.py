@@ -7,7 +7,9 @@ constraints. An implicit Euler step of length 1/s minimises V + s ∫ (h − h_n
     (1 + s) h(t) − s h_n(t) = 2 ∫_t^∞ σ p_fr(g) / √(σ² − t²) dσ  for t > a,   phi(a) = 0
     F = 2 ∫ [h + s (h − h_n)] dt
 
-which is equilibrium with another elasticity: the same unknowns, the same rim condition.
+which is equilibrium with another elasticity: the same unknowns, the same rim condition. The tip as a whole has a drag
+of the same viscosity over the width c = √(2 z0) of the interaction, which adds 2 c s (d − d_n) to F: without it a rigid
+tip pushed beyond its largest load would have no state to go to.
 """
 
 from __future__ import annotations
@@ -29,11 +31,12 @@ __all__ = ["Relaxed", "relax"]
 
 Array = NDArray[np.float64]
 
-# The control is moved on by this share of max(1, |value|) to leave the fold.
-NUDGE = 1e-5
-# Change of the contact parameter u in a step: aimed at, and allowed.
+# To leave the fold, the load is moved on by this share of the interaction's own, a displacement by that of its range.
+NUDGE = 1e-4
+# Change of the contact parameter u in a step (without contact also of the gap in units of twice the range): aimed at,
+# and allowed.
 AIM, LARGEST = 0.05, 0.15
-FIRST_STEP, LONGEST, SHORTEST = 0.1, 1e7, 1e-6
+FIRST_STEP, LONGEST, SHORTEST = 0.1, 1e14, 1e-6
 STEPS, NEWTON = 2000, 20
 # Meshes for the flow: it decides between states, which are then found to the accuracy asked.
 TOLERANCE = 1e-4
@@ -57,6 +60,12 @@ class _State:
         self.fields = equations.fields(h, y)
         self.displacement = equations.displacement(self.fields)
         self.load = equations.load(self.fields)
+
+    @property
+    def strength(self) -> float:
+        """2π ∫ |p_fr| r dr, the load that the interaction could carry."""
+        mesh = self.equations.mesh
+        return 2 * math.pi * float((mesh.weights * mesh.nodes) @ np.abs(self.fields.pressure))
 
     def profile(self, t: Array) -> Array:
         """h(t) for any t: d − zeta(t) inside the contact, 0 beyond the mesh."""
@@ -94,13 +103,17 @@ def relax(
     watch : callable, optional
         Called with y after every step.
     """
-    target = control.target(value + direction * NUDGE * max(1.0, abs(value)))
     state = _State(equations, h, y)
+    nudge = state.strength if control.kind == "load" else scale
+    if control.kind == "spring":
+        nudge = min(nudge, state.strength / control.stiffness)
+    target = control.target(value + direction * NUDGE * nudge)
     step, rate = FIRST_STEP, 0.0
     for _ in range(STEPS):
-        state = _remeshed(state)
-        found = _implicit(state, 1.0 / step, rate * step, control, target)
-        moved = math.inf if found is None else abs(math.asinh(found.y / scale) - math.asinh(state.y / scale))
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # answered by a shorter step
+            state = _remeshed(state)
+            found = _implicit(state, 1.0 / step, rate * step, control, target, 2 * math.sqrt(2 * scale))
+        moved = math.inf if found is None else _moved(found.y, state.y, scale)
         if found is None or moved > LARGEST:
             step /= 3.0
             rate = 0.0
@@ -118,10 +131,16 @@ def relax(
     return Relaxed(state.y, state.load, state.displacement, False)
 
 
+def _moved(y: float, before: float, scale: float) -> float:
+    """How far a step has gone."""
+    moved = abs(math.asinh(y / scale) - math.asinh(before / scale))
+    return moved if max(y, before) > 0.0 else max(moved, 0.5 * abs(y - before) / scale)
+
+
 def _remeshed(state: _State) -> _State:
     """The state on a mesh that follows it."""
     equations, fields = state.equations, state.fields
-    allowed = TOLERANCE * max(1.0, abs(state.load))
+    allowed = TOLERANCE * state.strength
     reach = needed_reach(equations, fields, 0.1 * allowed)
     end = float(equations.mesh.edges[-1])
     edges = np.append(equations.mesh.edges, reach) if reach > 1.05 * end else None
@@ -133,21 +152,23 @@ def _remeshed(state: _State) -> _State:
     return _State(equations.on(mesh), equations.mesh.interpolate(state.h, mesh.nodes), state.y)
 
 
-def _implicit(state: _State, s: float, ahead: float, control: Control, target: float) -> _State | None:
+def _implicit(state: _State, s: float, ahead: float, control: Control, target: float, drag: float) -> _State | None:
     """One implicit step, on the side of first touch on which it ends; None if Newton's method fails."""
     contact = state.y + ahead > 0.0
     for _ in range(2):
         y = state.y + ahead
         if (y > 0.0) != contact:
             y = 0.0
-        found = _newton(state, state.equations.touching(contact), y, s, control, target)
+        found = _newton(state, state.equations.touching(contact), y, s, control, target, drag)
         if found is not None:
             return found
         contact, ahead = not contact, 0.0
     return None
 
 
-def _newton(state: _State, equations: Equations, y: float, s: float, control: Control, target: float) -> _State | None:
+def _newton(
+    state: _State, equations: Equations, y: float, s: float, control: Control, target: float, drag: float
+) -> _State | None:
     """Newton's method for (h, y) on one side of first touch."""
     tau = equations.mesh.nodes
     first, second = control.weights
@@ -169,7 +190,8 @@ def _newton(state: _State, equations: Equations, y: float, s: float, control: Co
         old = before(y)
         load, displacement = equations.load(fields), equations.displacement(fields)
         residual = fields.residual + s * (h - old)
-        excess = first * (load + s * (load - state.load)) + second * displacement - target
+        held = load + s * (load - state.load) + drag * s * (displacement - state.displacement)
+        excess = first * held + second * displacement - target
         width = 1e-6 * max(1e-3, abs(y))
         drift = (before(y + width) - old) / width if equations.contact else np.zeros(n)
         rim = fields.rim
@@ -179,9 +201,10 @@ def _newton(state: _State, equations: Equations, y: float, s: float, control: Co
         matrix[:n, :n].flat[:: n + 1] += s
         matrix[:n, n] = equations.slopes(fields)[1] - s * drift
         load_row = 2 * (rim.weights + rim.radius * equations.rim_row)
-        matrix[n, :n] = first * (1 + s) * load_row + second * equations.rim_row
+        moving = second + first * drag * s
+        matrix[n, :n] = first * (1 + s) * load_row + moving * equations.rim_row
         load_slope, _ = equations.rates(fields, np.zeros(n), 1.0)
-        matrix[n, n] = first * (1 + s) * load_slope + second * lift
+        matrix[n, n] = first * (1 + s) * load_slope + moving * lift
         try:
             change = np.linalg.solve(matrix, -np.append(residual, excess))
         except np.linalg.LinAlgError:

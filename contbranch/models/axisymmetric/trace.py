@@ -51,6 +51,8 @@ STEPS = Options(
 )
 # A trace with a spring starts where the stiffness of the interaction is about this share of the spring's.
 SOFTER = 0.05
+# Steps of the gap far away in units of the wavelength of layers.
+LONGEST_IN_LAYERS = 0.15
 # Changes of h small against the range of the interaction, over the width √(2 range), do not matter for the steps.
 STATE_FLOOR = 0.3
 # Resolution of events that will not be located anew: close enough to tell the order of coinciding folds of stiff films.
@@ -216,6 +218,11 @@ def _legs(
     """The curve without contact, and the one in contact if first touch is reached."""
     told = _Told(progress, u)
     steps = replace(STEPS, state_floor=STATE_FLOOR * problem.scale * (2 * problem.scale) ** 0.25)
+    law = problem.equations.interaction
+    if law is not None and math.isfinite(law.wave):
+        # Far away a step may be long, since the elastic body answers little; not so long as to miss a layer.
+        longest = LONGEST_IN_LAYERS * law.wave / (problem.scale * math.cosh(u) * abs(u))
+        steps = replace(steps, largest_parameter_step=min(steps.largest_parameter_step, longest))
     folds: list[Event] = [
         *(FoldEvent(control, name=control.kind, relative_resolution=resolution) for control in controls),
         InadmissibleEvent(),
