@@ -64,9 +64,11 @@ def cross(traced: Traced, piece: int, control: Control | None, value: float, acc
 def cross_before(traced: Traced, control: Control, value: float, accuracy: float) -> Crossing:
     """The state before the curve's first row, farther away, at a displacement or position of a spring."""
     event = ControlReached(control, control.target(value))
-    point = traced.points[0]
-    place = Place(traced.problem(0), point.x, point.parameter, (point.tangent_x, point.tangent_parameter))
-    values, place = refine(place, event, accuracy)
+    # Out there the tip feels next to nothing: its displacement is all but minus the gap, and the position is that, too.
+    problem = traced.problem(0)
+    u = problem.parameter(value)
+    x = problem.solve_at(np.zeros(problem.equations.mesh.size), u)
+    values, place = refine(Place(problem, x, u, problem.direction(x, u)), event, accuracy)
     return Crossing(0, values, place)
 
 

@@ -1,0 +1,96 @@
+"""Coexisting equilibria: counts, stability, barriers, and what the traced curve alone does not show."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import contbranch as cb
+from contbranch.cli import main
+from contbranch.control import DISPLACEMENT, LOAD
+from contbranch.models.axisymmetric.search import disconnected
+from contbranch.models.axisymmetric.solve import crossings
+
+
+@pytest.mark.parametrize(("load", "count"), [(30.0, 1), (60.0, 3), (100.0, 1)])
+def test_film_and_contact_coexist_between_the_folds(load, count):
+    # Gauss repulsion, μ_T = 4: folds at 47.45 and 83.87.
+    found = cb.find_all(cb.Contact.reduced("gauss", 4.0, -1), load=load)
+    assert len(found) == count
+    assert sum(state.unstable_load > 0 for state in found) == (count == 3)
+    assert all(state.load == load for state in found)
+
+
+def test_the_barrier_is_the_area_up_to_the_saddle():
+    """dV/dd = F: the potential V − F₀ d rises from film to saddle by ∫ (F − F₀) dd along the curve."""
+    contact = cb.Contact.reduced("gauss", 4.0, -1)
+    found = cb.find_all(contact, load=60.0, accuracy=1e-8)
+    (barrier,) = found.barriers
+    assert (barrier.stable, barrier.saddle) == ((0, 2), 1)
+    begin, top = found[0], found[1]
+    branch = cb.trace(contact, accuracy=1e-8).branches[0]
+    inner = (np.arange(len(branch)) > 0) & (branch.displacement > begin.displacement) & (branch.contact_radius < 0.15)
+    rows = np.flatnonzero(inner)
+    d = np.concatenate([[begin.displacement], branch.displacement[rows], [top.displacement]])
+    force = np.concatenate([[60.0], branch.load[rows], [60.0]]) - 60.0
+    area = float(np.sum(np.diff(d) * (force[1:] + force[:-1]) / 2))
+    assert barrier.heights[0] == pytest.approx(area, rel=0.1)  # a trapezoidal rule on the rows of the trace
+    assert barrier.heights[1] > barrier.heights[0] > 0
+
+
+def test_the_closed_form_gives_all_there_are():
+    found = cb.find_all(cb.Contact.reduced("maugis-dugdale", 1.0), displacement=-1.3)
+    assert [state.unstable_displacement for state in found] == [0, 1, 0]
+    assert [state.contact_radius > 0 for state in found] == [False, False, True]
+    assert found.model.kind == "exact"
+    assert len(found.stable) == 2
+
+
+@pytest.mark.parametrize(
+    ("law", "tabor", "sign", "field", "value"),
+    [("gauss", 4.0, -1, "load", 60.0), ("exponential", 4.0, 1, "displacement", -1.0)],
+)
+def test_deflation_finds_what_the_curve_does_not_show(law, tabor, sign, field, value):
+    """A curve that only shows its far end, as one that ends there would: every equilibrium beyond is found all the
+    same, with each of them hidden in turn."""
+    contact = cb.Contact.reduced(law, tabor, sign)
+    found, traced = crossings(contact, field, value, 1e-8)
+    control = LOAD if field == "load" else DISPLACEMENT
+    for hidden in range(len(found)):
+        known = [crossing for k, crossing in enumerate(found) if k != hidden]
+        (other,) = disconnected(traced, known, control, value, 1e-8)
+        for a, b in zip(other.values.numbers, found[hidden].values.numbers, strict=True):
+            assert a == pytest.approx(b, abs=1e-6 * max(1.0, abs(b)))
+
+
+def test_the_window_limits_the_displacements():
+    contact = cb.Contact.reduced("gauss", 4.0, -1)
+    found = cb.find_all(contact, load=60.0, window=(12.15, 20.0))
+    assert [state.contact_radius > 1 for state in found] == [True]
+    assert found.window == (12.15, 20.0)
+    assert found.barriers == ()
+
+
+@pytest.mark.parametrize("arguments", [{}, {"load": 1.0, "displacement": 1.0}, {"load": 1.0, "window": (1.0, 0.0)}])
+def test_wrong_arguments_are_named(arguments):
+    with pytest.raises(cb.InputError, match="load|window"):
+        cb.find_all(cb.Contact.reduced("gauss", 1.0, -1), **arguments)
+
+
+def test_nothing_to_find():
+    found = cb.find_all(cb.Contact.reduced("exponential", 1.0), load=-50.0)
+    assert len(found) == 0
+    assert found.status == "complete"
+    assert "0 equilibria" in found.message
+
+
+def test_the_command_lists_all(capsys):
+    arguments = ["solve", "--interaction", "gauss", "--tabor", "4", "--repulsive", "--load", "60", "--all"]
+    assert main([*arguments, "--json", "-"]) == 0
+    states = json.loads(capsys.readouterr().out)["states"]
+    assert len(states) == 3
+    assert sum(state["unstable_load"] > 0 for state in states) == 1
+    assert main([*arguments[:-2], "-1e3", "--all"]) == 2
+    assert "no equilibrium" in capsys.readouterr().err

@@ -1,0 +1,180 @@
+"""Hysteresis loops: jumps, landings and dissipated energies against closed forms, areas and energy differences."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+import contbranch as cb
+from contbranch.cli import main
+from contbranch.control import as_control
+from contbranch.document import loop_document
+
+LAMBDA = (2 * math.pi / 9) ** (1 / 3)
+"""Reduced Tabor coefficient for Maugis' λ = 1, (43) with its misprint corrected."""
+
+
+@pytest.mark.parametrize(("ratio", "loss"), [(1.0, 2.76091), (10.0, 6.62996)])
+def test_the_loss_of_maugis_dugdale_contacts(ratio, loss):
+    # Independent values, six digits, in R|Δγ| · R^(1/3) (|Δγ|/E)^(2/3), of displacement control.
+    loop = cb.hysteresis(cb.Contact.reduced("maugis-dugdale", ratio * LAMBDA), control="displacement")
+    assert loop.closed
+    assert [jump.name for jump in loop.jumps] == ["jump-in", "pull-off"]
+    assert loop.dissipated == pytest.approx(loss, abs=5.1e-6)
+    assert loop.area == pytest.approx(loop.dissipated, abs=1e-11)
+
+
+def test_the_loss_tends_to_that_of_jkr():
+    # 7.09219597186 in the limit λ → ∞; the deficit is proportional to the range, 1/λ.
+    deficits = [
+        ratio
+        * (
+            7.09219597186
+            - cb.hysteresis(cb.Contact.reduced("maugis-dugdale", ratio * LAMBDA), "displacement").dissipated
+        )
+        for ratio in (1e4, 1e5)
+    ]
+    assert deficits[0] == pytest.approx(deficits[1], rel=1e-3)
+    assert 4.0 < deficits[1] < 5.5
+
+
+CASES = [
+    ("gauss", 2.0, -1, "load", 2),
+    ("gauss", 1.0, -1, "displacement", 2),
+    ("exponential", 2.0, 1, "displacement", 2),
+    ("exponential", 1.0, 1, "spring:0.5", 2),
+    ("maugis-dugdale", 1.0, 1, "spring:3", 2),
+]
+
+
+@pytest.mark.parametrize(("law", "tabor", "sign", "control", "jumps"), CASES)
+def test_energy_lost_is_the_area_between_the_branches(law, tabor, sign, control, jumps):
+    """dV/dd = F along the curve, so both agree; the areas are integrated along the unstable parts (jumps) and along the
+    stable ones (loop)."""
+    contact = cb.Contact.reduced(law, tabor, sign)
+    loop = cb.hysteresis(contact, as_python(control), accuracy=1e-9)
+    assert loop.closed
+    assert len(loop.jumps) == jumps
+    for jump in loop.jumps:
+        assert jump.dissipated > 0
+        assert jump.area == pytest.approx(jump.dissipated, abs=1e-9 * max(1.0, jump.dissipated) + 3 * jump.error)
+        assert jump.error < 1e-8 * max(1.0, abs(jump.start.energy))
+        assert getattr(jump, "from") is jump.start
+    assert loop.dissipated == pytest.approx(sum(jump.dissipated for jump in loop.jumps))
+    largest = max(abs(jump.start.energy) for jump in loop.jumps)
+    assert loop.area == pytest.approx(loop.dissipated, abs=1e-9 * max(1.0, largest) + 3 * loop.error)
+
+
+def as_python(control):
+    return cb.Spring(float(control.partition(":")[2])) if control.startswith("spring") else control
+
+
+@pytest.mark.parametrize(("law", "tabor", "sign", "control", "jumps"), CASES)
+def test_jumps_keep_the_control_and_go_from_a_fold_to_a_stable_state(law, tabor, sign, control, jumps):
+    contact = cb.Contact.reduced(law, tabor, sign)
+    driven = as_control(as_python(control))
+    loop = cb.hysteresis(contact, as_python(control))
+    folds = {e.name: e for e in cb.trace(contact, as_python(control)).folds(driven.kind)}
+    for jump in loop.jumps:
+        fold = folds[jump.name]
+        assert jump.start.load == pytest.approx(fold.load, abs=2e-6 * max(1.0, abs(fold.load)))
+        for state in (jump.start, jump.to):
+            value = driven.value(state.load, state.displacement)
+            assert value == pytest.approx(jump.position, abs=1e-5 * max(1.0, abs(jump.position)))
+        assert jump.to.unstable(driven) == 0
+    up, down = loop.path.direction == 1, loop.path.direction == -1
+    assert (np.diff(loop.path.position[up]) >= -1e-9).all()
+    assert (np.diff(loop.path.position[down]) <= 1e-9).all()
+
+
+def test_attraction_under_a_load_never_comes_back():
+    loop = cb.hysteresis(cb.Contact.reduced("exponential", 1.0))
+    assert not loop.closed
+    assert loop.dissipated is None
+    (jump,) = loop.jumps
+    assert jump.name == "pull-off"
+    assert jump.to is None
+    assert jump.dissipated is None
+    assert "infinite separation" in loop.message
+    document = loop_document(loop)
+    assert document["dissipated"] is None
+    assert document["jumps"][0]["to"] is None
+    json.dumps(document, allow_nan=False)
+
+
+def test_without_folds_the_path_is_reversible():
+    # v'' ≥ 0 makes the energy convex
+    loop = cb.hysteresis(cb.Contact.reduced("exponential", 4.0, -1))
+    assert loop.closed
+    assert loop.jumps == ()
+    assert loop.dissipated == 0.0
+    up = loop.path.direction == 1
+    assert loop.path.load[up][-1] == loop.path.load[~up][0]
+
+
+def test_the_path_shows_the_curve():
+    """Between the path's points straight lines are close to the curve: here against the closed form."""
+    contact = cb.Contact.reduced("maugis-dugdale", 1.0)
+    path = cb.hysteresis(contact, "displacement").path
+    touching = (path.contact_radius > 0) & (path.direction == 1)
+    d, load = path.displacement[touching], path.load[touching]
+    middle = (d[1:] + d[:-1]) / 2
+    for k in range(5, len(middle), 9):
+        exact = cb.find_all(contact, displacement=float(middle[k])).states[-1]
+        assert (load[k] + load[k + 1]) / 2 == pytest.approx(exact.load, abs=0.01 * np.ptp(load))
+
+
+def test_relaxation_goes_to_the_next_layer_and_not_to_the_lowest_state():
+    """Three layers and more: beyond each fold many stable states are lower, and the system falls into the first.
+
+    Far away, where a layer deforms nothing, folds of the load lie where v vanishes (Derjaguin: F = 2πR v), a
+    half-wave apart; the state after the jump lies within the next wave.
+    """
+    contact = cb.Contact.reduced("layered", tabor=1.0, wavelength=3.0)
+    loop = cb.hysteresis(contact, accuracy=1e-5)
+    names = [jump.name for jump in loop.jumps]
+    layers = [name for name in names if name.startswith("squeeze-out")]
+    assert layers == [f"squeeze-out-{k}" for k in range(len(layers), 0, -1)]
+    assert len(layers) >= 4
+    gaps = [jump.start.central_gap for jump in loop.jumps[: len(layers)]]
+    np.testing.assert_allclose(-np.diff(gaps)[:3], 3.0, atol=0.005)
+    for jump in loop.jumps[: len(layers) - 1]:
+        assert 1.5 < jump.start.central_gap - jump.to.central_gap < 3.0
+        lowest = min(jump.others, key=lambda s: s.energy - jump.position * s.displacement)
+        assert (
+            lowest.energy - jump.position * lowest.displacement < jump.to.energy - jump.position * jump.to.displacement
+        )
+
+
+def test_what_the_path_jumps_to_is_traced_however_far_it_is():
+    """A soft spring jumps to a high load: the curve is followed until the landing lies on it."""
+    loop = cb.hysteresis(cb.Contact.reduced("gauss", 4.0, -1), "displacement")
+    assert loop.closed
+    soft = cb.hysteresis(cb.Contact.reduced("exponential", 1.0), cb.Spring(0.02), max_load=1.0)
+    assert soft.closed
+    assert all(jump.to is not None for jump in soft.jumps)
+
+
+def test_the_command_prints_a_document(capsys):
+    arguments = ["--interaction", "maugis-dugdale", "--tabor", str(LAMBDA), "--control", "displacement"]
+    assert main(["loop", *arguments, "--json", "-"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert {"path", "jumps", "dissipated", "model", "cost", "status", "message"} <= set(document)
+    assert document["dissipated"] == pytest.approx(2.76091, abs=1e-5)
+    assert {"load", "displacement"} <= set(document["path"])
+    assert {"from", "to", "dissipated"} <= set(document["jumps"][0])
+    assert main(["loop", *arguments]) == 0
+    assert "pull-off" in capsys.readouterr().out
+
+
+def test_the_figure_of_a_loop(tmp_path):
+    loop = cb.hysteresis(cb.Contact.reduced("maugis-dugdale", 1.0), cb.Spring(2.0))
+    figure = loop.plot()
+    above, below = figure.axes
+    assert below.get_ylabel() != above.get_ylabel()
+    figure.savefig(tmp_path / "loop.png")
+    low, high = above.get_xlim()
+    assert all(low < jump.position < high for jump in loop.jumps)
