@@ -21,6 +21,9 @@ Array = NDArray[np.float64]
 BOUNDED = (0.3,)
 # The panel next to an edge is split at this share: the solution has higher-order logarithms there.
 GRADING = 0.3
+# ... but not below this share of the piece: a pressure that answers a given gap is determined the worse the narrower the
+# panels.
+FINEST = 0.05
 # Neighbouring panels differ by no more than this factor in their outer ends.
 GROWTH = 3.0
 # Higher order by this share makes the finer panels.
@@ -45,7 +48,10 @@ def start_panels(layout: Layout, order: int, width: float, reach: float, infinit
 
 def finer(panels: Panels) -> Panels:
     """Panels on which the present ones' errors have all but vanished."""
-    halves = tuple((GRADING * piece[0], *piece) if piece else (GRADING,) for piece in panels.halves)
+    halves = tuple(
+        (*((GRADING * piece[0],) if GRADING * piece[0] > FINEST else ()), *piece) if piece else (GRADING,)
+        for piece in panels.halves
+    )
     outer = panels.outer
     if outer:
         far = (2 * outer[-1],) if panels.infinite else ()
@@ -79,15 +85,13 @@ def adapted(problem: RingProblem, fields: Fields, allowed: float) -> Panels | No
         at += len(piece) + 1
         # Pieces anchored at their outer end list their panels from the centre, their breaks from the anchor.
         reverse = k == 0 or k % 2 == 0
-        halves.append(_cut((0.0, *piece, 1.0), own[::-1] if reverse else own, share)[1:-1])
+        halves.append(_cut((0.0, *piece, 1.0), own[::-1] if reverse else own, share, FINEST)[1:-1])
     outer = panels.outer
     if outer:
         own = errors[at:]
-        end = grid.breaks[grid.region == len(panels.halves) // 2 + (1 if panels.halves else 0)]
-        del end
         infinite = panels.infinite
         inside = own[: len(outer)]
-        outer = _cut((0.0, *outer), inside, share)[1:]
+        outer = _cut((0.0, *outer), inside, share, 0.0)[1:]
         if infinite and own[-1] > share:
             outer = (*outer, 1.5 * outer[-1])
         elif infinite and own[-1] < 1e-3 * share and len(outer) > 2 and inside[-1] < 1e-3 * share:
@@ -96,15 +100,16 @@ def adapted(problem: RingProblem, fields: Fields, allowed: float) -> Panels | No
     return None if found == panels else found
 
 
-def _cut(breaks: tuple[float, ...], errors: Array, share: float) -> tuple[float, ...]:
-    """Breaks with too inaccurate panels halved (next to the anchor: graded) and needless ones removed."""
+def _cut(breaks: tuple[float, ...], errors: Array, share: float, finest: float) -> tuple[float, ...]:
+    """Breaks with too inaccurate panels cut (next to the anchor: graded, down to `finest`) and needless ones removed."""
     kept: list[float] = [breaks[0]]
     merged = False
     pairs = list(pairwise(breaks))
     for k, (a, b) in enumerate(pairs):
         grown = k > 0 and b > GROWTH * a
-        if errors[k] > share or grown:
-            kept.append(a + (GRADING if k == 0 else 0.5) * (b - a))
+        cut = a + (GRADING if k == 0 else 0.5) * (b - a)
+        if (errors[k] > share or grown) and cut > finest:
+            kept.append(cut)
         joins = (
             k + 1 < len(pairs)
             and not merged

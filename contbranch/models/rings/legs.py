@@ -1,0 +1,313 @@
+"""Following the curve of one layout, and passing from one layout to the next where an inequality fails."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbranch.continuation import Adaptation, CorrectionError, Event, Metric, Options, Point, StopAt
+from contbranch.continuation.curve import EventPoint
+from contbranch.continuation.edge import Range
+from contbranch.continuation.follow import Branch, follow
+from contbranch.continuation.metric import Balance
+from contbranch.continuation.newton import correct, tangent_at
+from contbranch.continuation.walk import annotated
+from contbranch.errors import ModelError
+
+from .constraints import Breach, least_margin
+from .layout import Layout
+from .meshing import BOUNDED, adapted
+from .panels import Grid, Panels
+from .problem import RingProblem
+
+__all__ = ["FoldEvent", "Narrow", "Reached", "Violation", "follow_leg", "located", "oriented", "passed", "rate", "seeded", "solved",
+    "thresholds", "unit_metric"]
+
+Array = NDArray[np.float64]
+
+STEPS = Options(
+    angle=0.3,
+    angle_limit=0.8,
+    tolerance=1e-9,
+    noise=1e6,
+    first_step=0.05,
+    detect_folds=False,
+    detect_branch_points=False,
+    maximum_points=3_000,
+)
+# Half-widths with which a region is born, as shares of the room there is for it; the first that succeeds counts.
+SEEDS = (0.02, 0.05, 0.01, 0.1, 0.004, 0.2)
+# A region narrower than this share of the one it was born with vanishes.
+NARROW = 0.5
+# A region that was not born on the way vanishes below this share of the outermost edge.
+NARROWEST = 3e-4
+COARSE = 1e-6
+
+
+class AdaptingProblem(RingProblem):
+    """A `RingProblem` whose panels follow the solution along the curve."""
+
+    def adapt(self, x: Array, p: float) -> Adaptation | None:
+        """Split and join panels where the solution asks for it."""
+        fields = self.fields(x, p)
+        allowed = self.setting.tolerance * max(1.0, abs(self.load(fields)))
+        panels = adapted(self, fields, allowed)
+        if panels is None:
+            return None
+        other = self.on(panels)
+        return Adaptation(other, self.carried(x, x, other), lambda vector: self.carried(vector, x, other))
+
+    def on(self, panels: Panels) -> AdaptingProblem:
+        """The same regions on other panels."""
+        return AdaptingProblem(self.setting, self.layout, panels)
+
+
+@dataclass(frozen=True)
+class FoldEvent(Event):
+    """Extrema of the load (or the displacement) along the curve, from the true tangent."""
+
+    control: str = "load"
+    name: str = "load"
+    terminal: bool = False
+    relative_resolution: ClassVar[float] = COARSE
+
+    def primitive(self, point: Point) -> float:
+        """The load (or the displacement) itself."""
+        return point.observables[self.control]
+
+    def value(self, point: Point) -> float:
+        """Rate of the control along the unit tangent."""
+        return rate(point, self.control)
+
+
+def rate(point: Point, control: str) -> float:
+    """Rate of load or displacement along the unit tangent."""
+    if control == "displacement":
+        return point.tangent_parameter
+    problem = point.problem
+    assert isinstance(problem, RingProblem)
+    return problem.load_rate(problem.fields(point.x, point.parameter), point.tangent_x)
+
+
+@dataclass(frozen=True)
+class Violation(Event):
+    """An inequality of the layout fails."""
+
+    name: str = "breach"
+    terminal: bool = True
+    hidden_pairs: ClassVar[bool] = False
+    relative_resolution: ClassVar[float] = COARSE
+
+    def value(self, point: Point) -> float:
+        """The least margin, at most 1."""
+        problem = point.problem
+        assert isinstance(problem, RingProblem)
+        breach = least_margin(problem, problem.fields(point.x, point.parameter))
+        return 1.0 if breach is None else min(breach.margin, 1.0)
+
+
+@dataclass(frozen=True)
+class Narrow(Event):
+    """A region has all but vanished."""
+
+    thresholds: tuple[float, ...] = ()
+    name: str = "narrow"
+    terminal: bool = True
+    hidden_pairs: ClassVar[bool] = False
+    relative_resolution: ClassVar[float] = 1e-3
+
+    def value(self, point: Point) -> float:
+        """The smallest width over its threshold, less 1, at most 1."""
+        problem = point.problem
+        assert isinstance(problem, RingProblem)
+        widths = problem.widths(problem.fields(point.x, point.parameter))
+        vanishing = [w / t - 1 for w, t in zip(widths, self.thresholds, strict=True) if t > 0]
+        return min(1.0, *vanishing) if vanishing else 1.0
+
+
+class Reached(Event):
+    """The load or the displacement reaches a value."""
+
+    name = "end"
+    terminal = True
+    hidden_pairs = False
+    relative_resolution = 1e-9
+
+    def __init__(self, quantity: str, target: float) -> None:
+        self.quantity, self.target = quantity, target
+
+    def value(self, point: Point) -> float:
+        """Value minus target."""
+        if self.quantity == "displacement":
+            return point.parameter - self.target
+        problem = point.problem
+        assert isinstance(problem, RingProblem)
+        if self.quantity == "contact_radius":
+            return problem.contact_radius(problem.fields(point.x, point.parameter)) - self.target
+        return problem.load(problem.fields(point.x, point.parameter)) - self.target
+
+
+# -- points -----------------------------------------------------------------------------------------------------------
+def unit_metric(problem: RingProblem, x: Array) -> Metric:
+    """Lengths relative to the state and to the displacement's own scale."""
+    return Metric(math.sqrt(problem.inner(x, x)) + 1e-300, max(problem.setting.scale, 1e-300))
+
+
+def solved(problem: RingProblem, x: Array, d: float, row: tuple[Array, float] | None = None) -> tuple[Array, float]:
+    """The solution near (x, d) in the plane that `row` is normal to (by default: at fixed displacement).
+
+    Raises
+    ------
+    CorrectionError
+        If Newton's method fails.
+    """
+    row = (np.zeros_like(x), 1.0) if row is None else row
+    metric = unit_metric(problem, x)
+    done = correct(problem, x, d, row, metric, tolerance=1e-12, noise=1e6, maximum_iterations=25)
+    return done.x, done.parameter
+
+
+def oriented(problem: RingProblem, x: Array, d: float, direction: tuple[Array, float]) -> Point:
+    """The point with its unit tangent, along the direction given rather than against it."""
+    u, a, _ = tangent_at(problem, x, d)
+    metric = unit_metric(problem, x)
+    sign = 1.0 if metric.dot(problem, u, a, *direction) >= 0 else -1.0
+    size = sign * metric.norm(problem, u, a)
+    return annotated(Point(problem, x, d, u / size, a / size), label="start")
+
+
+def follow_leg(
+    start: Point, events: list[Event], stop: StopAt, step: float, limits: tuple[float, float] = (-math.inf, math.inf)
+) -> Branch:
+    """Follow a layout's curve from a point along its tangent; `step`: length of the first step in edges or pressures."""
+    problem = start.problem
+    u = math.sqrt(problem.inner(start.tangent_x, start.tangent_x))
+    state = 20 * step
+    parameter = max(state * abs(start.tangent_parameter) / max(u, 1e-300), 1e-9)
+    return follow(start, Balance(state, parameter), Range(*limits), STEPS, events, stop)
+
+
+# -- changes of layout ------------------------------------------------------------------------------------------------
+def pieces(layout: Layout, edges: Array, panels: Panels, known: Array) -> Panels:
+    """Panels for a layout's regions: pieces next to edges that were there before are kept, others begin coarsely.
+
+    Piece 2j lies inside of edge j and piece 2j + 1 outside of it; what lies outside of the last edge is no piece.
+    """
+    halves: list[tuple[float, ...]] = []
+    for k in range(max(2 * layout.edges - 1, 0)):
+        same = np.flatnonzero(known == edges[k // 2])
+        old = 2 * int(same[0]) + k % 2 if len(same) else -1
+        halves.append(panels.halves[old] if 0 <= old < len(panels.halves) else BOUNDED)
+    outer = panels.outer
+    if layout.edges and len(known) == 0:  # radii become roots of distances
+        outer = tuple(math.sqrt(y) for y in outer)
+    elif layout.edges == 0 and len(known):
+        outer = tuple(y * y for y in outer)
+    return replace(panels, halves=tuple(halves), outer=outer)
+
+
+def seeded(point: Point, breach: Breach) -> Point:
+    """The state in which a narrow new region has been born, oriented towards its growth.
+
+    Raises
+    ------
+    ModelError
+        If none was found.
+    """
+    problem = point.problem
+    assert isinstance(problem, RingProblem)
+    fields = problem.fields(point.x, point.parameter)
+    grid = fields.grid
+    edges = grid.edges
+    centre = breach.radius == 0.0
+    layout = problem.layout.born(breach.region, breach.new, centre)
+    before = edges[breach.region - 1] if breach.region else 0.0
+    after = edges[breach.region] if breach.region < len(edges) else math.inf
+    room = min(
+        *([] if centre else [breach.radius - before]),
+        after - breach.radius,
+        max(edges[-1] if len(edges) else 0.0, math.sqrt(problem.setting.scale)),
+    )
+    for share in SEEDS:
+        half = share * room
+        if centre:
+            new = np.concatenate([[half], edges])
+        else:
+            at = breach.radius + half * np.array([-1.0, 1.0])
+            new = np.insert(edges, breach.region, at)
+        trial = AdaptingProblem(problem.setting, layout, pieces(layout, new, problem.panels, edges))
+        nodes = Grid(trial.panels, new, layout.bounded)
+        x = np.concatenate([grid.interpolate(fields.pressure, nodes.r), new])
+        row = np.zeros(x.size)
+        row[nodes.size + breach.region] = 1.0
+        if not centre:
+            row[nodes.size + breach.region], row[nodes.size + breach.region + 1] = -1.0, 1.0
+        try:
+            x, d = solved(trial, x, point.parameter, (row, 0.0))
+            born = oriented(trial, x, d, (row, 0.0))
+        except CorrectionError:
+            continue
+        if float(row @ born.tangent_x) <= 0 or Violation().value(born) < -1e-3:
+            continue
+        return born
+    raise ModelError("no state was found beyond the change of the contact set")
+
+
+def passed(point: Point) -> Point:
+    """The state without the region that has all but vanished, oriented as before.
+
+    Raises
+    ------
+    ModelError
+        If the neighbours cannot be joined, or Newton's method fails.
+    """
+    problem = point.problem
+    assert isinstance(problem, RingProblem)
+    fields = problem.fields(point.x, point.parameter)
+    edges = fields.grid.edges
+    widths = problem.widths(fields)
+    region = min((k for k in range(len(widths)) if problem.layout.without(k) is not None), key=lambda k: widths[k])
+    layout = problem.layout.without(region)
+    assert layout is not None
+    gone = [region] if region == 0 else [region - 1, region]
+    kept = np.delete(edges, gone)
+    trial = AdaptingProblem(problem.setting, layout, pieces(layout, kept, problem.panels, edges))
+    nodes = Grid(trial.panels, kept, layout.bounded)
+    n = fields.grid.size
+
+    def carried(vector: Array) -> Array:
+        return np.concatenate([fields.grid.interpolate(vector[:n], nodes.r), np.delete(vector[n:], gone)])
+
+    tangent = carried(point.tangent_x)
+    x = carried(point.x)
+    metric = unit_metric(trial, x)
+    # Close to the vanishing region rates of pressure are large and mean nothing for the joined state.
+    tangent[: nodes.size] = 0.0
+    if not np.abs(tangent[nodes.size :]).max(initial=0.0) + abs(point.tangent_parameter) > 0:
+        raise ModelError("the direction of the curve was lost where a region vanished")
+    row = metric.row(trial, tangent, point.tangent_parameter)
+    try:
+        x, d = solved(trial, x, point.parameter, row)
+        return oriented(trial, x, d, (tangent, point.tangent_parameter))
+    except CorrectionError as error:
+        raise ModelError(f"no state was found without the region that vanished {error.detail}") from error
+
+
+def thresholds(problem: RingProblem, x: Array) -> tuple[float, ...]:
+    """Widths below which regions vanish; 0 for one whose neighbours could not be joined."""
+    widths = np.diff(np.concatenate([[0.0], x[x.size - problem.edges :]]))
+    largest = NARROWEST * float(widths.sum())
+    return tuple(
+        float(min(largest, NARROW * width)) if problem.layout.without(k) is not None else 0.0
+        for k, width in enumerate(widths)
+    )
+
+
+def located(branch: Branch, name: str) -> Point | None:
+    """The event with which a leg ended, if it has that name."""
+    last = branch.events[-1][0] if branch.events else None
+    return last.point if isinstance(last, EventPoint) and last.name == name else None

@@ -1,0 +1,190 @@
+"""Rows and events of a journey with their error estimates."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbranch.analysis.stability import Indices, morse_indices
+from contbranch.continuation import CorrectionError, Event, Point
+from contbranch.diagram import Cost, LocalExponent, Profile
+from contbranch.errors import ModelError
+from contbranch.models.outcome import RawCurve, RawEvent
+
+from .accuracy import Values, refine, ring_problem, row_error
+from .journey import Journey, Mark
+from .legs import FoldEvent, Reached, Violation, rate
+from .profile import profile_of
+from .stability import unstable_modes
+
+__all__ = ["assembled", "deferred_profile", "row_errors"]
+
+Array = NDArray[np.float64]
+
+# Estimates of rows: one Newton step on finer panels, and the least as a share of the trace's tolerance.
+ROW_SAFETY, ROW_FLOOR = 2.0, 1e-4
+CONE = "The Morse indices there are those of both sides: admissible variations form a cone."
+
+
+def row_errors(points: Sequence[Point]) -> tuple[Array, Array]:
+    """Error estimates of load and displacement at rows, (M,) each."""
+    load, displacement = np.zeros(len(points)), np.zeros(len(points))
+    for k, point in enumerate(points):
+        floor = ROW_FLOOR * ring_problem(point).setting.tolerance
+        own = point.observables
+        try:
+            found = row_error(point)
+        except (CorrectionError, ModelError):
+            found = (np.inf, np.inf, np.inf)
+        load[k] = ROW_SAFETY * found[0] + floor * max(1.0, abs(own["load"]))
+        displacement[k] = ROW_SAFETY * found[1] + floor * max(1.0, abs(own["displacement"]))
+    return load, displacement
+
+
+def joined_folds(points: Sequence[Point], marks: Sequence[Mark]) -> list[Mark]:
+    """The marks, with folds added where a rate changes sign between two rows without one (at a change of layout)."""
+    found = list(marks)
+    for control in ("load", "displacement"):
+        own = {mark.row for mark in marks if mark.name == control}
+        sign = 0.0
+        for row, point in enumerate(points):
+            if row in own:
+                sign = 0.0
+                continue
+            here = float(np.sign(rate(point, control)))
+            if sign and here and here != sign:
+                found.append(Mark(row, control, point))
+                sign = 0.0
+                continue
+            sign = here or sign
+    return sorted(found, key=lambda mark: mark.row)
+
+
+def assembled(journey: Journey, accuracy: float | None, start_index: int = 0) -> tuple[RawCurve, Indices]:
+    """The curve of a journey; without accuracy its events are left out.
+
+    Parameters
+    ----------
+    journey : Journey
+    accuracy : float or None
+        Error allowed to every event, relative to max(1, |value|).
+    start_index : int
+        Morse index under displacement control where the journey begins.
+    """
+    points, message = journey.points, journey.message
+    names = ("load", "displacement", "contact_radius", "central_gap", "energy")
+    columns = {name: np.array([point.observables[name] for point in points]) for name in names}
+    columns["central_gap"] = np.maximum(columns["central_gap"], 0.0)
+    marks = joined_folds(points, journey.marks)
+    folds = [(mark.row, mark.name) for mark in marks if mark.name in ("load", "displacement")]
+    loading, approaching = (_first_sign(points, control) for control in ("load", "displacement"))
+    indices = morse_indices(len(points), folds, loading, approaching, start_index)
+    events: list[RawEvent] = []
+    if accuracy is not None:
+        refined = [refine(mark.point, event_of(mark), accuracy) for mark in marks]
+        events = [_raw(mark, *found, indices, points) for mark, found in zip(marks, refined, strict=True)]
+        worst = max((value.relative_error() / accuracy for value, _ in refined), default=0.0)
+        if worst > 1 and not message:
+            message = f"An event's error estimate is {worst:.3g} times the accuracy asked."
+    if points and not message:
+        last = points[-1]
+        problem = ring_problem(last)
+        if unstable_modes(problem, problem.fields(last.x, last.parameter)) != indices.displacement[-1]:
+            message = "The inertia at the end disagrees with the folds counted: a fold was missed or doubled."
+    load_error, displacement_error = row_errors(points)
+    curve = RawCurve(
+        *(columns[name] for name in names),
+        unstable_load=indices.load if points else np.empty(0, dtype=np.int64),
+        unstable_displacement=indices.displacement if points else np.empty(0, dtype=np.int64),
+        load_error=load_error,
+        displacement_error=displacement_error,
+        profiles=[deferred_profile(point) for point in points],
+        events=events,
+        complete=not message,
+        message=message,
+        cost=Cost(0.0, 0),
+        unknowns=0,
+    )
+    return curve, indices
+
+
+def event_of(mark: Mark) -> Event:
+    """The function whose zero a mark is."""
+    if mark.name in ("load", "displacement"):
+        return FoldEvent(mark.name, mark.name)
+    if mark.name == "end":
+        return Reached("load", mark.point.observables["load"])
+    return Violation()
+
+
+def deferred_profile(point: Point) -> Callable[[], Profile]:
+    """The profile of a row, computed when it is asked for."""
+
+    def profile() -> Profile:
+        problem = ring_problem(point)
+        return profile_of(problem, problem.fields(point.x, point.parameter))
+
+    return profile
+
+
+def _first_sign(points: Sequence[Point], control: str) -> int:
+    return next((int(s) for point in points if (s := np.sign(rate(point, control)))), 1)
+
+
+def _raw(mark: Mark, values: Values, point: Point, indices: Indices, points: Sequence[Point]) -> RawEvent:
+    event = RawEvent(mark.name, mark.row, values.numbers, values.error)
+    if mark.change is not None:
+        onward = points[mark.row :]
+        return replace(
+            event,
+            message=f"{mark.change.message} {CONE}",
+            local_exponent=(lambda: _sampled(onward, values)) if mark.name == "touch" else None,
+        )
+    if mark.name == "end":
+        return event
+    load = mark.name == "load"
+    pieces, signs = (
+        (indices.load_pieces, indices.loading) if load else (indices.displacement_pieces, indices.approaching)
+    )
+    before, after = max(mark.row - 1, 0), min(mark.row, len(pieces) - 1)
+    column = 0 if load else 1
+    return replace(
+        event,
+        kind="fold",
+        control=mark.name,
+        before=int(pieces[before]),
+        after=int(pieces[after]),
+        maximum=bool(signs[before] > 0),
+        local_exponent=lambda: _sampled(points[mark.row + 1 :], values, column),
+    )
+
+
+def _sampled(points: Sequence[Point], values: Values, column: int = 0) -> LocalExponent:
+    """κ_local from true tangents at the rows beyond an event, as far as control and contact radius both grow.
+
+    The order parameter is the outermost radius of the contact.
+    """
+    control = ("load", "displacement")[column]
+    rows: list[tuple[float, float, float, float]] = []
+    direction = 0.0
+    for point in points:
+        problem = ring_problem(point)
+        fields = problem.fields(point.x, point.parameter)
+        radius = problem.contact_radius(fields)
+        excess, moved = point.observables[control] - values.numbers[column], radius - values.numbers[2]
+        if radius == 0.0 or excess == 0.0 or moved == 0.0:
+            continue
+        direction = direction or float(np.sign(excess))
+        if excess * direction <= 0 or (rows and abs(excess) <= rows[-1][0]):
+            break
+        edge = int(np.flatnonzero(fields.grid.edges == radius)[0])
+        radius_rate = float(point.tangent_x[fields.grid.size + edge])
+        kappa = excess * radius_rate / (moved * rate(point, control))
+        error = abs(kappa) * (values.error[column] / abs(excess) + values.error[2] / abs(moved))
+        rows.append((abs(excess), abs(moved), kappa, error))
+    table = np.array(rows).reshape(-1, 4)
+    table = table[table[:, 3] < 0.5]
+    return LocalExponent(table[:, 0], table[:, 1], table[:, 2], table[:, 3])
