@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 # Next to an edge both gap and pressure come to their bounds; an extremum there counts only beyond this share of the
 # largest value, which discretisation does not reach.
 EDGE_NOISE = 1e-6
+# ... and at a jump the gap passes the level by what the ring left out would prevent.
+JUMP_NOISE = 1e-4
 # Places on a panel at which its polynomial is sampled for an extremum.
 SAMPLES = (np.arange(33)) / 32
 
@@ -86,7 +88,8 @@ def _extrema(problem: RingProblem, fields: Fields, region: int, margin: Array, n
     if len(own) < 3:
         return
     values = margin[own]
-    noise = EDGE_NOISE * float(np.abs(values).max())
+    jumps = [e for e in (region - 1, region) if 0 <= e < problem.edges and problem.layout.jump(e)]
+    noise = JUMP_NOISE if jumps else EDGE_NOISE * float(np.abs(values).max())
     inner_edge, outer_edge = region > 0, region < problem.edges
     if region == 0:
         centre = float(grid.at_end(0, outer=False) @ margin)

@@ -95,11 +95,12 @@ class Journey:
     def _leg(self, point: Point, step: float) -> tuple[Point, float] | None:
         """Follow one layout; return where the next one begins, or None at the end."""
         problem = ring_problem(point)
+        limits = thresholds(problem, point.x)
         events: list[Event] = [
             FoldEvent("load", "load"),
             FoldEvent("displacement", "displacement"),
             Violation(),
-            Narrow(thresholds(problem, point.x)),
+            Narrow(limits),
         ]
         if self.target.fixed or any(region.rests and region.index == 0 for region in problem.layout.regions):
             events.append(self.end)
@@ -116,7 +117,7 @@ class Journey:
         if breached is not None:
             return self._born(breached)
         if narrow is not None:
-            return self._vanished(narrow)
+            return self._vanished(narrow, limits)
         if located(branch, "end") is not None:
             self.marks.append(Mark(len(self.points) - 1, "end", self.points[-1]))
             return None
@@ -153,11 +154,14 @@ class Journey:
         widths = ring_problem(born).widths(ring_problem(born).fields(born.x, born.parameter))
         return born, 0.3 * float(widths.min())
 
-    def _vanished(self, point: Point) -> tuple[Point, float]:
+    def _vanished(self, point: Point, limits: tuple[float, ...]) -> tuple[Point, float]:
         """Pass into the layout without a region that has shrunk to nothing; the event lies where that layout begins to
         be right."""
         width = float(ring_problem(point).widths(ring_problem(point).fields(point.x, point.parameter)).min())
-        joined = passed(point)
+        joined, jump = passed(point, limits)
+        if jump:  # no change of the contact set, only of how it is represented
+            self.points.append(joined)
+            return joined, 1e-2 * float(joined.x[-1])
         start = joined
         if Violation().value(joined) > 0:  # it has been right for a while: look back
             start = joined.turned()

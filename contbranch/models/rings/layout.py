@@ -26,9 +26,10 @@ class Region:
 
 @dataclass(frozen=True)
 class Layout:
-    """Regions from the centre outwards; resting and floating ones alternate.
+    """Regions from the centre outwards.
 
-    The last region reaches to infinity, unless there is no pressure at all beyond the last edge (`bounded`).
+    Resting and floating ones alternate, except where a resting ring is too narrow to matter: there the two floating
+    regions that it separates join at a *jump* of the law's pressure. The last region reaches to infinity, unless there is no pressure at all beyond the last edge (`bounded`).
     """
 
     regions: tuple[Region, ...]
@@ -47,6 +48,26 @@ class Layout:
             return 0, outer if outer is not None else Region(False, inner.index)
         assert outer is not None
         return 1, inner
+
+    def jump(self, edge: int) -> bool:
+        """Whether the floating regions of two bands meet at an edge."""
+        outside = self.regions[edge + 1].rests if edge + 1 < len(self.regions) else False
+        return not self.regions[edge].rests and not outside
+
+    def jump_level(self, edge: int) -> int:
+        """The level at which two bands meet."""
+        if edge + 1 < len(self.regions):
+            return max(self.regions[edge].index, self.regions[edge + 1].index)
+        return self.regions[edge].index + 1
+
+    def collapsed(self, region: int) -> Layout | None:
+        """With a narrow resting ring replaced by a jump; None if it does not separate two bands."""
+        last = region == len(self.regions) - 1
+        if not self.regions[region].rests or region == 0 or (last and not self.bounded):
+            return None
+        if not last and self.regions[region - 1] == self.regions[region + 1]:
+            return None
+        return Layout(self.regions[:region] + self.regions[region + 1 :], self.bounded)
 
     def resting(self, edge: int) -> Region:
         """The resting region at an edge."""

@@ -43,6 +43,9 @@ STEPS = Options(
 SEEDS = (0.02, 0.05, 0.01, 0.1, 0.004, 0.2)
 # A region narrower than this share of the one it was born with vanishes.
 NARROW = 0.5
+# A resting ring between two bands may be replaced by a jump of the pressure below this share of the outermost radius: the forces
+# of both are the same up to the second power of it.
+NARROW_RING = 3e-5
 # A region that was not born on the way vanishes below this share of the outermost edge.
 NARROWEST = 3e-4
 COARSE = 1e-6
@@ -124,7 +127,8 @@ class Narrow(Event):
         """The smallest width over its threshold, less 1, at most 1."""
         problem = point.problem
         assert isinstance(problem, RingProblem)
-        widths = problem.widths(problem.fields(point.x, point.parameter))
+        fields = problem.fields(point.x, point.parameter)
+        widths = problem.widths(fields) / fields.grid.edges[-1] if problem.edges else ()
         vanishing = [w / t - 1 for w, t in zip(widths, self.thresholds, strict=True) if t > 0]
         return min(1.0, *vanishing) if vanishing else 1.0
 
@@ -257,8 +261,13 @@ def seeded(point: Point, breach: Breach) -> Point:
     raise ModelError("no state was found beyond the change of the contact set")
 
 
-def passed(point: Point) -> Point:
-    """The state without the region that has all but vanished, oriented as before.
+def passed(point: Point, limits: tuple[float, ...]) -> tuple[Point, bool]:
+    """The state without the region that has all but vanished, oriented as before, and whether a jump takes its place.
+
+    Parameters
+    ----------
+    limits : tuple of float
+        The `thresholds` of the leg that ends at the point.
 
     Raises
     ------
@@ -270,12 +279,15 @@ def passed(point: Point) -> Point:
     fields = problem.fields(point.x, point.parameter)
     edges = fields.grid.edges
     widths = problem.widths(fields)
-    region = min((k for k in range(len(widths)) if problem.layout.without(k) is not None), key=lambda k: widths[k])
-    layout = problem.layout.without(region)
+    region = min((k for k, limit in enumerate(limits) if limit > 0), key=lambda k: widths[k] / limits[k])
+    joined, collapsed = problem.layout.without(region), problem.layout.collapsed(region)
+    layout = joined if joined is not None else collapsed
     assert layout is not None
-    gone = [region] if region == 0 else [region - 1, region]
+    gone = [region] if region == 0 or joined is None else [region - 1, region]
     kept = np.delete(edges, gone)
-    trial = AdaptingProblem(problem.setting, layout, pieces(layout, kept, problem.panels, edges))
+    if joined is None:
+        kept[region - 1] = (edges[region - 1] + edges[region]) / 2
+    trial = AdaptingProblem(problem.setting, layout, pieces(layout, kept, problem.panels, np.delete(edges, gone) if joined is None else edges))
     nodes = Grid(trial.panels, kept, layout.bounded)
     n = fields.grid.size
 
@@ -284,6 +296,7 @@ def passed(point: Point) -> Point:
 
     tangent = carried(point.tangent_x)
     x = carried(point.x)
+    x[nodes.size :] = kept
     metric = unit_metric(trial, x)
     # Close to the vanishing region rates of pressure are large and mean nothing for the joined state.
     tangent[: nodes.size] = 0.0
@@ -292,19 +305,24 @@ def passed(point: Point) -> Point:
     row = metric.row(trial, tangent, point.tangent_parameter)
     try:
         x, d = solved(trial, x, point.parameter, row)
-        return oriented(trial, x, d, (tangent, point.tangent_parameter))
+        return oriented(trial, x, d, (tangent, point.tangent_parameter)), joined is None
     except CorrectionError as error:
         raise ModelError(f"no state was found without the region that vanished {error.detail}") from error
 
 
 def thresholds(problem: RingProblem, x: Array) -> tuple[float, ...]:
-    """Widths below which regions vanish; 0 for one whose neighbours could not be joined."""
-    widths = np.diff(np.concatenate([[0.0], x[x.size - problem.edges :]]))
-    largest = NARROWEST * float(widths.sum())
-    return tuple(
-        float(min(largest, NARROW * width)) if problem.layout.without(k) is not None else 0.0
-        for k, width in enumerate(widths)
-    )
+    """Widths below which regions vanish, in shares of the outermost edge; 0 for a region that cannot vanish."""
+    edges = x[x.size - problem.edges :]
+    shares = np.diff(np.concatenate([[0.0], edges])) / edges[-1] if len(edges) else np.zeros(0)
+    found = []
+    for k, share in enumerate(shares):
+        if problem.layout.without(k) is not None:
+            found.append(float(min(NARROWEST, NARROW * share)))
+        elif problem.layout.collapsed(k) is not None:
+            found.append(float(min(NARROW_RING, NARROW * share)))
+        else:
+            found.append(0.0)
+    return tuple(found)
 
 
 def located(branch: Branch, name: str) -> Point | None:

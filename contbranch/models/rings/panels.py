@@ -232,6 +232,38 @@ class Grid:
             result[:, e] += (_shape_derivative(parts, r, s, shift[:, None], shift, rate) * carried).sum(axis=1)
         return result
 
+    def at_edge(self, edge: int, pressure: Array) -> tuple[Array, Array]:
+        """Row of the elastic displacement at an edge, (N,), and its derivatives with respect to the edges, (E,)."""
+        r = np.array([[self.edges[edge]]])
+        inner, outer = self.breaks[:, 0], self.breaks[:, 1]
+        length = np.where(self.sign == 2, inner, outer - inner)
+        distance = np.maximum(0.0, np.maximum(inner - r[0], r[0] - outer))
+        panel = np.flatnonzero(distance < NEAR * length)
+        row = (_kernel(r, self.r[None, :]) * self.weights)[0]
+        z, w = gauss(2 * self.order + 8)
+        u = (z + 1) / 2
+        inside = (r[0, 0] > (inner + np.minimum(outer, 2 * inner + 1)) / 2)[panel]
+        x = np.where(inside[:, None], 1 - u**CLUSTER, u**CLUSTER)
+        density = CLUSTER * u ** (CLUSTER - 1) * w / 2
+        radius, slope = self._map(panel[:, None], x)
+        values = legendre_values(self.order, 2 * x - 1)
+        factor = _kernel(r, radius) * slope * density
+        row.reshape(self.count, self.order)[panel] = np.einsum("kpm,pm->pk", values, factor) @ self.rule.to_legendre
+        moved = np.zeros(len(self.edges))
+        coefficients = self.coefficients(pressure)
+        near = np.einsum("kpm,pk->pm", values, coefficients[panel]) * slope * density
+        far = pressure * self.weights
+        far.reshape(self.count, self.order)[panel] = 0.0
+        panel_of = np.repeat(np.arange(self.count), self.order)
+        for e in range(len(self.edges)):
+            own = np.array([[float(e == edge)]])
+            shift, rate = self._motion_at(e, panel[:, None], radius)
+            moved[e] = (_shape_derivative(_shape_parts(r, radius), r, radius, own, shift, rate) * near).sum()
+            shift, rate = self._motion_at(e, panel_of, self.r)
+            s = self.r[None, :]
+            moved[e] += (_shape_derivative(_shape_parts(r, s), r, s, own, shift, rate) * far).sum()
+        return row, moved
+
     # -- fields -------------------------------------------------------------------------------------------------------
     def coefficients(self, values: Array) -> Array:
         """Legendre coefficients of nodal values, (P, n)."""

@@ -128,15 +128,37 @@ class RingProblem(Problem):
                 rests[own], level[own] = True, self.setting.law.levels[region.index]
         return rests, level
 
-    def _edge_rows(self, grid: Grid) -> tuple[Array, Array]:
-        """Rows that extrapolate the pressure of the resting regions to their edges, and the pressures wanted there."""
-        rows, wanted = np.zeros((self.edges, grid.size)), np.zeros(self.edges)
-        for edge in range(self.edges):
+    def _edges(self, fields: Fields) -> tuple[Array, Array, Array, Array]:
+        """Equations of the edges: residuals (E,), and their derivatives with respect to pressures, edges and d.
+
+        Next to a resting region the pressure, extrapolated to the edge, is the floating region's; at a jump the gap is
+        the level's.
+        """
+        grid, count, law = fields.grid, self.edges, self.setting.law
+        residual, rows = np.zeros(count), np.zeros((count, grid.size))
+        moves, shifts = np.zeros((count, count)), np.zeros(count)
+        for edge in range(count):
+            if self.layout.jump(edge):
+                radius = np.float64(grid.edges[edge])
+                rows[edge], moves[edge] = grid.at_edge(edge, fields.pressure)
+                level = law.levels[self.layout.jump_level(edge)]
+                lift = float(rows[edge] @ fields.pressure)
+                residual[edge] = float(self.setting.tip.height(radius)) - fields.displacement + lift - level
+                moves[edge, edge] += float(self.setting.tip.height_derivative(radius))
+                shifts[edge] = -1.0
+                continue
             side, floating = self.layout.neighbour(edge)
             panels = np.flatnonzero(grid.region == edge + side)
             rows[edge] = grid.at_end(int(panels[-1] if side == 0 else panels[0]), outer=side == 0)
-            wanted[edge] = self.setting.law.pressure(floating.index, self.layout.resting(edge).index)
-        return rows, wanted
+            wanted = law.pressure(floating.index, self.layout.resting(edge).index)
+            residual[edge] = float(rows[edge] @ fields.pressure) - wanted
+        return residual, rows, moves, shifts
+
+    def _edge_equations(self, fields: Fields) -> tuple[Array, Array, Array, Array]:
+        if "edges" not in fields.derived:
+            fields.derived["edges"] = self._edges(fields)
+        found: tuple[Array, Array, Array, Array] = fields.derived["edges"]
+        return found
 
     def residual(self, x: Array, p: float) -> Array:
         """Residual, (N + E,)."""
@@ -145,8 +167,7 @@ class RingProblem(Problem):
     def _residual(self, fields: Fields) -> Array:
         rests, level = self.resting(fields.grid)
         own = np.where(rests, fields.gap - level, fields.pressure - fields.law_pressure)
-        rows, wanted = self._edge_rows(fields.grid)
-        return np.concatenate([own, rows @ fields.pressure - wanted])
+        return np.concatenate([own, self._edge_equations(fields)[0]])
 
     def gap_moves(self, fields: Fields) -> Array:
         """d(gap at the nodes)/d(edges), the nodes moving with the edges, (N, E)."""
@@ -174,7 +195,7 @@ class RingProblem(Problem):
         matrix[:n, :n] = factor[:, None] * fields.response
         matrix[:n, :n].flat[:: n + 1] += np.where(rests, 0.0, 1.0)
         matrix[:n, n:] = factor[:, None] * self.gap_moves(fields)
-        matrix[n:, :n], _ = self._edge_rows(grid)
+        _, matrix[n:, :n], matrix[n:, n:], _ = self._edge_equations(fields)
         return matrix
 
     def parameter_derivative(self, x: Array, p: float) -> Array:
@@ -183,7 +204,8 @@ class RingProblem(Problem):
 
     def _parameter_derivative(self, fields: Fields) -> Array:
         rests, _ = self.resting(fields.grid)
-        return np.concatenate([-np.where(rests, 1.0, fields.stiffness), np.zeros(self.edges)])
+        shifts = self._edge_equations(fields)[3]
+        return np.concatenate([-np.where(rests, 1.0, fields.stiffness), shifts])
 
     def linearise(self, x: Array, p: float) -> Linearisation:
         """Residual and derivatives from one evaluation of the fields."""
