@@ -21,6 +21,9 @@ Array = NDArray[np.float64]
 # Next to an edge both gap and pressure come to their bounds; an extremum there counts only beyond this share of the
 # largest value, which discretisation does not reach.
 EDGE_NOISE = 1e-6
+# ... nor beyond this absolute share, which rounding does not reach; regions narrower than this share of the outermost
+# edge are all edge.
+ROUNDING, NARROW = 1e-8, 0.02
 # ... and at a jump the gap passes the level by what the ring left out would prevent.
 JUMP_NOISE = 1e-4
 # Places on a panel at which its polynomial is sampled for an extremum.
@@ -88,18 +91,19 @@ def _extrema(problem: RingProblem, fields: Fields, region: int, margin: Array, n
     if len(own) < 3:
         return
     values = margin[own]
-    jumps = [e for e in (region - 1, region) if 0 <= e < problem.edges and problem.layout.jump(e)]
-    noise = JUMP_NOISE if jumps else EDGE_NOISE * float(np.abs(values).max())
     inner_edge, outer_edge = region > 0, region < problem.edges
+    jumps = [e for e in (region - 1, region) if 0 <= e < problem.edges and problem.layout.jump(e)]
+    noise = JUMP_NOISE if jumps else EDGE_NOISE * float(np.abs(values).max()) + ROUNDING
+    narrow = outer_edge and problem.widths(fields)[region] < NARROW * grid.edges[-1]
     if region == 0:
         centre = float(grid.at_end(0, outer=False) @ margin)
         if centre <= values[0]:
-            yield Breach(centre, region, 0.0, new)
+            yield Breach(centre + noise if narrow else centre, region, 0.0, new)
     lower = np.flatnonzero((values[1:-1] <= values[:-2]) & (values[1:-1] < values[2:])) + 1
     for i in lower:
         value, radius, panel = _refined(problem, fields, margin, int(own[i]))
         first, last = grid.region.searchsorted(region), grid.region.searchsorted(region, side="right") - 1
-        at_edge = (inner_edge and panel == first) or (outer_edge and panel == last)
+        at_edge = narrow or (inner_edge and panel == first) or (outer_edge and panel == last)
         if region == 0 and i == 1 and values[0] < value:
             continue
         yield Breach(value + noise if at_edge else value, region, radius, new)

@@ -47,7 +47,7 @@ NARROW = 0.5
 # of both are the same up to the second power of it.
 NARROW_RING = 3e-5
 # A region that was not born on the way vanishes below this share of the outermost edge.
-NARROWEST = 3e-4
+NARROWEST = 1e-3
 COARSE = 1e-6
 
 

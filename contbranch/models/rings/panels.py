@@ -235,23 +235,9 @@ class Grid:
     def at_edge(self, edge: int, pressure: Array) -> tuple[Array, Array]:
         """Row of the elastic displacement at an edge, (N,), and its derivatives with respect to the edges, (E,)."""
         r = np.array([[self.edges[edge]]])
-        inner, outer = self.breaks[:, 0], self.breaks[:, 1]
-        length = np.where(self.sign == 2, inner, outer - inner)
-        distance = np.maximum(0.0, np.maximum(inner - r[0], r[0] - outer))
-        panel = np.flatnonzero(distance < NEAR * length)
-        row = (_kernel(r, self.r[None, :]) * self.weights)[0]
-        z, w = gauss(2 * self.order + 8)
-        u = (z + 1) / 2
-        inside = (r[0, 0] > (inner + np.minimum(outer, 2 * inner + 1)) / 2)[panel]
-        x = np.where(inside[:, None], 1 - u**CLUSTER, u**CLUSTER)
-        density = CLUSTER * u ** (CLUSTER - 1) * w / 2
-        radius, slope = self._map(panel[:, None], x)
-        values = legendre_values(self.order, 2 * x - 1)
-        factor = _kernel(r, radius) * slope * density
-        row.reshape(self.count, self.order)[panel] = np.einsum("kpm,pm->pk", values, factor) @ self.rule.to_legendre
+        row, (panel, radius, carried) = self._row(float(self.edges[edge]))
         moved = np.zeros(len(self.edges))
-        coefficients = self.coefficients(pressure)
-        near = np.einsum("kpm,pk->pm", values, coefficients[panel]) * slope * density
+        near = np.einsum("pmk,pk->pm", carried, pressure.reshape(self.count, self.order)[panel])
         far = pressure * self.weights
         far.reshape(self.count, self.order)[panel] = 0.0
         panel_of = np.repeat(np.arange(self.count), self.order)
@@ -263,6 +249,30 @@ class Grid:
             s = self.r[None, :]
             moved[e] += (_shape_derivative(_shape_parts(r, s), r, s, own, shift, rate) * far).sum()
         return row, moved
+
+    def lift_at(self, radii: Array, pressure: Array) -> Array:
+        """Elastic displacement at radii that lie in no panel, or at the end of one, (M,)."""
+        return np.array([float(self._row(float(r))[0] @ pressure) for r in radii])
+
+    def _row(self, radius: float) -> tuple[Array, tuple[Indices, Array, Array]]:
+        """Row of the displacement at a radius outside of panels; the near panels, their nodes for it, and what takes
+        nodal values to values times ds at these nodes, (panels, m, n)."""
+        r = np.array([[radius]])
+        inner, outer = self.breaks[:, 0], self.breaks[:, 1]
+        length = np.where(self.sign == 2, inner, outer - inner)
+        distance = np.maximum(0.0, np.maximum(inner - radius, radius - outer))
+        panel = np.flatnonzero(distance < NEAR * length)
+        row = (_kernel(r, self.r[None, :]) * self.weights)[0]
+        z, w = gauss(2 * self.order + 8)
+        u = (z + 1) / 2
+        below = np.abs(outer - radius)[panel] < np.abs(inner - radius)[panel]
+        x = np.where(below[:, None], 1 - u**CLUSTER, u**CLUSTER)
+        density = CLUSTER * u ** (CLUSTER - 1) * w / 2
+        s, slope = self._map(panel[:, None], x)
+        values = legendre_values(self.order, 2 * x - 1)
+        carried = np.einsum("kpm,kn->pmn", values, self.rule.to_legendre) * (slope * density)[:, :, None]
+        row.reshape(self.count, self.order)[panel] = np.einsum("pm,pmn->pn", _kernel(r, s), carried)
+        return row, (panel, s, carried)
 
     # -- fields -------------------------------------------------------------------------------------------------------
     def coefficients(self, values: Array) -> Array:

@@ -10,6 +10,9 @@ from .problem import Fields, RingProblem
 
 __all__ = ["profile_of"]
 
+# Radii beyond the last edge, in units of it, at which the gap is given.
+OUTSIDE = 1 + np.linspace(0.0, 1.0, 17)[1:] ** 2
+
 
 def profile_of(problem: RingProblem, fields: Fields) -> Profile:
     """Gap, total pressure and the wall's share of it: what exceeds the law's own pressure where the gap is closed."""
@@ -21,6 +24,11 @@ def profile_of(problem: RingProblem, fields: Fields) -> Profile:
             own = grid.of_node == k
             wall[own] = fields.pressure[own] - law.pressure(0, 0)
     r, gap, pressure = grid.r, np.where(rests, level, fields.gap), fields.pressure
-    if problem.layout.bounded:  # nothing but the tip's own shape and the elastic displacement beyond the last edge
-        return Profile(r, gap, pressure, wall)
+    if problem.layout.bounded:  # beyond the last edge there is no pressure, but a gap
+        beyond = np.minimum(grid.edges[-1] * OUTSIDE, problem.setting.tip.extent)
+        lift = grid.lift_at(beyond, fields.pressure)
+        none = np.zeros_like(beyond)
+        r = np.concatenate([r, beyond])
+        gap = np.concatenate([gap, problem.setting.tip.height(beyond) - fields.displacement + lift])
+        pressure, wall = np.concatenate([pressure, none]), np.concatenate([wall, none])
     return Profile(r, gap, pressure, wall)
