@@ -24,6 +24,8 @@ EDGE_NOISE = 1e-6
 # ... nor beyond this absolute share, which rounding does not reach; regions narrower than this share of the outermost
 # edge are all edge.
 ROUNDING, NARROW = 1e-8, 0.02
+# A pressure that answers a given gap is determined the worse the narrower the region.
+PRESSURE_NOISE = 3e-8
 # ... and at a jump the gap passes the level by what the ring left out would prevent.
 JUMP_NOISE = 1e-4
 # Places on a panel at which its polynomial is sampled for an extremum.
@@ -94,7 +96,10 @@ def _extrema(problem: RingProblem, fields: Fields, region: int, margin: Array, n
     inner_edge, outer_edge = region > 0, region < problem.edges
     jumps = [e for e in (region - 1, region) if 0 <= e < problem.edges and problem.layout.jump(e)]
     noise = JUMP_NOISE if jumps else EDGE_NOISE * float(np.abs(values).max()) + ROUNDING
-    narrow = outer_edge and problem.widths(fields)[region] < NARROW * grid.edges[-1]
+    share = float(problem.widths(fields)[region] / grid.edges[-1]) if outer_edge else 1.0
+    narrow = share < NARROW
+    if problem.layout.regions[region].rests:
+        noise += PRESSURE_NOISE / share
     if region == 0:
         centre = float(grid.at_end(0, outer=False) @ margin)
         if centre <= values[0]:
