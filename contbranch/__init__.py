@@ -6,6 +6,7 @@ one of them. Closed-form theories are in `contbranch.theory`, continuation of an
 """
 
 from contbranch.contact import Contact
+from contbranch.control import Spring
 from contbranch.diagram import Branch, Diagram, Event, Exponent, LocalExponent, Solution, State, Window
 from contbranch.errors import InputError, ModelError
 from contbranch.interactions import (
@@ -52,6 +53,7 @@ __all__ = [
     "Response",
     "Solution",
     "SphericalCap",
+    "Spring",
     "State",
     "Sum",
     "Tabulated",

@@ -46,7 +46,9 @@ Law = Annotated[
 ]
 Tabor = Annotated[str | None, typer.Option(metavar="X", help="Its Tabor coefficient.")]
 Repulsive = Annotated[bool, typer.Option("--repulsive", help="The law repels.")]
-Control = Annotated[str | None, typer.Option(metavar="load|displacement", help="What is controlled.  [default: load]")]
+Control = Annotated[
+    str | None, typer.Option(metavar="load|displacement|spring:K", help="What is controlled.  [default: load]")
+]
 Accuracy = Annotated[
     str | None, typer.Option(metavar="X", help="Error allowed to events and thresholds.  [default: 1e-6]")
 ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbranch.contact import Contact
+from contbranch.control import Control
 from contbranch.errors import InputError
 
 if TYPE_CHECKING:
@@ -67,6 +68,8 @@ class State:
         Error estimates of load, displacement, contact_radius and central_gap.
     profile : Profile or None
         Gap and pressures.
+    unstable_spring : int or None
+        Morse index under the control of a spring, where one was asked for.
     """
 
     load: float
@@ -79,6 +82,7 @@ class State:
     residual: float
     error: Mapping[str, float] = field(default_factory=dict)
     profile: Profile | None = None
+    unstable_spring: int | None = None
 
     @property
     def r(self) -> Array:
@@ -105,9 +109,19 @@ class State:
             raise InputError("state: it was kept without its gap and pressure profiles")
         return self.profile
 
-    def stable(self, control: str) -> bool:
-        """Whether the state is stable under ``"load"`` or ``"displacement"`` control."""
-        return (self.unstable_displacement if control == "displacement" else self.unstable_load) == 0
+    def unstable(self, control: str | Control) -> int:
+        """Morse index under ``"load"``, ``"displacement"`` or ``"spring"`` control.
+
+        Raises
+        ------
+        InputError
+            If the state was not found with a spring.
+        """
+        return int(_of_control(self, control))
+
+    def stable(self, control: str | Control) -> bool:
+        """Whether the state is stable under ``"load"``, ``"displacement"`` or ``"spring"`` control."""
+        return self.unstable(control) == 0
 
 
 @dataclass(frozen=True)
@@ -198,6 +212,8 @@ class Event:
         What happened, where the kind does not say it all.
     branch, position : int, float
         Branch, and position on it in units of points (between points i and i + 1: i + 0.5).
+    origin : object or None
+        What `contbranch.follow` needs to follow the event; None for events read from a file.
     """
 
     kind: EventKind
@@ -213,6 +229,7 @@ class Event:
     message: str = ""
     branch: int = 0
     position: float = 0.0
+    origin: Any = field(default=None, repr=False, compare=False)
 
     @cached_property
     def exponent(self) -> Exponent | None:
@@ -231,6 +248,8 @@ class Branch:
         Morse indices under load and displacement control.
     load_error, displacement_error : array (M,)
         Error estimates of load and displacement at every point.
+    unstable_spring : integer array (M,) or None
+        Morse index under the control of the spring of the diagram, if it has one.
     """
 
     load: Array
@@ -243,9 +262,16 @@ class Branch:
     load_error: Array
     displacement_error: Array
     profiles: Sequence[Profile | Callable[[], Profile]] = field(default=(), repr=False)
+    unstable_spring: NDArray[np.int64] | None = None
 
     def __len__(self) -> int:
         return len(self.load)
+
+    @property
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """The arrays by name, those that the branch has."""
+        found = {item.name: getattr(self, item.name) for item in fields(self) if item.name != "profiles"}
+        return {name: values for name, values in found.items() if values is not None}
 
     def state(self, i: int) -> State:
         """Point `i` with its profile: r, gap, pressure and wall_pressure."""
@@ -261,11 +287,31 @@ class Branch:
             residual=0.0,
             error={"load": float(self.load_error[i]), "displacement": float(self.displacement_error[i])},
             profile=profile() if callable(profile) else profile,
+            unstable_spring=None if self.unstable_spring is None else int(self.unstable_spring[i]),
         )
 
-    def unstable(self, control: str) -> NDArray[np.int64]:
-        """Morse index under ``"load"`` or ``"displacement"`` control."""
-        return self.unstable_displacement if control == "displacement" else self.unstable_load
+    def unstable(self, control: str | Control) -> NDArray[np.int64]:
+        """Morse index under ``"load"``, ``"displacement"`` or ``"spring"`` control, (M,).
+
+        Raises
+        ------
+        InputError
+            If the branch was not traced with a spring.
+        """
+        return np.asarray(_of_control(self, control))
+
+
+def _of_control(source: State | Branch, control: str | Control) -> Any:
+    """The Morse index (or indices) of a state or branch under a control."""
+    kind = control.kind if isinstance(control, Control) else control
+    found = {
+        "load": source.unstable_load,
+        "displacement": source.unstable_displacement,
+        "spring": source.unstable_spring,
+    }.get(kind)
+    if found is None:
+        raise InputError(f"control: {kind!r}; must be load, displacement, or spring where one was asked for")
+    return found
 
 
 @dataclass(frozen=True)
@@ -301,7 +347,9 @@ class Diagram:
         Named loads, displacements and radii; no key for what does not exist.
     model : ModelChoice
     control : str
-        The control whose stability plots speak of.
+        The control whose stability plots speak of: ``load``, ``displacement`` or ``spring``.
+    stiffness : float or None
+        Stiffness of that spring.
     accuracy : float
         Error allowed to every event, relative to max(1, |value|) in reduced units.
     status, message : str
@@ -323,6 +371,7 @@ class Diagram:
     local_exponents: Callable[[Event], LocalExponent] | Mapping[int, LocalExponent] | None = field(
         default=None, repr=False
     )
+    stiffness: float | None = None
 
     def folds(self, control: str | None = None) -> Iterator[Event]:
         """The folds of one control, or all of them."""

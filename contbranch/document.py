@@ -35,6 +35,7 @@ def diagram_document(diagram: Diagram) -> dict[str, Any]:
         "contact": _plain(diagram.description) or _contact(diagram.contact),
         **_units(diagram.contact, diagram.unit_names),
         "control": diagram.control,
+        **({"stiffness": _number(diagram.stiffness)} if diagram.stiffness is not None else {}),
         "accuracy": diagram.accuracy,
         "model": _model(diagram.model),
         "branches": [_branch(branch) for branch in diagram.branches],
@@ -112,7 +113,10 @@ def _cost(cost: Cost) -> dict[str, Any]:
 
 
 def _branch(branch: Branch) -> dict[str, list[Any]]:
-    return {name: _numbers(getattr(branch, name)) for name in _COLUMNS}
+    columns = {name: _numbers(getattr(branch, name)) for name in _COLUMNS}
+    return (
+        columns if branch.unstable_spring is None else columns | {"unstable_spring": _numbers(branch.unstable_spring)}
+    )
 
 
 def _observables(state: State | Event) -> dict[str, Any]:
@@ -165,5 +169,6 @@ def _state(state: State) -> dict[str, Any]:
         "energy": _number(state.energy),
         "unstable_load": int(state.unstable_load),
         "unstable_displacement": int(state.unstable_displacement),
+        **({} if state.unstable_spring is None else {"unstable_spring": int(state.unstable_spring)}),
         "residual": _number(state.residual),
     }

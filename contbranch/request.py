@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from contbranch.contact import Contact
+from contbranch.control import Spring
 from contbranch.errors import InputError
 from contbranch.units import positive_number
 
@@ -19,7 +20,7 @@ class Request:
     """A contact and the settings of a computation, in the contact's units."""
 
     contact: Contact
-    control: str
+    control: str | Spring
     accuracy: float
     model: str
     max_load: float | None
@@ -55,7 +56,7 @@ def make_request(
     chosen = settings | {name: value for name, value in given.items() if value is not None}
     return Request(
         contact=contact,
-        control=_control(chosen.get("control", "load")),
+        control=_control(chosen.get("control", "load"), contact),
         accuracy=positive_number(_number(chosen.get("accuracy", 1e-6), "--accuracy"), "--accuracy"),
         model=_choice(chosen.get("model", "auto"), _MODELS, "--model"),
         max_load=settings.get("max_load"),
@@ -97,13 +98,12 @@ def _number(value: object, option: str) -> object:
     return value
 
 
-def _control(value: str | float) -> str:
-    """Return "load" or "displacement"; a number is the stiffness of a spring, from a contact file."""
-    if isinstance(value, float) or value.partition(":")[0] == "spring":
-        raise InputError("--control: a spring is not available in this version; choose load or displacement")
-    if value not in ("load", "displacement"):
-        raise InputError(f"--control: {value!r}; must be load or displacement")
-    return value
+def _control(value: object, contact: Contact) -> str | Spring:
+    """Return "load", "displacement" or a spring; a number is the stiffness of a spring, from a contact file."""
+    from contbranch.contact_file import parse_control
+
+    parsed = value if isinstance(value, float) else parse_control(value, contact.units, "--control")
+    return Spring(parsed) if isinstance(parsed, float) else parsed
 
 
 def _choice(value: object, known: tuple[str, ...], option: str) -> str:

@@ -41,6 +41,7 @@ VERSION: Final = 1
 
 _CURVE: Final = (*OBSERVABLES, "energy", "load_error", "displacement_error")
 _INDICES: Final = ("unstable_load", "unstable_displacement")
+_SPRING: Final = "unstable_spring"
 _PROFILE: Final = ("r", "gap", "pressure", "wall_pressure")
 _LOCAL: Final = ("excess", "order_parameter", "kappa", "error")
 _WINDOW: Final = ("start", "stop", "kappa", "kappa_error", "prefactor")
@@ -109,6 +110,8 @@ def _point(state: State) -> Branch:
     """Return a branch of one point."""
     columns: dict[str, Any] = {name: np.array([getattr(state, name)]) for name in (*OBSERVABLES, "energy", *_INDICES)}
     columns |= {f"{name}_error": np.array([state.error.get(name, np.nan)]) for name in ("load", "displacement")}
+    if state.unstable_spring is not None:
+        columns[_SPRING] = np.array([state.unstable_spring])
     return Branch(**columns, profiles=() if state.profile is None else (state.profile,))
 
 
@@ -164,6 +167,8 @@ def _write(file: h5py.File, diagram: Diagram) -> None:
     file.attrs["version"] = VERSION
     for key in ("units", "control", "accuracy", "status", "message"):
         file.attrs[key] = head[key]
+    if diagram.stiffness is not None:
+        file.attrs["stiffness"] = diagram.stiffness
     file["unit_names"] = json.dumps(names, ensure_ascii=False)
     file["contact"] = json.dumps(head["contact"], ensure_ascii=False)  # no attribute: a tabulated law may be long
     file.create_group("model").attrs.update(asdict(diagram.model))
@@ -192,7 +197,8 @@ def _write_arrays(group: h5py.Group, source: object, columns: Sequence[str], nam
 
 
 def _write_branch(group: h5py.Group, branch: Branch, names: Mapping[str, str]) -> None:
-    _write_arrays(group, branch, (*_CURVE, *_INDICES), names)
+    spring = () if branch.unstable_spring is None else (_SPRING,)
+    _write_arrays(group, branch, (*_CURVE, *_INDICES, *spring), names)
     profiles = [profile() if callable(profile) else profile for profile in branch.profiles]
     if not profiles:
         return
@@ -269,6 +275,7 @@ def _read(file: h5py.File) -> Diagram:
         model=ModelChoice(kind=model["kind"], why=model["why"], unknowns=int(model["unknowns"])),
         cost=Cost(float(cost["wall_s"]), int(cost["newton"]), int(cost["fft_pairs"])),
         control=file.attrs["control"],
+        stiffness=float(file.attrs["stiffness"]) if "stiffness" in file.attrs else None,
         accuracy=float(file.attrs["accuracy"]),
         status=file.attrs["status"],
         message=file.attrs["message"],
@@ -286,7 +293,8 @@ def _arrays(group: h5py.Group, columns: Sequence[str]) -> list[NDArray[np.float6
 
 def _read_branch(group: h5py.Group) -> Branch:
     columns: dict[str, Any] = dict(zip(_CURVE, _arrays(group, _CURVE), strict=True))
-    columns |= {name: np.asarray(group[name][()], dtype=np.int64) for name in _INDICES}
+    indices = (*_INDICES, *((_SPRING,) if _SPRING in group else ()))
+    columns |= {name: np.asarray(group[name][()], dtype=np.int64) for name in indices}
     profiles: tuple[Profile, ...] = ()
     if "profiles" in group:
         fields = _arrays(group["profiles"], _PROFILE)

@@ -60,7 +60,8 @@ def _print_states(console: Console, states: Sequence[State], units: Mapping[str,
     table = _table((*_headings(units), energy, "stable under"))
     for state in states:
         cells = (with_error(getattr(state, name), state.error.get(name)) for name in _OBSERVABLES)
-        controls = [control for control in ("load", "displacement") if state.stable(control)]
+        known = ("load", "displacement", *(() if state.unstable_spring is None else ("spring",)))
+        controls = [control for control in known if state.stable(control)]
         table.add_row(*cells, f"{state.energy:.9g}", " and ".join(controls) or "neither")
     console.print(table)
 

@@ -171,8 +171,8 @@ WRONG = [
     (["trace", "FILE", "--accuracy", "inf"], "--accuracy: inf"),
     (["trace", "FILE", "--max-load", "3 nm"], "--max-load: '3 nm': 'nm' is not a unit of force"),
     (["trace", *GAUSS, "--max-load", "3 nN"], "--max-load: '3 nN'; the contact is in reduced units"),
-    (["trace", "FILE", "--control", "force"], "--control: 'force'; must be load or displacement"),
-    (["trace", "FILE", "--control", "spring:0.1 N/m"], "--control: a spring is not available"),
+    (["trace", "FILE", "--control", "force"], "--control: 'force'; must be load, displacement or spring:0.1 N/m"),
+    (["trace", "FILE", "--control", "spring:0.1 nm"], "--control: '0.1 nm'"),
     (
         ["trace", "FILE", "--model", "periodic"],
         "--model: 'periodic' is not available; choose auto, exact or axisymmetric",

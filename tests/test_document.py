@@ -104,7 +104,7 @@ def test_contact_is_described_without_a_description_of_the_diagram(repulsion: Di
 def test_a_branch_of_some_hundred_points_takes_milliseconds(repulsion: Diagram, points: int) -> None:
     branch = repulsion.branches[0]
     at = np.linspace(0, len(branch) - 1, points).astype(int)
-    columns = {n: getattr(branch, n)[at] for n in branch.__dataclass_fields__ if n != "profiles"}
+    columns = {n: values[at] for n, values in branch.columns.items()}
     diagram = replace(repulsion, branches=(replace(branch, **columns),))
     start = time.perf_counter()
     json.dumps(diagram_document(diagram), allow_nan=False)

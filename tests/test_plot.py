@@ -45,7 +45,7 @@ def test_pieces_meet_at_the_folds_of_the_control(repulsion: Diagram) -> None:
 def test_two_folds_between_two_points_show_the_unstable_part(repulsion: Diagram) -> None:
     branch = repulsion.branches[0]
     far = [0, 60, 180, 240]  # both load folds, the touch and both displacement folds lie between 60 and 180
-    columns = {n: getattr(branch, n)[far] for n in branch.__dataclass_fields__ if n != "profiles"}
+    columns = {n: values[far] for n, values in branch.columns.items()}
     events = tuple(replace(e, position=1.0 + (e.position - 60.0) / 120.0) for e in repulsion.events)
     coarse = replace(repulsion, branches=(replace(branch, **columns),), events=events)
     parts = pieces(smooth_line(coarse, 0), "load", "contact_radius")
@@ -57,7 +57,7 @@ def test_long_steps_are_filled_in_as_the_closed_form_says(attraction: Diagram) -
     """Every tenth point of the Maugis-Dugdale curve and its events give back the curve to 0.5 % of its extent."""
     branch = attraction.branches[0]
     kept = np.arange(0, len(branch), 10)
-    columns = {n: getattr(branch, n)[kept] for n in branch.__dataclass_fields__ if n != "profiles"}
+    columns = {n: values[kept] for n, values in branch.columns.items()}
     events = tuple(replace(e, position=e.position / 10.0) for e in attraction.events)
     line = smooth_line(replace(attraction, branches=(Branch(**columns),), events=events), 0)
     radius = line.columns["contact_radius"]
@@ -110,7 +110,7 @@ def test_labels_overlap_neither_each_other_nor_markers_nor_the_frame(
 
 def test_limits_frame_the_events_of_a_trace_that_starts_far_and_ends_far(attraction: Diagram) -> None:
     branch = attraction.branches[0]
-    columns = {n: getattr(branch, n) for n in branch.__dataclass_fields__ if n != "profiles"}
+    columns = dict(branch.columns)
     ends = {"load": (0.0, 1e6), "displacement": (-1e5, 1e4), "contact_radius": (0.0, 1e4), "central_gap": (1e5, 0.0)}
     for column, values in columns.items():
         first, last = ends.get(column, (values[0], values[-1]))

@@ -138,7 +138,9 @@ class ExactCurve:
         curve = maugis.in_contact(self._zone, np.asarray([tangent]))
         return self._judged(curve.contact_radius, curve).state(0)
 
-    def sample(self, points: int = 400, *, max_load: float | None = None, far: float = 1.5) -> ExactStates:
+    def sample(
+        self, points: int = 400, *, max_load: float | None = None, far: float = 1.5, stiffness: float | None = None
+    ) -> ExactStates:
         """Return the curve from beyond the range to a load, with the events among its points.
 
         Parameters
@@ -149,6 +151,8 @@ class ExactCurve:
             Load at which the curve ends, in contact; 10 by default.
         far : float
             Displacement at which the curve starts, in -z0; at least 1.
+        stiffness : float, optional
+            Stiffness of a spring whose folds are to be among the points, too.
 
         Raises
         ------
@@ -164,13 +168,14 @@ class ExactCurve:
         inner = 0.2 * min(1.0, 4.0 * self.tabor / math.pi / self.touch_radius)
         outer = 0.1 * min(self.touch_radius, self._load_fold_parameter)
         share = points // 4
-        own = np.array([event.state.parameter for event in self.events])
+        events = [*self.events, *(() if stiffness is None else self.spring_events(stiffness))]
+        own = np.array([event.state.parameter for event in events])
         ahead = np.linspace(-far, -1.0, 5) if far > 1.0 else np.empty(0)
         apart = np.concatenate([graded(1.0, inner, share), np.linspace(0.0, 1.0, share // 2)]) - 1.0
         contact = np.concatenate([graded(last, outer, 2 * share), np.linspace(0.0, last, share)])
         grid = np.unique(np.concatenate([ahead, apart, contact, own]))
         states = self.states(grid[grid <= last])
-        for event in self.events:
+        for event in events:
             for column, value in zip(states, event.state, strict=True):
                 column[states.parameter == event.state.parameter] = value
         return states
@@ -195,6 +200,10 @@ class ExactCurve:
         """Return the Morse indices of states under a spring of the given stiffness > 0."""
         s = states.parameter
         return ((s > -1.0) & (s < self.spring_events(stiffness)[1].state.parameter)).astype(np.int64)
+
+    def unstable_spring_at(self, parameter: float, stiffness: float) -> bool:
+        """Return whether the state with the parameter s is unstable under a spring of the given stiffness > 0."""
+        return -1.0 < parameter < self.spring_events(stiffness)[1].state.parameter
 
     def zero_load_contact(self) -> ExactState:
         """Return the contact without load."""

@@ -5,14 +5,17 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contbranch.analysis.exponents import crossover_excess, fitted_window
+from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.diagram import Cost, Exponent, LocalExponent, Profile, State
 from contbranch.models.exact_curve import ExactCurve
 from contbranch.models.exact_results import ExactEvent, ExactState
+from contbranch.models.exact_series import LocalExpansion
 from contbranch.models.outcome import RawCurve, RawEvent
 
 __all__ = ["exact_outcome", "exact_state"]
@@ -25,12 +28,14 @@ WINDOW = (1e-2, 1e1)
 SAMPLES = np.geomspace(1e-8, 1e2, 101)
 
 
-def exact_outcome(curve: ExactCurve, max_load: float | None) -> RawCurve:
-    """The whole curve with its events, reduced units."""
+def exact_outcome(curve: ExactCurve, max_load: float | None, control: Control = LOAD) -> RawCurve:
+    """The whole curve with its events, and those of a spring, in reduced units."""
     began = time.perf_counter()
-    states = curve.sample(160, max_load=max_load)
-    own = [event for event in curve.events if event.state.parameter <= states.parameter[-1]]
-    events = [_event(curve, event, states.parameter) for event in own]
+    stiffness = control.spring_stiffness
+    states = curve.sample(160, max_load=max_load, stiffness=stiffness)
+    found = [*curve.events, *(() if stiffness is None else curve.spring_events(stiffness))]
+    own = sorted((e for e in found if e.state.parameter <= states.parameter[-1]), key=lambda e: e.state.parameter)
+    events = [_event(curve, event, states.parameter, stiffness) for event in own]
     last = len(states.parameter) - 1
     end = states.state(last)
     values = (end.load, end.displacement, end.contact_radius, end.central_gap)
@@ -51,11 +56,12 @@ def exact_outcome(curve: ExactCurve, max_load: float | None) -> RawCurve:
         "",
         Cost(time.perf_counter() - began, 0),
         1,
+        unstable_spring=None if stiffness is None else curve.unstable_spring(states, stiffness),
     )
 
 
-def exact_state(curve: ExactCurve, state: ExactState) -> State:
-    """A state with its profile, reduced units."""
+def exact_state(curve: ExactCurve, state: ExactState, stiffness: float | None = None) -> State:
+    """A state with its profile, and its stability under a spring, in reduced units."""
     profile = curve.profile(state)
     keys = ("load", "displacement", "contact_radius", "central_gap")
     values = (state.load, state.displacement, state.contact_radius, state.central_gap)
@@ -67,6 +73,7 @@ def exact_state(curve: ExactCurve, state: ExactState) -> State:
         0.0,
         dict(zip(keys, _rounding(values), strict=True)),
         Profile(profile.r, profile.gap, profile.pressure, profile.wall_pressure),
+        None if stiffness is None else int(curve.unstable_spring_at(state.parameter, stiffness)),
     )
 
 
@@ -83,32 +90,41 @@ def _deferred_profile(curve: ExactCurve, state: ExactState) -> Callable[[], Prof
     return profile
 
 
-def _event(curve: ExactCurve, event: ExactEvent, parameters: Array) -> RawEvent:
+def _event(curve: ExactCurve, event: ExactEvent, parameters: Array, stiffness: float | None) -> RawEvent:
     state = event.state
     keys = ("load", "displacement", "contact_radius", "central_gap")
     row = int(np.argmin(np.abs(parameters - state.parameter)))
     values = (state.load, state.displacement, state.contact_radius, state.central_gap)
     error = tuple(event.error[key] for key in keys)
-    raw = RawEvent(event.kind, row, values, (error[0], error[1], error[2], error[3]), event.control, name=event.name)
-    smooth = event.kind == "touch" or event.name == "pull-off"
-    if not smooth:  # at the edge of the interaction the curve has a corner, not a quadratic fold
-        return raw
-    control = event.control or "load"
-    return RawEvent(
+    own_stiffness = stiffness if event.control == "spring" else None
+    raw = RawEvent(
         event.kind,
         row,
         values,
-        raw.error,
+        (error[0], error[1], error[2], error[3]),
         event.control,
         name=event.name,
+        stiffness=own_stiffness,
+        place=event,
+    )
+    smooth = event.kind == "touch" or event.name == "pull-off"
+    if not smooth:  # at the edge of the interaction the curve has a corner, not a quadratic fold
+        return raw
+    control = LOAD
+    if event.control == "spring" and stiffness is not None:
+        control = Control("spring", stiffness)
+    elif event.control == "displacement":
+        control = DISPLACEMENT
+    return replace(
+        raw,
         exponent=None if event.kind == "touch" else lambda: _exponent(curve, event, control),
         local_exponent=lambda: _local(curve, event, control),
     )
 
 
-def _exponent(curve: ExactCurve, event: ExactEvent, control: str) -> Exponent:
+def _exponent(curve: ExactCurve, event: ExactEvent, control: Control) -> Exponent:
     expansion = curve.expansion(event.state, 3)
-    derivatives = expansion.load if control == "load" else expansion.displacement
+    derivatives = _controlled(control, expansion)
     return Exponent(
         0.5,
         crossover_excess(float(derivatives[2]), float(derivatives[3])),
@@ -118,13 +134,19 @@ def _exponent(curve: ExactCurve, event: ExactEvent, control: str) -> Exponent:
     )
 
 
-def _local(curve: ExactCurve, event: ExactEvent, control: str) -> LocalExponent:
+def _controlled(control: Control, expansion: LocalExpansion) -> Array:
+    """Derivatives of what is controlled with respect to the order parameter."""
+    if control.kind == "spring":
+        return np.asarray(expansion.displacement + expansion.load / control.stiffness)
+    return np.asarray(expansion.load if control.kind == "load" else expansion.displacement)
+
+
+def _local(curve: ExactCurve, event: ExactEvent, control: Control) -> LocalExponent:
     """κ_local along the contact side, from slopes in closed form (the contact radius, or the gap where there is
     none)."""
     state = event.state
     in_contact = state.contact_radius > 0 or event.kind == "touch"
-    index = 0 if control == "load" else 1
-    start = (state.load, state.displacement)[index]
+    start = control.value(state.load, state.displacement)
     order = state.contact_radius if in_contact else state.central_gap
     rows: list[tuple[float, float, float, float]] = []
     for step in np.geomspace(1e-6, 10.0, 90):
@@ -134,7 +156,7 @@ def _local(curve: ExactCurve, event: ExactEvent, control: str) -> LocalExponent:
         if not in_contact and parameter >= 0:
             break
         expansion = curve.expansion(curve.states(parameter).state(0), 1)
-        values = expansion.load if control == "load" else expansion.displacement
+        values = _controlled(control, expansion)
         excess, moved = float(values[0]) - start, float(expansion.value) - order
         if not rows:
             direction = 1.0 if excess > 0 else -1.0

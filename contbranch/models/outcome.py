@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from contbranch.analysis.naming import fold_name, number_layers, thresholds
 from contbranch.contact import Contact
+from contbranch.control import Control
 from contbranch.diagram import (
     Branch,
     Cost,
@@ -42,6 +43,10 @@ class RawEvent:
         Morse indices under its control on both sides along the curve (folds).
     lost_on_increase : bool
         Whether the control has a maximum here (folds).
+    stiffness : float or None
+        Of the spring (folds of a spring).
+    place : object
+        Where the model has it, from which it can be followed; None if it cannot.
     exponent, local_exponent : callable
         Deferred, since they cost further solutions.
     """
@@ -56,6 +61,8 @@ class RawEvent:
     maximum: bool = False
     message: str = ""
     name: str | None = None
+    stiffness: float | None = None
+    place: Any = None
     exponent: Callable[[], Exponent | None] | None = None
     local_exponent: Callable[[], LocalExponent] | None = None
 
@@ -79,7 +86,16 @@ class RawCurve:
     message: str
     cost: Cost
     unknowns: int
+    unstable_spring: Integers | None = None
     extra: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Origin:
+    """What an event was found in: its contact, and the raw event with its place in the model."""
+
+    contact: Contact
+    raw: RawEvent
 
 
 class _Scaling:
@@ -89,6 +105,7 @@ class _Scaling:
         scales = contact.scales
         self.load, self.normal, self.in_plane = scales.load, scales.normal, scales.in_plane
         self.energy, self.pressure = scales.energy, scales.pressure
+        self.stiffness = scales.stiffness
         self.four = (self.load, self.normal, self.in_plane, self.normal)
 
     def values(self, reduced: Sequence[float]) -> list[float]:
@@ -139,7 +156,7 @@ def _names(contact: Contact, events: Sequence[RawEvent]) -> list[str | None]:
     return number_layers(names, [raw.control for raw in events], contact.interaction)
 
 
-def _event(scaling: _Scaling, raw: RawEvent, name: str | None) -> Event:
+def _event(contact: Contact, scaling: _Scaling, raw: RawEvent, name: str | None) -> Event:
     load, displacement, radius, gap = scaling.values(raw.values)
     keys = ("load", "displacement", "contact_radius", "central_gap")
     source = raw.exponent
@@ -153,16 +170,18 @@ def _event(scaling: _Scaling, raw: RawEvent, name: str | None) -> Event:
         control=raw.control,
         name=name,
         message=raw.message,
+        stiffness=None if raw.stiffness is None else raw.stiffness * scaling.stiffness,
         position=float(raw.row),
+        origin=None if raw.place is None else Origin(contact, raw),
         critical=None if source is None else lambda: scaling.exponent(source(), raw.control),
     )
 
 
-def assemble(contact: Contact, curve: RawCurve, choice: ModelChoice, control: str, accuracy: float) -> Diagram:
+def assemble(contact: Contact, curve: RawCurve, choice: ModelChoice, control: Control, accuracy: float) -> Diagram:
     """The diagram of a curve: events named, thresholds collected, everything in the contact's own units."""
     scaling = _Scaling(contact)
     names = _names(contact, curve.events)
-    events = tuple(_event(scaling, raw, name) for raw, name in zip(curve.events, names, strict=True))
+    events = tuple(_event(contact, scaling, raw, name) for raw, name in zip(curve.events, names, strict=True))
     branch = Branch(
         curve.load * scaling.load,
         curve.displacement * scaling.normal,
@@ -174,6 +193,7 @@ def assemble(contact: Contact, curve: RawCurve, choice: ModelChoice, control: st
         curve.load_error * scaling.load,
         curve.displacement_error * scaling.normal,
         [lambda source=source: scaling.profile(source()) for source in curve.profiles],  # type: ignore[misc]
+        curve.unstable_spring,
     )
     terms = contact.interaction.terms if contact.interaction is not None else ()
     repulsive = bool(terms) and all(term.work_of_adhesion < 0 for term in terms)
@@ -197,7 +217,8 @@ def assemble(contact: Contact, curve: RawCurve, choice: ModelChoice, control: st
         thresholds=thresholds(events, repulsive) if curve.complete or events else {},
         model=choice,
         cost=curve.cost,
-        control=control,
+        control=control.kind,
+        stiffness=control.spring_stiffness,
         accuracy=accuracy,
         status="complete" if curve.complete else "incomplete",
         message=curve.message,
@@ -211,7 +232,7 @@ def state_in_units(contact: Contact, state: State) -> State:
     """A reduced state in the contact's own units."""
     scaling = _Scaling(contact)
     keys = ("load", "displacement", "contact_radius", "central_gap")
-    scales = dict(zip(keys, scaling.four, strict=True))
+    scales = {**dict(zip(keys, scaling.four, strict=True)), "energy": scaling.energy}
     return State(
         state.load * scaling.load,
         state.displacement * scaling.normal,
@@ -223,4 +244,5 @@ def state_in_units(contact: Contact, state: State) -> State:
         state.residual,
         {key: value * scales[key] for key, value in state.error.items()},
         None if state.profile is None else scaling.profile(state.profile),
+        state.unstable_spring,
     )

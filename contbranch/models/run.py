@@ -12,6 +12,7 @@ from typing import ParamSpec, TypeVar
 from threadpoolctl import ThreadpoolController
 
 from contbranch.contact import Contact
+from contbranch.control import Control, Spring, as_control
 from contbranch.diagram import Cost, Diagram, ModelChoice, Solution, State
 from contbranch.errors import InputError
 from contbranch.units import finite_number, positive_number
@@ -45,14 +46,13 @@ def _one_thread(function: Callable[Parameters, Result]) -> Callable[Parameters, 
 
 Progress = Callable[[float, str], None]
 
-CONTROLS = ("load", "displacement")
 FINEST, COARSEST = 1e-13, 1e-2
 
 
 @_one_thread
 def trace(
     contact: Contact,
-    control: str = "load",
+    control: str | Spring = "load",
     accuracy: float = 1e-6,
     max_load: float | None = None,
     model: str | Model = "auto",
@@ -63,8 +63,9 @@ def trace(
     Parameters
     ----------
     contact : Contact
-    control : {"load", "displacement"}
-        The control whose stability plots and `solve` speak of; folds of both are reported always.
+    control : {"load", "displacement"} or Spring
+        The control whose stability plots speak of. Folds of load and displacement are reported always, those of a
+        spring besides.
     accuracy : float
         Error allowed to every event and threshold, relative to max(1, |value|) in reduced units; 1e-13 to 1e-2.
     max_load : float, optional
@@ -86,15 +87,16 @@ def trace(
     InputError
         If an argument cannot be used.
     """
-    _check(contact, control, accuracy)
+    driven = _check(contact, control, accuracy)
+    reduced = driven.scaled(contact.scales.stiffness)
     chosen, why = choose(contact, model)
     limit = None if max_load is None else positive_number(max_load, "max_load") / contact.scales.load
     if isinstance(chosen, Exact):
         curve = chosen.curve(contact)
-        raw = exact_outcome(curve, limit)
+        raw = exact_outcome(curve, limit, reduced)
     else:
-        raw = chosen.trace(contact.to_reduced(), accuracy, limit, progress)
-    return assemble(contact, raw, ModelChoice(chosen.name, why, raw.unknowns), control, accuracy)  # type: ignore[arg-type]
+        raw = chosen.trace(contact.to_reduced(), accuracy, limit, progress, reduced)
+    return assemble(contact, raw, ModelChoice(chosen.name, why, raw.unknowns), driven, accuracy)  # type: ignore[arg-type]
 
 
 @_one_thread
@@ -105,7 +107,7 @@ def solve(
     displacement: float | None = None,
     contact_radius: float | None = None,
     near: State | None = None,
-    control: str | None = None,
+    control: str | Spring | None = None,
     accuracy: float = 1e-6,
     model: str | Model = "auto",
     progress: Progress | None = None,
@@ -119,7 +121,7 @@ def solve(
     ----------
     near : State, optional
         A state whose nearest relative is wanted instead of the lowest.
-    control : {"load", "displacement"}, optional
+    control : {"load", "displacement"} or Spring, optional
         Whose stability counts; by default that of the quantity given (load for a contact radius).
     accuracy : float
         Error allowed to every number, relative to max(1, |value|) in reduced units.
@@ -137,8 +139,8 @@ def solve(
     if len(asked) != 1:
         raise InputError(f"solve: give exactly one of load, displacement and contact_radius, not {len(asked)}")
     ((field, value),) = asked.items()
-    control = control or ("displacement" if field == "displacement" else "load")
-    _check(contact, control, accuracy)
+    driven = _check(contact, control or ("displacement" if field == "displacement" else "load"), accuracy)
+    reduced = driven.scaled(contact.scales.stiffness)
     value = finite_number(value, field)
     scales = contact.scales
     unit = {"load": scales.load, "displacement": scales.normal, "contact_radius": scales.in_plane}[field]
@@ -149,13 +151,14 @@ def solve(
         lowest = min(raw.load)
         found: list[State] = []
         if field != "load" or value / unit >= lowest:
-            found = [exact_state(curve, state) for state in curve.solve(**{field: value / unit})]
+            exact = curve.solve(**{field: value / unit})
+            found = [exact_state(curve, state, reduced.spring_stiffness) for state in exact]
     else:
-        found, raw = chosen.solve(contact.to_reduced(), field, value / unit, accuracy, progress)
+        found, raw = chosen.solve(contact.to_reduced(), field, value / unit, accuracy, progress, reduced)
     if not found:
         raise InputError(f"{field}: {value:g} cannot be reached; {_reachable(raw, field, unit)}")
     states = tuple(state_in_units(contact, state) for state in found)
-    best, message = _best(states, control, near)
+    best, message = _best(states, driven, near)
     cost = Cost(time.perf_counter() - began, raw.cost.newton)
     values = {item.name: getattr(best, item.name) for item in dataclass_fields(State)}
     return Solution(
@@ -168,11 +171,12 @@ def solve(
     )
 
 
-def _best(states: tuple[State, ...], control: str, near: State | None) -> tuple[State, str]:
+def _best(states: tuple[State, ...], control: Control, near: State | None) -> tuple[State, str]:
     stable = [state for state in states if state.stable(control)]
     count = len(states)
     message = (
-        f"{count} equilibri{'um' if count == 1 else 'a'} on the curve, {len(stable)} stable under {control} control."
+        f"{count} equilibri{'um' if count == 1 else 'a'} on the curve, "
+        f"{len(stable)} stable under {control.kind} control."
     )
     if near is not None:
 
@@ -183,7 +187,8 @@ def _best(states: tuple[State, ...], control: str, near: State | None) -> tuple[
         return min(states, key=distance), message
 
     def height(state: State) -> float:
-        return state.energy - (state.load * state.displacement if control == "load" else 0.0)
+        value = control.value(state.load, state.displacement)
+        return state.energy + control.potential(value, state.load, state.displacement)
 
     if stable:
         return min(stable, key=height), message
@@ -199,11 +204,12 @@ def _reachable(raw: RawCurve, field: str, unit: float) -> str:
     return f"{name} from {low:.10g} upwards are reachable"
 
 
-def _check(contact: Contact, control: str, accuracy: float) -> None:
+def _check(contact: Contact, control: object, accuracy: float) -> Control:
+    """Check what every computation is given, and return the control."""
     if not isinstance(contact, Contact):
         raise InputError(f"contact: {type(contact).__name__}; must be a Contact, made by cb.Contact(...)")
-    if control not in CONTROLS:
-        raise InputError(f"control: {control!r}; must be one of {', '.join(CONTROLS)}")
+    driven = as_control(control)
     number = finite_number(accuracy, "accuracy")
     if not FINEST <= number <= COARSEST:
         raise InputError(f"accuracy: {number:g}; must lie between {FINEST:g} and {COARSEST:g}")
+    return driven

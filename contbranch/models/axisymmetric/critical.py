@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbranch.analysis.exponents import crossover_excess, fitted_window
+from contbranch.control import Control
 from contbranch.diagram import Exponent, LocalExponent
 
 from .locate import Place, Values
@@ -39,7 +40,7 @@ class _Sample:
 class _Side:
     """The curve around an event as functions of the parameter u."""
 
-    def __init__(self, place: Place, control: str, contact: bool) -> None:
+    def __init__(self, place: Place, control: Control, contact: bool) -> None:
         self.control, self.contact = control, contact
         self.problem: ContactProblem = place.problem
         self.u, self.x = place.u, place.x
@@ -50,15 +51,14 @@ class _Side:
         x = self.problem.solve_at(start + (u - start_u) * self.problem.direction(start, start_u)[0], u)
         rates = self.problem.rates(x, u, self.problem.direction(x, u)[0], 1.0)
         equations, fields = self.problem.equations, self.problem.fields(x, u)
-        control = equations.load(fields) if self.control == "load" else equations.displacement(fields)
+        control = self.control.value(equations.load(fields), equations.displacement(fields))
         order = fields.rim.radius if self.contact else max(0.0, -fields.y)
         y_rate = self.problem.scale * math.cosh(u)
         order_rate = equations.coordinate.slopes(fields.y)[0] * y_rate if self.contact else -y_rate
-        which = 0 if self.control == "load" else 1
-        return _Sample(control, order, rates[which], order_rate), x
+        return _Sample(control, order, self.control.value(*rates), order_rate), x
 
 
-def critical_exponent(place: Place, values: Values, control: str) -> Exponent | None:
+def critical_exponent(place: Place, values: Values, control: Control) -> Exponent | None:
     """Normal form, crossover and windowed fit at a fold; the order parameter is the central gap where there is no
     contact.
 
@@ -97,7 +97,7 @@ def _derivatives(distances: Array, slopes: Array) -> tuple[float, float]:
     return float(coefficients[0] / scale), float(coefficients[1] / scale**2)
 
 
-def sampled_exponent(place: Place, values: Values, control: str) -> LocalExponent:
+def sampled_exponent(place: Place, values: Values, control: Control) -> LocalExponent:
     """κ_local = dln|Δq|/dlnΔ on the contact side, from true tangents at logarithmically spaced distances.
 
     Δ is the excess of the control beyond its value at the event, towards growing contact; q is the contact radius, or
@@ -108,9 +108,9 @@ def sampled_exponent(place: Place, values: Values, control: str) -> LocalExponen
         place = Place(place.problem.in_contact(), place.x, 0.0, place.direction)
     contact = place.problem.equations.contact
     side = _Side(place, control, contact) if not touch else _touching(place, control)
-    control0 = values.numbers[0] if control == "load" else values.numbers[1]
+    control0 = control.value(values.load, values.displacement)
     order0 = values.numbers[2] if contact else values.numbers[3]
-    errors = (values.error[0 if control == "load" else 1], values.error[2 if contact else 3])
+    errors = (control.value(values.error[0], values.error[1]), values.error[2 if contact else 3])
     rows: list[tuple[float, float, float, float]] = []
     near: tuple[float, Array] | None = None
     limit = math.inf if contact else -place.u  # without contact the branch ends at first touch
@@ -136,5 +136,5 @@ def sampled_exponent(place: Place, values: Values, control: str) -> LocalExponen
     return LocalExponent(table[:, 0], table[:, 1], table[:, 2], table[:, 3])
 
 
-def _touching(place: Place, control: str) -> _Side:
+def _touching(place: Place, control: Control) -> _Side:
     return _Side(place, control, True)

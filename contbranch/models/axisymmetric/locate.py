@@ -235,7 +235,7 @@ def _nudged(place: Place, event: Event) -> tuple[float, float, float, float] | N
     radius = equations.coordinate.radius(y) if equations.contact else 0.0
     # Half of the rate at this end: where it vanishes at the other, the load (or displacement) has an extremum.
     share = [
-        0.5 if isinstance(event, FoldEvent) and event.control == name else 1.0 for name in ("load", "displacement")
+        0.5 if isinstance(event, FoldEvent) and event.control.kind == name else 1.0 for name in ("load", "displacement")
     ]
     return (
         load + share[0] * rates[0] * step,

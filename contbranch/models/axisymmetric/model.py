@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from contbranch.contact import Contact
+from contbranch.control import LOAD, Control
 from contbranch.diagram import State
 from contbranch.interactions import MaugisDugdale
 from contbranch.models.outcome import RawCurve
@@ -42,14 +43,25 @@ class Axisymmetric:
         return None
 
     def trace(
-        self, contact: Contact, accuracy: float, max_load: float | None, progress: Progress | None = None
+        self,
+        contact: Contact,
+        accuracy: float,
+        max_load: float | None,
+        progress: Progress | None = None,
+        control: Control = LOAD,
     ) -> RawCurve:
         """The whole curve of a reduced contact."""
-        return trace(contact, accuracy, Target(load=max_load), progress).curve
+        return trace(contact, accuracy, Target(max_load), progress, control=control).curve
 
     def solve(
-        self, contact: Contact, field: str, value: float, accuracy: float, progress: Progress | None = None
+        self,
+        contact: Contact,
+        field: str,
+        value: float,
+        accuracy: float,
+        progress: Progress | None = None,
+        control: Control = LOAD,
     ) -> tuple[list[State], RawCurve]:
         """Every equilibrium of a reduced contact with a given load, displacement or contact radius."""
-        states, traced = solve_all(contact, field, value, accuracy, progress)
+        states, traced = solve_all(contact, field, value, accuracy, progress, control)
         return states, traced.curve

@@ -11,13 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbranch.continuation import Adaptation, Event, Linearisation, Point, Problem
+from contbranch.control import LOAD, Control
 from contbranch.errors import ModelError
 
 from .adapt import DefectError, adapted_edges, defect_error, needed_reach, panel_errors
 from .equations import Equations, Fields
 from .mesh import Mesh
 
-__all__ = ["ContactProblem", "FoldEvent", "InadmissibleEvent", "LoadReached", "Resolution"]
+__all__ = ["ContactProblem", "ControlReached", "FoldEvent", "InadmissibleEvent", "Resolution"]
 
 Array = NDArray[np.float64]
 
@@ -265,45 +266,54 @@ class ContactProblem(Problem):
 
 @dataclass(frozen=True)
 class FoldEvent(Event):
-    """Extrema of the load (or the displacement) along the curve, from the true tangent."""
+    """Extrema of what is controlled along the curve, from the true tangent."""
 
-    control: str = "load"
+    control: Control = LOAD
     name: str = "fold"
     terminal: bool = False
     relative_resolution: float = COARSE  # type: ignore[misc]
 
     def primitive(self, point: Point) -> float:
-        """The load (or the displacement) itself."""
-        return point.observables[self.control]
+        """What is controlled, up to a positive factor."""
+        return self.control.weighted(point.observables["load"], point.observables["displacement"])
 
     def value(self, point: Point) -> float:
-        """Rate of the control along the unit tangent."""
+        """Its rate along the unit tangent."""
         problem = point.problem
         assert isinstance(problem, ContactProblem)
         rates = problem.rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
-        return rates[0] if self.control == "load" else rates[1]
+        return self.control.weighted(*rates)
 
 
-class LoadReached(Event):
-    """The load reaches the end of the trace; `target` may be raised while the curve is followed."""
+class ControlReached(Event):
+    """What is controlled reaches a value; as the end of a trace, `target` may be raised while the curve is followed.
+
+    Parameters
+    ----------
+    control : Control
+        Reduced units.
+    target : float
+        Value of ``control.weighted(load, displacement)``.
+    """
 
     name = "end"
     terminal = True
     hidden_pairs = False
     relative_resolution = 1e-9
 
-    def __init__(self, target: float, displacement: float | None = None) -> None:
+    def __init__(self, control: Control, target: float) -> None:
+        self.control = control
         self.target = target
-        self.displacement = displacement
 
     def value(self, point: Point) -> float:
-        """Load minus target (or displacement minus target)."""
+        """What is controlled minus its target."""
         problem = point.problem
         assert isinstance(problem, ContactProblem)
         fields = problem.fields(point.x, point.parameter)
-        if self.displacement is not None:
-            return problem.equations.displacement(fields) - self.displacement
-        return problem.equations.load(fields) - self.target
+        equations = problem.equations
+        first, second = self.control.weights
+        value = first * equations.load(fields) if first else 0.0
+        return value + (second * equations.displacement(fields) if second else 0.0) - self.target
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from contbranch.analysis.stability import Indices, morse_indices
 from contbranch.contact import Contact
 from contbranch.continuation import Curve, Event, EventPoint, Options, Outcome, Point, StopAt, trace_curve
+from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.diagram import Cost, Profile
 from contbranch.errors import InputError
 from contbranch.models.outcome import RawCurve, RawEvent
@@ -24,7 +25,7 @@ from .equations import ContactCoordinate, Equations
 from .locate import Place, Values, refine
 from .marks import Mark, confirmed, signs
 from .mesh import Mesh
-from .problem import COARSE, ContactProblem, FoldEvent, InadmissibleEvent, LoadReached, Resolution
+from .problem import COARSE, ContactProblem, ControlReached, FoldEvent, InadmissibleEvent, Resolution
 from .profile import profile_of
 
 __all__ = ["Target", "Traced", "order_for", "trace"]
@@ -46,6 +47,8 @@ STEPS = Options(
     detect_branch_points=False,
     maximum_points=6_000,
 )
+# A trace with a spring starts where the stiffness of the interaction is about this share of the spring's.
+SOFTER = 0.05
 # Changes of h small against the range of the interaction, over the width √(2 range), do not matter for the steps.
 STATE_FLOOR = 0.3
 # Resolution of events that will not be located anew: close enough to tell the order of coinciding folds of stiff films.
@@ -63,10 +66,10 @@ DISTINCT, SHARPEST = 3.0, 1e-12
 
 @dataclass(frozen=True)
 class Target:
-    """Where a trace ends in contact: at a load, or at a displacement, in reduced units; neither: by the events."""
+    """Where a trace ends in contact: where a control has a value, in reduced units; without value: by the events."""
 
-    load: float | None = None
-    displacement: float | None = None
+    value: float | None = None
+    control: Control = LOAD
 
 
 @dataclass(frozen=True)
@@ -76,6 +79,7 @@ class Traced:
     points: tuple[Point, ...]
     curve: RawCurve
     indices: Indices
+    controls: tuple[Control, ...] = (LOAD, DISPLACEMENT)
 
     def problem(self, row: int) -> ContactProblem:
         """The problem of a row."""
@@ -89,8 +93,13 @@ def order_for(tolerance: float) -> int:
     return int(min(20, max(8, round(6 - math.log10(tolerance) * 0.8))))
 
 
-def start_problem(contact: Contact, accuracy: float, tolerance: float) -> tuple[ContactProblem, float]:
-    """The problem far away, where the interaction is negligible at the accuracy asked, and its parameter."""
+def start_problem(
+    contact: Contact, accuracy: float, tolerance: float, stiffness: float | None = None
+) -> tuple[ContactProblem, float]:
+    """The problem far away, where the interaction is negligible at the accuracy asked, and its parameter.
+
+    With a spring, the interaction is also softer than the spring there.
+    """
     tip, law = contact.tip, contact.interaction
     coordinate = ContactCoordinate(tip, min(tip.apex_exponent, 2.0))
     resolution = Resolution(tolerance, order_for(tolerance))
@@ -98,7 +107,10 @@ def start_problem(contact: Contact, accuracy: float, tolerance: float) -> tuple[
         mesh = Mesh(np.array([0.0, 1.0]), resolution.order)
         return ContactProblem(Equations(tip, law, mesh, coordinate, False), 1.0, resolution), -math.asinh(1.0)
     scale = min(term.range for term in law.terms)
-    far = law.reach(min(0.1, START_SHARE * accuracy / (2 * math.pi)))
+    negligible = min(0.1, START_SHARE * accuracy / (2 * math.pi))
+    if stiffness is not None:
+        negligible = min(negligible, SOFTER * stiffness * scale / (2 * math.pi))
+    far = law.reach(max(negligible, np.finfo(float).tiny))
     width = float(_radius_at(contact, min(far, 4 * max(term.range for term in law.terms))))
     reach = float(_radius_at(contact, far))
     mesh = Mesh(start_edges(width, max(reach, 2 * width)), resolution.order)
@@ -122,9 +134,10 @@ class _End:
     """Raises the target load as events with larger loads are met."""
 
     def __init__(self, target: Target, largest: float) -> None:
-        self.fixed = target.load is not None or target.displacement is not None
-        load = target.load if target.load is not None else math.inf if self.fixed else 0.0
-        self.event = LoadReached(load, target.displacement)
+        self.fixed = target.value is not None
+        self.event = ControlReached(
+            target.control, 0.0 if target.value is None else target.control.target(target.value)
+        )
         self.largest = largest
         self.last = -math.inf
         if not self.fixed:
@@ -144,7 +157,12 @@ class _End:
 
 
 def trace(
-    contact: Contact, accuracy: float, target: Target, progress: Progress | None = None, events: bool = True
+    contact: Contact,
+    accuracy: float,
+    target: Target,
+    progress: Progress | None = None,
+    events: bool = True,
+    control: Control = LOAD,
 ) -> Traced:
     """Follow a reduced contact's curve and locate its events.
 
@@ -159,29 +177,38 @@ def trace(
         Called with the fraction done (a guess) and what is being done.
     events : bool
         Whether events are made precise; without, the result has none, and its rows are as accurate as the trace.
+    control : Control
+        A spring (reduced units), whose folds are located besides those of load and displacement.
     """
     began = time.perf_counter()
+    controls = (LOAD, DISPLACEMENT, *((control,) if control.kind == "spring" else ()))
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # answered by shorter steps, or reported
         try:
-            problem, u = start_problem(contact, accuracy, max(TRACE_TOLERANCE, accuracy) * (1 - ROW_FLOOR) / ROW_SAFETY)
+            tolerance = max(TRACE_TOLERANCE, accuracy) * (1 - ROW_FLOOR) / ROW_SAFETY
+            problem, u = start_problem(contact, accuracy, tolerance, control.spring_stiffness)
         except InputError:
             raise
         except Exception as error:  # a law written by the user may raise anything; its text is kept
             return _nothing(f"The interaction cannot be evaluated far away: {type(error).__name__}: {error}")
-        located = _Located(*_legs(problem, u, target, progress, COARSE if events else FINE))
+        located = _Located(*_legs(problem, u, target, controls, progress, COARSE if events else FINE), controls)
         raw, indices = located.raw(contact, accuracy if events else None, progress)
     cost = Cost(time.perf_counter() - began, problem.resolution.newton)
-    return Traced(located.points, replace(raw, cost=cost, unknowns=problem.resolution.unknowns), indices)
+    return Traced(located.points, replace(raw, cost=cost, unknowns=problem.resolution.unknowns), indices, controls)
 
 
 def _legs(
-    problem: ContactProblem, u: float, target: Target, progress: Progress | None, resolution: float
+    problem: ContactProblem,
+    u: float,
+    target: Target,
+    controls: Sequence[Control],
+    progress: Progress | None,
+    resolution: float,
 ) -> tuple[list[Curve], bool]:
     """The curve without contact, and the one in contact if first touch is reached."""
     told = _Told(progress, u)
     steps = replace(STEPS, state_floor=STATE_FLOOR * problem.scale * (2 * problem.scale) ** 0.25)
     folds: list[Event] = [
-        *(FoldEvent(control, name=control, relative_resolution=resolution) for control in ("load", "displacement")),
+        *(FoldEvent(control, name=control.kind, relative_resolution=resolution) for control in controls),
         InadmissibleEvent(),
     ]
     end = _End(target, -math.inf)
@@ -195,7 +222,7 @@ def _legs(
     last = first.points[-1]
     assert isinstance(last.problem, ContactProblem)
     for point in first.points:
-        if point.label in ("load", "edge"):
+        if point.label in ("load", "spring", "edge"):
             end.update(point.observables["load"])
     stop = StopAt(predicate=lambda point: told(point) or end(point))
     within = (0.0, math.inf)
@@ -224,7 +251,7 @@ def _nothing(message: str) -> Traced:
         cost=Cost(0.0, 0),
         unknowns=0,
     )
-    return Traced((), curve, Indices(*(none,) * 6))
+    return Traced((), curve, Indices(*(none,) * 9))
 
 
 class _Told:
@@ -245,8 +272,9 @@ class _Told:
 class _Located:
     """The rows of both legs as one curve, and its events made precise."""
 
-    def __init__(self, curves: list[Curve], touched: bool) -> None:
+    def __init__(self, curves: list[Curve], touched: bool, controls: Sequence[Control]) -> None:
         self.curves = curves
+        self.controls: dict[str, Control] = {control.kind: control for control in controls}
         self.points = tuple(curves[0].points) + (tuple(curves[1].points[1:]) if touched else ())
         self.touch_row = len(curves[0].points) - 1 if touched else None
         offsets = [0, len(curves[0].points) - 1]
@@ -256,7 +284,7 @@ class _Located:
             for event in curve.events
             if isinstance(event, EventPoint)
         ]
-        self.marks = confirmed(self.points, marks)
+        self.marks = confirmed(self.points, marks, controls)
 
     def raw(self, contact: Contact, accuracy: float | None, progress: Progress | None) -> tuple[RawCurve, Indices]:
         """Arrays and events."""
@@ -274,10 +302,10 @@ class _Located:
             )
         }
         refined = [] if accuracy is None else self._refined(accuracy, progress)
-        folds = [(mark.row, mark.name) for mark in self.marks if mark.name in ("load", "displacement")]
-        along = signs(points[: folds[0][0]] if folds else points)
-        loading, approaching = (next((sign[k] for sign in along if sign[k]), 1) for k in (0, 1))
-        indices = morse_indices(len(points), folds, loading, approaching)
+        folds = [(mark.row, mark.name) for mark in self.marks if mark.name in self.controls]
+        along = signs(points[: folds[0][0]] if folds else points, list(self.controls.values()))
+        first = [next((sign[k] for sign in along if sign[k]), 1) for k in range(len(self.controls))]
+        indices = morse_indices(len(points), folds, first[0], first[1], pulling=first[2] if len(first) > 2 else None)
         events = [
             self._event(mark.row, mark.name, *found, indices) for mark, found in zip(self.marks, refined, strict=False)
         ]
@@ -310,6 +338,7 @@ class _Located:
             message,
             Cost(0.0, 0),
             0,
+            unstable_spring=indices.spring if "spring" in self.controls else None,
         )
         return curve, indices
 
@@ -331,7 +360,7 @@ class _Located:
         for k, mark in enumerate(self.marks):
             if progress is not None:
                 progress(0.9 + 0.1 * k / len(self.marks), f"locating {mark.name}")
-            found.append(_refined(mark.point, mark.name, accuracy))
+            found.append(self._precise(mark.point, mark.name, accuracy))
         self._sharpen([mark.name for mark in self.marks], found, accuracy)
         for k in range(len(found) - 1):
             here, there = self.marks[k], self.marks[k + 1]
@@ -343,41 +372,56 @@ class _Located:
                 found[k], found[k + 1] = found[k + 1], found[k]
         return found
 
+    def _precise(self, point: Point, name: str, accuracy: float) -> tuple[Values, Place]:
+        """Values and place of what a point of the trace marks."""
+        problem = point.problem
+        assert isinstance(problem, ContactProblem)
+        place = Place(problem, point.x, point.parameter, (point.tangent_x, point.tangent_parameter))
+        event: Event | None = None
+        if name == "end":
+            event = ControlReached(LOAD, problem.equations.load(problem.fields(point.x, point.parameter)))
+        elif name == "inadmissible":
+            event = InadmissibleEvent(tolerance=0.0)
+        elif name != "touch":
+            event = FoldEvent(self.controls[name], name=name)
+        return refine(place, event, accuracy)
+
     def _sharpen(self, names: list[str], refined: list[tuple[Values, Place]], accuracy: float) -> None:
         """Locate folds anew that their error estimates do not tell apart."""
-        for control, column in (("load", 0), ("displacement", 1)):
-            members = [k for k, name in enumerate(names) if name == control]
+        for kind, control in self.controls.items():
+            members = [k for k, name in enumerate(names) if name == kind]
             for a, b in pairwise(members):
                 allowed = accuracy
                 while allowed > SHARPEST:
                     (first, _), (second, _) = refined[a], refined[b]
-                    apart = abs(first.numbers[column] - second.numbers[column])
-                    if apart > DISTINCT * (first.error[column] + second.error[column]):
+                    apart = abs(control.weighted(*first.numbers[:2]) - control.weighted(*second.numbers[:2]))
+                    if apart > DISTINCT * (control.weighted(*first.error[:2]) + control.weighted(*second.error[:2])):
                         break
                     allowed *= 0.01
                     for k in (a, b):
-                        refined[k] = refine(refined[k][1], FoldEvent(control, name=control), allowed)
+                        refined[k] = refine(refined[k][1], FoldEvent(control, name=kind), allowed)
 
     def _event(self, row: int, name: str, values: Values, place: Place, indices: Indices) -> RawEvent:
-        event = RawEvent(name, row, values.numbers, values.error)
+        event = RawEvent(name, row, values.numbers, values.error, place=place)
         if name == "touch":
-            return replace(event, message=CONE, local_exponent=lambda: sampled_exponent(place, values, "load"))
+            return replace(event, message=CONE, local_exponent=lambda: sampled_exponent(place, values, LOAD))
         if name == "inadmissible":
             return replace(event, message="The contact set stops being a disc: see the message of the diagram.")
         if name == "end":
             return event
-        pieces = indices.load_pieces if name == "load" else indices.displacement_pieces
-        signs = indices.loading if name == "load" else indices.approaching
+        control = self.controls[name]
+        pieces, signs = indices.pieces(name)
         before, after = max(row - 1, 0), min(row, len(pieces) - 1)
         return replace(
             event,
             kind="fold",
             control=name,
+            stiffness=control.spring_stiffness,
             before=int(pieces[before]),
             after=int(pieces[after]),
             maximum=bool(signs[before] > 0),
-            exponent=lambda: critical_exponent(place, values, name),
-            local_exponent=lambda: sampled_exponent(place, values, name),
+            exponent=lambda: critical_exponent(place, values, control),
+            local_exponent=lambda: sampled_exponent(place, values, control),
         )
 
     def _outcome(self, contact: Contact) -> tuple[bool, str]:
@@ -409,20 +453,6 @@ class _Located:
         if max(fields.rim.radius, float(felt.max(initial=0.0))) < 0.9 * contact.tip.extent:
             return ""
         return "The contact, or the interaction around it, has reached the end of the tip."
-
-
-def _refined(point: Point, name: str, accuracy: float) -> tuple[Values, Place]:
-    problem = point.problem
-    assert isinstance(problem, ContactProblem)
-    place = Place(problem, point.x, point.parameter, (point.tangent_x, point.tangent_parameter))
-    event: Event | None = None
-    if name == "end":
-        event = LoadReached(problem.equations.load(problem.fields(point.x, point.parameter)))
-    elif name == "inadmissible":
-        event = InadmissibleEvent(tolerance=0.0)
-    elif name != "touch":
-        event = FoldEvent(name, name=name)
-    return refine(place, event, accuracy)
 
 
 def _relative_error(event: RawEvent) -> float:

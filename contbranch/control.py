@@ -1,0 +1,124 @@
+"""What is controlled: the load, the displacement, or the far end of a spring. One formulation for all stiffnesses.
+
+The far end of a spring of stiffness K is at D = d + F/K. K = 0 is load control and K = ∞ displacement control: the
+folds are where ``F' + K d'`` vanishes along the curve, and an equilibrium has one unstable direction more than with its
+displacement held where ``dF/dd + K < 0``.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final, Literal
+
+from contbranch.errors import InputError
+from contbranch.units import finite_number
+
+__all__ = ["DISPLACEMENT", "LOAD", "Control", "Spring", "as_control"]
+
+Kind = Literal["load", "displacement", "spring"]
+
+
+@dataclass(frozen=True)
+class Spring:
+    """Control by the far end of a spring: an AFM's cantilever, the spring of an SFA, the frame of a testing machine.
+
+    Attributes
+    ----------
+    stiffness : float
+        K > 0, a load per displacement in the contact's units (nN/nm for a physical contact).
+    """
+
+    stiffness: float
+
+    def __post_init__(self) -> None:
+        number = finite_number(self.stiffness, "stiffness")
+        if number <= 0.0:
+            raise InputError(f"stiffness: {number:g}; must be greater than zero (0 is load control)")
+        object.__setattr__(self, "stiffness", number)
+
+
+@dataclass(frozen=True)
+class Control:
+    """A control in the units of whoever uses it.
+
+    Attributes
+    ----------
+    kind : {"load", "displacement", "spring"}
+    stiffness : float
+        K; 0 for load and infinite for displacement control.
+    """
+
+    kind: Kind
+    stiffness: float
+
+    @property
+    def weights(self) -> tuple[float, float]:
+        """Weights w with w·(F, d) the controlled quantity up to a positive factor: (1, K)/√(1 + K²)."""
+        if self.kind == "displacement":
+            return 0.0, 1.0
+        norm = math.hypot(1.0, self.stiffness)
+        return 1.0 / norm, self.stiffness / norm
+
+    def weighted(self, load: float, displacement: float) -> float:
+        """``w·(F, d)``: what is controlled up to a positive factor; of rates, the rate of what is controlled."""
+        first, second = self.weights
+        return first * load + second * displacement
+
+    def value(self, load: float, displacement: float) -> float:
+        """What is controlled: F, d, or the far end of the spring D = d + F/K."""
+        if self.kind == "spring":
+            return displacement + load / self.stiffness
+        return load if self.kind == "load" else displacement
+
+    def target(self, value: float) -> float:
+        """``w·(F, d)`` of the states at a value of what is controlled."""
+        return value * self.weights[1] if self.kind == "spring" else value
+
+    def potential(self, value: float, load: float, displacement: float) -> float:
+        """Potential energy of what drives the contact at a value: −F₀d, K (D − d)²/2 = F²/(2K), or nothing."""
+        if self.kind == "load":
+            return -value * displacement
+        return 0.5 * load * load / self.stiffness if self.kind == "spring" else 0.0
+
+    def scaled(self, unit: float) -> Control:
+        """The control with its stiffness in another unit, worth `unit` of the present one."""
+        return Control(self.kind, self.stiffness / unit) if self.kind == "spring" else self
+
+    @property
+    def spring_stiffness(self) -> float | None:
+        """K of a spring; None for load and displacement control."""
+        return self.stiffness if self.kind == "spring" else None
+
+    def __str__(self) -> str:
+        return f"spring:{self.stiffness:g}" if self.kind == "spring" else self.kind
+
+
+LOAD: Final = Control("load", 0.0)
+DISPLACEMENT: Final = Control("displacement", math.inf)
+
+
+def as_control(control: object) -> Control:
+    """Return the control that a user names: ``"load"``, ``"displacement"``, ``"spring:2.5"`` or ``Spring(2.5)``.
+
+    Raises
+    ------
+    InputError
+        For anything else.
+    """
+    if isinstance(control, Control):
+        return control
+    if isinstance(control, Spring):
+        return Control("spring", control.stiffness)
+    if control == "load":
+        return LOAD
+    if control == "displacement":
+        return DISPLACEMENT
+    if isinstance(control, str) and control.startswith("spring:"):
+        try:
+            stiffness = float(control.removeprefix("spring:"))
+        except ValueError:
+            stiffness = math.nan
+        if math.isfinite(stiffness):
+            return as_control(Spring(stiffness))
+    raise InputError(f"control: {control!r}; must be load, displacement or cb.Spring(stiffness)")
