@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from contbranch.continuation import CorrectionError, Event, Point, StopAt
 from contbranch.continuation.curve import EventPoint
+from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.errors import ModelError
 
 from .accuracy import ring_problem
@@ -26,16 +27,18 @@ CHANGES = 60
 
 @dataclass(frozen=True)
 class Target:
-    """Where a trace ends: at a load, a displacement or a contact radius, in reduced units; none: by the events."""
+    """Where a trace ends: at a value of what is controlled, or of the contact radius; without value, by the events.
 
-    load: float | None = None
-    displacement: float | None = None
-    contact_radius: float | None = None
+    Attributes
+    ----------
+    value : float or None
+        Value of ``control.weighted(load, displacement)``, or of the contact radius; reduced units.
+    control : Control or None
+        None: the contact radius.
+    """
 
-    @property
-    def fixed(self) -> bool:
-        """Whether it is given."""
-        return any(value is not None for value in (self.load, self.displacement, self.contact_radius))
+    value: float | None = None
+    control: Control | None = LOAD
 
 
 @dataclass(frozen=True)
@@ -62,6 +65,7 @@ class Journey:
     """
 
     target: Target
+    controls: Sequence[Control] = (LOAD, DISPLACEMENT)
     largest: float = 0.0
     progress: Progress | None = None
     points: list[Point] = field(default_factory=list)
@@ -69,12 +73,9 @@ class Journey:
     message: str = ""
 
     def __post_init__(self) -> None:
-        target = self.target
-        quantity, value = next(
-            ((n, v) for n in ("load", "displacement", "contact_radius") if (v := getattr(target, n)) is not None),
-            ("load", max(LEAST_END, END_FACTOR * self.largest)),
-        )
-        self.end = Reached(quantity, value)
+        value = self.target.value
+        at = max(LEAST_END, END_FACTOR * self.largest) if value is None else value
+        self.end = Reached(self.target.control, at)
 
     # -- one leg after the other --------------------------------------------------------------------------------------
     def run(self, start: Point, step: float) -> None:
@@ -97,17 +98,17 @@ class Journey:
         problem = ring_problem(point)
         limits = thresholds(problem, point.x)
         events: list[Event] = [
-            FoldEvent("load", "load"),
-            FoldEvent("displacement", "displacement"),
+            *(FoldEvent(control, control.kind) for control in self.controls),
             Violation(),
             Narrow(limits),
         ]
-        if self.target.fixed or any(region.rests and region.index == 0 for region in problem.layout.regions):
+        if self.target.value is not None or any(region.rests and region.index == 0 for region in problem.layout.regions):
             events.append(self.end)
         branch = follow_leg(point, events, StopAt(predicate=self._told), step)
         offset = len(self.points)
+        kinds = {control.kind for control in self.controls}
         for event, index in branch.events:
-            if isinstance(event, EventPoint) and event.name in ("load", "displacement"):
+            if isinstance(event, EventPoint) and event.name in kinds:
                 self.marks.append(Mark(offset + index, event.name, event.point))
                 self._raise_end(event.point)
         narrow = located(branch, "narrow")
@@ -125,7 +126,7 @@ class Journey:
         return None
 
     def _raise_end(self, point: Point) -> None:
-        if not self.target.fixed:
+        if self.target.value is None:
             self.largest = max(self.largest, point.observables["load"])
             self.end.target = max(self.end.target, END_FACTOR * self.largest)
 

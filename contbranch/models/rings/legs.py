@@ -16,6 +16,7 @@ from contbranch.continuation.follow import Branch, follow
 from contbranch.continuation.metric import Balance
 from contbranch.continuation.newton import correct, tangent_at
 from contbranch.continuation.walk import annotated
+from contbranch.control import LOAD, Control
 from contbranch.errors import ModelError
 
 from .constraints import Breach, least_margin
@@ -24,7 +25,7 @@ from .meshing import BOUNDED, adapted
 from .panels import Grid, Panels
 from .problem import RingProblem
 
-__all__ = ["FoldEvent", "Narrow", "Reached", "Violation", "follow_leg", "located", "oriented", "passed", "rate", "seeded", "solved",
+__all__ = ["FoldEvent", "Narrow", "Reached", "Violation", "follow_leg", "located", "oriented", "passed", "rates", "seeded", "solved",
     "thresholds", "unit_metric"]
 
 Array = NDArray[np.float64]
@@ -71,29 +72,28 @@ class AdaptingProblem(RingProblem):
 
 @dataclass(frozen=True)
 class FoldEvent(Event):
-    """Extrema of the load (or the displacement) along the curve, from the true tangent."""
+    """Extrema of what is controlled along the curve, from the true tangent."""
 
-    control: str = "load"
+    control: Control = LOAD
     name: str = "load"
     terminal: bool = False
     relative_resolution: ClassVar[float] = COARSE
 
     def primitive(self, point: Point) -> float:
-        """The load (or the displacement) itself."""
-        return point.observables[self.control]
+        """What is controlled, up to a positive factor."""
+        return self.control.weighted(point.observables["load"], point.observables["displacement"])
 
     def value(self, point: Point) -> float:
-        """Rate of the control along the unit tangent."""
-        return rate(point, self.control)
+        """Its rate along the unit tangent."""
+        return self.control.weighted(*rates(point))
 
 
-def rate(point: Point, control: str) -> float:
-    """Rate of load or displacement along the unit tangent."""
-    if control == "displacement":
-        return point.tangent_parameter
+def rates(point: Point) -> tuple[float, float]:
+    """Rates of load and displacement along the unit tangent."""
     problem = point.problem
     assert isinstance(problem, RingProblem)
-    return problem.load_rate(problem.fields(point.x, point.parameter), point.tangent_x)
+    fields = problem.fields(point.x, point.parameter)
+    return problem.load_rate(fields, point.tangent_x), point.tangent_parameter
 
 
 @dataclass(frozen=True)
@@ -134,25 +134,32 @@ class Narrow(Event):
 
 
 class Reached(Event):
-    """The load or the displacement reaches a value."""
+    """What is controlled, or the contact radius, reaches a value.
+
+    Parameters
+    ----------
+    control : Control or None
+        Reduced units; None: the contact radius.
+    target : float
+        Value of ``control.weighted(load, displacement)``, or of the radius.
+    """
 
     name = "end"
     terminal = True
     hidden_pairs = False
     relative_resolution = 1e-9
 
-    def __init__(self, quantity: str, target: float) -> None:
-        self.quantity, self.target = quantity, target
+    def __init__(self, control: Control | None, target: float) -> None:
+        self.control, self.target = control, target
 
     def value(self, point: Point) -> float:
         """Value minus target."""
-        if self.quantity == "displacement":
-            return point.parameter - self.target
         problem = point.problem
         assert isinstance(problem, RingProblem)
-        if self.quantity == "contact_radius":
-            return problem.contact_radius(problem.fields(point.x, point.parameter)) - self.target
-        return problem.load(problem.fields(point.x, point.parameter)) - self.target
+        fields = problem.fields(point.x, point.parameter)
+        if self.control is None:
+            return problem.contact_radius(fields) - self.target
+        return self.control.weighted(problem.load(fields), point.parameter) - self.target
 
 
 # -- points -----------------------------------------------------------------------------------------------------------

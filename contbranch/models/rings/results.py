@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,13 +10,14 @@ from numpy.typing import NDArray
 
 from contbranch.analysis.stability import Indices, morse_indices
 from contbranch.continuation import CorrectionError, Event, Point
+from contbranch.control import LOAD, Control
 from contbranch.diagram import Cost, LocalExponent, Profile
 from contbranch.errors import ModelError
 from contbranch.models.outcome import RawCurve, RawEvent
 
 from .accuracy import Values, refine, ring_problem, row_error
 from .journey import Journey, Mark
-from .legs import FoldEvent, Reached, Violation, rate
+from .legs import FoldEvent, Reached, Violation, rates
 from .profile import profile_of
 from .stability import unstable_modes
 
@@ -44,11 +45,16 @@ def row_errors(points: Sequence[Point]) -> tuple[Array, Array]:
     return load, displacement
 
 
-def joined_folds(points: Sequence[Point], marks: Sequence[Mark]) -> list[Mark]:
+def rate(point: Point, control: Control) -> float:
+    """Rate of what is controlled along the unit tangent."""
+    return control.weighted(*rates(point))
+
+
+def joined_folds(points: Sequence[Point], marks: Sequence[Mark], controls: Sequence[Control]) -> list[Mark]:
     """The marks, with folds added where a rate changes sign between two rows without one (at a change of layout)."""
     found = list(marks)
-    for control in ("load", "displacement"):
-        own = {mark.row for mark in marks if mark.name == control}
+    for control in controls:
+        own = {mark.row for mark in marks if mark.name == control.kind}
         sign = 0.0
         for row, point in enumerate(points):
             if row in own:
@@ -56,7 +62,7 @@ def joined_folds(points: Sequence[Point], marks: Sequence[Mark]) -> list[Mark]:
                 continue
             here = float(np.sign(rate(point, control)))
             if sign and here and here != sign:
-                found.append(Mark(row, control, point))
+                found.append(Mark(row, control.kind, point))
                 sign = 0.0
                 continue
             sign = here or sign
@@ -78,14 +84,18 @@ def assembled(journey: Journey, accuracy: float | None, start_index: int = 0) ->
     names = ("load", "displacement", "contact_radius", "central_gap", "energy")
     columns = {name: np.array([point.observables[name] for point in points]) for name in names}
     columns["central_gap"] = np.maximum(columns["central_gap"], 0.0)
-    marks = joined_folds(points, journey.marks)
-    folds = [(mark.row, mark.name) for mark in marks if mark.name in ("load", "displacement")]
-    loading, approaching = (_first_sign(points, control) for control in ("load", "displacement"))
-    indices = morse_indices(len(points), folds, loading, approaching, start_index)
+    controls = {control.kind: control for control in journey.controls}
+    marks = joined_folds(points, journey.marks, journey.controls)
+    folds = [(mark.row, mark.name) for mark in marks if mark.name in controls]
+    first = [_first_sign(points, control) for control in journey.controls]
+    pulling = first[2] if len(first) > 2 else None
+    indices = morse_indices(len(points), folds, first[0], first[1], start_index, pulling)
     events: list[RawEvent] = []
     if accuracy is not None:
-        refined = [refine(mark.point, event_of(mark), accuracy) for mark in marks]
-        events = [_raw(mark, *found, indices, points) for mark, found in zip(marks, refined, strict=True)]
+        refined = [refine(mark.point, event_of(mark, controls), accuracy) for mark in marks]
+        events = [
+            _raw(mark, values, indices, points, controls) for mark, (values, _) in zip(marks, refined, strict=True)
+        ]
         worst = max((value.relative_error() / accuracy for value, _ in refined), default=0.0)
         if worst > 1 and not message:
             message = f"An event's error estimate is {worst:.3g} times the accuracy asked."
@@ -107,16 +117,17 @@ def assembled(journey: Journey, accuracy: float | None, start_index: int = 0) ->
         message=message,
         cost=Cost(0.0, 0),
         unknowns=0,
+        unstable_spring=indices.spring if "spring" in controls else None,
     )
     return curve, indices
 
 
-def event_of(mark: Mark) -> Event:
+def event_of(mark: Mark, controls: Mapping[str, Control]) -> Event:
     """The function whose zero a mark is."""
-    if mark.name in ("load", "displacement"):
-        return FoldEvent(mark.name, mark.name)
+    if mark.name in controls:
+        return FoldEvent(controls[mark.name], mark.name)
     if mark.name == "end":
-        return Reached("load", mark.point.observables["load"])
+        return Reached(LOAD, mark.point.observables["load"])
     return Violation()
 
 
@@ -130,51 +141,53 @@ def deferred_profile(point: Point) -> Callable[[], Profile]:
     return profile
 
 
-def _first_sign(points: Sequence[Point], control: str) -> int:
+def _first_sign(points: Sequence[Point], control: Control) -> int:
     return next((int(s) for point in points if (s := np.sign(rate(point, control)))), 1)
 
 
-def _raw(mark: Mark, values: Values, point: Point, indices: Indices, points: Sequence[Point]) -> RawEvent:
+def _raw(
+    mark: Mark, values: Values, indices: Indices, points: Sequence[Point], controls: Mapping[str, Control]
+) -> RawEvent:
     event = RawEvent(mark.name, mark.row, values.numbers, values.error)
     if mark.change is not None:
         onward = points[mark.row :]
         return replace(
             event,
             message=f"{mark.change.message} {CONE}",
-            local_exponent=(lambda: _sampled(onward, values)) if mark.name == "touch" else None,
+            local_exponent=(lambda: _sampled(onward, values, LOAD)) if mark.name == "touch" else None,
         )
     if mark.name == "end":
         return event
-    load = mark.name == "load"
-    pieces, signs = (
-        (indices.load_pieces, indices.loading) if load else (indices.displacement_pieces, indices.approaching)
-    )
+    control = controls[mark.name]
+    pieces, signs = indices.pieces(mark.name)
     before, after = max(mark.row - 1, 0), min(mark.row, len(pieces) - 1)
-    column = 0 if load else 1
     return replace(
         event,
         kind="fold",
         control=mark.name,
+        stiffness=control.spring_stiffness,
         before=int(pieces[before]),
         after=int(pieces[after]),
         maximum=bool(signs[before] > 0),
-        local_exponent=lambda: _sampled(points[mark.row + 1 :], values, column),
+        local_exponent=lambda: _sampled(points[mark.row + 1 :], values, control),
     )
 
 
-def _sampled(points: Sequence[Point], values: Values, column: int = 0) -> LocalExponent:
+def _sampled(points: Sequence[Point], values: Values, control: Control) -> LocalExponent:
     """κ_local from true tangents at the rows beyond an event, as far as control and contact radius both grow.
 
     The order parameter is the outermost radius of the contact.
     """
-    control = ("load", "displacement")[column]
+    start, uncertain = control.value(*values.numbers[:2]), control.value(*values.error[:2])
     rows: list[tuple[float, float, float, float]] = []
     direction = 0.0
     for point in points:
         problem = ring_problem(point)
         fields = problem.fields(point.x, point.parameter)
         radius = problem.contact_radius(fields)
-        excess, moved = point.observables[control] - values.numbers[column], radius - values.numbers[2]
+        own = point.observables
+        excess = control.value(own["load"], own["displacement"]) - start
+        moved = radius - values.numbers[2]
         if radius == 0.0 or excess == 0.0 or moved == 0.0:
             continue
         direction = direction or float(np.sign(excess))
@@ -182,8 +195,8 @@ def _sampled(points: Sequence[Point], values: Values, column: int = 0) -> LocalE
             break
         edge = int(np.flatnonzero(fields.grid.edges == radius)[0])
         radius_rate = float(point.tangent_x[fields.grid.size + edge])
-        kappa = excess * radius_rate / (moved * rate(point, control))
-        error = abs(kappa) * (values.error[column] / abs(excess) + values.error[2] / abs(moved))
+        kappa = excess * radius_rate / (moved * control.value(*rates(point)))
+        error = abs(kappa) * (uncertain / abs(excess) + values.error[2] / abs(moved))
         rows.append((abs(excess), abs(moved), kappa, error))
     table = np.array(rows).reshape(-1, 4)
     table = table[table[:, 3] < 0.5]

@@ -10,6 +10,7 @@ import numpy as np
 from contbranch.contact import Contact
 from contbranch.continuation import CorrectionError, Point, find_root
 from contbranch.continuation.walk import corrected_point
+from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.diagram import Profile, State
 from contbranch.errors import InputError, ModelError
 
@@ -28,7 +29,12 @@ RADII = np.linspace(0.0, 2.0, 41)
 
 
 def solve_all(
-    contact: Contact, field: str, value: float, accuracy: float, progress: Progress | None = None
+    contact: Contact,
+    field: str,
+    value: float,
+    accuracy: float,
+    progress: Progress | None = None,
+    control: Control = LOAD,
 ) -> tuple[list[State], Traced]:
     """Every equilibrium on the curve with the given load, displacement or contact radius, in order along the curve.
 
@@ -41,6 +47,8 @@ def solve_all(
         Reduced units.
     accuracy : float
         Error allowed to the other quantities, relative to max(1, |value|).
+    control : Control
+        A spring whose stability is wanted, too.
 
     Returns
     -------
@@ -57,11 +65,11 @@ def solve_all(
     if field == "contact_radius" and not 0 < value < contact.tip.extent:
         raise InputError(f"contact_radius: {value:g}; must be greater than zero (and within the tip)")
     beyond = value + 1e-9 * abs(value)
-    target = {"load": Target(load=beyond), "displacement": Target(displacement=beyond)}
-    traced = trace(contact, accuracy, Target(), progress, events=False)
+    own = {"load": LOAD, "displacement": DISPLACEMENT}.get(field)
+    traced = trace(contact, accuracy, Target(), progress, events=False, control=control)
     reached = getattr(traced.curve, field)
     if traced.curve.complete and len(reached) and value > reached[-1]:
-        traced = trace(contact, accuracy, target.get(field, Target(contact_radius=beyond)), progress, events=False)
+        traced = trace(contact, accuracy, Target(beyond, own), progress, events=False, control=control)
         reached = getattr(traced.curve, field)
     states = []
     if len(reached) and (
@@ -118,7 +126,7 @@ def between(begin: Point, end: Point, event: Reached) -> Point:
 
 def _state(traced: Traced, piece: int, field: str, value: float, accuracy: float) -> State:
     """The state with exactly the value asked for, between the rows `piece` and the next."""
-    event = Reached(field, value)
+    event = Reached({"load": LOAD, "displacement": DISPLACEMENT}.get(field), value)
     try:
         point = between(traced.points[piece], traced.points[piece + 1], event)
         problem = ring_problem(point)
@@ -140,4 +148,5 @@ def _state(traced: Traced, piece: int, field: str, value: float, accuracy: float
         float(residual),
         dict(zip(("load", "displacement", "contact_radius", "central_gap"), errors, strict=True)),
         profile_of(problem, fields),
+        None if traced.curve.unstable_spring is None else int(traced.indices.spring_pieces[piece]),
     )

@@ -11,6 +11,7 @@ import numpy as np
 from contbranch.analysis.stability import Indices
 from contbranch.contact import Contact
 from contbranch.continuation import CorrectionError, Point
+from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.diagram import Cost
 from contbranch.errors import ModelError
 from contbranch.models.outcome import RawCurve
@@ -39,7 +40,12 @@ class Traced:
 
 
 def trace(
-    contact: Contact, accuracy: float, target: Target, progress: Progress | None = None, events: bool = True
+    contact: Contact,
+    accuracy: float,
+    target: Target,
+    progress: Progress | None = None,
+    events: bool = True,
+    control: Control = LOAD,
 ) -> Traced:
     """Follow a reduced contact's curve from first interaction, and locate its events.
 
@@ -53,11 +59,14 @@ def trace(
     progress : callable, optional
         Called with the fraction done (a guess) and what is being done.
     events : bool
-        Whether events are made precise.
+        Whether events are made precise; without, the result has none.
+    control : Control
+        A spring (reduced units), whose folds are located besides those of load and displacement.
     """
     began = time.perf_counter()
     setting = Setting(contact.tip, BandedLaw(contact.interaction), min(TRACE_TOLERANCE, 10 * accuracy))
-    journey = Journey(target, progress=progress)
+    controls = (LOAD, DISPLACEMENT, *((control,) if control.kind == "spring" else ()))
+    journey = Journey(target, controls, progress=progress)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         try:
             rows, start, step = beginning(setting, accuracy)
