@@ -40,6 +40,8 @@ STEPS = Options(
     detect_branch_points=False,
     maximum_points=3_000,
 )
+# Pressures below this share of the interaction's own, 1/range, do not matter for the steps of a curve without contact.
+STATE_FLOOR = 0.02
 # Half-widths with which a region is born, as shares of the room there is for it; the first that succeeds counts.
 SEEDS = (0.02, 0.05, 0.01, 0.1, 0.004, 0.2)
 # A region narrower than this share of the one it was born with vanishes.
@@ -191,15 +193,23 @@ def oriented(problem: RingProblem, x: Array, d: float, direction: tuple[Array, f
     return annotated(Point(problem, x, d, u / size, a / size), label="start")
 
 
-def follow_leg(
-    start: Point, events: list[Event], stop: StopAt, step: float, limits: tuple[float, float] = (-math.inf, math.inf)
-) -> Branch:
-    """Follow a layout's curve from a point along its tangent; `step`: length of the first step in edges or pressures."""
+def follow_leg(start: Point, events: list[Event], stop: StopAt, step: float) -> Branch:
+    """Follow a layout's curve from a point along its tangent; `step`: length of the first step, as the edges move.
+
+    Without edges the step is one of displacement, and pressures far below the interaction's own do not shorten steps.
+    """
     problem = start.problem
+    assert isinstance(problem, RingProblem)
     u = math.sqrt(problem.inner(start.tangent_x, start.tangent_x))
     state = 20 * step
-    parameter = max(state * abs(start.tangent_parameter) / max(u, 1e-300), 1e-9)
-    return follow(start, Balance(state, parameter), Range(*limits), STEPS, events, stop)
+    options = STEPS
+    if problem.edges == 0:
+        options = replace(STEPS, state_floor=STATE_FLOOR / problem.setting.scale)
+        parameter = 20 * step
+        state = max(u / max(abs(start.tangent_parameter), 1e-300) * parameter, 1e-300)
+    else:
+        parameter = max(state * abs(start.tangent_parameter) / max(u, 1e-300), 1e-9)
+    return follow(start, Balance(state, parameter), Range(-math.inf, math.inf), options, events, stop)
 
 
 # -- changes of layout ------------------------------------------------------------------------------------------------
