@@ -12,6 +12,8 @@ from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.diagram import State
 from contbranch.errors import InputError, ModelError
 
+from contbranch.models.rings.solve import indices_on, state_between
+
 from .crossing import cross, cross_before, pieces_at, state_at
 from .trace import Target, Traced, trace
 
@@ -63,13 +65,20 @@ def solve_all(
         traced = trace(contact, accuracy, target, progress, events=False, control=control)
         reached = getattr(traced.curve, field)
     own = {"load": LOAD, "displacement": DISPLACEMENT}.get(field)
-    found = []
+    found, beyond = [], []
     if field == "displacement" and len(reached) and value < reached[0]:
         found.append(cross_before(traced, DISPLACEMENT, value, accuracy))
     for piece in pieces_at(reached, value):
-        if field != "contact_radius" or reached[piece + 1] > 0:
+        if field == "contact_radius" and reached[piece + 1] == 0:
+            continue
+        if traced.handed is not None and piece >= traced.handed:
+            first = max(piece, traced.handed + 1)
+            begin, end = traced.points[first], traced.points[first + 1]
+            unstable = indices_on(traced.curve, traced.indices, piece)
+            beyond.append(state_between(begin, end, unstable, field, value, accuracy))
+        else:
             found.append(cross(traced, piece, own, value, accuracy))
-    states = [state_at(traced, crossing, {field: value}) for crossing in found]
+    states = [*(state_at(traced, crossing, {field: value}) for crossing in found), *beyond]
     if not states and not traced.curve.complete:
         raise ModelError(f"{field}: the curve ends before {value:.6g} is reached. {traced.curve.message}")
     return states, traced

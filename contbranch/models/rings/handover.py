@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from dataclasses import fields as fields_of
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from contbranch.control import Control
 from contbranch.errors import ModelError
 from contbranch.models.axisymmetric.equations import Equations
 from contbranch.models.axisymmetric.equations import Fields as DiscFields
+from contbranch.models.axisymmetric.problem import ContactProblem
 from contbranch.models.outcome import RawCurve
 from contbranch.tips import Tip
 
@@ -27,10 +29,23 @@ from .problem import RingProblem, Setting
 from .results import assembled
 from .trace import TRACE_TOLERANCE
 
-__all__ = ["Continued", "continue_from", "from_disc"]
+__all__ = ["Continued", "continue_from", "from_disc", "joined"]
 
 # Rounds of meshing and solving for the first state.
 ROUNDS = 6
+# Rows, from the last admissible one backwards, from which the curve is taken over until one succeeds.
+TRIES = 4
+COLUMNS = (
+    "load",
+    "displacement",
+    "contact_radius",
+    "central_gap",
+    "energy",
+    "unstable_load",
+    "unstable_displacement",
+    "load_error",
+    "displacement_error",
+)
 
 
 @dataclass(frozen=True)
@@ -155,3 +170,91 @@ def continue_from(
     journey.run(start, 0.1 * max(step, 1e-4))
     curve, indices = assembled(journey, accuracy, unstable)
     return Continued(curve, indices, tuple(journey.points))
+
+
+def joined(
+    points: Sequence[Point],
+    curve: RawCurve,
+    indices: Indices,
+    target: Target,
+    controls: Sequence[Control],
+    accuracy: float | None,
+) -> tuple[tuple[Point, ...], RawCurve, Indices, int]:
+    """A curve of the model with a disc, ended where its contact set stops being one, with what follows.
+
+    Parameters
+    ----------
+    points, curve, indices
+        Rows of that model (whose last ones may already be inadmissible), its result and its Morse indices.
+
+    Returns
+    -------
+    points, curve, indices, row
+        The last row of that model; the next one is the same state in the model with free boundaries.
+
+    Raises
+    ------
+    ModelError
+        If the curve could not be taken over.
+    """
+    failure = ModelError("no admissible state was left")
+    admissible = [k for k, point in enumerate(points) if _margin(point) > 0]
+    for row in reversed([k for k in admissible if k - 1 in admissible][-TRIES:]):
+        before, last = _disc(points[row - 1]), _disc(points[row])
+        loads = [p.observables["load"] for p in points[: row + 1] if p.label in ("load", "spring", "edge")]
+        law = BandedLaw(last[0].interaction)
+        unstable = int(indices.displacement_pieces[row - 1])
+        try:
+            more = continue_from(
+                (before, last), law, target, controls, accuracy, max(loads, default=-math.inf), unstable
+            )
+        except ModelError as error:
+            failure = error
+            continue
+        return (*points[: row + 1], *more.points), _chained(curve, more.curve, row), _along(indices, more.indices, row), row
+    raise failure
+
+
+def _margin(point: Point) -> float:
+    problem = point.problem
+    assert isinstance(problem, ContactProblem)
+    return problem.equations.admissibility(problem.fields(point.x, point.parameter), problem.scale)
+
+
+def _disc(point: Point) -> tuple[Equations, DiscFields]:
+    problem = point.problem
+    assert isinstance(problem, ContactProblem)
+    return problem.equations, problem.fields(point.x, point.parameter)
+
+
+def _chained(first: RawCurve, second: RawCurve, row: int) -> RawCurve:
+    """Rows 0 … row of one curve, and all of another; events beyond the row belong to the second."""
+
+    def chain(name: str) -> np.ndarray:
+        return np.concatenate([getattr(first, name)[: row + 1], getattr(second, name)])
+
+    events = [event for event in first.events if event.row <= row and event.kind not in ("inadmissible", "end")]
+    events += [replace(event, row=event.row + row + 1) for event in second.events]
+    spring = None if first.unstable_spring is None else chain("unstable_spring")
+    return replace(
+        second,
+        **{name: chain(name) for name in COLUMNS},
+        unstable_spring=spring,
+        profiles=[*first.profiles[: row + 1], *second.profiles],
+        events=events,
+    )
+
+
+def _along(first: Indices, second: Indices, row: int) -> Indices:
+    """Indices of both: pieces up to the row, the piece between the two representations of one state, the rest."""
+
+    def rows(name: str) -> np.ndarray:
+        return np.concatenate([getattr(first, name)[: row + 1], getattr(second, name)])
+
+    def pieces(name: str) -> np.ndarray:
+        own = getattr(first, name)[:row]
+        return np.concatenate([own, own[-1:], getattr(second, name)])
+
+    names = [item.name for item in fields_of(Indices)]
+    between = ("pieces", "loading", "approaching", "pulling")
+    return Indices(**{name: pieces(name) if name.endswith(between) else rows(name) for name in names})

@@ -7,12 +7,14 @@ from collections.abc import Callable
 
 import numpy as np
 
+from contbranch.analysis.stability import Indices
 from contbranch.contact import Contact
 from contbranch.continuation import CorrectionError, Point, find_root
 from contbranch.continuation.walk import corrected_point
 from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.diagram import Profile, State
 from contbranch.errors import InputError, ModelError
+from contbranch.models.outcome import RawCurve
 
 from .accuracy import OPTIONS, locate, refine, ring_problem
 from .journey import Target
@@ -20,7 +22,7 @@ from .legs import Reached, oriented, unit_metric
 from .profile import profile_of
 from .trace import Traced, trace
 
-__all__ = ["between", "solve_all"]
+__all__ = ["indices_on", "solve_all", "state_between"]
 
 Progress = Callable[[float, str], None]
 
@@ -79,7 +81,9 @@ def solve_all(
     for row in range(len(reached) - 1):
         low, high = reached[row], reached[row + 1]
         if min(low, high) < value <= max(low, high) and (field != "contact_radius" or high > 0):
-            states.append(_state(traced, row, field, value, accuracy))
+            begin, end = traced.points[row], traced.points[row + 1]
+            unstable = indices_on(traced.curve, traced.indices, row)
+            states.append(state_between(begin, end, unstable, field, value, accuracy))
     if not states and not traced.curve.complete:
         raise ModelError(f"{field}: the curve ends before {value:.6g} is reached. {traced.curve.message}")
     return states, traced
@@ -95,7 +99,16 @@ def _without_forces(contact: Contact, traced: Traced, displacement: float | None
     load = abs(float(traced.curve.load[0]))
     error = {"load": load, "displacement": 0.0 if field == "displacement" else load, "contact_radius": 0.0}
     return State(
-        0.0, d, 0.0, -d, 0.0, 0, 0, 0.0, {**error, "central_gap": load}, Profile(r, contact.tip.height(r) - d, none, none)
+        load=0.0,
+        displacement=d,
+        contact_radius=0.0,
+        central_gap=-d,
+        energy=0.0,
+        unstable_load=0,
+        unstable_displacement=0,
+        residual=0.0,
+        error={**error, "central_gap": load},
+        profile=Profile(r, contact.tip.height(r) - d, none, none),
     )
 
 
@@ -124,11 +137,24 @@ def between(begin: Point, end: Point, event: Reached) -> Point:
     return at(theta)
 
 
-def _state(traced: Traced, piece: int, field: str, value: float, accuracy: float) -> State:
-    """The state with exactly the value asked for, between the rows `piece` and the next."""
+def state_between(
+    begin: Point, end: Point, unstable: tuple[int, int, int | None], field: str, value: float, accuracy: float
+) -> State:
+    """The state with exactly the value asked for, between two rows.
+
+    Parameters
+    ----------
+    unstable : (int, int, int or None)
+        Morse indices there under load, displacement and spring control.
+
+    Raises
+    ------
+    ModelError
+        If it was not found.
+    """
     event = Reached({"load": LOAD, "displacement": DISPLACEMENT}.get(field), value)
     try:
-        point = between(traced.points[piece], traced.points[piece + 1], event)
+        point = between(begin, end, event)
         problem = ring_problem(point)
         point = oriented(problem, point.x, point.parameter, (point.tangent_x, point.tangent_parameter))
     except CorrectionError as error:
@@ -136,17 +162,22 @@ def _state(traced: Traced, piece: int, field: str, value: float, accuracy: float
     values, point = refine(point, event, accuracy)
     problem = ring_problem(point)
     fields = problem.fields(point.x, point.parameter)
-    numbers, errors = list(values.numbers), list(values.error)
-    index = ("load", "displacement", "contact_radius").index(field)
-    numbers[index], errors[index] = value, 0.0
+    keys = ("load", "displacement", "contact_radius", "central_gap")
+    numbers = {**dict(zip(keys, values.numbers, strict=True)), field: value}
     residual = np.abs(problem.residual(point.x, point.parameter)).max() / max(1e-300, np.abs(fields.pressure).max())
     return State(
-        *numbers,
-        problem.energy(fields),
-        int(traced.indices.load_pieces[piece]),
-        int(traced.indices.displacement_pieces[piece]),
-        float(residual),
-        dict(zip(("load", "displacement", "contact_radius", "central_gap"), errors, strict=True)),
-        profile_of(problem, fields),
-        None if traced.curve.unstable_spring is None else int(traced.indices.spring_pieces[piece]),
+        **numbers,
+        energy=problem.energy(fields),
+        unstable_load=unstable[0],
+        unstable_displacement=unstable[1],
+        unstable_spring=unstable[2],
+        residual=float(residual),
+        error={**dict(zip(keys, values.error, strict=True)), field: 0.0},
+        profile=profile_of(problem, fields),
     )
+
+
+def indices_on(curve: RawCurve, indices: Indices, piece: int) -> tuple[int, int, int | None]:
+    """Morse indices on a piece under load, displacement and spring control (None without a spring)."""
+    spring = None if curve.unstable_spring is None else int(indices.spring_pieces[piece])
+    return int(indices.load_pieces[piece]), int(indices.displacement_pieces[piece]), spring
