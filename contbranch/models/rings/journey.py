@@ -138,7 +138,8 @@ class Journey:
     def _mark_change(self, point: Point, growing: bool) -> None:
         problem = ring_problem(point)
         breach = least_margin(problem, problem.fields(point.x, point.parameter))
-        assert breach is not None
+        if breach is None:
+            raise ModelError("where the contact set changes its inequality could not be told")
         levels = problem.setting.law.levels
         found = change(problem.layout, breach.region, breach.radius, breach.new, levels, growing)
         self.marks.append(Mark(len(self.points) - 1, found.kind, point, found))
@@ -148,7 +149,8 @@ class Journey:
         """Pass into the layout with a new region."""
         problem = ring_problem(point)
         breach = least_margin(problem, problem.fields(point.x, point.parameter))
-        assert breach is not None
+        if breach is None:
+            raise ModelError("where the contact set changes its inequality could not be told")
         self._mark_change(point, True)
         born = seeded(point, breach)
         self.points.append(born)

@@ -9,12 +9,12 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from contbranch.continuation import Adaptation, CorrectionError, Event, Metric, Options, Point, StopAt
+from contbranch.continuation import Adaptation, CorrectionError, Event, Metric, Options, Outcome, Point, StopAt
 from contbranch.continuation.curve import EventPoint
 from contbranch.continuation.edge import Range
 from contbranch.continuation.follow import Branch, follow
 from contbranch.continuation.metric import Balance
-from contbranch.continuation.newton import correct, tangent_at
+from contbranch.continuation.newton import border, correct, linearise, residual, tangent_at
 from contbranch.continuation.walk import annotated
 from contbranch.control import LOAD, Control
 from contbranch.errors import ModelError
@@ -44,6 +44,11 @@ STEPS = Options(
 STATE_FLOOR = 0.02
 # Half-widths with which a region is born, as shares of the room there is for it; the first that succeeds counts.
 SEEDS = (0.02, 0.05, 0.01, 0.1, 0.004, 0.2)
+# Newton's method far from a solution: most iterations, the relative correction from which it is left to itself, the
+# growth of the residual that is accepted, and how often a step is halved to avoid more.
+APPROACHES, NEARLY, GROWS, HALVINGS = 30, 1e-3, 1.5, 6
+# Breaks taken over from other panels are at least this share of the outermost one apart; rounds of meshing of a state.
+APART, MESHINGS = 0.02, 4
 # A region narrower than this share of the one it was born with vanishes.
 NARROW = 0.5
 # A resting ring between two bands may be replaced by a jump of the pressure below this share of the outermost radius: the forces
@@ -173,6 +178,9 @@ def unit_metric(problem: RingProblem, x: Array) -> Metric:
 def solved(problem: RingProblem, x: Array, d: float, row: tuple[Array, float] | None = None) -> tuple[Array, float]:
     """The solution near (x, d) in the plane that `row` is normal to (by default: at fixed displacement).
 
+    Newton's method, with steps shortened so that edges move by no more than a share of the distances between them and
+    the residual does not grow much: a guess at a new layout may be far from the solution.
+
     Raises
     ------
     CorrectionError
@@ -180,8 +188,33 @@ def solved(problem: RingProblem, x: Array, d: float, row: tuple[Array, float] | 
     """
     row = (np.zeros_like(x), 1.0) if row is None else row
     metric = unit_metric(problem, x)
-    done = correct(problem, x, d, row, metric, tolerance=1e-12, noise=1e6, maximum_iterations=25)
-    return done.x, done.parameter
+    count = problem.edges
+    size = math.inf
+    for _ in range(APPROACHES):
+        at = linearise(problem, x, d)
+        dx, dd = border(problem, x, d, at, row).solve(-at[0], 0.0)
+        size = metric.norm(problem, dx, dd)
+        if not math.isfinite(size):
+            break
+        if size < NEARLY:
+            done = correct(problem, x, d, row, metric, tolerance=1e-12, noise=1e6, maximum_iterations=12)
+            return done.x, done.parameter
+        edges = x[x.size - count :]
+        room = np.diff(np.concatenate([[0.0], edges]))
+        moved = np.abs(dx[x.size - count :]).max(initial=0.0)
+        share = min(1.0, 0.3 * float(room.min()) / moved if moved > 0 else 1.0)
+        before = float(np.abs(at[0]).max())
+        for _ in range(HALVINGS):
+            trial = x + share * dx, d + share * dd
+            try:
+                after = float(np.abs(residual(problem, *trial)).max())
+            except CorrectionError:
+                after = math.inf
+            if after < GROWS * before:
+                break
+            share /= 2
+        x, d = trial
+    raise CorrectionError(Outcome.START_FAILED, f"(Newton's last correction was {size:.2g} of the state.)")
 
 
 def oriented(problem: RingProblem, x: Array, d: float, direction: tuple[Array, float]) -> Point:
@@ -213,22 +246,56 @@ def follow_leg(start: Point, events: list[Event], stop: StopAt, step: float) -> 
 
 
 # -- changes of layout ------------------------------------------------------------------------------------------------
-def pieces(layout: Layout, edges: Array, panels: Panels, known: Array) -> Panels:
+def pieces(layout: Layout, edges: Array, panels: Panels, grid: Grid) -> Panels:
     """Panels for a layout's regions: pieces next to edges that were there before are kept, others begin coarsely.
 
     Piece 2j lies inside of edge j and piece 2j + 1 outside of it; what lies outside of the last edge is no piece.
     """
     halves: list[tuple[float, ...]] = []
     for k in range(max(2 * layout.edges - 1, 0)):
-        same = np.flatnonzero(known == edges[k // 2])
+        same = np.flatnonzero(grid.edges == edges[k // 2])
         old = 2 * int(same[0]) + k % 2 if len(same) else -1
         halves.append(panels.halves[old] if 0 <= old < len(panels.halves) else BOUNDED)
     outer = panels.outer
-    if layout.edges and len(known) == 0:  # radii become roots of distances
-        outer = tuple(math.sqrt(y) for y in outer)
-    elif layout.edges == 0 and len(known):
-        outer = tuple(y * y for y in outer)
+    last = float(edges[-1]) if layout.edges else 0.0
+    if not layout.bounded and not (len(grid.edges) and layout.edges and last == grid.edges[-1]):
+        radii = np.unique(grid.breaks[np.isfinite(grid.breaks)])
+        kept: list[float] = []
+        for radius in radii[radii > last]:
+            y = float(math.sqrt(radius - last) if layout.edges else radius)
+            if y - (kept[-1] if kept else 0.0) > APART * math.sqrt(radii[-1]) and y > 0:
+                kept.append(y)
+        outer = tuple(kept)
     return replace(panels, halves=tuple(halves), outer=outer)
+
+
+def meshed(point: Point, row: tuple[Array, float] | None = None) -> Point:
+    """The point on panels that resolve it, in the plane that the row (by default: its own tangent) is normal to.
+
+    Raises
+    ------
+    CorrectionError
+        If Newton's method fails.
+    """
+    for _ in range(MESHINGS):
+        problem = point.problem
+        assert isinstance(problem, AdaptingProblem)
+        offer = problem.adapt(point.x, point.parameter)
+        if offer is None:
+            break
+        other = offer.problem
+        assert isinstance(other, AdaptingProblem) and offer.transfer is not None
+        tangent = offer.transfer(point.tangent_x), point.tangent_parameter
+        metric = unit_metric(other, offer.x)
+        if row is None:
+            across = metric.row(other, *tangent)
+        else:  # rows of edges alone
+            across = np.zeros(offer.x.size), row[1]
+            count = problem.edges
+            across[0][offer.x.size - count :] = row[0][row[0].size - count :]
+        x, d = solved(other, offer.x, point.parameter, across)
+        point = oriented(other, x, d, tangent)
+    return point
 
 
 def seeded(point: Point, breach: Breach) -> Point:
@@ -260,7 +327,7 @@ def seeded(point: Point, breach: Breach) -> Point:
         else:
             at = breach.radius + half * np.array([-1.0, 1.0])
             new = np.insert(edges, breach.region, at)
-        trial = AdaptingProblem(problem.setting, layout, pieces(layout, new, problem.panels, edges))
+        trial = AdaptingProblem(problem.setting, layout, pieces(layout, new, problem.panels, grid))
         nodes = Grid(trial.panels, new, layout.bounded)
         x = np.concatenate([grid.interpolate(fields.pressure, nodes.r), new])
         row = np.zeros(x.size)
@@ -269,10 +336,10 @@ def seeded(point: Point, breach: Breach) -> Point:
             row[nodes.size + breach.region], row[nodes.size + breach.region + 1] = -1.0, 1.0
         try:
             x, d = solved(trial, x, point.parameter, (row, 0.0))
-            born = oriented(trial, x, d, (row, 0.0))
+            born = meshed(oriented(trial, x, d, (row, 0.0)), (row, 0.0))
         except CorrectionError:
             continue
-        if float(row @ born.tangent_x) <= 0 or Violation().value(born) < -1e-3:
+        if Violation().value(born) < -1e-3:
             continue
         return born
     raise ModelError("no state was found beyond the change of the contact set")
@@ -304,7 +371,7 @@ def passed(point: Point, limits: tuple[float, ...]) -> tuple[Point, bool]:
     kept = np.delete(edges, gone)
     if joined is None:
         kept[region - 1] = (edges[region - 1] + edges[region]) / 2
-    trial = AdaptingProblem(problem.setting, layout, pieces(layout, kept, problem.panels, np.delete(edges, gone) if joined is None else edges))
+    trial = AdaptingProblem(problem.setting, layout, pieces(layout, kept, problem.panels, fields.grid))
     nodes = Grid(trial.panels, kept, layout.bounded)
     n = fields.grid.size
 
@@ -322,7 +389,7 @@ def passed(point: Point, limits: tuple[float, ...]) -> tuple[Point, bool]:
     row = metric.row(trial, tangent, point.tangent_parameter)
     try:
         x, d = solved(trial, x, point.parameter, row)
-        return oriented(trial, x, d, (tangent, point.tangent_parameter)), joined is None
+        return meshed(oriented(trial, x, d, (tangent, point.tangent_parameter))), joined is None
     except CorrectionError as error:
         raise ModelError(f"no state was found without the region that vanished {error.detail}") from error
 
