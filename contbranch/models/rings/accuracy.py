@@ -140,7 +140,10 @@ def refine(point: Point, event: Event | None, accuracy: float) -> tuple[Values, 
             values = compared(numbers(here), numbers(there), accuracy)
             if best is None or values.relative_error() < best[0].relative_error():
                 best = values, here
-            if values.relative_error() <= accuracy or ring_problem(here).fields(here.x, here.parameter).grid.size > LARGEST:
+            if (
+                values.relative_error() <= accuracy
+                or ring_problem(here).fields(here.x, here.parameter).grid.size > LARGEST
+            ):
                 break
             here = there
     except CorrectionError:  # what has been reached stands, with its own error estimate

@@ -211,7 +211,12 @@ def joined(
         except ModelError as error:
             failure = error
             continue
-        return (*points[: row + 1], *more.points), _chained(curve, more.curve, row), _along(indices, more.indices, row), row
+        return (
+            (*points[: row + 1], *more.points),
+            _chained(curve, more.curve, row),
+            _along(indices, more.indices, row),
+            row,
+        )
     raise failure
 
 

@@ -102,7 +102,9 @@ class Journey:
             Violation(),
             Narrow(limits),
         ]
-        if self.target.value is not None or any(region.rests and region.index == 0 for region in problem.layout.regions):
+        if self.target.value is not None or any(
+            region.rests and region.index == 0 for region in problem.layout.regions
+        ):
             events.append(self.end)
         branch = follow_leg(point, events, StopAt(predicate=self._told), step)
         offset = len(self.points)

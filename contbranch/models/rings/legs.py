@@ -25,8 +25,21 @@ from .meshing import BOUNDED, adapted
 from .panels import Grid, Panels
 from .problem import RingProblem
 
-__all__ = ["FoldEvent", "Narrow", "Reached", "Violation", "follow_leg", "located", "oriented", "passed", "rates", "seeded", "solved",
-    "thresholds", "unit_metric"]
+__all__ = [
+    "FoldEvent",
+    "Narrow",
+    "Reached",
+    "Violation",
+    "follow_leg",
+    "located",
+    "oriented",
+    "passed",
+    "rates",
+    "seeded",
+    "solved",
+    "thresholds",
+    "unit_metric",
+]
 
 Array = NDArray[np.float64]
 

@@ -241,7 +241,9 @@ class RingProblem(Problem):
         """V_ela + V_fr = π ∫ p w r dr + 2π ∫ v r dr, the law's tail included."""
         grid = fields.grid
         ring = grid.weights * grid.r
-        return math.pi * float(ring @ (fields.pressure * fields.lift)) + 2 * math.pi * float(ring @ self.density(fields))
+        return math.pi * float(ring @ (fields.pressure * fields.lift)) + 2 * math.pi * float(
+            ring @ self.density(fields)
+        )
 
     def density(self, fields: Fields) -> Array:
         """Interaction energy per area at the nodes."""

@@ -84,21 +84,21 @@ def assembled(journey: Journey, accuracy: float | None, start_index: int = 0) ->
     names = ("load", "displacement", "contact_radius", "central_gap", "energy")
     columns = {name: np.array([point.observables[name] for point in points]) for name in names}
     columns["central_gap"] = np.maximum(columns["central_gap"], 0.0)
-    controls = {control.kind: control for control in journey.controls}
+    controls: dict[str, Control] = {control.kind: control for control in journey.controls}
     marks = joined_folds(points, journey.marks, journey.controls)
+    refined: list[Values] = []
+    if accuracy is not None:
+        marks, refined = _ordered(
+            marks, [refine(mark.point, event_of(mark, controls), accuracy)[0] for mark in marks], points
+        )
     folds = [(mark.row, mark.name) for mark in marks if mark.name in controls]
     first = [_first_sign(points, control) for control in journey.controls]
     pulling = first[2] if len(first) > 2 else None
     indices = morse_indices(len(points), folds, first[0], first[1], start_index, pulling)
-    events: list[RawEvent] = []
-    if accuracy is not None:
-        refined = [refine(mark.point, event_of(mark, controls), accuracy) for mark in marks]
-        events = [
-            _raw(mark, values, indices, points, controls) for mark, (values, _) in zip(marks, refined, strict=True)
-        ]
-        worst = max((value.relative_error() / accuracy for value, _ in refined), default=0.0)
-        if worst > 1 and not message:
-            message = f"An event's error estimate is {worst:.3g} times the accuracy asked."
+    events = [_raw(mark, values, indices, points, controls) for mark, values in zip(marks, refined, strict=False)]
+    worst = max((value.relative_error() / accuracy for value in refined if accuracy), default=0.0)
+    if worst > 1 and not message:
+        message = f"An event's error estimate is {worst:.3g} times the accuracy asked."
     if points and not message:
         last = points[-1]
         problem = ring_problem(last)
@@ -106,7 +106,11 @@ def assembled(journey: Journey, accuracy: float | None, start_index: int = 0) ->
             message = "The inertia at the end disagrees with the folds counted: a fold was missed or doubled."
     load_error, displacement_error = row_errors(points)
     curve = RawCurve(
-        *(columns[name] for name in names),
+        load=columns["load"],
+        displacement=columns["displacement"],
+        contact_radius=columns["contact_radius"],
+        central_gap=columns["central_gap"],
+        energy=columns["energy"],
         unstable_load=indices.load if points else np.empty(0, dtype=np.int64),
         unstable_displacement=indices.displacement if points else np.empty(0, dtype=np.int64),
         load_error=load_error,
@@ -120,6 +124,23 @@ def assembled(journey: Journey, accuracy: float | None, start_index: int = 0) ->
         unstable_spring=indices.spring if "spring" in controls else None,
     )
     return curve, indices
+
+
+def _ordered(
+    marks: Sequence[Mark], values: Sequence[Values], points: Sequence[Point]
+) -> tuple[list[Mark], list[Values]]:
+    """Marks and values in order along the curve: those of one row by their distance from the row before."""
+
+    def place(k: int) -> tuple[int, float]:
+        row = marks[k].row
+        if sum(mark.row == row for mark in marks) == 1 or row == 0:
+            return row, 0.0
+        own = points[row - 1].observables
+        _, _, radius, gap = values[k].numbers
+        return row, abs(radius - own["contact_radius"]) + abs(gap - max(own["central_gap"], 0.0))
+
+    order = sorted(range(len(marks)), key=place)
+    return [marks[k] for k in order], [values[k] for k in order]
 
 
 def event_of(mark: Mark, controls: Mapping[str, Control]) -> Event:

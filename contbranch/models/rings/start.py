@@ -107,7 +107,7 @@ def _far(setting: Setting, accuracy: float) -> tuple[list[Point], Point, float]:
     x, d = solved(problem, np.asarray(pressure, dtype=float), d)
     for _ in range(4):
         found = problem.adapt(x, d)
-        if found is None:
+        if found is None or isinstance(found, np.ndarray):
             break
         assert isinstance(found.problem, RingProblem)
         problem = found.problem
