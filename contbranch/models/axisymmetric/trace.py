@@ -47,7 +47,7 @@ STEPS = Options(
     first_step=0.05,
     detect_folds=False,
     detect_branch_points=False,
-    maximum_points=6_000,
+    maximum_points=40_000,
 )
 # A trace with a spring starts where the stiffness of the interaction is about this share of the spring's.
 SOFTER = 0.05

@@ -66,7 +66,7 @@ APART, MESHINGS = 0.02, 4
 NARROW = 0.5
 # A resting ring between two bands may be replaced by a jump of the pressure below this share of the outermost radius: the forces
 # of both are the same up to the second power of it.
-NARROW_RING = 3e-5
+NARROW_RING = 1e-4
 # A region that was not born on the way vanishes below this share of the outermost edge.
 NARROWEST = 1e-3
 COARSE = 1e-6

@@ -26,6 +26,8 @@ GRADING = 0.3
 FINEST = 0.05
 # Neighbouring panels differ by no more than this factor in their outer ends.
 GROWTH = 3.0
+# The panel at the centre is cut so far from it: an apex is felt there.
+APEX_GRADING = 0.25
 # Higher order by this share makes the finer panels.
 FINER_SHARE = 3
 
@@ -52,6 +54,9 @@ def finer(panels: Panels) -> Panels:
         (*((GRADING * piece[0],) if GRADING * piece[0] > FINEST else ()), *piece) if piece else (GRADING,)
         for piece in panels.halves
     )
+    if halves:  # towards the centre, where a tip may have an apex
+        first = halves[0]
+        halves = ((*first, 1 - APEX_GRADING * (1 - first[-1])), *halves[1:])
     outer = panels.outer
     if outer:
         far = (2 * outer[-1],) if panels.infinite else ()
@@ -85,13 +90,13 @@ def adapted(problem: RingProblem, fields: Fields, allowed: float) -> Panels | No
         at += len(piece) + 1
         # Pieces anchored at their outer end list their panels from the centre, their breaks from the anchor.
         reverse = k == 0 or k % 2 == 0
-        halves.append(_cut((0.0, *piece, 1.0), own[::-1] if reverse else own, share, FINEST)[1:-1])
+        halves.append(_cut((0.0, *piece, 1.0), own[::-1] if reverse else own, share, FINEST, k == 0)[1:-1])
     outer = panels.outer
     if outer:
         own = errors[at:]
         infinite = panels.infinite
         inside = own[: len(outer)]
-        outer = _cut((0.0, *outer), inside, share, 0.0)[1:]
+        outer = _cut((0.0, *outer), inside, share, 0.0, False)[1:]
         if infinite and own[-1] > share:
             outer = (*outer, 1.5 * outer[-1])
         elif infinite and own[-1] < 1e-3 * share and len(outer) > 2 and inside[-1] < 1e-3 * share:
@@ -100,14 +105,16 @@ def adapted(problem: RingProblem, fields: Fields, allowed: float) -> Panels | No
     return None if found == panels else found
 
 
-def _cut(breaks: tuple[float, ...], errors: Array, share: float, finest: float) -> tuple[float, ...]:
-    """Breaks with too inaccurate panels cut (next to the anchor: graded, down to `finest`) and needless ones removed."""
+def _cut(breaks: tuple[float, ...], errors: Array, share: float, finest: float, apex: bool) -> tuple[float, ...]:
+    """Breaks with too inaccurate panels cut (next to the anchor graded, down to `finest`, and next to an apex) and needless ones removed."""
     kept: list[float] = [breaks[0]]
     merged = False
     pairs = list(pairwise(breaks))
     for k, (a, b) in enumerate(pairs):
         grown = k > 0 and b > GROWTH * a
         cut = a + (GRADING if k == 0 else 0.5) * (b - a)
+        if apex and k == len(pairs) - 1 and k > 0:
+            cut = b - APEX_GRADING * (b - a)
         if (errors[k] > share or grown) and cut > finest:
             kept.append(cut)
         joins = (

@@ -22,7 +22,7 @@ __all__ = ["beginning", "radius_at"]
 # Share of the accuracy that the load at the start of the trace may have.
 START_SHARE = 0.3
 # Radii of the hole, in shares of the disc's, from which Newton's method is tried where the pressure at the apex would
-# exceed its bound however small the disc (tips sharper than a parabola).
+# exceed its bound however small the disc (a cone's).
 HOLES = (0.3, 0.1, 0.6, 0.03, 0.85, 0.01, 0.003, 0.001, 1e-4, 1e-5)
 
 
@@ -60,7 +60,7 @@ def _resting(setting: Setting, accuracy: float) -> tuple[list[Point], Point, flo
     radius = radius_at(setting.tip, law.levels[-1]) * min(1e-2, small)
     order = order_for(setting.tolerance)
     rests = Region(True, law.outermost)
-    if setting.tip.apex_exponent >= 2:
+    if setting.tip.apex_exponent > 1:
         return [], _at_radius(setting, Layout((rests,), True), np.array([radius]), order), 0.3 * radius
     if law.outermost == 0:
         raise ModelError("there is no interaction")
