@@ -196,8 +196,8 @@ class Event:
     Attributes
     ----------
     kind : str
-        ``fold``, ``touch``, ``topology`` (a part of the contact set is born or vanishes), ``symmetry``, ``inadmissible`` or
-        ``end``.
+        ``fold``, ``touch``, ``topology`` (a part of the contact set is born or vanishes), ``symmetry``,
+        ``inadmissible`` or ``end``.
     control : str or None
         Control whose fold this is: ``load``, ``displacement`` or ``spring``.
     name : str or None

@@ -71,7 +71,9 @@ def test_disc_opens_where_hertz_pressure_reaches_the_law(tabor: float) -> None:
     curve = trace(contact, 1e-8, Target(1.01 * 4 / 3 * (math.pi * sigma / 2) ** 3)).curve
     event = next(event for event in curve.events if event.kind == "topology")
     c = math.pi * sigma / 2
-    for value, error, exact in zip(event.values, event.error, (4 / 3 * c**3, c * c - 1 / tabor, 0.0, 1 / tabor), strict=True):
+    for value, error, exact in zip(
+        event.values, event.error, (4 / 3 * c**3, c * c - 1 / tabor, 0.0, 1 / tabor), strict=True
+    ):
         assert abs(value - exact) <= error or value == exact
         assert error <= 1e-8 * max(1.0, abs(exact))
 
@@ -141,11 +143,14 @@ def test_maugis_dugdale_repulsion_from_a_users_view() -> None:
     assert (diagram.status, diagram.model.kind) == ("complete", "axisymmetric")
     assert [event.kind for event in diagram.events] == ["topology", "touch", "end"]
     branch = diagram.branches[0]
-    assert not branch.unstable_load.any() and not branch.unstable_displacement.any()
-    assert np.all(np.diff(branch.load) > 0) and np.all(np.diff(branch.displacement) > 0)
+    assert not branch.unstable_load.any()
+    assert not branch.unstable_displacement.any()
+    assert np.all(np.diff(branch.load) > 0)
+    assert np.all(np.diff(branch.displacement) > 0)
     touch = diagram.events[1]
     solution = cb.solve(contact, load=1.1 * touch.load)
-    assert solution.contact_radius > 0 and len(solution.states) == 1
+    assert solution.contact_radius > 0
+    assert len(solution.states) == 1
     assert solution.displacement == pytest.approx(cb.solve(contact, displacement=solution.displacement).displacement)
     assert diagram.local_exponent(touch).kappa[0] == pytest.approx(0.5, abs=0.01)
 
@@ -169,12 +174,15 @@ def test_contact_begins_on_a_ring(annulus: cb.Diagram) -> None:
     assert annulus.status == "complete"
     assert [event.kind for event in annulus.events] == ["topology", "topology", "end"]
     born, closed, end = annulus.events
-    assert born.contact_radius == 0 and born.central_gap > 0
-    assert closed.contact_radius > 0 and closed.central_gap == 0
+    assert born.contact_radius == 0
+    assert born.central_gap > 0
+    assert closed.contact_radius > 0
+    assert closed.central_gap == 0
     assert end.contact_radius > closed.contact_radius
     assert max(event.error["load"] / event.load for event in annulus.events) < 1e-7
     # v″ ≥ 0: a convex energy has no fold.
-    assert not annulus.branches[0].unstable_load.any() and not annulus.branches[0].unstable_displacement.any()
+    assert not annulus.branches[0].unstable_load.any()
+    assert not annulus.branches[0].unstable_displacement.any()
 
 
 def test_annulus_against_active_sets(annulus: cb.Diagram) -> None:
@@ -196,6 +204,7 @@ def test_single_state_with_an_annulus(annulus: cb.Diagram) -> None:
     born = annulus.events[0]
     nodes = np.linspace(3.2, 3.3, 3)
     states = [cb.solve(BLUNT, displacement=float(d), accuracy=1e-8) for d in nodes]
-    assert all(state.contact_radius > 0 and state.central_gap > 0 for state in states) and born.displacement < 3.2
+    assert all(state.contact_radius > 0 and state.central_gap > 0 for state in states)
+    assert born.displacement < 3.2
     work = 0.1 / 6 * np.array([1, 4, 1]) @ [state.load for state in states]
     assert states[-1].energy - states[0].energy == pytest.approx(float(work), abs=1e-7)

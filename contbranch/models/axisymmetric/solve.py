@@ -11,7 +11,6 @@ from contbranch.contact import Contact
 from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.diagram import State
 from contbranch.errors import InputError, ModelError
-
 from contbranch.models.rings.solve import indices_on, state_between
 
 from .crossing import cross, cross_before, pieces_at, state_at

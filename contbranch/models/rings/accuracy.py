@@ -12,7 +12,7 @@ from contbranch.continuation import CorrectionError, Event, Options, Point, fact
 from contbranch.continuation.newton import linearise
 from contbranch.continuation.walk import corrected_point
 
-from .legs import unit_metric
+from .legs import NARROW_RING, unit_metric
 from .meshing import adapted, finer
 from .problem import RingProblem
 
@@ -26,6 +26,8 @@ OPTIONS = Options(tolerance=1e-13, noise=1e8)
 SAFETY = 2.0
 # Least estimate as a share of the accuracy (panels may agree by chance), and rounding relative to max(1, |value|).
 FLOOR, ROUNDING = 0.002, 1e-12
+# What a jump in place of a narrow resting ring leaves out, relative to max(1, |value|).
+JUMP = 0.1 * NARROW_RING**2
 # Panels for an event aim at this part of the accuracy.
 AIM = 0.1
 ROUNDS, LARGEST = 5, 900
@@ -137,7 +139,7 @@ def refine(point: Point, event: Event | None, accuracy: float) -> tuple[Values, 
         here = settled(point, event)
         for _ in range(ROUNDS):
             there = settled(moved(here, ring_problem(here).on(finer(ring_problem(here).panels))), event)
-            values = compared(numbers(here), numbers(there), accuracy)
+            values = compared(numbers(here), numbers(there), accuracy, problem.layout.jumps)
             if best is None or values.relative_error() < best[0].relative_error():
                 best = values, here
             if (
@@ -152,9 +154,9 @@ def refine(point: Point, event: Event | None, accuracy: float) -> tuple[Values, 
     return best
 
 
-def compared(here: Four, there: Four, accuracy: float) -> Values:
+def compared(here: Four, there: Four, accuracy: float, jump: bool) -> Values:
     """Values with the differences between two discretisations as errors."""
-    floor = ROUNDING + FLOOR * accuracy
+    floor = ROUNDING + FLOOR * accuracy + JUMP * jump
     error = tuple(
         SAFETY * abs(a - b) + floor * max(1.0, abs(a)) if a or b else 0.0 for a, b in zip(here, there, strict=True)
     )

@@ -35,17 +35,6 @@ __all__ = ["Continued", "continue_from", "from_disc", "joined"]
 ROUNDS = 6
 # Rows, from the last admissible one backwards, from which the curve is taken over until one succeeds.
 TRIES = 4
-COLUMNS = (
-    "load",
-    "displacement",
-    "contact_radius",
-    "central_gap",
-    "energy",
-    "unstable_load",
-    "unstable_displacement",
-    "load_error",
-    "displacement_error",
-)
 
 
 @dataclass(frozen=True)
@@ -243,7 +232,15 @@ def _chained(first: RawCurve, second: RawCurve, row: int) -> RawCurve:
     spring = None if first.unstable_spring is None else chain("unstable_spring")
     return replace(
         second,
-        **{name: chain(name) for name in COLUMNS},
+        load=chain("load"),
+        displacement=chain("displacement"),
+        contact_radius=chain("contact_radius"),
+        central_gap=chain("central_gap"),
+        energy=chain("energy"),
+        unstable_load=chain("unstable_load"),
+        unstable_displacement=chain("unstable_displacement"),
+        load_error=chain("load_error"),
+        displacement_error=chain("displacement_error"),
         unstable_spring=spring,
         profiles=[*first.profiles[: row + 1], *second.profiles],
         events=events,

@@ -29,7 +29,8 @@ class Layout:
     """Regions from the centre outwards.
 
     Resting and floating ones alternate, except where a resting ring is too narrow to matter: there the two floating
-    regions that it separates join at a *jump* of the law's pressure. The last region reaches to infinity, unless there is no pressure at all beyond the last edge (`bounded`).
+    regions that it separates join at a *jump* of the law's pressure. The last region reaches to infinity, unless there
+    is no pressure at all beyond the last edge (`bounded`).
     """
 
     regions: tuple[Region, ...]
@@ -53,6 +54,11 @@ class Layout:
         """Whether the floating regions of two bands meet at an edge."""
         outside = self.regions[edge + 1].rests if edge + 1 < len(self.regions) else False
         return not self.regions[edge].rests and not outside
+
+    @property
+    def jumps(self) -> bool:
+        """Whether there is a jump anywhere."""
+        return any(self.jump(edge) for edge in range(self.edges))
 
     def jump_level(self, edge: int) -> int:
         """The level at which two bands meet."""

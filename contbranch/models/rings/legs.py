@@ -64,8 +64,8 @@ APPROACHES, NEARLY, GROWS, HALVINGS = 30, 1e-3, 1.5, 6
 APART, MESHINGS = 0.02, 4
 # A region narrower than this share of the one it was born with vanishes.
 NARROW = 0.5
-# A resting ring between two bands may be replaced by a jump of the pressure below this share of the outermost radius: the forces
-# of both are the same up to the second power of it.
+# A resting ring between two bands may be replaced by a jump of the pressure below this share of the outermost radius:
+# both differ by a tenth of its square (measured against the closed form), see `accuracy.JUMP`.
 NARROW_RING = 1e-4
 # A region that was not born on the way vanishes below this share of the outermost edge.
 NARROWEST = 1e-3
@@ -297,7 +297,8 @@ def meshed(point: Point, row: tuple[Array, float] | None = None) -> Point:
         if offer is None:
             break
         other = offer.problem
-        assert isinstance(other, AdaptingProblem) and offer.transfer is not None
+        assert isinstance(other, AdaptingProblem)
+        assert offer.transfer is not None
         tangent = offer.transfer(point.tangent_x), point.tangent_parameter
         metric = unit_metric(other, offer.x)
         if row is None:

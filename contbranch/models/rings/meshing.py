@@ -21,8 +21,8 @@ Array = NDArray[np.float64]
 BOUNDED = (0.3,)
 # The panel next to an edge is split at this share: the solution has higher-order logarithms there.
 GRADING = 0.3
-# ... but not below this share of the piece: a pressure that answers a given gap is determined the worse the narrower the
-# panels.
+# ... but not below this share of the piece: a pressure that answers a given gap is determined the worse the narrower
+# the panels.
 FINEST = 0.05
 # Neighbouring panels differ by no more than this factor in their outer ends.
 GROWTH = 3.0
@@ -82,7 +82,7 @@ def adapted(problem: RingProblem, fields: Fields, allowed: float) -> Panels | No
     """Panels with those split that miss too much load and those joined that need not be apart; None: no change."""
     errors = panel_errors(problem, fields)
     share = allowed / max(4.0, len(errors) ** 0.5)
-    panels, grid = problem.panels, fields.grid
+    panels = problem.panels
     halves: list[tuple[float, ...]] = []
     at = 0
     for k, piece in enumerate(panels.halves):
@@ -106,7 +106,10 @@ def adapted(problem: RingProblem, fields: Fields, allowed: float) -> Panels | No
 
 
 def _cut(breaks: tuple[float, ...], errors: Array, share: float, finest: float, apex: bool) -> tuple[float, ...]:
-    """Breaks with too inaccurate panels cut (next to the anchor graded, down to `finest`, and next to an apex) and needless ones removed."""
+    """Breaks with too inaccurate panels cut and needless ones removed.
+
+    The cuts are graded next to the anchor, down to `finest`, and next to an apex.
+    """
     kept: list[float] = [breaks[0]]
     merged = False
     pairs = list(pairwise(breaks))

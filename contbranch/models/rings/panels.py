@@ -10,6 +10,7 @@ Gauss–Legendre nodes in y. The displacement is the integral over rings of pres
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
 
@@ -39,9 +40,9 @@ class Panels:
     order : int
         Nodes a panel.
     halves : tuple of tuple of float
-        Breaks ``0 < f < … < 1`` of the pieces between anchors, in shares of the piece's length in y. A first region that
-        ends at an edge is one piece, anchored there; a region between two edges consists of two, each anchored at its
-        own edge and joined half-way.
+        Breaks ``0 < f < … < 1`` of the pieces between anchors, in shares of the piece's length in y. A first region
+        that ends at an edge is one piece, anchored there; a region between two edges consists of two, each anchored at
+        its own edge and joined half-way.
     outer : tuple of float
         Breaks ``0 < y`` of the region that reaches to infinity: distances from the last edge are y² (with no edge:
         radii y).
@@ -102,7 +103,7 @@ class Grid:
             if sign < 0:
                 shares = shares[::-1]
             root = math.sqrt(abs(far - anchor))
-            for a, b in zip(shares[:-1], shares[1:], strict=True):
+            for a, b in itertools.pairwise(shares):
                 rows.append((region, anchor, sign, a * root, b * root))
                 breaks.append((anchor + (far - anchor) * a * a, anchor + (far - anchor) * b * b))
                 moves.append((move + (far_move - move) * a * a, move + (far_move - move) * b * b))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
@@ -15,7 +16,7 @@ from contbranch.diagram import Cost, LocalExponent, Profile
 from contbranch.errors import ModelError
 from contbranch.models.outcome import RawCurve, RawEvent
 
-from .accuracy import Values, refine, ring_problem, row_error
+from .accuracy import JUMP, Values, refine, ring_problem, row_error
 from .journey import Journey, Mark
 from .legs import FoldEvent, Reached, Violation, rates
 from .profile import profile_of
@@ -27,6 +28,8 @@ Array = NDArray[np.float64]
 
 # Estimates of rows: one Newton step on finer panels, and the least as a share of the trace's tolerance.
 ROW_SAFETY, ROW_FLOOR = 2.0, 1e-4
+# An edge beyond this share of a tip's extent has reached its end.
+NEAR_END = 0.95
 CONE = "The Morse indices there are those of both sides: admissible variations form a cone."
 
 
@@ -34,7 +37,7 @@ def row_errors(points: Sequence[Point]) -> tuple[Array, Array]:
     """Error estimates of load and displacement at rows, (M,) each."""
     load, displacement = np.zeros(len(points)), np.zeros(len(points))
     for k, point in enumerate(points):
-        floor = ROW_FLOOR * ring_problem(point).setting.tolerance
+        floor = ROW_FLOOR * ring_problem(point).setting.tolerance + JUMP * ring_problem(point).layout.jumps
         own = point.observables
         try:
             found = row_error(point)
@@ -81,6 +84,8 @@ def assembled(journey: Journey, accuracy: float | None, start_index: int = 0) ->
         Morse index under displacement control where the journey begins.
     """
     points, message = journey.points, journey.message
+    if message and points:
+        message = f"{message} {_end_of_tip(points[-1])}".strip()
     names = ("load", "displacement", "contact_radius", "central_gap", "energy")
     columns = {name: np.array([point.observables[name] for point in points]) for name in names}
     columns["central_gap"] = np.maximum(columns["central_gap"], 0.0)
@@ -124,6 +129,15 @@ def assembled(journey: Journey, accuracy: float | None, start_index: int = 0) ->
         unstable_spring=indices.spring if "spring" in controls else None,
     )
     return curve, indices
+
+
+def _end_of_tip(point: Point) -> str:
+    """A sentence if the contact has come to the end of a tip of finite extent."""
+    problem = ring_problem(point)
+    extent = problem.setting.tip.extent
+    if not math.isfinite(extent) or not problem.edges or float(point.x[-1]) < NEAR_END * extent:
+        return ""
+    return "The contact, or the interaction around it, has reached the end of the tip."
 
 
 def _ordered(
