@@ -67,7 +67,7 @@ def number_layers(
                 number = alone[k]
             else:
                 side = [j for j in layers if (j < k) == (group is MAXIMA)]
-                number = layers[min(side or layers, key=lambda j, k=k: abs(j - k))]  # type: ignore[misc]
+                number = layers[min(side or layers, key=lambda j, k=k: abs(j - k))]
             numbered[k] = f"{names[k]}-{number}"
     return numbered
 

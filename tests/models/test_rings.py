@@ -80,7 +80,7 @@ def test_disc_opens_where_hertz_pressure_reaches_the_law(tabor: float) -> None:
 
 @pytest.mark.parametrize(("displacement", "end"), [(2.380, 2.4), (5.5, 3.2)])
 def test_ring_against_active_sets(step: Traced, displacement: float, end: float) -> None:
-    """F, ring and contact agree with rings of uniform pressure (`ring_reference`) and come closer as these get finer."""
+    """F, ring and contact agree with rings of uniform pressure (`ring_reference`), the better the finer."""
     state = at(step, displacement)
     assert state.error["load"] < 1e-8 * state.load
     wall = state.r[state.wall_pressure > 1e-9]
@@ -156,7 +156,7 @@ def test_maugis_dugdale_repulsion_from_a_users_view() -> None:
 
 
 def test_pressure_largest_on_a_ring() -> None:
-    """Under z = r⁴/4 the pressure reaches σ on a ring: with p ∝ (1 + 2x²)√(1 − x²) (Abel) at x² = 1/2, not at the centre.
+    """Under z = r⁴/4 the pressure reaches σ on a ring, with p ∝ (1 + 2x²)√(1 − x²) (Abel) at x² = 1/2.
 
     p(r) = (1/π)∫_r^c ζ'(t)/√(t² − r²) dt with ζ = 2t⁴/3 gives (8/9π) c³ (1 + 2x²)√(1 − x²), which is σ = 1 there for
     c³ = (9π/8)/√2.

@@ -11,8 +11,9 @@ from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.errors import ModelError
 
 from .accuracy import ring_problem
+from .changes import passed, seeded
 from .constraints import least_margin
-from .legs import FoldEvent, Narrow, Reached, Violation, follow_leg, located, passed, seeded, thresholds
+from .legs import FoldEvent, Narrow, Reached, Violation, follow_leg, located, thresholds
 from .topology import Change, change
 
 __all__ = ["Journey", "Mark", "Target"]
