@@ -135,7 +135,10 @@ class Journey:
 
     def _told(self, point: Point) -> bool:
         if self.progress is not None and len(self.points) % 5 == 0:
-            self.progress(0.5, f"{len(self.points)} points, load {point.observables['load']:.4g}")
+            share = point.observables["load"] / self.end.target if self.end.control is not None else 0.5
+            self.progress(
+                0.9 * min(max(share, 0.0), 1.0), f"{len(self.points)} points, load {point.observables['load']:.4g}"
+            )
         return False
 
     def _mark_change(self, point: Point, growing: bool) -> None:

@@ -278,7 +278,7 @@ class RingProblem(Problem):
     def numbers(self, x: Array, d: float) -> tuple[float, float, float, float]:
         """Load, displacement, contact radius and central gap."""
         fields = self.fields(x, d)
-        return self.load(fields), d, self.contact_radius(fields), self.central_gap(fields)
+        return self.load(fields), float(d), self.contact_radius(fields), float(self.central_gap(fields))
 
     def observables(self, x: Array, p: float) -> Mapping[str, float]:
         """Load, displacement, contact radius, central gap and energy."""

@@ -28,6 +28,8 @@ Array = NDArray[np.float64]
 
 # Estimates of rows: one Newton step on finer panels, and the least as a share of the trace's tolerance.
 ROW_SAFETY, ROW_FLOOR = 2.0, 1e-4
+# Accuracy to which events are located where only their order is wanted.
+TRACE_TOLERANCE = 1e-7
 # An edge beyond this share of a tip's extent has reached its end.
 NEAR_END = 0.95
 CONE = "The Morse indices there are those of both sides: admissible variations form a cone."
@@ -91,11 +93,12 @@ def assembled(journey: Journey, accuracy: float | None, start_index: int = 0) ->
     columns["central_gap"] = np.maximum(columns["central_gap"], 0.0)
     controls: dict[str, Control] = {control.kind: control for control in journey.controls}
     marks = joined_folds(points, journey.marks, journey.controls)
-    refined: list[Values] = []
-    if accuracy is not None:
-        marks, refined = _ordered(
-            marks, [refine(mark.point, event_of(mark, controls), accuracy)[0] for mark in marks], points
-        )
+    rows = [mark.row for mark in marks]
+    if accuracy is not None or len(set(rows)) < len(rows):  # without accuracy, the order of folds still matters
+        located = [refine(mark.point, event_of(mark, controls), accuracy or TRACE_TOLERANCE)[0] for mark in marks]
+        marks, refined = _ordered(marks, located, points)
+    if accuracy is None:
+        refined = []
     folds = [(mark.row, mark.name) for mark in marks if mark.name in controls]
     first = [_first_sign(points, control) for control in journey.controls]
     pulling = first[2] if len(first) > 2 else None
