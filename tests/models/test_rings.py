@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from ring_reference import Rings as Reference
 import contbranch as cb
 from contbranch.control import DISPLACEMENT
 from contbranch.models.rings.journey import Target
+from contbranch.models.rings.legs import solved
 from contbranch.models.rings.panels import Grid, Panels
 from contbranch.models.rings.problem import RingProblem
 from contbranch.models.rings.solve import indices_on, state_between
@@ -208,3 +210,20 @@ def test_single_state_with_an_annulus(annulus: cb.Diagram) -> None:
     assert born.displacement < 3.2
     work = 0.1 / 6 * np.array([1, 4, 1]) @ [state.load for state in states]
     assert states[-1].energy - states[0].energy == pytest.approx(float(work), abs=1e-7)
+
+
+def test_convergence_with_the_order(step: Traced) -> None:
+    """At fixed displacement the load's error falls by more than a factor 10 with every two nodes a panel."""
+    row = int(np.argmin(np.abs(step.curve.displacement - 3.0)))
+    point = step.points[row]
+    problem = point.problem
+    assert isinstance(problem, RingProblem)
+    coarse = replace(problem.panels, halves=((0.3,), (0.3,), (0.3,)))
+    loads = []
+    for order in (4, 6, 8, 16):
+        other = problem.on(replace(coarse, order=order))
+        x, d = solved(other, problem.carried(point.x, point.x, other), point.parameter)
+        loads.append(other.load(other.fields(x, d)))
+    errors = np.abs(np.array(loads[:-1]) - loads[-1])
+    assert np.all(errors[1:] < 0.1 * errors[:-1])
+    assert errors[-1] < 1e-8
