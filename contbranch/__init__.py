@@ -8,6 +8,7 @@ one of them. Closed-form theories are in `contbranch.theory`, continuation of an
 from contbranch.contact import Contact
 from contbranch.control import Spring
 from contbranch.diagram import Branch, Diagram, Event, Exponent, LocalExponent, Solution, State, Window
+from contbranch.equilibria import Barrier, Equilibria
 from contbranch.errors import InputError, ModelError
 from contbranch.interactions import (
     Exponential,
@@ -21,7 +22,8 @@ from contbranch.interactions import (
     Tabulated,
     VanDerWaals,
 )
-from contbranch.models import solve, trace
+from contbranch.loop import Hysteresis
+from contbranch.models import find_all, hysteresis, solve, trace
 from contbranch.models.axisymmetric import Axisymmetric
 from contbranch.models.exact import Exact
 from contbranch.store import load
@@ -31,15 +33,18 @@ __version__ = "0.1.0"
 
 __all__ = [
     "Axisymmetric",
+    "Barrier",
     "Branch",
     "Cone",
     "Contact",
     "Diagram",
+    "Equilibria",
     "Event",
     "Exact",
     "Exponent",
     "Exponential",
     "Gauss",
+    "Hysteresis",
     "InputError",
     "Interaction",
     "InverseSquare",
@@ -60,6 +65,8 @@ __all__ = [
     "Tip",
     "VanDerWaals",
     "Window",
+    "find_all",
+    "hysteresis",
     "load",
     "solve",
     "trace",

@@ -13,10 +13,11 @@ from contbranch.diagram import State
 from contbranch.errors import InputError, ModelError
 from contbranch.models.rings.solve import indices_on, state_between
 
-from .crossing import cross, cross_before, pieces_at, state_at
+from .crossing import Crossing, cross, cross_before, pieces_at, state_apart, state_at
+from .search import disconnected
 from .trace import Target, Traced, trace
 
-__all__ = ["solve_all"]
+__all__ = ["crossings", "find_all", "solve_all"]
 
 Progress = Callable[[float, str], None]
 
@@ -55,6 +56,74 @@ def solve_all(
     InputError
         If the value is out of range whatever the curve does.
     """
+    found, traced = crossings(contact, field, value, accuracy, progress, control)
+    states = [state_at(traced, crossing, {field: value}) for crossing in found]
+    states += states_beyond(traced, field, value, accuracy)
+    if not states and not traced.curve.complete:
+        raise ModelError(f"{field}: the curve ends before {value:.6g} is reached. {traced.curve.message}")
+    return states, traced
+
+
+def find_all(
+    contact: Contact,
+    field: str,
+    value: float,
+    accuracy: float,
+    window: tuple[float, float] | None,
+    progress: Progress | None = None,
+    control: Control = LOAD,
+) -> tuple[list[State], list[bool], tuple[float, float], Traced]:
+    """Every equilibrium with a given load or displacement in a window of displacements, on the curve and off it.
+
+    Parameters
+    ----------
+    window : (float, float) or None
+        Displacements, reduced units; None: the traced range.
+
+    Returns
+    -------
+    states, connected, window, traced
+        Which of the states lie on the traced curve, and the window used.
+    """
+    found, traced = crossings(contact, field, value, accuracy, progress, control)
+    reached = traced.curve.displacement
+    if window is None:
+        window = (float(reached.min()), float(reached.max())) if len(reached) else (-math.inf, math.inf)
+    held = LOAD if field == "load" else DISPLACEMENT
+    others: list[Crossing] = []
+    if len(traced.points) > 1 and contact.interaction is not None and traced.handed is None:
+        others = disconnected(traced, found, held, value, accuracy)
+    states, connected = [], []
+    for crossings_here, on_curve in ((found, True), (others, False)):
+        for crossing in crossings_here:
+            if not window[0] <= crossing.values.displacement <= window[1]:
+                continue
+            given = {field: value}
+            on = state_at(traced, crossing, given) if on_curve else state_apart(crossing, traced.controls, given)
+            states.append(on)
+            connected.append(on_curve)
+    for state in states_beyond(traced, field, value, accuracy):
+        if window[0] <= state.displacement <= window[1]:
+            states.append(state)
+            connected.append(True)
+    return states, connected, window, traced
+
+
+def crossings(
+    contact: Contact,
+    field: str,
+    value: float,
+    accuracy: float,
+    progress: Progress | None = None,
+    control: Control = LOAD,
+) -> tuple[list[Crossing], Traced]:
+    """Where the curve has a value, in order along it; arguments as for `solve_all`.
+
+    Raises
+    ------
+    InputError
+        If the value is out of range whatever the curve does.
+    """
     if field == "contact_radius" and not 0 < value < contact.tip.extent:
         raise InputError(f"contact_radius: {value:g}; must be greater than zero (and within the tip)")
     traced = trace(contact, accuracy, Target(), progress, events=False, control=control)
@@ -64,23 +133,33 @@ def solve_all(
         traced = trace(contact, accuracy, target, progress, events=False, control=control)
         reached = getattr(traced.curve, field)
     own = {"load": LOAD, "displacement": DISPLACEMENT}.get(field)
-    found, beyond = [], []
+    found = []
     if field == "displacement" and len(reached) and value < reached[0]:
         found.append(cross_before(traced, DISPLACEMENT, value, accuracy))
     for piece in pieces_at(reached, value):
-        if field == "contact_radius" and reached[piece + 1] == 0:
+        if (field == "contact_radius" and reached[piece + 1] == 0) or _beyond(traced, piece):
             continue
-        if traced.handed is not None and piece >= traced.handed:
-            first = max(piece, traced.handed + 1)
-            begin, end = traced.points[first], traced.points[first + 1]
-            unstable = indices_on(traced.curve, traced.indices, piece)
-            beyond.append(state_between(begin, end, unstable, field, value, accuracy))
-        else:
-            found.append(cross(traced, piece, own, value, accuracy))
-    states = [*(state_at(traced, crossing, {field: value}) for crossing in found), *beyond]
-    if not states and not traced.curve.complete:
-        raise ModelError(f"{field}: the curve ends before {value:.6g} is reached. {traced.curve.message}")
-    return states, traced
+        found.append(cross(traced, piece, own, value, accuracy))
+    return found, traced
+
+
+def _beyond(traced: Traced, piece: int) -> bool:
+    """Whether a piece belongs to the model with free boundaries, see `Traced.handed`."""
+    return traced.handed is not None and piece >= traced.handed
+
+
+def states_beyond(traced: Traced, field: str, value: float, accuracy: float) -> list[State]:
+    """The states with a value where the contact set is no disc any more."""
+    reached, states = getattr(traced.curve, field), []
+    for piece in pieces_at(reached, value):
+        if not _beyond(traced, piece) or (field == "contact_radius" and reached[piece + 1] == 0):
+            continue
+        assert traced.handed is not None
+        first = max(piece, traced.handed + 1)
+        begin, end = traced.points[first], traced.points[first + 1]
+        unstable = indices_on(traced.curve, traced.indices, piece)
+        states.append(state_between(begin, end, unstable, field, value, accuracy))
+    return states
 
 
 def _target(contact: Contact, field: str, value: float, traced: Traced) -> Target:

@@ -46,8 +46,9 @@ class Rings:
         max_load: float | None,
         progress: Progress | None = None,
         control: Control = LOAD,
+        modes: int = 0,
     ) -> RawCurve:
-        """The whole curve of a reduced contact."""
+        """The whole curve of a reduced contact; azimuthal modes are not examined, whatever `modes`."""
         return trace(contact, accuracy, Target(max_load), progress, control=control).curve
 
     def solve(
@@ -62,3 +63,26 @@ class Rings:
         """Every equilibrium of a reduced contact with a given load, displacement or contact radius."""
         states, traced = solve_all(contact, field, value, accuracy, progress, control)
         return states, traced.curve
+
+    def find_all(
+        self,
+        contact: Contact,
+        field: str,
+        value: float,
+        accuracy: float,
+        window: tuple[float, float] | None,
+        progress: Progress | None = None,
+        control: Control = LOAD,
+    ) -> tuple[list[State], list[bool], tuple[float, float], RawCurve]:
+        """The equilibria on the curve with a value in a window of displacements; others are not looked for.
+
+        Returns
+        -------
+        states, connected, window, curve
+            As for the model with a disc.
+        """
+        states, traced = solve_all(contact, field, value, accuracy, progress, control)
+        reached = traced.curve.displacement
+        used = window or (float(reached.min()), float(reached.max()))
+        kept = [state for state in states if used[0] <= state.displacement <= used[1]]
+        return kept, [True] * len(kept), used, traced.curve

@@ -166,7 +166,10 @@ def state_between(
     numbers = {**dict(zip(keys, values.numbers, strict=True)), field: value}
     residual = np.abs(problem.residual(point.x, point.parameter)).max() / max(1e-300, np.abs(fields.pressure).max())
     return State(
-        **numbers,
+        load=numbers["load"],
+        displacement=numbers["displacement"],
+        contact_radius=numbers["contact_radius"],
+        central_gap=numbers["central_gap"],
         energy=problem.energy(fields),
         unstable_load=unstable[0],
         unstable_displacement=unstable[1],
