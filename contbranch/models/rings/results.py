@@ -130,6 +130,7 @@ def assembled(journey: Journey, accuracy: float | None, start_index: int = 0) ->
         cost=Cost(0.0, 0),
         unknowns=0,
         unstable_spring=indices.spring if "spring" in controls else None,
+        extra={"free_boundaries": True},
     )
     return curve, indices
 
