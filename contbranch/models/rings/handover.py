@@ -230,6 +230,7 @@ def _chained(first: RawCurve, second: RawCurve, row: int) -> RawCurve:
     events = [event for event in first.events if event.row <= row and event.kind not in ("inadmissible", "end")]
     events += [replace(event, row=event.row + row + 1) for event in second.events]
     spring = None if first.unstable_spring is None else chain("unstable_spring")
+    known = first.unstable_azimuthal is not None and second.unstable_azimuthal is not None
     return replace(
         second,
         load=chain("load"),
@@ -242,6 +243,7 @@ def _chained(first: RawCurve, second: RawCurve, row: int) -> RawCurve:
         load_error=chain("load_error"),
         displacement_error=chain("displacement_error"),
         unstable_spring=spring,
+        unstable_azimuthal=chain("unstable_azimuthal") if known else None,
         profiles=[*first.profiles[: row + 1], *second.profiles],
         events=events,
     )

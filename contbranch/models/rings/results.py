@@ -130,9 +130,15 @@ def assembled(journey: Journey, accuracy: float | None, start_index: int = 0) ->
         cost=Cost(0.0, 0),
         unknowns=0,
         unstable_spring=indices.spring if "spring" in controls else None,
+        unstable_azimuthal=np.zeros(len(points), dtype=np.int64) if all(map(_convex, points)) else None,
         extra={"free_boundaries": True},
     )
     return curve, indices
+
+
+def _convex(point: Point) -> bool:
+    """Whether v″ ≥ 0 wherever the gap floats: then no mode of any symmetry is unstable; others are not examined."""
+    return bool((ring_problem(point).fields(point.x, point.parameter).stiffness >= 0).all())
 
 
 def _end_of_tip(point: Point) -> str:
