@@ -34,7 +34,7 @@ __all__ = [
 ]
 
 Array = NDArray[np.float64]
-EventKind = Literal["fold", "touch", "symmetry", "inadmissible", "end"]
+EventKind = Literal["fold", "touch", "topology", "symmetry", "inadmissible", "end"]
 
 OBSERVABLES = ("load", "displacement", "contact_radius", "central_gap")
 
@@ -224,7 +224,8 @@ class Event:
     Attributes
     ----------
     kind : str
-        ``fold``, ``touch``, ``symmetry``, ``inadmissible`` or ``end``.
+        ``fold``, ``touch``, ``topology`` (a part of the contact set is born or vanishes), ``symmetry``,
+        ``inadmissible`` or ``end``.
     control : str or None
         Control whose fold this is: ``load``, ``displacement`` or ``spring``.
     name : str or None

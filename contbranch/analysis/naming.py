@@ -9,6 +9,9 @@ from contbranch.interactions import Interaction, Layered
 
 __all__ = ["fold_name", "number_layers", "thresholds"]
 
+# Folds at which a control has a maximum along the curve, and a minimum.
+MAXIMA, MINIMA = ("squeeze-out", "jump-in"), ("wetting", "pull-off")
+
 
 def fold_name(interaction: Interaction | None, control: str | None, load: float, lost_on_increase: bool) -> str:
     """Name of a fold at which a stable part ends.
@@ -38,19 +41,34 @@ def fold_name(interaction: Interaction | None, control: str | None, load: float,
 def number_layers(
     names: Sequence[str | None], controls: Sequence[str | None], interaction: Interaction | None
 ) -> list[str | None]:
-    """Names of a cascade of layers numbered from the wall: ``squeeze-out-1``, …; other names as they are."""
+    """Names of a cascade of layers numbered from the wall: ``squeeze-out-1``, …; other names as they are.
+
+    The curve comes from far away, so the last fold is closest to the wall. Along it every layer has a maximum of the
+    load and then one of the displacement, a minimum of the displacement and then one of the load, the inner two only
+    where displacement control is unstable, too: they bear the number of the load's. Maxima (``squeeze-out``,
+    ``jump-in``) and minima (``wetting`` or, where the load is negative, ``pull-off``) are counted apart.
+    """
     numbered = list(names)
     terms = interaction.terms if interaction is not None else ()
     if not any(isinstance(term, Layered) for term in terms):
         return numbered
-    groups: dict[tuple[str | None, str], list[int]] = {}
-    for k, (name, control) in enumerate(zip(names, controls, strict=True)):
-        if name is not None:
-            groups.setdefault((control, name), []).append(k)
-    for (_, name), members in groups.items():
-        if len(members) > 1:  # the curve comes from far away, so the last one is closest to the wall
-            for number, k in enumerate(reversed(members), start=1):
-                numbered[k] = f"{name}-{number}"
+    groups = {group: [k for k, name in enumerate(names) if name in group] for group in (MAXIMA, MINIMA)}
+    by_load = {group: [k for k in members if controls[k] == "load"] for group, members in groups.items()}
+    counts = [sum(controls[k] == c for k in members) for members in groups.values() for c in set(controls)]
+    if max(counts, default=0) < 2:
+        return numbered
+    for group, members in groups.items():
+        layers = {k: number for number, k in enumerate(reversed(by_load[group]), start=1)}
+        alone = {k: number for number, k in enumerate(reversed(members), start=1)}
+        for k in members:
+            if k in layers:
+                number = layers[k]
+            elif not layers:
+                number = alone[k]
+            else:
+                side = [j for j in layers if (j < k) == (group is MAXIMA)]
+                number = layers[min(side or layers, key=lambda j, k=k: abs(j - k))]
+            numbered[k] = f"{names[k]}-{number}"
     return numbered
 
 

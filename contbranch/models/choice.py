@@ -7,10 +7,11 @@ from contbranch.errors import InputError
 
 from .axisymmetric import Axisymmetric
 from .exact import Exact
+from .rings import Rings
 
 __all__ = ["Model", "choose"]
 
-Model = Exact | Axisymmetric
+Model = Exact | Axisymmetric | Rings
 MODELS: dict[str, type[Exact] | type[Axisymmetric]] = {"exact": Exact, "axisymmetric": Axisymmetric}
 
 
@@ -28,7 +29,7 @@ def choose(contact: Contact, model: str | Model = "auto") -> tuple[Model, str]:
     InputError
         If the model is not known, or does not represent the contact: the message says why.
     """
-    if isinstance(model, Exact | Axisymmetric):
+    if isinstance(model, Exact | Axisymmetric | Rings):
         chosen: Model = model
     elif model == "auto":
         if Exact().obstacle(contact) is None:
@@ -39,6 +40,10 @@ def choose(contact: Contact, model: str | Model = "auto") -> tuple[Model, str]:
     else:
         raise InputError(f"model: {model!r}; must be one of auto, {', '.join(MODELS)}")
     obstacle = chosen.obstacle(contact)
+    if isinstance(chosen, Axisymmetric) and obstacle is not None and Rings().obstacle(contact) is None:
+        # Laws whose pressure jumps: the same model with free boundaries as unknowns.
+        why = "Tip and interaction are axisymmetric; where the law's pressure jumps, the gap may rest."
+        return Rings(), why if model == "auto" else "Asked for."
     if obstacle is not None:
         raise InputError(f"model: {chosen.name} does not represent this contact: {obstacle}")
     if model == "auto":

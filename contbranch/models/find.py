@@ -18,7 +18,7 @@ from contbranch.units import finite_number
 from .choice import Model, choose
 from .exact import Exact
 from .exact_outcome import exact_outcome, exact_state
-from .outcome import state_in_units
+from .outcome import RawCurve, state_in_units
 from .run import check
 from .threads import one_thread
 
@@ -106,7 +106,7 @@ def find_all(
         model=ModelChoice(chosen.name, why, raw.unknowns),  # type: ignore[arg-type]
         cost=Cost(time.perf_counter() - began, raw.cost.newton),
         status="complete" if raw.complete else "incomplete",
-        message=_message(states, connected, driven, isinstance(chosen, Exact), raw.message),
+        message=_message(states, connected, driven, isinstance(chosen, Exact), raw),
         contact=contact,
     )
 
@@ -146,7 +146,7 @@ def _window(window: Sequence[float], unit: float) -> tuple[float, float]:
     return low, high
 
 
-def _message(states: Sequence[State], connected: Sequence[bool], control: Control, exact: bool, reason: str) -> str:
+def _message(states: Sequence[State], connected: Sequence[bool], control: Control, exact: bool, raw: RawCurve) -> str:
     count, apart = len(states), len(states) - sum(connected)
     stable = sum(state.stable(control) for state in states)
     words = (
@@ -154,8 +154,11 @@ def _message(states: Sequence[State], connected: Sequence[bool], control: Contro
     )
     if exact:
         return f"{words}; all there are, by the closed form."
-    words += f"; {apart} not connected to the curve." if apart else "; the search off the curve found no other."
-    return f"{words} {reason}".strip()
+    if raw.extra.get("free_boundaries"):
+        words += "; others were not looked for off the curve, whose contact set is not a disc everywhere."
+    else:
+        words += f"; {apart} not connected to the curve." if apart else "; the search off the curve found no other."
+    return f"{words} {raw.message}".strip()
 
 
 def _barriers(states: Sequence[State], connected: Sequence[bool], control: Control) -> tuple[Barrier, ...]:

@@ -14,6 +14,7 @@ from contbranch.analysis.hysteresis import Leg, Stop, quasi_static
 from contbranch.contact import Contact
 from contbranch.control import Control, Spring
 from contbranch.diagram import Cost, Diagram, ModelChoice, State
+from contbranch.errors import InputError
 from contbranch.loop import Hysteresis, Jump, Path
 from contbranch.units import positive_number
 
@@ -24,6 +25,7 @@ from .choice import Model, choose
 from .exact import Exact
 from .exact_walk import ExactWalk
 from .outcome import assemble, state_in_units
+from .rings import Rings
 from .run import check
 from .threads import one_thread
 
@@ -81,6 +83,11 @@ def hysteresis(
     chosen, why = choose(contact, model)
     limit = None if max_load is None else positive_number(max_load, "max_load") / contact.scales.load
     walk: ExactWalk | TracedWalk
+    if isinstance(chosen, Rings):
+        raise InputError(
+            "interaction: loops are not available for laws with repulsive maugis-dugdale terms, where the gap can rest "
+            "above the wall; trace the curve instead"
+        )
     if isinstance(chosen, Exact):
         walk = ExactWalk(chosen.curve(contact), reduced, limit)
         names: dict[int, str | None] = walk.names()

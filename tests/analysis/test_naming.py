@@ -61,7 +61,11 @@ def test_layers_are_numbered_from_the_wall():
     names = ["squeeze-out", "squeeze-out", "squeeze-out", "wetting", None]
     controls = ["load", "displacement", "load", "load", "load"]
     numbered = number_layers(names, controls, law)
-    assert numbered == ["squeeze-out-2", "squeeze-out", "squeeze-out-1", "wetting", None]
+    assert numbered == ["squeeze-out-2", "squeeze-out-2", "squeeze-out-1", "wetting-1", None]
+    names = ["squeeze-out", "wetting", "pull-off", "squeeze-out", "squeeze-out", "pull-off", "pull-off"]
+    controls = ["load", "displacement", "load", "load", "displacement", "displacement", "load"]
+    numbers = ["-2", "-2", "-2", "-1", "-1", "-1", "-1"]
+    assert number_layers(names, controls, law) == [name + number for name, number in zip(names, numbers, strict=True)]
     assert number_layers(names, controls, REPULSION) == names
     events = [fold("load", "squeeze-out-2", 1.0), fold("load", "squeeze-out-1", 2.0)]
     assert thresholds(events, repulsive=True)["squeeze_out_load"] == 2.0

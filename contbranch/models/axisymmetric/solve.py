@@ -11,6 +11,7 @@ from contbranch.contact import Contact
 from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.diagram import State
 from contbranch.errors import InputError, ModelError
+from contbranch.models.rings.solve import indices_on, state_between
 
 from .crossing import Crossing, cross, cross_before, pieces_at, state_apart, state_at
 from .search import disconnected
@@ -57,6 +58,7 @@ def solve_all(
     """
     found, traced = crossings(contact, field, value, accuracy, progress, control)
     states = [state_at(traced, crossing, {field: value}) for crossing in found]
+    states += states_beyond(traced, field, value, accuracy)
     if not states and not traced.curve.complete:
         raise ModelError(f"{field}: the curve ends before {value:.6g} is reached. {traced.curve.message}")
     return states, traced
@@ -89,7 +91,7 @@ def find_all(
         window = (float(reached.min()), float(reached.max())) if len(reached) else (-math.inf, math.inf)
     held = LOAD if field == "load" else DISPLACEMENT
     others: list[Crossing] = []
-    if len(traced.points) > 1 and contact.interaction is not None:
+    if len(traced.points) > 1 and contact.interaction is not None and traced.handed is None:
         others = disconnected(traced, found, held, value, accuracy)
     states, connected = [], []
     for crossings_here, on_curve in ((found, True), (others, False)):
@@ -100,6 +102,10 @@ def find_all(
             on = state_at(traced, crossing, given) if on_curve else state_apart(crossing, traced.controls, given)
             states.append(on)
             connected.append(on_curve)
+    for state in states_beyond(traced, field, value, accuracy):
+        if window[0] <= state.displacement <= window[1]:
+            states.append(state)
+            connected.append(True)
     return states, connected, window, traced
 
 
@@ -131,9 +137,29 @@ def crossings(
     if field == "displacement" and len(reached) and value < reached[0]:
         found.append(cross_before(traced, DISPLACEMENT, value, accuracy))
     for piece in pieces_at(reached, value):
-        if field != "contact_radius" or reached[piece + 1] > 0:
-            found.append(cross(traced, piece, own, value, accuracy))
+        if (field == "contact_radius" and reached[piece + 1] == 0) or _beyond(traced, piece):
+            continue
+        found.append(cross(traced, piece, own, value, accuracy))
     return found, traced
+
+
+def _beyond(traced: Traced, piece: int) -> bool:
+    """Whether a piece belongs to the model with free boundaries, see `Traced.handed`."""
+    return traced.handed is not None and piece >= traced.handed
+
+
+def states_beyond(traced: Traced, field: str, value: float, accuracy: float) -> list[State]:
+    """The states with a value where the contact set is no disc any more."""
+    reached, states = getattr(traced.curve, field), []
+    for piece in pieces_at(reached, value):
+        if not _beyond(traced, piece) or (field == "contact_radius" and reached[piece + 1] == 0):
+            continue
+        assert traced.handed is not None
+        first = max(piece, traced.handed + 1)
+        begin, end = traced.points[first], traced.points[first + 1]
+        unstable = indices_on(traced.curve, traced.indices, piece)
+        states.append(state_between(begin, end, unstable, field, value, accuracy))
+    return states
 
 
 def _target(contact: Contact, field: str, value: float, traced: Traced) -> Target:

@@ -16,8 +16,10 @@ from contbranch.contact import Contact
 from contbranch.continuation import Curve, Event, EventPoint, Options, Outcome, Point, StopAt, trace_curve
 from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.diagram import Cost, Profile
-from contbranch.errors import InputError
+from contbranch.errors import InputError, ModelError
 from contbranch.models.outcome import RawCurve, RawEvent
+from contbranch.models.rings.handover import joined
+from contbranch.models.rings.journey import Target as RingTarget
 
 from .adapt import start_edges
 from .azimuthal import LARGEST_MODE
@@ -47,7 +49,7 @@ STEPS = Options(
     first_step=0.05,
     detect_folds=False,
     detect_branch_points=False,
-    maximum_points=6_000,
+    maximum_points=40_000,
 )
 # A trace with a spring starts where the stiffness of the interaction is about this share of the spring's.
 SOFTER = 0.05
@@ -78,12 +80,17 @@ class Target:
 
 @dataclass(frozen=True)
 class Traced:
-    """A traced curve: its rows with the problems that solved them, and the raw result."""
+    """A traced curve: its rows with the problems that solved them, and the raw result.
+
+    Where the contact set stops being a disc the model with free boundaries goes on: `handed` is then the last row of
+    this one, and the rows behind it belong to `contbranch.models.rings`.
+    """
 
     points: tuple[Point, ...]
     curve: RawCurve
     indices: Indices
     controls: tuple[Control, ...] = (LOAD, DISPLACEMENT)
+    handed: int | None = None
 
     def problem(self, row: int) -> ContactProblem:
         """The problem of a row."""
@@ -203,8 +210,17 @@ def trace(
             return _nothing(f"The interaction cannot be evaluated far away: {type(error).__name__}: {error}")
         located = _Located(*_legs(problem, u, target, controls, progress, COARSE if events else FINE), controls)
         raw, indices = located.raw(contact, accuracy if events else None, progress, modes)
+        points, handed = located.points, None
+        if located.stopped_being_a_disc and not fine:  # loops follow discs only
+            try:
+                ending = RingTarget(target.value, target.control)
+                wanted = accuracy if events else None
+                points, raw, indices, handed = joined(points, raw, indices, ending, controls, wanted)
+            except ModelError as error:
+                raw = replace(raw, message=f"{raw.message} It could not be followed beyond: {error}.")
     cost = Cost(time.perf_counter() - began, problem.resolution.newton)
-    return Traced(located.points, replace(raw, cost=cost, unknowns=problem.resolution.unknowns), indices, controls)
+    unknowns = max(raw.unknowns, problem.resolution.unknowns)
+    return Traced(points, replace(raw, cost=cost, unknowns=unknowns), indices, controls, handed)
 
 
 def _legs(
@@ -448,6 +464,11 @@ class _Located:
             exponent=lambda: critical_exponent(place, values, control),
             local_exponent=lambda: sampled_exponent(place, values, control),
         )
+
+    @property
+    def stopped_being_a_disc(self) -> bool:
+        """Whether the curve ended because its contact set is no disc any more."""
+        return any(mark.name == "inadmissible" for mark in self.marks)
 
     def _outcome(self, contact: Contact) -> tuple[bool, str]:
         last = self.curves[-1]

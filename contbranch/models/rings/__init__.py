@@ -1,0 +1,12 @@
+"""Axisymmetric contact with any number of discs and annuli, and gaps that rest where the law's pressure jumps.
+
+From the discretisation to the results: `law` (levels at which a gap can rest, bands between them), `layout` (regions),
+`panels` (nodes between free boundaries, elastic response), `problem` (equilibrium), `meshing`, `constraints` (the
+inequalities), `legs` (the curve of one layout), `changes` (the next one), `topology`, `journey` (all legs), `start`,
+`accuracy` (errors), `stability`, `profile`, `results`, `trace`, `solve`, `handover` (curves that begin with a disc),
+`model`.
+"""
+
+from .model import Rings
+
+__all__ = ["Rings"]

@@ -1,0 +1,88 @@
+"""Contacts that the model of discs and annuli represents from far away, and its results."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import ClassVar
+
+from contbranch.contact import Contact
+from contbranch.control import LOAD, Control
+from contbranch.diagram import State
+from contbranch.interactions import MaugisDugdale
+from contbranch.models.outcome import RawCurve
+
+from .journey import Target
+from .solve import solve_all
+from .trace import trace
+
+__all__ = ["Rings"]
+
+Progress = Callable[[float, str], None]
+
+
+@dataclass(frozen=True)
+class Rings:
+    """The axisymmetric model with free boundaries: any number of discs and annuli at rest, at the wall or above it."""
+
+    name: ClassVar[str] = "axisymmetric"
+
+    def obstacle(self, contact: Contact) -> str | None:
+        """Return why the model does not represent a contact, as the end of a sentence, or None if it does."""
+        laws = contact.interaction.terms if contact.interaction is not None else ()
+        if any(isinstance(law, MaugisDugdale) and law.work_of_adhesion > 0 for law in laws):
+            return (
+                "the pressure of the maugis-dugdale attraction jumps at the end of its range, which only the exact "
+                "model represents, for a parabola and that law alone"
+            )
+        if not laws:
+            return "there is no interaction with which the contact could begin"
+        return None
+
+    def trace(
+        self,
+        contact: Contact,
+        accuracy: float,
+        max_load: float | None,
+        progress: Progress | None = None,
+        control: Control = LOAD,
+        modes: int = 0,
+    ) -> RawCurve:
+        """The whole curve of a reduced contact; azimuthal modes are not examined, whatever `modes`."""
+        return trace(contact, accuracy, Target(max_load), progress, control=control).curve
+
+    def solve(
+        self,
+        contact: Contact,
+        field: str,
+        value: float,
+        accuracy: float,
+        progress: Progress | None = None,
+        control: Control = LOAD,
+    ) -> tuple[list[State], RawCurve]:
+        """Every equilibrium of a reduced contact with a given load, displacement or contact radius."""
+        states, traced = solve_all(contact, field, value, accuracy, progress, control)
+        return states, traced.curve
+
+    def find_all(
+        self,
+        contact: Contact,
+        field: str,
+        value: float,
+        accuracy: float,
+        window: tuple[float, float] | None,
+        progress: Progress | None = None,
+        control: Control = LOAD,
+    ) -> tuple[list[State], list[bool], tuple[float, float], RawCurve]:
+        """The equilibria on the curve with a value in a window of displacements; others are not looked for.
+
+        Returns
+        -------
+        states, connected, window, curve
+            As for the model with a disc.
+        """
+        states, traced = solve_all(contact, field, value, accuracy, progress, control)
+        reached = traced.curve.displacement
+        used = window or (float(reached.min()), float(reached.max()))
+        kept = [state for state in states if used[0] <= state.displacement <= used[1]]
+        return kept, [True] * len(kept), used, traced.curve

@@ -1,0 +1,186 @@
+"""Single equilibria: where the traced curve meets the value asked for."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from contbranch.analysis.stability import Indices
+from contbranch.contact import Contact
+from contbranch.continuation import CorrectionError, Point, find_root
+from contbranch.continuation.walk import corrected_point
+from contbranch.control import DISPLACEMENT, LOAD, Control
+from contbranch.diagram import Profile, State
+from contbranch.errors import InputError, ModelError
+from contbranch.models.outcome import RawCurve
+
+from .accuracy import OPTIONS, locate, refine, ring_problem
+from .journey import Target
+from .legs import Reached, oriented, unit_metric
+from .profile import profile_of
+from .trace import Traced, trace
+
+__all__ = ["indices_on", "solve_all", "state_between"]
+
+Progress = Callable[[float, str], None]
+
+# Radii, in units of the interaction's reach over the tip, at which the gap of a state without forces is given.
+RADII = np.linspace(0.0, 2.0, 41)
+
+
+def solve_all(
+    contact: Contact,
+    field: str,
+    value: float,
+    accuracy: float,
+    progress: Progress | None = None,
+    control: Control = LOAD,
+) -> tuple[list[State], Traced]:
+    """Every equilibrium on the curve with the given load, displacement or contact radius, in order along the curve.
+
+    Parameters
+    ----------
+    contact : Contact
+        In reduced units.
+    field : {"load", "displacement", "contact_radius"}
+    value : float
+        Reduced units.
+    accuracy : float
+        Error allowed to the other quantities, relative to max(1, |value|).
+    control : Control
+        A spring whose stability is wanted, too.
+
+    Returns
+    -------
+    states, traced
+        No state if the curve does not reach the value; the curve tells what it reaches.
+
+    Raises
+    ------
+    ModelError
+        If the curve ends before the value could be reached.
+    InputError
+        If the value is out of range whatever the curve does.
+    """
+    if field == "contact_radius" and not 0 < value < contact.tip.extent:
+        raise InputError(f"contact_radius: {value:g}; must be greater than zero (and within the tip)")
+    beyond = value + 1e-9 * abs(value)
+    own = {"load": LOAD, "displacement": DISPLACEMENT}.get(field)
+    traced = trace(contact, accuracy, Target(), progress, events=False, control=control)
+    reached = getattr(traced.curve, field)
+    if traced.curve.complete and len(reached) and value > reached[-1]:
+        traced = trace(contact, accuracy, Target(beyond, own), progress, events=False, control=control)
+        reached = getattr(traced.curve, field)
+    states = []
+    if len(reached) and (
+        (field == "displacement" and value < reached[0]) or (field == "load" and 0 <= value <= reached[0])
+    ):
+        states.append(_without_forces(contact, traced, value if field == "displacement" else None, field))
+    for row in range(len(reached) - 1):
+        low, high = reached[row], reached[row + 1]
+        if min(low, high) < value <= max(low, high) and (field != "contact_radius" or high > 0):
+            begin, end = traced.points[row], traced.points[row + 1]
+            unstable = indices_on(traced.curve, traced.indices, row)
+            states.append(state_between(begin, end, unstable, field, value, accuracy))
+    if not states and not traced.curve.complete:
+        raise ModelError(f"{field}: the curve ends before {value:.6g} is reached. {traced.curve.message}")
+    return states, traced
+
+
+def _without_forces(contact: Contact, traced: Traced, displacement: float | None, field: str) -> State:
+    """The state before the trace begins, where the interaction is negligible at the accuracy asked."""
+    first = float(traced.curve.displacement[0])
+    d = first if displacement is None else displacement
+    scale = math.sqrt(abs(d)) if d else 1.0
+    r = scale * RADII[scale * RADII < contact.tip.extent]
+    none = np.zeros_like(r)
+    load = abs(float(traced.curve.load[0]))
+    error = {"load": load, "displacement": 0.0 if field == "displacement" else load, "contact_radius": 0.0}
+    return State(
+        load=0.0,
+        displacement=d,
+        contact_radius=0.0,
+        central_gap=-d,
+        energy=0.0,
+        unstable_load=0,
+        unstable_displacement=0,
+        residual=0.0,
+        error={**error, "central_gap": load},
+        profile=Profile(r, contact.tip.height(r) - d, none, none),
+    )
+
+
+def between(begin: Point, end: Point, event: Reached) -> Point:
+    """The point between two rows at which a value is reached.
+
+    Raises
+    ------
+    CorrectionError
+        If the curve cannot be followed there.
+    """
+    problem = ring_problem(begin)
+    if ring_problem(end).layout != problem.layout:
+        # The rows lie on both sides of a change of the contact set, close together: the later one knows the way back.
+        return locate(end.turned(), event)
+    there = ring_problem(end).carried(end.x, end.x, problem)
+    metric = unit_metric(problem, begin.x)
+    direction = there - begin.x, end.parameter - begin.parameter
+
+    def at(theta: float) -> Point:
+        x, d = begin.x + theta * direction[0], begin.parameter + theta * direction[1]
+        return corrected_point(problem, x, d, direction, metric, OPTIONS)[0]
+
+    first, last = event.value(begin), event.value(end)
+    theta = find_root(lambda t: event.value(at(t)), (0.0, first), (1.0, last), 1e-9)
+    return at(theta)
+
+
+def state_between(
+    begin: Point, end: Point, unstable: tuple[int, int, int | None], field: str, value: float, accuracy: float
+) -> State:
+    """The state with exactly the value asked for, between two rows.
+
+    Parameters
+    ----------
+    unstable : (int, int, int or None)
+        Morse indices there under load, displacement and spring control.
+
+    Raises
+    ------
+    ModelError
+        If it was not found.
+    """
+    event = Reached({"load": LOAD, "displacement": DISPLACEMENT}.get(field), value)
+    try:
+        point = between(begin, end, event)
+        problem = ring_problem(point)
+        point = oriented(problem, point.x, point.parameter, (point.tangent_x, point.tangent_parameter))
+    except CorrectionError as error:
+        raise ModelError(f"{field}: no state at {value:.6g} was found on the curve {error.detail}") from error
+    values, point = refine(point, event, accuracy)
+    problem = ring_problem(point)
+    fields = problem.fields(point.x, point.parameter)
+    keys = ("load", "displacement", "contact_radius", "central_gap")
+    numbers = {**dict(zip(keys, values.numbers, strict=True)), field: value}
+    residual = np.abs(problem.residual(point.x, point.parameter)).max() / max(1e-300, np.abs(fields.pressure).max())
+    return State(
+        load=numbers["load"],
+        displacement=numbers["displacement"],
+        contact_radius=numbers["contact_radius"],
+        central_gap=numbers["central_gap"],
+        energy=problem.energy(fields),
+        unstable_load=unstable[0],
+        unstable_displacement=unstable[1],
+        unstable_spring=unstable[2],
+        residual=float(residual),
+        error={**dict(zip(keys, values.error, strict=True)), field: 0.0},
+        profile=profile_of(problem, fields),
+    )
+
+
+def indices_on(curve: RawCurve, indices: Indices, piece: int) -> tuple[int, int, int | None]:
+    """Morse indices on a piece under load, displacement and spring control (None without a spring)."""
+    spring = None if curve.unstable_spring is None else int(indices.spring_pieces[piece])
+    return int(indices.load_pieces[piece]), int(indices.displacement_pieces[piece]), spring
