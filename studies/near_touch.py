@@ -115,9 +115,9 @@ class Side:
         load += beyond.load_per_displacement - beyond.load_per_gap * last
         return load / (1.0 + beyond.shift_per_displacement - beyond.shift_per_gap * last)
 
-    def rise(self, start: float, stop: float) -> float:
-        """F(stop) − F(start) as the integral of the slope, which loses no digits."""
-        nodes, weights = np.polynomial.legendre.leggauss(NODES)
+    def rise(self, start: float, stop: float, count: int = NODES) -> float:
+        """F(stop) − F(start) as the integral of the slope, which loses no digits; `count` Gauss nodes."""
+        nodes, weights = np.polynomial.legendre.leggauss(count)
         half = (stop - start) / 2
         slopes = [self.at(start + half * (1 + z)).load_slope for z in nodes]
         return half * float(weights @ np.array(slopes))
@@ -164,12 +164,14 @@ def contact_of(law: Interaction) -> cb.Contact:
 
 
 def touch_side(contact: cb.Contact) -> Side:
-    """The side without contact of first touch, for μ_T of order one and below."""
+    """The side without contact of first touch."""
     traced = trace(contact, ACCURACY, Target(), events=False)
     point = next(point for point in traced.points if point.parameter == 0.0)
     problem = point.problem
     assert isinstance(problem, ContactProblem)
     problem = ContactProblem(problem.equations.touching(False), problem.scale, problem.resolution)
+    if problem.scale < 1.0:  # panels have to follow a stiff film
+        return Side(problem, point.x, 0.0).remeshed(0.0).remeshed(0.0)
     width = np.sqrt(problem.scale)
     reach = problem.remeshed(point.x, 0.0, 0.1 * TOLERANCE)[0].equations.mesh.edges[-1] / width
     panels = list(PANELS)

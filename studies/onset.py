@@ -30,6 +30,7 @@ from contbranch.interaction_law import Interaction
 if __name__ == "__main__":
     sys.path.append(str(Path(__file__).resolve().parents[1]))
 from studies.near_touch import Side, contact_of, fold_in_contact, softening, touch_side
+from studies.power_laws import PowerLaw, fit_power_law, rounded_up
 
 Array = NDArray[np.float64]
 
@@ -124,79 +125,15 @@ def predicted(law: type[Interaction], quantity: str, tabor: float) -> float:
     return float(prefactor * tabor ** QUANTITIES[quantity][1])
 
 
-@dataclass(frozen=True)
-class Law:
-    """A power law Q = prefactor · μ^exponent · (1 + first ε + …), ε = μ^(3/2), fitted to measurements.
-
-    Attributes
-    ----------
-    exponent, exponent_error : float
-        Their error is the largest change with the window (each at least two decades of μ_T) and with the number of
-        corrections (one to three).
-    prefactor, prefactor_error : float
-        With the exponent fixed at its predicted value.
-    first, first_error : float
-        Coefficient of ε.
-    plain : float
-        Exponent of a fit without corrections, over the largest window.
-    """
-
-    exponent: float
-    exponent_error: float
-    prefactor: float
-    prefactor_error: float
-    first: float
-    first_error: float
-    plain: float
-
-
-def fit(onsets: Sequence[Onset], quantity: str, largest: Sequence[float] = (2**-3, 2**-4, 2**-5, 2**-6)) -> Law:
-    """Exponent, prefactor and first correction of one quantity, with errors that contain those of the fit.
-
-    Parameters
-    ----------
-    largest : sequence of float
-        Upper ends in μ_T of the windows.
-    """
-    power = QUANTITIES[quantity][1]
-    tabor = np.array([onset.tabor for onset in onsets])
-    value = np.array([onset.values[quantity] for onset in onsets])
-    noise = np.array([onset.errors[quantity] for onset in onsets])
-    free: list[float] = []
-    fixed: list[tuple[float, float]] = []
-    for stop in largest:
-        inside = tabor <= stop
-        for corrections in (1, 2, 3):
-            free.append(_solve(tabor[inside], value[inside], noise[inside], corrections, None)[0])
-            found = _solve(tabor[inside], value[inside], noise[inside], corrections, power)
-            fixed.append((float(np.exp(found[0])), float(found[1])))
-    inside = tabor <= max(largest)
-    plain = float(np.polyfit(np.log(tabor[inside]), np.log(value[inside]), 1)[0])
-    best = 1  # two corrections, the largest window
-    prefactors, firsts = np.array(fixed).T
-    return Law(
-        float(free[best]),
-        float(np.abs(np.array(free) - free[best]).max()),
-        float(prefactors[best]),
-        float(np.abs(prefactors - prefactors[best]).max()),
-        float(firsts[best]),
-        float(np.abs(firsts - firsts[best]).max()),
-        plain,
+def fit(onsets: Sequence[Onset], quantity: str, largest: Sequence[float] = (2**-3, 2**-4, 2**-5, 2**-6)) -> PowerLaw:
+    """Exponent, prefactor and first correction of one quantity; each window spans at least two decades of μ_T."""
+    return fit_power_law(
+        [onset.tabor for onset in onsets],
+        [onset.values[quantity] for onset in onsets],
+        [onset.errors[quantity] for onset in onsets],
+        QUANTITIES[quantity][1],
+        largest,
     )
-
-
-def _solve(tabor: Array, value: Array, noise: Array, corrections: int, power: float | None) -> Array:
-    """Least squares for (p,) ln A, b_1, …: ln Q = ln A + p ln μ + Σ b_j ε^j, each point with its own error."""
-    columns = [np.ones_like(tabor), *(tabor ** (1.5 * j) for j in range(1, corrections + 1))]
-    target = np.log(value)
-    if power is None:
-        columns.insert(0, np.log(tabor))
-    else:
-        target = target - power * np.log(tabor)
-    # What is left out, ε^(corrections + 1), counts as an error, too.
-    weight = 1 / (noise / value + tabor ** (1.5 * (corrections + 1)))
-    matrix = np.stack(columns, axis=1) * weight[:, None]
-    return np.linalg.lstsq(matrix, target * weight, rcond=None)[0]
 
 
 # Laws that push in contact, too: there a critical Tabor coefficient exists
@@ -279,9 +216,9 @@ def law_table(law: type[Interaction], onsets: Sequence[Onset]) -> list[str]:
     for name, (symbol, power) in QUANTITIES.items():
         found = fit(onsets, name)
         rows.append(
-            f"| {symbol} | {power:g} | {found.plain:.4f} | {found.exponent:.8f} ± {_up(found.exponent_error)} "
-            f"| {predicted(law, name, 1.0):.9f} | {found.prefactor:.9f} ± {_up(found.prefactor_error)} "
-            f"| {found.first:+.3f} ± {_up(found.first_error)} |"
+            f"| {symbol} | {power:g} | {found.plain:.4f} | {found.exponent:.8f} ± {rounded_up(found.exponent_error)} "
+            f"| {predicted(law, name, 1.0):.9f} | {found.prefactor:.9f} ± {rounded_up(found.prefactor_error)} "
+            f"| {found.first:+.3f} ± {rounded_up(found.first_error)} |"
         )
     return rows
 
@@ -296,12 +233,6 @@ def mixture_table(criticals: Sequence[tuple[float, float, float]]) -> list[str]:
         below, above = (folds(mixture(pressure, share * found)) for share in (0.97, 1.03))
         rows.append(f"| {pressure:g} | {found:.7f} | {expected:.7f} | {below} | {above} |")
     return rows
-
-
-def _up(error: float) -> str:
-    """An error with one digit, rounded up."""
-    power = np.floor(np.log10(max(error, 1e-15)))
-    return f"{np.ceil(error / 10**power * 0.999999) * 10**power:.0e}"
 
 
 STYLE: Final[Any] = {
