@@ -23,6 +23,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 
 import contbranch as cb
 from contbranch.analysis.exponents import crossover_excess, fitted_window
@@ -60,7 +61,7 @@ class Case:
     large: float | None
 
 
-# Laws that pull or push in contact (f'(0) = −1) and laws that do not, whose slope at touch is elastic: see docs/kappa.md.
+# Laws that pull or push in contact (f'(0) = −1), and laws whose slope at touch is elastic: see docs/kappa.md.
 FINITE = (18 * np.pi**3, 3.0)
 
 
@@ -129,7 +130,7 @@ def place(case: Case, tabor: float) -> tuple[Side, float]:
     """The side in contact on a mesh made for the fold or the touch, and the contact radius there."""
     contact = cb.Contact.reduced(case.law, tabor=tabor, sign=case.sign)
     if case.kind == "touch":
-        return touch_side(contact).graded(STEP * _unit(tabor)), 0.0
+        return touch_side(contact).graded(TINY * _unit(tabor)), 0.0
     if tabor > 1:
         return fold_side(contact)
     side = touch_side(contact)
@@ -176,11 +177,15 @@ def normal_form(name: str, tabor: float) -> NormalForm:
 
 def _onset(side: Side, tabor: float) -> NormalForm:
     """c2 = 2 dF/d(a²) at first touch; there is no c3, since a logarithm follows: F − F_t = c2 a²/2 + O(a³ ln a)."""
-    start = side.at(0.0)
-    radii = TINY * _unit(tabor) * np.array([1.0, 4.0])
-    near, far = (side.at(float(a)).load_slope / a for a in radii)
-    fine = side.finer().at(float(radii[0])).load_slope / radii[0]
-    return NormalForm(tabor, start.load, 0.0, near, abs(far - near) + 3 * abs(fine - near), np.nan, np.nan)
+    radii = TINY * _unit(tabor) * np.array([1.0, 2.0, 4.0])
+
+    def extrapolated(at: Side) -> tuple[float, float]:
+        near, middle, far = (at.at(float(a)).load_slope / a for a in radii)
+        return 2 * near - middle, abs(2 * near - middle - (2 * middle - far))
+
+    second, change = extrapolated(side)
+    fine, _ = extrapolated(side.finer())
+    return NormalForm(tabor, side.at(0.0).load, 0.0, second, change + 3 * abs(fine - second), np.nan, np.nan)
 
 
 def _differences(side: Side, radius: float, step: float) -> tuple[float, float]:
@@ -230,7 +235,7 @@ def local_exponent(name: str, tabor: float, largest: float = 3e3) -> LocalExpone
             error = 1e-6
         rows.append((excess, moved, excess / (moved * here.load_slope), error))
         further = RATIO * moved
-        excess += side.rise(radius + moved, radius + further, 4)
+        excess += side.rise(radius + moved, radius + further, 3)
         moved = further
     table = np.array(rows)
     return LocalExponent(table[:, 0], table[:, 1], table[:, 2], table[:, 2] * table[:, 3])
@@ -251,6 +256,25 @@ def half_way(local: LocalExponent) -> float | None:
     k = int(falls[-1])
     share = (local.kappa[k] - 5 / 12) / (local.kappa[k] - local.kappa[k + 1])
     return float(np.exp((1 - share) * np.log(local.excess[k]) + share * np.log(local.excess[k + 1])))
+
+
+def _stiff_half_way(pressure: float) -> float:
+    """Excess/μ_T³ at which κ_local = 5/12 in the limit μ_T → ∞ of a film that yields at `pressure` · μ_T.
+
+    The film is thin then, and the contact the inner part a² = A² − A_p² of a Hertzian one of radius A in which the
+    pressure (2/π) √(A² − r²) exceeds the film's: with y = A/A_p, κ = (y² + y + 1)/(3y (y + 1)).
+    """
+    y = (np.sqrt(17) - 1) / 2
+    return float(4 / 3 * (np.pi * pressure / 2) ** 3 * (y**3 - 1))
+
+
+def _maxwell_pressure() -> float:
+    """Pressure, in |Δγ|/z0, at which a Gauss film and contact have the same enthalpy per area: f + x |f'| = 1."""
+    square = brentq(lambda s: np.log1p(s) - s / 2, 1.0, 5.0)
+    return float(np.sqrt(square) * np.exp(-square / 2))
+
+
+STIFF: Final = {"exponential, touch": _stiff_half_way(1.0), "Gauss, wetting": _stiff_half_way(_maxwell_pressure())}
 
 
 # Windows: how a fit turns the crossover into an exponent
@@ -306,7 +330,7 @@ def _interpolated(x: Array, nodes: Array, values: Array, slopes: Array) -> Array
 def matching_windows(row: Printed, decades: float = 3.0) -> tuple[float, float] | None:
     """Range of upper ends of windows so many decades wide whose fit agrees with a row's κ in its last digit."""
     local = _local(row.name, row.tabor)
-    stops = np.geomspace(local.excess[0] * 10**decades * 1.01, min(1e3, local.excess[-1]), 120)
+    stops = np.geomspace(local.excess[0] * 10**decades * 1.01, local.excess[-1], 120)
     stops = stops[stops >= 1e-2]
     kappas = np.array([windowed(local, stop / 10**decades, stop).kappa for stop in stops])
     found = stops[np.abs(kappas - row.kappa) <= 0.5 * row.kappa_digit]
@@ -336,7 +360,7 @@ def _progress(text: str) -> None:
 
 def tabors_of(name: str) -> tuple[float, ...]:
     """Tabor coefficients at which the normal form of a case is computed."""
-    return TABORS[:-1] if CASES[name].law is cb.VanDerWaals else TABORS
+    return TABORS[:-1] if CASES[name].law is cb.VanDerWaals or CASES[name].kind == "touch" else TABORS
 
 
 def curves_of(name: str) -> tuple[float, ...]:
@@ -386,7 +410,7 @@ def fitted_crossover(name: str, largest: Sequence[float] = (2**-4, 2**-6)) -> Po
 
 def fitted_onset(largest: Sequence[float] = (2**-4, 2**-6)) -> PowerLaw:
     """c2 ∝ μ_T at the continuous onset, from which ΔF× = 9 c2³/32 follows for small μ_T (c3 → 8)."""
-    forms = [normal_form("exponential, touch", tabor) for tabor in TABORS]
+    forms = [normal_form("exponential, touch", tabor) for tabor in tabors_of("exponential, touch")]
     return fit_power_law(
         [form.tabor for form in forms],
         [form.second for form in forms],
@@ -438,23 +462,27 @@ WINDOWS = ((1e-5, 1e-2), (1e-2, 1e1), (1e1, 1e3))
 
 
 def window_table() -> list[str]:
-    """The paper's Table 1, and fits with the true a_p and F_p."""
+    """The paper's Table 1; fits with the true a_p and F_p, and with the printed ones."""
     rows = [
-        "| case | μ_T | a_sw, F_sw: printed | computed | κ: printed | κ, ΔF = 1e-2 … 10 | three decades that give the printed κ"
-        " end at ΔF | c: printed | c in 1e-2 … 10 |",
-        "| --- | --- | --- | --- | --- | --- | --- | --- | --- |",
+        "| case | μ_T | a, F printed | a, F computed | κ, c printed | κ, c fitted | κ, c with printed a, F "
+        "| windows that give the printed κ end at |",
+        "| --- | --- | --- | --- | --- | --- | --- | --- |",
     ]
     for row in TABLE:
         form, local = normal_form(row.name, row.tabor), _local(row.name, row.tabor)
-        window = windowed(local, *WINDOWS[1])
+        own, theirs = windowed(local, *WINDOWS[1]), refitted(row, *WINDOWS[1])
         match = matching_windows(row)
-        ends = f"{match[0]:.2g} … {match[1]:.2g}" if match else "none"
+        ends = f"{match[0]:.2g} … {match[1]:.2g}" if match else "—"
         rows.append(
-            f"| {row.name} | {power(row.tabor)} | {row.radius:g}, {row.load:g} | {form.radius:.5f}, {form.load:.5f} "
-            f"| {row.kappa:g} | {window.kappa:.3f} ± {window.kappa_error:.3f} | {ends} "
-            f"| {row.prefactor:g} | {window.prefactor:.3f} |"
+            f"| {row.name} | {power(row.tabor)} | {row.radius:g}, {row.load:g} | {form.radius:.4f}, {form.load:.3f} "
+            f"| {row.kappa:g}, {row.prefactor:g} | {own.kappa:.3f} ± {own.kappa_error:.3f}, {own.prefactor:.3f} "
+            f"| {theirs.kappa:.3f}, {theirs.prefactor:.3f} | {ends} |"
         )
     return rows
+
+
+# Exponents for pull-off at μ_T = 1 in the paper's text (l. 571-574).
+QUOTED: Final = {"Maugis-Dugdale, pull-off": 0.469, "exponential, pull-off": 0.435}
 
 
 def _local(name: str, tabor: float) -> LocalExponent:
@@ -480,10 +508,15 @@ def main() -> None:
         f"\nContinuous onset, c2: exponent {onset.exponent:.7f} ± {rounded_up(onset.exponent_error)} (theory 1), "
         f"prefactor {onset.prefactor:.7f} ± {rounded_up(onset.prefactor_error)} (theory 4π = {4 * np.pi:.7f})"
     )
-    again = refitted(TABLE[3], *WINDOWS[1])
-    print(
-        f"\nGauss, μ_T = 4, with the printed a_sw and F_sw, ΔF = 1e-2 … 10: κ = {again.kappa:.3f}, c = {again.prefactor:.3f}"
-    )
+    for name, kappa in QUOTED.items():
+        row = Printed(name, 1.0, np.nan, np.nan, np.nan, kappa, 0.001)
+        found, match = windowed(_local(name, 1.0), *WINDOWS[1]), matching_windows(row)
+        assert match is not None
+        print(f"\n{name}, μ_T = 1: κ = {found.kappa:.3f} ± {found.kappa_error:.3f} for ΔF = 1e-2 … 10;", end="")
+        print(f" three decades that give the printed {kappa} end at {match[0]:.3g} … {match[1]:.3g}")
+    stiff = ", ".join(f"{name}: {value:.5g} μ_T³" for name, value in STIFF.items())
+    print(f"\nExcess at κ_local = 5/12 for μ_T → ∞: {stiff}; JKR {half_way(_jkr_local()):.5g}", end="")
+    print(f", JKR inside which p > 0 {half_way(_flat_jkr_local()):.5g}")
     draw().savefig(arguments.figure, dpi=200)
 
 
@@ -552,7 +585,7 @@ def _draw_collapse(axes: Axes) -> None:
     _limits(axes)
     axes.set(xscale="log", xlim=(1e-6, 1e6), ylim=(0.31, 0.52))
     axes.set(xlabel=r"$\Delta F/\Delta F_\times$", ylabel=r"$\kappa_\mathrm{local}$, $\mu_T=1/64$ and $1/16$")
-    axes.legend(frameon=False, loc="lower left")
+    axes.legend(frameon=False, loc="upper right", bbox_to_anchor=(1.0, 0.9))
 
 
 def jkr_curve(count: int = 200) -> tuple[Array, Array]:
@@ -576,12 +609,13 @@ def _draw_crossover(axes: Axes) -> None:
             if half:
                 tabor.append(value)
                 found.append(half)
-        axes.plot(tabor, found, MARKS[name], color=COLOURS[name], ms=4, mew=0.9, mfc="white", label=name)
+        axes.plot(tabor, found, MARKS[name], color=COLOURS[name], ms=4, mew=0.9, mfc="none", label=name)
         axes.plot(fine, 5 / 27 * case.small[0] * fine ** case.small[1], color=COLOURS[name], lw=0.7)
     stiff = np.array([3.0, 24.0])
     for value in (half_way(_jkr_local()), half_way(_flat_jkr_local())):
         axes.plot(stiff, [value, value], color="0.3", lw=0.8, ls="--")
-    axes.plot(stiff, 16 * stiff**3, color="0.3", lw=0.8, ls=":")
+    for name in ("exponential, touch", "Gauss, wetting"):
+        axes.plot(stiff, STIFF[name] * stiff**3, color=COLOURS[name], lw=0.8, ls=":")
     axes.set(xscale="log", yscale="log", xlabel=r"Tabor coefficient $\mu_T$", xlim=(0.01, 25), ylim=(1e-14, 1e6))
     axes.set(ylabel=r"$\Delta F$ at which $\kappa_\mathrm{local}=5/12$")
     axes.legend(frameon=False, loc="lower right")
@@ -623,8 +657,10 @@ def _draw_windows(axes: Axes) -> None:
         low, high = (f"$10^{{{round(np.log10(end))}}}$" for end in window)
         axes.plot([], [], color="0.4", ls=style, lw=1.0, label=rf"$\Delta F$ = {low} … {high}")
     _limits(axes)
-    axes.set(xscale="log", xlabel=r"Tabor coefficient $\mu_T$", ylabel=r"$\kappa$ fitted over a window", ylim=(0.32, 0.60))
-    axes.legend(frameon=False, loc="upper left")
+    axes.set(
+        xscale="log", xlabel=r"Tabor coefficient $\mu_T$", ylabel=r"$\kappa$ fitted over a window", ylim=(0.32, 0.68)
+    )
+    axes.legend(frameon=False, loc="upper left", ncols=2)
 
 
 if __name__ == "__main__":

@@ -210,7 +210,7 @@ def onset_table(onsets: Sequence[Onset]) -> list[str]:
 def law_table(law: type[Interaction], onsets: Sequence[Onset]) -> list[str]:
     """Fitted laws against the prediction."""
     rows = [
-        "| quantity | exponent: theory | plain fit | fit with corrections | prefactor: theory | fit | first correction |",
+        "| quantity | exponent: theory | plain fit | fit with corrections | prefactor: theory | fit | coefficient of ε |",
         "| --- | --- | --- | --- | --- | --- | --- |",
     ]
     for name, (symbol, power) in QUANTITIES.items():

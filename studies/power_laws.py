@@ -94,5 +94,5 @@ def _solve(tabor: Array, value: Array, noise: Array, corrections: int, power: fl
 
 def rounded_up(error: float) -> str:
     """An error with one digit, rounded up."""
-    power = np.floor(np.log10(max(error, 1e-15)))
+    power = np.floor(np.log10(max(error, 1e-300)))
     return f"{np.ceil(error / 10**power * (1 - 1e-9)) * 10**power:.0e}"
