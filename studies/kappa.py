@@ -66,7 +66,7 @@ FINITE = (18 * np.pi**3, 3.0)
 
 
 def _flat(law: type[cb.Interaction]) -> tuple[float, float]:
-    return 2.25 * softening(law(-1.0, 1.0)) ** 3, 7.5  # type: ignore[call-arg]
+    return 2.25 * softening(law(-1.0, 1.0)) ** 3, 7.5
 
 
 JKR, FLAT_JKR = 54 * np.pi, 1350 * np.pi / 289
@@ -89,6 +89,10 @@ TINY = 1e-4
 RATIO, FIRST = 1.3, 1e-3
 # Excess loads beyond this share of the load are differences of loads, below it they are integrals of the slope.
 DIRECT = 1e-5
+# Relative error of such an integral, a sum over steps of RATIO with three Gauss nodes each.
+SUMMED = 1e-6
+# Excess loads up to which local exponents are followed; those of stiff repulsive films have their crossover far out.
+LARGEST_EXCESS, STIFF_EXCESS = 3e3, 2e5
 # A mesh is replaced where its error exceeds this.
 ALLOWED = 1e-9
 
@@ -209,8 +213,8 @@ def _exact(case: Case, tabor: float) -> NormalForm:
 
 
 @cache
-def local_exponent(name: str, tabor: float, largest: float = 3e3) -> LocalExponent:
-    """κ_local = dln(a − a_p)/dlnΔF from a thousandth of the contact radius to an excess of `largest`.
+def local_exponent(name: str, tabor: float) -> LocalExponent:
+    """κ_local = dln(a − a_p)/dlnΔF from a thousandth of the contact radius to far beyond the crossover.
 
     For Maugis–Dugdale it comes from the diagram (up to 100); otherwise contact radii are prescribed one after the
     other, on meshes made for them. Close to the fold ΔF is an integral of the slope, farther away a difference.
@@ -220,6 +224,7 @@ def local_exponent(name: str, tabor: float, largest: float = 3e3) -> LocalExpone
         diagram = cb.trace(cb.Contact.reduced(case.law, tabor=tabor, sign=case.sign))
         return diagram.local_exponent(next(event for event in diagram.folds("load") if event.name == "pull-off"))
     side, radius = place(case, tabor)
+    largest = STIFF_EXCESS if case.sign < 0 and tabor > 1 else LARGEST_EXCESS
     start = side.at(radius)
     moved = FIRST * (radius or _unit(tabor))
     excess = side.rise(radius, radius + moved)
@@ -232,7 +237,7 @@ def local_exponent(name: str, tabor: float, largest: float = 3e3) -> LocalExpone
             excess = here.load - start.load
             error = 3 * side.error(radius + moved) * max(1.0, abs(here.load)) / excess
         else:
-            error = 1e-6
+            error = SUMMED
         rows.append((excess, moved, excess / (moved * here.load_slope), error))
         further = RATIO * moved
         excess += side.rise(radius + moved, radius + further, 3)
@@ -329,7 +334,7 @@ def _interpolated(x: Array, nodes: Array, values: Array, slopes: Array) -> Array
 
 def matching_windows(row: Printed, decades: float = 3.0) -> tuple[float, float] | None:
     """Range of upper ends of windows so many decades wide whose fit agrees with a row's κ in its last digit."""
-    local = _local(row.name, row.tabor)
+    local = local_exponent(row.name, row.tabor)
     stops = np.geomspace(local.excess[0] * 10**decades * 1.01, local.excess[-1], 120)
     stops = stops[stops >= 1e-2]
     kappas = np.array([windowed(local, stop / 10**decades, stop).kappa for stop in stops])
@@ -339,7 +344,7 @@ def matching_windows(row: Printed, decades: float = 3.0) -> tuple[float, float] 
 
 def refitted(row: Printed, start: float, stop: float) -> Window:
     """The fit with a row's own rounded a_p and F_p instead of the fold's."""
-    local, form = _local(row.name, row.tabor), normal_form(row.name, row.tabor)
+    local, form = local_exponent(row.name, row.tabor), normal_form(row.name, row.tabor)
     load, radius = form.load + local.excess, form.radius + local.order_parameter
     excess, moved = load - row.load, radius - row.radius
     kept = (excess >= start) & (excess <= stop) & (moved > 0)
@@ -367,11 +372,6 @@ def curves_of(name: str) -> tuple[float, ...]:
     """Tabor coefficients at which the local exponent of a case is followed."""
     flat_attraction = CASES[name].law is cb.Gauss and CASES[name].sign > 0
     return CURVES[:-1] if CASES[name].law is cb.VanDerWaals or flat_attraction else CURVES
-
-
-def highest(name: str, tabor: float) -> float:
-    """Excess up to which the local exponent is followed: beyond the crossover."""
-    return 2e5 if CASES[name].sign < 0 and tabor > 1 else 3e3
 
 
 def power(tabor: float) -> str:
@@ -452,7 +452,7 @@ def half_way_table() -> list[str]:
             found = None
             if tabor in curves_of(name):
                 _progress(f"local exponent: {name}, tabor {tabor:g}")
-                found = half_way(local_exponent(name, tabor, highest(name, tabor)))
+                found = half_way(local_exponent(name, tabor))
             cells.append(f"{found:.3g}" if found else "")
         rows.append(f"| {name} | {' | '.join(cells)} |")
     return rows
@@ -469,7 +469,7 @@ def window_table() -> list[str]:
         "| --- | --- | --- | --- | --- | --- | --- | --- |",
     ]
     for row in TABLE:
-        form, local = normal_form(row.name, row.tabor), _local(row.name, row.tabor)
+        form, local = normal_form(row.name, row.tabor), local_exponent(row.name, row.tabor)
         own, theirs = windowed(local, *WINDOWS[1]), refitted(row, *WINDOWS[1])
         match = matching_windows(row)
         ends = f"{match[0]:.2g} … {match[1]:.2g}" if match else "—"
@@ -483,10 +483,6 @@ def window_table() -> list[str]:
 
 # Exponents for pull-off at μ_T = 1 in the paper's text (l. 571-574).
 QUOTED: Final = {"Maugis-Dugdale, pull-off": 0.469, "exponential, pull-off": 0.435}
-
-
-def _local(name: str, tabor: float) -> LocalExponent:
-    return local_exponent(name, tabor, highest(name, tabor))
 
 
 def main() -> None:
@@ -510,7 +506,7 @@ def main() -> None:
     )
     for name, kappa in QUOTED.items():
         row = Printed(name, 1.0, np.nan, np.nan, np.nan, kappa, 0.001)
-        found, match = windowed(_local(name, 1.0), *WINDOWS[1]), matching_windows(row)
+        found, match = windowed(local_exponent(name, 1.0), *WINDOWS[1]), matching_windows(row)
         assert match is not None
         print(f"\n{name}, μ_T = 1: κ = {found.kappa:.3f} ± {found.kappa_error:.3f} for ΔF = 1e-2 … 10;", end="")
         print(f" three decades that give the printed {kappa} end at {match[0]:.3g} … {match[1]:.3g}")
@@ -556,8 +552,8 @@ def _limits(axes: Axes) -> None:
 def _draw_local(axes: Axes) -> None:
     name = "Gauss, wetting"
     axes.axvspan(*WINDOWS[1], color="0.93", zorder=0)
-    for tabor, colour in zip(CURVES, SHADES, strict=True):
-        local = _local(name, tabor)
+    for tabor, colour in zip(CURVES, SHADES, strict=False):
+        local = local_exponent(name, tabor)
         axes.plot(local.excess, local.kappa, color=colour, lw=1.2, label=power(tabor))
     _limits(axes)
     axes.set(xscale="log", xlim=(1e-14, 1e5), ylim=(0.31, 0.60))
@@ -570,7 +566,7 @@ def _draw_collapse(axes: Axes) -> None:
         for tabor, filled in ((1 / 64, True), (1 / 16, False)):
             if tabor not in curves_of(name):
                 continue
-            local = _local(name, tabor)
+            local = local_exponent(name, tabor)
             form = normal_form(name, tabor)
             unit = 9 * form.second**3 / 32 if np.isnan(form.third) else form.crossover
             chosen = np.unique(np.searchsorted(local.excess / unit, np.geomspace(1e-6, 1e6, 25)))
@@ -605,15 +601,15 @@ def _draw_crossover(axes: Axes) -> None:
     for name, case in CASES.items():
         tabor, found = [], []
         for value in curves_of(name):
-            half = half_way(_local(name, value))
+            half = half_way(local_exponent(name, value))
             if half:
                 tabor.append(value)
                 found.append(half)
         axes.plot(tabor, found, MARKS[name], color=COLOURS[name], ms=4, mew=0.9, mfc="none", label=name)
         axes.plot(fine, 5 / 27 * case.small[0] * fine ** case.small[1], color=COLOURS[name], lw=0.7)
     stiff = np.array([3.0, 24.0])
-    for value in (half_way(_jkr_local()), half_way(_flat_jkr_local())):
-        axes.plot(stiff, [value, value], color="0.3", lw=0.8, ls="--")
+    for limit in (_jkr_local(), _flat_jkr_local()):
+        axes.plot(stiff, np.full(2, half_way(limit)), color="0.3", lw=0.8, ls="--")
     for name in ("exponential, touch", "Gauss, wetting"):
         axes.plot(stiff, STIFF[name] * stiff**3, color=COLOURS[name], lw=0.8, ls=":")
     axes.set(xscale="log", yscale="log", xlabel=r"Tabor coefficient $\mu_T$", xlim=(0.01, 25), ylim=(1e-14, 1e6))
@@ -642,8 +638,8 @@ def _flat_jkr_local() -> LocalExponent:
 def _draw_windows(axes: Axes) -> None:
     for name in ("Gauss, wetting", "exponential, touch"):
         for window, style in zip(WINDOWS, (":", "-", "--"), strict=True):
-            tabors = [t for t in CURVES if _local(name, t).excess[0] <= window[0]]
-            kappas = [windowed(_local(name, t), *window).kappa for t in tabors]
+            tabors = [t for t in CURVES if local_exponent(name, t).excess[0] <= window[0]]
+            kappas = [windowed(local_exponent(name, t), *window).kappa for t in tabors]
             axes.plot(
                 tabors, kappas, MARKS[name], ls=style, color=COLOURS[name], ms=3.5, lw=1.0,
                 mfc="white", label=name if window is WINDOWS[1] else None,

@@ -9,6 +9,7 @@ interface: equilibria of the axisymmetric model on meshes made for this purpose.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -211,6 +212,7 @@ def fold_side(contact: cb.Contact) -> tuple[Side, float]:
     return side, side.fold(0.98 * radius, 1.02 * radius)
 
 
+@cache
 def softening(law: Interaction) -> float:
     """C of the slope at first touch, dF/dd = 2π|f'(0)| μ_T − C μ_T^(5/2), for a law v = f(g/z0) with z0 = 1.
 

@@ -72,12 +72,12 @@ class Onset:
     @property
     def compliance(self) -> float:
         """ε = μ_T^(3/2): elastic answer to the interaction's stiffness, over its range."""
-        return self.tabor**1.5
+        return float(self.tabor**1.5)
 
 
 def curvature(law: type[Interaction]) -> float:
     """f''(0) of a law's shape."""
-    return float(law(-1.0, 1.0).evaluate(0.0).stiffness)
+    return float(law(-1.0, 1.0).evaluate(np.zeros(1)).stiffness[0])
 
 
 def measure(law: type[Interaction], tabor: float) -> Onset:
@@ -144,13 +144,15 @@ def mixture(pressure: float, tabor: float) -> cb.Contact:
     return contact_of(cb.Exponential(-pressure, 1.0 / tabor) + cb.Gauss(pressure - 1.0, 1.0 / tabor))
 
 
-def critical_tabor(pressure: float) -> tuple[float, float]:
-    """μ_T at which the slope of the load at first touch vanishes, measured, and to leading order.
-
-    dF/dd at touch is 2π p0 μ − C μ^(5/2), so μ* = (2π p0/C)^(2/3), with p0 the pressure in contact.
-    """
+def expected_tabor(pressure: float) -> float:
+    """(2π p0/C)^(2/3), where dF/dd = 2π p0 μ − C μ^(5/2) at touch vanishes; C is that of the sum of both laws."""
     law = cb.Exponential(-pressure, 1.0) + cb.Gauss(pressure - 1.0, 1.0)
-    expected = float((2 * np.pi * pressure / softening(law)) ** (2 / 3))
+    return float((2 * np.pi * pressure / softening(law)) ** (2 / 3))
+
+
+def critical_tabor(pressure: float) -> tuple[float, float]:
+    """μ_T at which the slope of the load at first touch vanishes, measured, and to leading order."""
+    expected = expected_tabor(pressure)
 
     def slope(logarithm: float) -> float:
         return touch_side(mixture(pressure, float(np.exp(logarithm)))).at(0.0).load_slope
@@ -210,7 +212,7 @@ def onset_table(onsets: Sequence[Onset]) -> list[str]:
 def law_table(law: type[Interaction], onsets: Sequence[Onset]) -> list[str]:
     """Fitted laws against the prediction."""
     rows = [
-        "| quantity | exponent: theory | plain fit | fit with corrections | prefactor: theory | fit | coefficient of ε |",
+        "| quantity | exponent: theory | plain fit | with corrections | prefactor: theory | fit | coefficient of ε |",
         "| --- | --- | --- | --- | --- | --- | --- |",
     ]
     for name, (symbol, power) in QUANTITIES.items():
@@ -304,13 +306,8 @@ def _draw_deviations(axes: Axes, law: type[Interaction], onsets: Sequence[Onset]
 
 def _draw_phases(axes: Axes, criticals: Sequence[tuple[float, float, float]]) -> None:
     pressure, found, _ = np.array(criticals).T
-    line = np.geomspace(1e-4, 0.2, 60)
-    theory = [
-        (2 * np.pi * p / softening(cb.Exponential(-p, 1.0) + cb.Gauss(p - 1.0, 1.0))) ** (2 / 3)
-        if softening(cb.Exponential(-p, 1.0) + cb.Gauss(p - 1.0, 1.0)) > 0
-        else np.nan
-        for p in line
-    ]
+    line = np.geomspace(1e-4, 0.15, 40)
+    theory = [expected_tabor(p) for p in line]
     axes.plot(line, theory, color="0.4", lw=0.9)
     axes.plot(pressure, found, "o", color="#0072B2", ms=4)
     axes.text(3e-4, 0.5, "coexistence", fontsize=8)
