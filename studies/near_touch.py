@@ -33,6 +33,8 @@ PANELS = (0.0, 0.4, 0.8, 1.2, 1.6, 2.0, 2.4, 2.8, 3.3, 4.0)
 GROWTH, ORDER = 1.5, 16
 # The innermost panel is shorter than this share of the contact radius, and each next one longer by this factor.
 SHARE, GRADING = 0.5, 4.0
+# Panels for integrals over a half-line.
+HALF_LINE = 24
 # Gauss nodes for integrals of the slope, which is smooth in q.
 NODES = 12
 
@@ -214,36 +216,21 @@ def fold_side(contact: cb.Contact) -> tuple[Side, float]:
 
 @cache
 def softening(law: Interaction) -> float:
-    """C of the slope at first touch, dF/dd = 2π|f'(0)| μ_T − C μ_T^(5/2), for a law v = f(g/z0) with z0 = 1.
+    """C of the slope at first touch, dF/dd = 2π|f'(0)| μ_T − C μ_T^(5/2), for a law v = ±f(g/z0) with z0 = 1.
 
-    With P = −f', K(y) = 2 ∫_0^∞ P(y + u²/2) du (which is h, and at y = 0 also the elastic displacement in the centre)
-    and M(δ) = ∫_0^∞ K(τ²/2 − δ)² dτ (the elastic energy),
+    With P = −f' and H(t) = 2 ∫_0^∞ P((t² + u²)/2) du, which is h at first touch of a rigid tip,
 
-        C = M''(0) − 2π f''(0) K(0).
+        C = 3 ∫_0^∞ [(H(0) − H(t))/t²]² dt > 0.
 
-    All integrals are done over u = x/(1 − x) with Gauss–Legendre nodes on panels; about twelve digits.
+    Both integrals are done in x = t/(1 + t) with Gauss–Legendre nodes on panels; about eleven digits.
     """
-    u, w = _half_line()
-    moments = [2.0 * (_derivative(law, order, u[:, None] ** 2 / 2 + u**2 / 2) @ w) for order in (0, 1, 2)]
-    second = 2.0 * float(w @ (moments[1] ** 2 + moments[0] * moments[2]))
-    centre = 2.0 * float(_derivative(law, 0, u**2 / 2) @ w)
-    return second + 2 * np.pi * float(_derivative(law, 1, np.zeros(1))[0]) * centre
+    nodes, weights = np.polynomial.legendre.leggauss(20)
+    half = 0.5 / HALF_LINE
+    x = (half * (2 * np.arange(HALF_LINE)[:, None] + 1 + nodes)).ravel()
+    t, w = x / (1 - x), np.tile(half * weights, HALF_LINE) / (1 - x) ** 2
 
+    def transform(start: Array) -> Array:
+        return np.asarray(2.0 * (law.evaluate((start[:, None] ** 2 + t**2) / 2).pressure @ w))
 
-def _half_line(panels: int = 24, order: int = 20) -> tuple[Array, Array]:
-    nodes, weights = np.polynomial.legendre.leggauss(order)
-    edges = np.linspace(0.0, 1.0, panels + 1)
-    half = np.diff(edges) / 2
-    x = (edges[:-1, None] + half[:, None] * (1 + nodes)).ravel()
-    return x / (1 - x), (half[:, None] * weights).ravel() / (1 - x) ** 2
-
-
-def _derivative(law: Interaction, order: int, gap: Array) -> Array:
-    """P, P' or P'' at a gap; P'' by a difference of sixth order."""
-    if order == 0:
-        return law.evaluate(gap).pressure
-    if order == 1:
-        return -law.evaluate(gap).stiffness
-    step = 2e-3
-    values = [law.evaluate(gap + k * step).stiffness - law.evaluate(gap - k * step).stiffness for k in (1, 2, 3)]
-    return -(45 * values[0] - 9 * values[1] + values[2]) / (60 * step)
+    drop = (transform(np.zeros(1)) - transform(t)) / t**2
+    return 3.0 * float(w @ drop**2)
