@@ -505,11 +505,11 @@ def main() -> None:
         f"prefactor {onset.prefactor:.7f} ± {rounded_up(onset.prefactor_error)} (theory 4π = {4 * np.pi:.7f})"
     )
     for name, kappa in QUOTED.items():
-        row = Printed(name, 1.0, np.nan, np.nan, np.nan, kappa, 0.001)
+        row = Printed(name, 1.0, np.nan, np.nan, np.nan, kappa)
         found, match = windowed(local_exponent(name, 1.0), *WINDOWS[1]), matching_windows(row)
-        assert match is not None
+        ends = f"{match[0]:.2g} … {match[1]:.2g}" if match else "nowhere"
         print(f"\n{name}, μ_T = 1: κ = {found.kappa:.3f} ± {found.kappa_error:.3f} for ΔF = 1e-2 … 10;", end="")
-        print(f" three decades that give the printed {kappa} end at {match[0]:.3g} … {match[1]:.3g}")
+        print(f" three decades that give the printed {kappa} end at {ends}")
     stiff = ", ".join(f"{name}: {value:.5g} μ_T³" for name, value in STIFF.items())
     print(f"\nExcess at κ_local = 5/12 for μ_T → ∞: {stiff}; JKR {half_way(_jkr_local()):.5g}", end="")
     print(f", JKR inside which p > 0 {half_way(_flat_jkr_local()):.5g}")
