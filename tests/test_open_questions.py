@@ -46,7 +46,7 @@ def test_displacement_in_the_centre():
 
 @pytest.fixture(scope="module")
 def gauss():
-    return [onset.measure(cb.Gauss, 2.0**-k) for k in (6, 8, 10, 12)]
+    return [onset.measure(cb.Gauss, 2.0**-k) for k in (5, 7, 9, 11)]
 
 
 @pytest.mark.parametrize("quantity", onset.QUANTITIES)
@@ -65,16 +65,16 @@ def test_laws_of_the_onset(gauss, quantity):
         "slope": (2.5, c),
         "fall": (7.5, c**3 / 12),
     }[quantity]
-    law = fit_power_law(tabor, value, error, power, (2.0**-6,), (1, 2))
-    assert law.exponent == pytest.approx(power, abs=2e-7)
-    assert law.exponent_error < 1e-5
-    assert law.prefactor == pytest.approx(prefactor, rel=1e-7)
+    law = fit_power_law(tabor, value, error, power, (2.0**-5,), (1, 2))
+    assert law.exponent == pytest.approx(power, abs=2e-6)
+    assert law.exponent_error < 1e-4
+    assert law.prefactor == pytest.approx(prefactor, rel=1e-6)
 
 
 def test_van_der_waals_onset():
     """f''(0) = −2 enters: F_sq − F_sw → C² μ³/(8π), a_sw → C μ^(5/2)/2, up to O(ε)."""
-    found = onset.measure(cb.VanDerWaals, 2.0**-10)
-    c, tabor = SOFTENING["van der Waals"], 2.0**-10
+    c, tabor = SOFTENING["van der Waals"], 2.0**-6
+    found = onset.measure(cb.VanDerWaals, tabor)
     assert found.values["window"] == pytest.approx(c * c / (8 * math.pi) * tabor**3, rel=3 * tabor**1.5)
     assert found.values["radius"] == pytest.approx(c / 2 * tabor**2.5, rel=5 * tabor**1.5)
 
@@ -131,11 +131,11 @@ def test_normal_form_in_the_limits():
 
 def test_normal_form_where_touch_is_elastic():
     """Attraction and repulsion have the same limit, ΔF× → (9/4) C³ μ^(15/2), from both sides."""
-    limit = 2.25 * SOFTENING["Gauss"] ** 3 * (2.0**-10) ** 7.5
-    pull_off = kappa.normal_form("Gauss, pull-off", 2.0**-10).crossover
-    wetting = kappa.normal_form("Gauss, wetting", 2.0**-10).crossover
+    limit = 2.25 * SOFTENING["Gauss"] ** 3 * (2.0**-6) ** 7.5
+    pull_off = kappa.normal_form("Gauss, pull-off", 2.0**-6).crossover
+    wetting = kappa.normal_form("Gauss, wetting", 2.0**-6).crossover
     assert wetting < limit < pull_off
-    assert pull_off - wetting < 3e-4 * limit
+    assert pull_off - wetting < 2e-2 * limit
     # The part of a JKR contact in which the pressure is positive: 1350π/289, reached from below.
     assert 0.95 * 1350 * math.pi / 289 > kappa.normal_form("Gauss, pull-off", 4.0).crossover > 0.8 * kappa.FLAT_JKR
 
