@@ -83,6 +83,8 @@ TABORS = tuple(2.0**k for k in range(-12, 5, 2))
 CURVES = tuple(2.0**k for k in (-6, -4, -2, 0, 2, 4))
 # Distance of the samples of a normal form, as a share of the contact radius at the fold (of `_unit` at touch).
 STEP = 0.04
+# Round-off of slopes; those of laws with f'(0) = 0 are what is left of terms larger by 1/ε = μ_T^(-3/2).
+ROUNDING = 2e-15
 # At a continuous first touch, share of `_unit` at which the load's second derivative is taken.
 TINY = 1e-4
 # Local exponents: growth of the distance from sample to sample, first distance as a share of the radius.
@@ -154,7 +156,7 @@ def _unit(tabor: float) -> float:
 def normal_form(name: str, tabor: float) -> NormalForm:
     """Normal form of a case, in closed form for Maugis–Dugdale and from slopes otherwise.
 
-    The errors are those of the differences (two step widths) and of the mesh.
+    The errors are those of the differences (two step widths), of the mesh and of round-off.
     """
     case = CASES[name]
     if case.law is cb.MaugisDugdale:
@@ -167,15 +169,16 @@ def normal_form(name: str, tabor: float) -> NormalForm:
     fine_side = side.finer()
     fine_radius = fine_side.fold(0.98 * radius, 1.02 * radius)
     fine = _differences(fine_side, fine_radius, STEP * radius)
+    floor = ROUNDING / min(1.0, tabor**1.5) if case.small[1] > 3 else 5 * ROUNDING
     # Halving the step divides the error of the differences by 16: a fifth of the change is on the safe side.
     return NormalForm(
         tabor,
         side.at(radius).load,
         radius,
         second,
-        abs(wide[0] - second) / 5 + 3 * abs(fine[0] - second),
+        abs(wide[0] - second) / 5 + 3 * abs(fine[0] - second) + floor * abs(second),
         third,
-        abs(wide[1] - third) / 5 + 3 * abs(fine[1] - third),
+        abs(wide[1] - third) / 5 + 3 * abs(fine[1] - third) + floor / STEP * abs(third),
     )
 
 

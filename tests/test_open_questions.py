@@ -154,6 +154,23 @@ def test_normal_form_agrees_with_the_diagram():
     assert np.abs(local.kappa[inside] - expected).max() < 2e-3
 
 
+def test_local_exponents_end_where_the_mesh_does():
+    """At μ_T = 16 the mesh of the pull-off fold is lost in the rim's zone (1/512 wide) soon: nothing is reported there.
+
+    κ_local falls from 1/2 to 1/3 (JKR, within the radius where its pressure is positive), so that none exceeds 1/2.
+    """
+    diagram = cb.trace(cb.Contact.reduced(cb.Gauss, tabor=16.0), accuracy=1e-6)
+    (event,) = (event for event in diagram.folds("load") if event.name == "pull-off")
+    local = diagram.local_exponent(event)
+    assert len(local.kappa) > 20
+    assert (local.kappa - local.error <= 0.5).all()
+    expected = kappa._flat_jkr_local()
+    inside = (local.excess > 1e-5) & (local.excess < 0.1)
+    assert local.kappa[inside] == pytest.approx(
+        np.interp(np.log(local.excess[inside]), np.log(expected.excess), expected.kappa), abs=2e-3
+    )
+
+
 def test_continuous_onset():
     """F − F_t = 2π μ a² + …: c2 → 4π μ with a correction of order ε, κ = 1/2 at touch and 1/3 far beyond."""
     form = kappa.normal_form("exponential, touch", 2.0**-8)

@@ -22,6 +22,8 @@ Array = NDArray[np.float64]
 WINDOW = (1e-2, 1e1)
 # The local exponent is sampled at so many points, up to this excess.
 HIGHEST, SAMPLES = 1e2, 57
+# All samples share the event's mesh; they end where it is no longer good enough, or Newton's method has failed.
+LOST = 1e-5
 # Offset of the parameter for derivatives at a fold.
 OFFSET = 2e-2
 
@@ -127,7 +129,12 @@ def sampled_exponent(place: Place, values: Values, control: str) -> LocalExponen
         if excess * direction <= 0 or (rows and abs(excess) <= rows[-1][0]) or not math.isfinite(excess):
             break  # the control has turned round: another fold
         kappa = excess * sample.order_rate / (moved * sample.control_rate)
-        error = abs(kappa) * (errors[0] / abs(excess) + errors[1] / abs(moved))
+        relative = side.problem.relative_error(side.problem.fields(x, u))
+        if not relative < LOST:
+            break
+        error = abs(kappa) * (
+            (errors[0] + relative * max(1.0, abs(sample.control))) / abs(excess) + errors[1] / abs(moved)
+        )
         rows.append((abs(excess), abs(moved), kappa, error))
         if abs(excess) > HIGHEST:
             break
