@@ -23,6 +23,10 @@ Array = NDArray[np.float64]
 WINDOW = (1e-2, 1e1)
 # The local exponent is sampled at so many points, up to this excess.
 HIGHEST, SAMPLES = 1e2, 57
+# All samples share the event's mesh; they end where it is no longer good enough, or Newton's method has failed.
+LOST = 1e-4
+# Or where the tangent disagrees so much with the secant to the last sample, if that is at most so much closer.
+INCONSISTENT, NEIGHBOUR = 2e-2, 4.0
 # Offset of the parameter for derivatives at a fold.
 OFFSET = 2e-2
 
@@ -127,7 +131,17 @@ def sampled_exponent(place: Place, values: Values, control: Control) -> LocalExp
         if excess * direction <= 0 or (rows and abs(excess) <= rows[-1][0]) or not math.isfinite(excess):
             break  # the control has turned round: another fold
         kappa = excess * sample.order_rate / (moved * sample.control_rate)
-        error = abs(kappa) * (errors[0] / abs(excess) + errors[1] / abs(moved))
+        relative = side.problem.relative_error(side.problem.fields(x, u))
+        if not relative < LOST:
+            break
+        error = abs(kappa) * (
+            (errors[0] + relative * max(1.0, abs(sample.control))) / abs(excess) + errors[1] / abs(moved)
+        )
+        if rows and abs(excess) < NEIGHBOUR * rows[-1][0]:
+            # The samples themselves say what their tangents should be.
+            secant = math.log(abs(moved) / rows[-1][1]) / math.log(abs(excess) / rows[-1][0])
+            if not abs(secant - (kappa + rows[-1][2]) / 2) < INCONSISTENT + error + rows[-1][3]:
+                break
         rows.append((abs(excess), abs(moved), kappa, error))
         if abs(excess) > HIGHEST:
             break
