@@ -64,7 +64,7 @@ def test_one_formulation_for_all_controls():
 
 @pytest.mark.parametrize("control", ["force", 2.0, "spring:", "spring:-1", None])
 def test_other_controls_are_refused(control):
-    with pytest.raises(cb.InputError, match="control|stiffness"):
+    with pytest.raises(cb.InputError, match=r"control|stiffness"):
         cb.trace(cb.Contact.reduced("gauss", 1.0), control=control)
 
 

@@ -62,6 +62,10 @@ class Walk(Protocol):
     def unstable(self) -> Integers:
         """Morse index under the control on the pieces, (M − 1,)."""
 
+    @property
+    def rising(self) -> Integers:
+        """Signs of the change of what is controlled on the pieces, which change at its folds only, (M − 1,)."""
+
     def folds(self) -> dict[int, Stop]:
         """The folds of the control, by row."""
 
@@ -164,10 +168,9 @@ def _followed(
     walk: Walk, folds: dict[int, Stop], piece: int, direction: int, begin: Stop | None, row: int | None
 ) -> tuple[Leg, int | None]:
     """Follow a stable part while the control moves in a direction; return the leg, and the fold's row where it ends."""
-    values = walk.values
     rows = [] if row is None else [row]
+    sense = direction * (1 if walk.rising[piece] > 0 else -1)
     while True:
-        sense = direction * (1 if values[piece + 1] > values[piece] else -1)
         ahead = piece + 1 if sense > 0 else piece
         if ahead in folds:
             return Leg(direction, tuple(rows), begin, folds[ahead]), ahead

@@ -76,6 +76,11 @@ class ExactWalk:
             return judged.unstable_displacement
         return np.where(middle < -1.0, 1, judged.unstable_load)
 
+    @property
+    def rising(self) -> Integers:
+        """Signs of the change of what is controlled on the pieces."""
+        return np.sign(np.diff(self.values)).astype(np.int64)
+
     @cached_property
     def _folds(self) -> dict[int, Stop]:
         found = {}

@@ -25,6 +25,7 @@ from contbranch.diagram import (
     State,
     Window,
 )
+from contbranch.errors import InputError
 
 from .threads import one_thread
 
@@ -222,7 +223,8 @@ def assemble(contact: Contact, curve: RawCurve, choice: ModelChoice, control: Co
     @one_thread
     def local_exponents(event: Event) -> LocalExponent:
         raw = curve.events[events.index(event)]
-        assert raw.local_exponent is not None
+        if raw.local_exponent is None:
+            raise InputError(f"event: the curve has a corner at this {event.name or event.kind}, and no exponent")
         found = raw.local_exponent()
         parameter = "contact_radius" if raw.values[2] > 0 or raw.kind == "touch" else "central_gap"
         return LocalExponent(

@@ -19,8 +19,8 @@ class Cubic(Problem):
         return np.diag((x - 2) * (x - 5) + (x - 1) * (x - 5) + (x - 1) * (x - 2))
 
 
-def test_one_start_leads_to_all_solutions_of_a_cubic():
-    found = search(Cubic(), 0.0, [], [np.array([1.3])])
+def test_two_starts_lead_to_the_three_solutions_of_a_cubic():
+    found = search(Cubic(), 0.0, [], [np.array([1.3]), np.array([4.0])])
     assert sorted(float(x[0]) for x in found) == pytest.approx([1.0, 2.0, 5.0])
 
 
@@ -56,7 +56,8 @@ def test_a_closed_curve_that_continuation_does_not_reach():
     curve = trace_curve(problem, np.array([3.0, -1.0]), -5.0, (-5.0, 5.0))
     assert curve.status == "complete"
     assert all(abs(point.x[0] - 3.0) < 1e-9 for point in curve.points)
-    found = search(problem, 0.5, [np.array([3.0, -1.0])], [np.array([2.5, -0.9])])
+    starts = [np.array([x, -0.9]) for x in (-3.0, 0.5, 2.5)]
+    found = search(problem, 0.5, [np.array([3.0, -1.0])], starts)
     radius = np.sqrt(4 - 0.25)
     assert sorted(float(x[0]) for x in found) == pytest.approx([-radius, radius])
 

@@ -58,6 +58,11 @@ class TracedWalk:
         """Morse index under the control on the pieces."""
         return self.traced.indices.pieces(self._control.kind)[0]
 
+    @property
+    def rising(self) -> Integers:
+        """Signs of the change of what is controlled on the pieces."""
+        return self.traced.indices.pieces(self._control.kind)[1]
+
     @cached_property
     def _folds(self) -> dict[int, Stop]:
         found = {}
