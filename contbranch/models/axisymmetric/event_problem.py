@@ -1,0 +1,411 @@
+"""An event as a curve: equilibrium and the event's condition together, with one parameter of the contact free.
+
+    R(h, u; q) = 0                  equilibrium
+    G(h, u; q) = 0                  the condition: for a fold, the rate of what is controlled along the curve of
+                                    equilibria at fixed q
+
+with the state z = (h, w) and the family's coordinate q as parameter (a minimally augmented system: one equation more,
+one unknown more). The tangent v of the curve of equilibria at fixed q comes from the bordered matrix
+
+    [ R_h  R_u ] [ v_h ]   [ 0 ]
+    [   c^T    ] [ v_u ] = [ 1 ].
+
+G is taken at the state moved onto the equilibria by one Newton step with that matrix, so that its derivative along a
+residual vanishes; then only its derivatives along the two tangents of the surface of equilibria (v, and the change with
+q) are needed, which central differences give. They enter the rate of convergence and the tangents, not the solutions.
+
+Without contact w = u. In contact the load has a term of order a³ beside a², so that conditions are smooth in the
+radius a and not in a² ~ u: there w = u^(1/m), with the contact coordinate y = a^m.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import lu_factor, lu_solve
+
+from contbranch.continuation import Adaptation, Linearisation, Problem
+from contbranch.control import Control
+from contbranch.errors import ModelError
+from contbranch.models.family import Family
+
+from .equations import ContactCoordinate, Equations, Fields
+from .mesh import Mesh
+from .problem import ContactProblem, Resolution
+
+__all__ = ["Condition", "EventProblem", "FoldCondition", "Sheet", "Surface", "TouchCondition"]
+
+Array = NDArray[np.float64]
+
+# Central differences of the condition: second order while tracing, fourth order where tangents themselves are results.
+STEP, FINE_STEP = 1e-4, 2e-3
+# ... over lengths in the contact coordinate that are small against its own value, but not below this one.
+LEAST_LENGTH = 1e-2
+# A state farther from equilibrium than this, relative to itself, is moved onto it before the condition is taken.
+NEAR = 1e-9
+# A reference direction farther than this (cosine) from the tangent is replaced.
+ALIGNED = 0.7
+# Members of the family that are kept.
+RECENT = 8
+
+
+@dataclass
+class Surface:
+    """The equilibria of a family of contacts, in the units of the one it starts from.
+
+    Attributes
+    ----------
+    family : Family
+    scale : float
+        Range in the contact parameter u, ``y = scale · sinh(u)``: the same along the whole curve.
+    coordinate : ContactCoordinate
+    resolution : Resolution
+    size : float
+        √∫h² of a typical state: the unit of h in lengths.
+    """
+
+    family: Family
+    scale: float
+    coordinate: ContactCoordinate
+    resolution: Resolution
+    size: float
+    _members: dict[float, tuple[object, object]] = field(default_factory=dict)
+
+    def problem(self, q: float, mesh: Mesh, contact: bool, sharpness: float = 1.0) -> ContactProblem:
+        """The equilibrium problem of a member on a mesh, on one side of first touch."""
+        if q not in self._members:
+            if len(self._members) >= RECENT:
+                self._members.pop(next(iter(self._members)))
+            self._members[q] = self.family.reduced(q)[:2]
+        tip, law = self._members[q]
+        equations = Equations(tip, law, mesh, self.coordinate, contact)  # type: ignore[arg-type]
+        return ContactProblem(equations, self.scale, self.resolution, sharpness)
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """The equilibria of one member around one state: linearisation and tangent.
+
+    Attributes
+    ----------
+    problem : ContactProblem
+    fields : Fields
+    u : float
+    tangent : (array (N,), float)
+        v, of unit length.
+    factors : tuple
+        LU factors of the bordered matrix.
+    """
+
+    problem: ContactProblem
+    fields: Fields
+    u: float
+    tangent: tuple[Array, float]
+    factors: tuple[Array, NDArray[np.int32]]
+
+    def solve(self, f: Array) -> tuple[Array, float]:
+        """The (h, u) with ``R_h h + R_u u = f`` and no component along the border."""
+        found = lu_solve(self.factors, np.append(f, 0.0), check_finite=False)
+        return found[:-1], float(found[-1])
+
+
+class Condition(Protocol):
+    """What makes an equilibrium an event."""
+
+    def value(self, sheet: Sheet, q: float) -> float:
+        """A number that vanishes at the event, a smooth function of state and q."""
+
+    def control(self, q: float) -> Control | None:
+        """The control whose fold it is."""
+
+
+@dataclass(frozen=True)
+class FoldCondition:
+    """A fold: the rate of what is controlled along the tangent vanishes."""
+
+    family: Family
+    driven: Control
+
+    def control(self, q: float) -> Control:
+        """The control, of which the stiffness may be the parameter itself."""
+        return self.family.control(q, self.driven)
+
+    def value(self, sheet: Sheet, q: float) -> float:
+        """``w·(F', d')`` along the unit tangent."""
+        return self.control(q).weighted(*rates(sheet))
+
+
+@dataclass(frozen=True)
+class TouchCondition:
+    """First touch: u = 0."""
+
+    def control(self, q: float) -> Control | None:
+        """None."""
+        return None
+
+    def value(self, sheet: Sheet, q: float) -> float:
+        """U."""
+        return sheet.u
+
+
+def rates(sheet: Sheet) -> tuple[float, float]:
+    """Rates of load and displacement along the unit tangent of the equilibria at fixed q."""
+    return sheet.problem.rates(sheet.fields.h, sheet.u, *sheet.tangent)
+
+
+class EventProblem(Problem):
+    """The augmented system on one mesh, on one side of first touch.
+
+    Parameters
+    ----------
+    surface : Surface
+    mesh : Mesh
+    contact : bool
+    condition : Condition
+    reference : (array (N,), float)
+        Direction (h, u) to which tangents are compared: it borders the matrix, and orients them.
+    sharpness : float
+        As `ContactProblem` has it.
+    fine : bool
+        Whether derivatives of the condition are taken to fourth order.
+    """
+
+    def __init__(
+        self,
+        surface: Surface,
+        mesh: Mesh,
+        contact: bool,
+        condition: Condition,
+        reference: tuple[Array, float],
+        sharpness: float = 1.0,
+        fine: bool = False,
+    ) -> None:
+        self.surface, self.mesh, self.contact, self.condition = surface, mesh, contact, condition
+        self.reference, self.sharpness, self.fine = reference, sharpness, fine
+        self._weights = np.append(mesh.weights / surface.size**2, 1.0)
+        self._border = self._weights * np.append(*reference)
+        self._border /= math.sqrt(float(self._border @ np.append(*reference)))
+        self._kept: list[tuple[Array, float, Sheet]] = []
+        self.power = surface.coordinate.power if contact else 1.0
+
+    # -- state --------------------------------------------------------------------------------------------------------
+    def split(self, x: Array) -> tuple[Array, float]:
+        """(h, u) of a state; u is NaN where there is none."""
+        w = float(x[-1])
+        if not self.contact:
+            return x[:-1], w
+        return x[:-1], w**self.power if w >= 0 else math.nan
+
+    def joined(self, h: Array, u: float) -> Array:
+        """The state of (h, u)."""
+        return np.append(h, max(u, 0.0) ** (1 / self.power) if self.contact else u)
+
+    def _stretch(self, w: float) -> float:
+        """du/dw."""
+        return self.power * w ** (self.power - 1) if self.contact else 1.0
+
+    def member(self, q: float) -> ContactProblem:
+        """The equilibrium problem at q."""
+        return self.surface.problem(q, self.mesh, self.contact, self.sharpness)
+
+    def inner(self, u: Array, v: Array) -> float:
+        """∫ u v dtau in units of a typical state, plus the product of the last components."""
+        return float((self._weights * u) @ v)
+
+    def dual(self, u: Array) -> Array:
+        """Vector whose product with v is inner(u, v)."""
+        return self._weights * u
+
+    # -- equilibria at fixed q ----------------------------------------------------------------------------------------
+    def sheet(self, h: Array, u: float, q: float) -> Sheet:
+        """Linearisation and tangent at (h, u; q).
+
+        Raises
+        ------
+        ModelError
+            If the state cannot be evaluated.
+        """
+        if not math.isfinite(u):
+            raise ModelError("no contact of negative radius")
+        problem = self.member(q)
+        problem.resolution.newton += 1
+        fields = problem.fields(h, u)
+        if not fields.finite:
+            raise ModelError("the interaction is not defined at this state")
+        slope = problem.equations.slopes(fields)[1] * (problem.scale * math.cosh(u))
+        n = self.mesh.size
+        matrix = np.empty((n + 1, n + 1))
+        matrix[:n, :n] = problem.equations.jacobian(fields)
+        matrix[:n, n] = slope
+        matrix[n] = self._border
+        factors = lu_factor(matrix, overwrite_a=True, check_finite=False)
+        v = lu_solve(factors, np.append(np.zeros(n), 1.0), check_finite=False)
+        v /= math.sqrt(self.inner(v, v))
+        return Sheet(problem, fields, u, (v[:-1], float(v[-1])), factors)
+
+    def on_sheet(self, x: Array, q: float) -> Sheet:
+        """The linearisation at the equilibrium next to a state: at the state itself where that is one."""
+        for known, value, sheet in self._kept:
+            if known is x and value == q:
+                return sheet
+        h, u = self.split(x)
+        sheet = self._nearest(h, u, q)
+        self._kept = [(x, q, sheet), *self._kept[:3]]
+        return sheet
+
+    def _nearest(self, h: Array, u: float, q: float) -> Sheet:
+        sheet = self.sheet(h, u, q)
+        dh, du = sheet.solve(-sheet.fields.residual)
+        moved = float(np.abs(dh).max()) / max(float(np.abs(h).max()), 1e-3 * self.surface.scale) + abs(du)
+        if moved <= NEAR:
+            return sheet
+        return self.sheet(h + dh, max(u + du, 0.0) if self.contact else u + du, q)
+
+    def level(self, h: Array, u: float, q: float) -> float:
+        """The condition's value at the equilibrium next to (h, u)."""
+        return self.condition.value(self._nearest(h, u, q), q)
+
+    # -- the augmented system -----------------------------------------------------------------------------------------
+    def residual(self, x: Array, p: float) -> Array:
+        """(R, G), (N + 1,)."""
+        h, u = self.split(x)
+        if not math.isfinite(u):
+            return np.full(x.size, math.nan)
+        fields = self.member(p).fields(h, u)
+        if not fields.finite:
+            return np.append(fields.residual, math.nan)
+        return np.append(fields.residual, self.condition.value(self.on_sheet(x, p), p))
+
+    def jacobian(self, x: Array, p: float) -> Array:
+        """d(R, G)/d(h, w), (N + 1, N + 1)."""
+        return np.asarray(self.linearise(x, p).jacobian)
+
+    def linearise(self, x: Array, p: float) -> Linearisation:
+        """Residual, its derivatives with respect to state and parameter."""
+        h, u = self.split(x)
+        n = self.mesh.size
+        if not math.isfinite(u):
+            return Linearisation(np.full(n + 1, math.nan), np.empty((0, 0)), np.empty(0))
+        sheet = self.sheet(h, u, p)
+        fields, problem = sheet.fields, sheet.problem
+        stretch = self._stretch(float(x[-1]))
+        matrix = np.zeros((n + 1, n + 1))
+        matrix[:n, :n] = problem.equations.jacobian(fields)
+        matrix[:n, n] = problem.equations.slopes(fields)[1] * (problem.scale * math.cosh(u)) * stretch
+        residual_rate = self._residual_rate(h, u, p)
+        value = self.condition.value(self.on_sheet(x, p), p)
+        along, direction = self._along(sheet, float(x[-1]), p)
+        row = along * self.dual(direction) / self.inner(direction, direction)
+        change, moved = self._across(sheet, residual_rate, float(x[-1]), p)
+        matrix[n] = row
+        return Linearisation(
+            np.append(fields.residual, value), matrix, np.append(residual_rate, change - float(row @ moved))
+        )
+
+    def _residual_rate(self, h: Array, u: float, q: float) -> Array:
+        """dR/dq at fixed (h, u)."""
+        if self.surface.family.spacing == "angle":
+            return np.zeros_like(h)
+        step = 1e-5
+        above, below = (self.member(q + s).fields(h, u).residual for s in (step, -step))
+        rate: Array = (above - below) / (2 * step)
+        return rate
+
+    def _differences(self, length: float) -> tuple[Array, Array]:
+        """Offsets and weights of a central difference."""
+        if self.fine:
+            step = FINE_STEP * length
+            return step * np.array([-2.0, -1.0, 1.0, 2.0]), np.array([1.0, -8.0, 8.0, -1.0]) / (12 * step)
+        step = STEP * length
+        return step * np.array([-1.0, 1.0]), np.array([-1.0, 1.0]) / (2 * step)
+
+    def _one_sided(self, length: float) -> tuple[Array, Array]:
+        """Offsets and weights of a difference to one side, where the other has no states."""
+        if self.fine:
+            step = FINE_STEP * length
+            weights = np.array([-25.0, 48.0, -36.0, 16.0, -3.0]) / (12 * step)
+            return step * np.arange(5.0), weights
+        step = STEP * length
+        return step * np.array([0.0, 1.0, 2.0]), np.array([-1.5, 2.0, -0.5]) / step
+
+    def _along(self, sheet: Sheet, w: float, q: float) -> tuple[float, Array]:
+        """Rate of the condition along the tangent in (h, w), and that tangent (N + 1,)."""
+        v_h, v_u = sheet.tangent
+        stretch = self._stretch(w)
+        direction = np.append(stretch * v_h, v_u)
+        length = min(1.0, max(abs(w), LEAST_LENGTH))
+        offsets, weights = self._differences(length)
+        if self.contact and w + float(offsets.min()) * abs(v_u) < 0:
+            offsets, weights = self._one_sided(math.copysign(length, v_u))
+        h, u = sheet.fields.h, sheet.u
+        total = 0.0
+        for offset, weight in zip(offsets, weights, strict=True):
+            u_there = max(w + offset * v_u, 0.0) ** self.power if self.contact else w + offset * v_u
+            share = (u_there - u) / v_u if abs(v_u) > 1e-8 else offset * stretch
+            total += weight * self.level(h + share * v_h, u_there, q)
+        return float(total), direction
+
+    def _across(self, sheet: Sheet, residual_rate: Array, w: float, q: float) -> tuple[float, Array]:
+        """Total rate of the condition with q along the surface of equilibria, and the change of the state (N + 1,)."""
+        v_h, v_u = sheet.tangent
+        h_rate, u_rate = sheet.solve(-residual_rate)
+        if abs(v_u) > 0.1:  # at fixed u, so that no state leaves its side of first touch
+            h_rate, u_rate = h_rate - (u_rate / v_u) * v_h, 0.0
+        offsets, weights = self._differences(1.0)
+        total = 0.0
+        for offset, weight in zip(offsets, weights, strict=True):
+            u = sheet.u + offset * u_rate
+            level = self.level(sheet.fields.h + offset * h_rate, max(u, 0.0) if self.contact else u, q + offset)
+            total += weight * level
+        w_rate = u_rate / max(self._stretch(w), 1e-8)
+        return float(total), np.append(h_rate, w_rate)
+
+    # -- observables, meshes ------------------------------------------------------------------------------------------
+    def observables(self, x: Array, p: float) -> Mapping[str, float]:
+        """What the equilibrium problem records."""
+        h, u = self.split(x)
+        return self.member(p).observables(h, u)
+
+    def adapt(self, x: Array, p: float) -> Adaptation | None:
+        """A mesh for this solution, and a reference direction close to its tangent, where needed."""
+        h, u = self.split(x)
+        offer = self.member(p).adapt(h, u)
+        if offer is None:
+            v = np.append(*self.on_sheet(x, p).tangent)
+            if abs(float(self._border @ v)) >= ALIGNED:
+                return None
+            return Adaptation(self.on(self.mesh, (v[:-1], float(v[-1]))), x, lambda vector: vector)
+        member = offer.problem
+        assert isinstance(member, ContactProblem)
+        mesh = member.equations.mesh
+        v_h, v_u = self.on_sheet(x, p).tangent
+        reference = (self.mesh.interpolate(v_h, mesh.nodes), v_u)
+        problem = self.on(mesh, reference, member.sharpness)
+        return Adaptation(problem, np.append(offer.x, x[-1]), lambda vector: self.carried(vector, mesh))
+
+    def carried(self, vector: Array, mesh: Mesh) -> Array:
+        """A state or direction (N + 1,) on another mesh."""
+        return np.append(self.mesh.interpolate(vector[:-1], mesh.nodes), vector[-1])
+
+    def on(
+        self, mesh: Mesh, reference: tuple[Array, float], sharpness: float | None = None, fine: bool | None = None
+    ) -> EventProblem:
+        """The same event on another mesh, with another reference direction."""
+        return EventProblem(
+            self.surface,
+            mesh,
+            self.contact,
+            self.condition,
+            reference,
+            self.sharpness if sharpness is None else sharpness,
+            self.fine if fine is None else fine,
+        )
+
+    def other_side(self, contact: bool, reference: tuple[Array, float]) -> EventProblem:
+        """The same event on the other side of first touch."""
+        return EventProblem(self.surface, self.mesh, contact, self.condition, reference, self.sharpness, self.fine)
