@@ -10,9 +10,9 @@ one unknown more). The tangent v of the curve of equilibria at fixed q comes fro
     [ R_h  R_u ] [ v_h ]   [ 0 ]
     [   c^T    ] [ v_u ] = [ 1 ].
 
-G is taken at the state moved onto the equilibria by one Newton step with that matrix, so that its derivative along a
-residual vanishes; then only its derivatives along the two tangents of the surface of equilibria (v, and the change with
-q) are needed, which central differences give. They enter the rate of convergence and the tangents, not the solutions.
+G is taken at the state moved onto the equilibria by one Newton step with that matrix, at fixed c·(h, u). Its derivative
+is then a multiple of c^T, and only its rates along the two tangents of the surface of equilibria (v, and the change with
+q) are needed, which differences give. They enter the rate of convergence and the tangents, not the solutions.
 
 Without contact w = u. In contact the load has a term of order a³ beside a², so that conditions are smooth in the
 radius a and not in a² ~ u: there w = u^(1/m), with the contact coordinate y = a^m.
@@ -48,8 +48,9 @@ STEP, FINE_STEP = 1e-4, 2e-3
 LEAST_LENGTH = 1e-2
 # A state farther from equilibrium than this, relative to itself, is moved onto it before the condition is taken.
 NEAR = 1e-9
-# A reference direction farther than this (cosine) from the tangent is replaced.
-ALIGNED = 0.7
+# The border is the contact coordinate itself where the tangent has at least this component of it; otherwise a reference
+# direction, replaced when it is farther than this (cosine) from the tangent.
+UPRIGHT, ALIGNED = 0.1, 0.7
 # Members of the family that are kept.
 RECENT = 8
 
@@ -188,8 +189,13 @@ class EventProblem(Problem):
         self.surface, self.mesh, self.contact, self.condition = surface, mesh, contact, condition
         self.reference, self.sharpness, self.fine = reference, sharpness, fine
         self._weights = np.append(mesh.weights / surface.size**2, 1.0)
-        self._border = self._weights * np.append(*reference)
-        self._border /= math.sqrt(float(self._border @ np.append(*reference)))
+        direction = np.append(*reference)
+        direction /= math.sqrt(self.inner(direction, direction))
+        self.upright = abs(float(direction[-1])) > UPRIGHT
+        self._border = self.dual(direction)
+        if self.upright:
+            self._border = np.zeros(direction.size)
+            self._border[-1] = math.copysign(1.0, float(direction[-1]))
         self._kept: list[tuple[Array, float, Sheet]] = []
         self.power = surface.coordinate.power if contact else 1.0
 
@@ -300,12 +306,11 @@ class EventProblem(Problem):
         residual_rate = self._residual_rate(h, u, p)
         value = self.condition.value(self.on_sheet(x, p), p)
         along, direction = self._along(sheet, float(x[-1]), p)
-        row = along * self.dual(direction) / self.inner(direction, direction)
-        change, moved = self._across(sheet, residual_rate, float(x[-1]), p)
-        matrix[n] = row
-        return Linearisation(
-            np.append(fields.residual, value), matrix, np.append(residual_rate, change - float(row @ moved))
-        )
+        border = self._border.copy()
+        border[:-1] /= max(stretch, 1e-8)
+        matrix[n] = along * border / float(border @ direction)
+        change = self._across(sheet, residual_rate, p)
+        return Linearisation(np.append(fields.residual, value), matrix, np.append(residual_rate, change))
 
     def _residual_rate(self, h: Array, u: float, q: float) -> Array:
         """dR/dq at fixed (h, u)."""
@@ -334,7 +339,7 @@ class EventProblem(Problem):
         return step * np.array([0.0, 1.0, 2.0]), np.array([-1.5, 2.0, -0.5]) / step
 
     def _along(self, sheet: Sheet, w: float, q: float) -> tuple[float, Array]:
-        """Rate of the condition along the tangent in (h, w), and that tangent (N + 1,)."""
+        """Rate of the condition along the tangent in (h, w), and that tangent times du/dw, (N + 1,)."""
         v_h, v_u = sheet.tangent
         stretch = self._stretch(w)
         direction = np.append(stretch * v_h, v_u)
@@ -350,20 +355,16 @@ class EventProblem(Problem):
             total += weight * self.level(h + share * v_h, u_there, q)
         return float(total), direction
 
-    def _across(self, sheet: Sheet, residual_rate: Array, w: float, q: float) -> tuple[float, Array]:
-        """Total rate of the condition with q along the surface of equilibria, and the change of the state (N + 1,)."""
-        v_h, v_u = sheet.tangent
+    def _across(self, sheet: Sheet, residual_rate: Array, q: float) -> float:
+        """Rate of the condition with q along the surface of equilibria, at fixed c·(h, u)."""
         h_rate, u_rate = sheet.solve(-residual_rate)
-        if abs(v_u) > 0.1:  # at fixed u, so that no state leaves its side of first touch
-            h_rate, u_rate = h_rate - (u_rate / v_u) * v_h, 0.0
         offsets, weights = self._differences(1.0)
         total = 0.0
         for offset, weight in zip(offsets, weights, strict=True):
             u = sheet.u + offset * u_rate
             level = self.level(sheet.fields.h + offset * h_rate, max(u, 0.0) if self.contact else u, q + offset)
             total += weight * level
-        w_rate = u_rate / max(self._stretch(w), 1e-8)
-        return float(total), np.append(h_rate, w_rate)
+        return float(total)
 
     # -- observables, meshes ------------------------------------------------------------------------------------------
     def observables(self, x: Array, p: float) -> Mapping[str, float]:
@@ -377,7 +378,8 @@ class EventProblem(Problem):
         offer = self.member(p).adapt(h, u)
         if offer is None:
             v = np.append(*self.on_sheet(x, p).tangent)
-            if abs(float(self._border @ v)) >= ALIGNED:
+            aligned = abs(float(self._border @ v))
+            if aligned >= 0.5 * UPRIGHT if self.upright else aligned >= ALIGNED and abs(v[-1]) < 3 * UPRIGHT:
                 return None
             return Adaptation(self.on(self.mesh, (v[:-1], float(v[-1]))), x, lambda vector: vector)
         member = offer.problem

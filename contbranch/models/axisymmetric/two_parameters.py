@@ -112,7 +112,11 @@ class Inadmissible(Event):
         problem = event_problem(point)
         h, u = problem.split(point.x)
         member = problem.member(point.parameter)
-        return member.equations.admissibility(member.fields(h, u), member.scale) + INADMISSIBLE
+        fields = member.fields(h, u)
+        if problem.contact:
+            return member.equations.admissibility(fields, member.scale) + INADMISSIBLE
+        # Beyond first touch the gap is negative at the centre before the curve is cut there.
+        return (float(fields.gap.min()) + max(fields.y, 0.0)) / member.scale + INADMISSIBLE
 
 
 @dataclass(frozen=True)
@@ -176,7 +180,8 @@ class _Following:
     def result(self) -> RawEventCurve:
         """The curve with its points and special points made precise."""
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            curve = self._traced(self.start, self.x, self.q, BESIDE[0])
+            beside = min(BESIDE[0], abs(float(self.x[-1])))
+            curve = self._traced(self.start, self.x, self.q, beside)
             if not curve.points:
                 raise ModelError(f"follow: the event was not found again at its start. {curve.message}")
             backward = self._ongoing(_Part([p.turned() for p in reversed(curve.points)], *_end(curve, 0)))
