@@ -9,6 +9,7 @@ from contbranch.contact import Contact
 from contbranch.control import Spring
 from contbranch.diagram import Branch, Diagram, Event, Exponent, LocalExponent, Solution, State, Window
 from contbranch.errors import InputError, ModelError
+from contbranch.followed import Followed, FollowedPoint, Special
 from contbranch.interactions import (
     Exponential,
     Gauss,
@@ -21,7 +22,7 @@ from contbranch.interactions import (
     Tabulated,
     VanDerWaals,
 )
-from contbranch.models import solve, trace
+from contbranch.models import follow, solve, trace
 from contbranch.models.axisymmetric import Axisymmetric
 from contbranch.models.exact import Exact
 from contbranch.store import load
@@ -39,6 +40,8 @@ __all__ = [
     "Exact",
     "Exponent",
     "Exponential",
+    "Followed",
+    "FollowedPoint",
     "Gauss",
     "InputError",
     "Interaction",
@@ -52,6 +55,7 @@ __all__ = [
     "Profile",
     "Response",
     "Solution",
+    "Special",
     "SphericalCap",
     "Spring",
     "State",
@@ -60,6 +64,7 @@ __all__ = [
     "Tip",
     "VanDerWaals",
     "Window",
+    "follow",
     "load",
     "solve",
     "trace",

@@ -1,6 +1,7 @@
-"""Models of a contact, the choice between them, and what they are asked: `trace` and `solve`."""
+"""Models of a contact, the choice between them, and what they are asked: `trace`, `solve` and `follow`."""
 
 from .choice import choose
+from .follow import follow
 from .run import solve, trace
 
-__all__ = ["choose", "solve", "trace"]
+__all__ = ["choose", "follow", "solve", "trace"]

@@ -82,7 +82,9 @@ class Family:
     def control(self, coordinate: float, control: Control) -> Control:
         """The control at a coordinate (reduced units): a spring of that stiffness, or the one given."""
         if self.spacing != "angle":
-            return control
+            if control.kind != "spring":
+                return control
+            return control.scaled(self.member(self.value(coordinate)).modulus / self.contact.modulus)
         if coordinate <= 0.0:
             return Control("load", 0.0)
         if coordinate >= 0.5 * math.pi:

@@ -124,6 +124,9 @@ class Condition(Protocol):
     def control(self, q: float) -> Control | None:
         """The control whose fold it is."""
 
+    def weights(self, q: float) -> tuple[float, float]:
+        """Weights of load and displacement in what is controlled."""
+
 
 @dataclass(frozen=True)
 class FoldCondition:
@@ -136,9 +139,17 @@ class FoldCondition:
         """The control, of which the stiffness may be the parameter itself."""
         return self.family.control(q, self.driven)
 
+    def weights(self, q: float) -> tuple[float, float]:
+        """w; (cos q, sin q) where q is the angle arctan K, smooth beyond its ends, too."""
+        if self.family.spacing == "angle":
+            return math.cos(q), math.sin(q)
+        return self.control(q).weights
+
     def value(self, sheet: Sheet, q: float) -> float:
         """``w·(F', d')`` along the unit tangent."""
-        return self.control(q).weighted(*rates(sheet))
+        first, second = self.weights(q)
+        load, displacement = rates(sheet)
+        return first * load + second * displacement
 
 
 @dataclass(frozen=True)
@@ -148,6 +159,10 @@ class TouchCondition:
     def control(self, q: float) -> Control | None:
         """None."""
         return None
+
+    def weights(self, q: float) -> tuple[float, float]:
+        """Nothing is controlled."""
+        return 0.0, 0.0
 
     def value(self, sheet: Sheet, q: float) -> float:
         """U."""

@@ -43,6 +43,9 @@ STEPS = Options(
 BESIDE = (0.06, 0.02, 0.006, 0.002)
 # A curve passes first touch no more often than this.
 PASSAGES = 8
+# Error of loads along the curve where it may lead far away, and the energy of the interaction, in multiples of it, up to
+# which it is followed there.
+FAR_TOLERANCE, RESOLVED = 1e-9, 10.0
 # While following, the gap may be this much below zero (in ranges), as while tracing.
 INADMISSIBLE = 1e-3
 
@@ -157,7 +160,8 @@ class _Following:
     ) -> None:  # fmt: skip
         self.family, self.accuracy, self.progress = family, accuracy, progress
         self.touch = control is None
-        tolerance = TRACE_TOLERANCE / 3
+        # The stiffness of a weak spring is that of the interaction far away, where loads are small.
+        tolerance = FAR_TOLERANCE if family.spacing == "angle" else TRACE_TOLERANCE / 3
         self.resolution = Resolution(tolerance, order_for(tolerance))
         self.condition: Condition = TouchCondition() if control is None else FoldCondition(family, control)
         problem = place.problem
@@ -174,7 +178,7 @@ class _Following:
         self.interval = (min(ends), max(ends))
         if not self.interval[0] < self.interval[1]:
             raise InputError(f"to: {to[0]:g}; is the present value of {family.name}, give another one")
-        self.reach = max(START_SHARE * accuracy / (2 * math.pi), float(np.finfo(float).tiny))
+        self.reach = max(START_SHARE * accuracy / (2 * math.pi), RESOLVED * tolerance)
 
     # -- the curve ----------------------------------------------------------------------------------------------------
     def result(self) -> RawEventCurve:
@@ -184,9 +188,12 @@ class _Following:
             curve = self._traced(self.start, self.x, self.q, beside)
             if not curve.points:
                 raise ModelError(f"follow: the event was not found again at its start. {curve.message}")
+            count = len(curve.points)
             backward = self._ongoing(_Part([p.turned() for p in reversed(curve.points)], *_end(curve, 0)))
             forward = self._ongoing(_Part(list(curve.points), *_end(curve, 1)))
-            points = [p.turned() for p in reversed(backward.points)] + forward.points[len(curve.points) :]
+            own = forward.points[:count]
+            own[0] = backward.points[count - 1].turned() if count > 1 else own[0]
+            points = [p.turned() for p in reversed(backward.points[count:])] + own + forward.points[count:]
             return self._assembled(points, (backward, forward))
 
     def _traced(self, problem: EventProblem, x: Array, q: float, beside: float) -> Curve:
@@ -201,9 +208,7 @@ class _Following:
 
     def _crossed(self, q: float) -> tuple[float, float]:
         """Weights of the control at a right angle to the event's own."""
-        control = self.condition.control(q)
-        assert control is not None
-        first, second = control.weights
+        first, second = self.condition.weights(q)
         return -second, first
 
     def _far(self, point: Point) -> bool:
