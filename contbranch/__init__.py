@@ -22,9 +22,10 @@ from contbranch.interactions import (
     Tabulated,
     VanDerWaals,
 )
-from contbranch.models import follow, solve, trace
+from contbranch.models import follow, phase_diagram, solve, trace
 from contbranch.models.axisymmetric import Axisymmetric
 from contbranch.models.exact import Exact
+from contbranch.phase import PhaseDiagram
 from contbranch.store import load
 from contbranch.tips import Cone, Parabola, PowerLaw, Profile, SphericalCap, Tip
 
@@ -51,6 +52,7 @@ __all__ = [
     "MaugisDugdale",
     "ModelError",
     "Parabola",
+    "PhaseDiagram",
     "PowerLaw",
     "Profile",
     "Response",
@@ -66,6 +68,7 @@ __all__ = [
     "Window",
     "follow",
     "load",
+    "phase_diagram",
     "solve",
     "trace",
 ]

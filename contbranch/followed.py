@@ -115,7 +115,7 @@ class Followed:
         return self.solver(value)
 
     def plot(self, y: str = "load") -> Figure:
-        """Draw an observable (or the energy's conjugate of it) against the parameter, special points marked."""
+        """Draw an observable against the parameter, special points marked."""
         from contbranch.plot_follow import followed_curve
 
         return followed_curve(self, y)

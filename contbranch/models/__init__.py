@@ -2,6 +2,7 @@
 
 from .choice import choose
 from .follow import follow
+from .phase import phase_diagram
 from .run import solve, trace
 
-__all__ = ["choose", "follow", "solve", "trace"]
+__all__ = ["choose", "follow", "phase_diagram", "solve", "trace"]

@@ -59,6 +59,8 @@ class RawEventCurve:
     special : tuple of RawSpecial
     at : callable
         All points of the curve at a value of the parameter.
+    start : int
+        Place of the event that was followed among the points.
     """
 
     points: tuple[RawPoint, ...]
@@ -68,3 +70,4 @@ class RawEventCurve:
     message: str
     newton: int
     unknowns: int
+    start: int = 0

@@ -23,7 +23,7 @@ from .family import Family, Vary, family_of
 from .outcome import Origin
 from .run import COARSEST, FINEST, _one_thread
 
-__all__ = ["follow"]
+__all__ = ["follow", "follow_in"]
 
 Progress = Callable[[float, str], None]
 
@@ -73,15 +73,31 @@ def follow(
     ModelError
         If the event is not found again.
     """
-    began = time.perf_counter()
     origin = _origin(event)
     if not FINEST <= finite_number(accuracy, "accuracy") <= COARSEST:
         raise InputError(f"accuracy: {accuracy:g}; must lie between {FINEST:g} and {COARSEST:g}")
-    contact, place = origin.contact, origin.raw.place
     present = event.stiffness if vary == "stiffness" and start is None else start
     goals = _goals(to, vary)
-    family = family_of(contact, vary, goals[0], present, event.control)
-    goals = _ordered(family, goals)
+    family = family_of(origin.contact, vary, goals[0], present, event.control)
+    return follow_in(event, family, _ordered(family, goals), accuracy, progress)
+
+
+@_one_thread
+def follow_in(
+    event: Event, family: Family, goals: tuple[float, ...], accuracy: float, progress: Progress | None = None
+) -> Followed:
+    """Follow an event in a family that starts at its own contact, to one value or to one on each side.
+
+    Raises
+    ------
+    InputError
+        If the event cannot be followed.
+    ModelError
+        If it is not found again.
+    """
+    began = time.perf_counter()
+    origin = _origin(event)
+    contact, place = origin.contact, origin.raw.place
     control = _control(event)
     if isinstance(place, ExactEvent):
         raw = follow_exact(family, place, control, goals)
@@ -150,9 +166,8 @@ def _followed(
     family: Family, event: Event, raw: RawEventCurve, choice: ModelChoice, cost: Cost, accuracy: float
 ) -> Followed:
     points, special = raw.points, raw.special
-    ahead = [point.value == family.start for point in points]
-    if ahead[-1] and not ahead[0]:  # the curve begins at the event
-        last = len(points) - 1
+    last = len(points) - 1
+    if raw.start == last:  # the curve begins at the event
         points = points[::-1]
         special = tuple(sorted((_turned(one, last) for one in special), key=lambda one: one.index))
     curve = {family.name: np.array([point.value for point in points])}

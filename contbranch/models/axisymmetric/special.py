@@ -22,7 +22,7 @@ LENGTHS = Metric(1.0, 1.0)
 OPTIONS = Options(tolerance=1e-13, noise=1e8)
 ROUNDS = 4
 # What differences leave undecided of a tangent's component.
-TANGENT_NOISE = 1e-9
+TANGENT_NOISE = 2e-10
 
 Value = Callable[[Point], float]
 

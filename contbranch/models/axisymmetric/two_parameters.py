@@ -335,6 +335,7 @@ class _Following:
             " ".join(dict.fromkeys(messages)),
             self.resolution.newton,
             self.resolution.unknowns,
+            next((k for k, point in enumerate(points) if point.label == "start"), 0),
         )
 
     def _units(self, point: Point) -> Four:
