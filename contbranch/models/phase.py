@@ -11,7 +11,7 @@ import numpy as np
 from contbranch.contact import Contact
 from contbranch.control import as_control
 from contbranch.diagram import Branch, Cost, Diagram, Event
-from contbranch.errors import InputError
+from contbranch.errors import InputError, ModelError
 from contbranch.followed import Followed
 from contbranch.phase import Part, PhaseDiagram
 
@@ -167,7 +167,11 @@ def _on(followed: Followed, event: Event, value: float, member: Contact) -> bool
     if followed.event.kind != event.kind:
         return False
     scales = member.scales
-    for point in followed.at(value):
+    try:
+        points = followed.at(value)
+    except ModelError:  # a curve that cannot be solved there is followed anew
+        return False
+    for point in points:
         near = (
             abs(point.load - event.load) <= SAME * max(scales.load, abs(event.load)),
             abs(point.displacement - event.displacement) <= SAME * max(scales.normal, abs(event.displacement)),
@@ -181,7 +185,8 @@ def _on(followed: Followed, event: Event, value: float, member: Contact) -> bool
 def _levels(boundaries: list[Followed], kind: str, parts: list[tuple[Part, ...]]) -> np.ndarray:
     """Values of the control that frame the boundaries."""
     found = [value for followed in boundaries for value in followed.curve[kind]]
-    found += [end for row in parts for part in row for end in (part.start, part.stop)]
+    if not found:
+        found = [end for row in parts for part in row for end in (part.start, part.stop)]
     finite = [value for value in found if math.isfinite(value)] or [0.0]
     low, high = min(finite), max(finite)
     room = MARGIN * ((high - low) or max(1.0, abs(high)))

@@ -50,7 +50,9 @@ LEAST_LENGTH = 1e-2
 NEAR = 1e-9
 # The border is the contact coordinate itself where the tangent has at least this component of it; otherwise a reference
 # direction, replaced when it is farther than this (cosine) from the tangent.
-UPRIGHT, ALIGNED = 0.1, 0.7
+UPRIGHT, ALIGNED = 1e-3, 0.7
+# A negative contact coordinate of this size is rounding.
+ZERO = 1e-12
 # Members of the family that are kept.
 RECENT = 8
 
@@ -220,7 +222,7 @@ class EventProblem(Problem):
         w = float(x[-1])
         if not self.contact:
             return x[:-1], w
-        return x[:-1], w**self.power if w >= 0 else math.nan
+        return x[:-1], max(w, 0.0) ** self.power if w >= -ZERO else math.nan
 
     def joined(self, h: Array, u: float) -> Array:
         """The state of (h, u)."""

@@ -428,23 +428,25 @@ class _Following:
         return found
 
     def _between(self, begin: Point, end: Point, q: float) -> Point:
-        """The point of the curve at a coordinate between two neighbouring points."""
-        if event_problem(begin).contact != event_problem(end).contact:
-            # First touch belongs to the side without contact; carry it to the other.
-            inside, outside = (begin, end) if event_problem(begin).contact else (end, begin)
-            outside = self._inward(outside, event_problem(inside))
-            begin, end = (inside, outside) if inside is begin else (outside, inside)
-        problem = event_problem(begin)
-        if event_problem(end).mesh is not problem.mesh:
-            other = event_problem(end)
-            end = replace(
-                end,
-                x=other.carried(end.x, problem.mesh),
-                tangent_x=other.carried(end.tangent_x, problem.mesh),
-            )
-        end = replace(end, problem=problem)
-        segment = Segment(begin, end, LENGTHS)
+        """The point of the curve at a coordinate between two neighbouring points.
+
+        Raises
+        ------
+        ModelError
+            If it is not found.
+        """
         try:
+            if event_problem(begin).contact != event_problem(end).contact:
+                # First touch belongs to the side without contact; carry it to the other.
+                if event_problem(begin).contact:
+                    end = self._inward(end, event_problem(begin))
+                else:
+                    begin = self._inward(begin, event_problem(end))
+            problem, other = event_problem(begin), event_problem(end)
+            if other.mesh is not problem.mesh:
+                carried = [other.carried(vector, problem.mesh) for vector in (end.x, end.tangent_x)]
+                end = replace(end, x=carried[0], tangent_x=carried[1])
+            segment = Segment(begin, replace(end, problem=problem), LENGTHS)
             return replace(land(segment, q, STEPS), parameter=q)
         except CorrectionError as error:
             raise ModelError(f"at: the event was not found at {self.family.value(q):.9g}. {error.detail}") from error
