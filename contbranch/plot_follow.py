@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
 import matplotlib as mpl
@@ -106,7 +108,9 @@ def phase_figure(phase: PhaseDiagram) -> Figure:
             touch = followed.event.kind == "touch"
             for x, line, contact in _lines(followed, y, logarithmic):
                 style = "-" if contact or touch else _DASHES
-                axes.plot(x, line, color=_TOUCH if touch else _STABLE if contact else _UNSTABLE, linestyle=style, zorder=3)
+                axes.plot(
+                    x, line, color=_TOUCH if touch else _STABLE if contact else _UNSTABLE, linestyle=style, zorder=3
+                )
             marked += [one for one in followed.special if one.kind in _MARKERS and one.control in (None, y)]
         kept: list[tuple[float, float]] = []
         texts = []
@@ -140,7 +144,11 @@ def _spacing(axes: Axes, values: Array) -> bool:
         if finite.max() < 100.0 * finite.min():
             axes.xaxis.set_major_formatter(mpl.ticker.FuncFormatter(lambda value, _: f"{value:g}"))
             axes.xaxis.set_minor_formatter(mpl.ticker.NullFormatter())
-            axes.xaxis.set_major_locator(mpl.ticker.LogLocator(subs=(1.0, 2.0, 3.0, 5.0) if finite.max() < 20.0 * finite.min() else (1.0, 2.0, 5.0)))
+            axes.xaxis.set_major_locator(
+                mpl.ticker.LogLocator(
+                    subs=(1.0, 2.0, 3.0, 5.0) if finite.max() < 20.0 * finite.min() else (1.0, 2.0, 5.0)
+                )
+            )
     return logarithmic
 
 
@@ -150,7 +158,7 @@ def _lines(followed: Followed, y: str, logarithmic: bool) -> list[tuple[Array, A
     x, values = curve[followed.parameter], curve[y]
     corners = sorted({0, len(x) - 1, *(one.index for one in followed.special if one.kind in _CORNERS)})
     lines = []
-    for first, last in zip(corners[:-1], corners[1:], strict=True):
+    for first, last in pairwise(corners):
         part = slice(first, last + 1)
         at, level = x[part], values[part]
         shown = np.isfinite(at) & ((at > 0) | (not logarithmic))
@@ -177,12 +185,11 @@ def _mark(axes: Axes, kind: str, x: float, y: float) -> None:
     )  # fmt: skip
 
 
-def _label(axes: Axes, parameter: str, units: dict[str, str] | object, y: str, natural: bool) -> None:
-    names = dict(units)  # type: ignore[call-overload]
-    unit = names.get("stiffness", "") if parameter == "stiffness" else ""
-    unit = names.get("radius", "") if parameter.endswith((".radius", ".range", ".wavelength")) else unit
+def _label(axes: Axes, parameter: str, units: Mapping[str, str], y: str, natural: bool) -> None:
+    unit = units.get("stiffness", "") if parameter == "stiffness" else ""
+    unit = units.get("radius", "") if parameter.endswith((".radius", ".range", ".wavelength")) else unit
     axes.set_xlabel(_NAMES.get(parameter, parameter) + (f" ({unit})" if unit else ""))
-    axes.set_ylabel(axis_label(y, names, natural))
+    axes.set_ylabel(axis_label(y, units, natural))
 
 
 def _natural(followed: Followed) -> bool:
@@ -215,7 +222,9 @@ def _regions(phase: PhaseDiagram, present: list[tuple[int, int]]) -> list[Patch 
     for without, within in present:
         words = [f"{n} {kind}" for n, kind in ((without, "apart"), (within, "in contact")) if n]
         label = "stable: " + (", ".join(words) or "none")
-        handles.append(Patch(facecolor=_REGIONS.get((without, within), _MANY), edgecolor=_GREY, linewidth=0.4, label=label))
+        handles.append(
+            Patch(facecolor=_REGIONS.get((without, within), _MANY), edgecolor=_GREY, linewidth=0.4, label=label)
+        )
     kinds = {(f.event.kind == "touch", bool(np.any(f.curve["contact_radius"] > 0))) for f in phase.boundaries}
     folds = [f for f in phase.boundaries if f.event.kind != "touch"]
     if any(np.any(f.curve["contact_radius"] > 0) for f in folds):

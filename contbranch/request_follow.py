@@ -84,7 +84,9 @@ def find_event(diagram: Diagram, name: str, control: object) -> Event:
     if name == "touch":
         found = [event for event in diagram.events if event.kind == "touch"]
     else:
-        found = [event for event in diagram.events if event.kind == "fold" and (event.name, event.control) == (name, kind)]
+        found = [
+            event for event in diagram.events if event.kind == "fold" and (event.name, event.control) == (name, kind)
+        ]
     if found:
         key = kind if kind != "spring" else "displacement"
         return (min if name.rstrip("-0123456789") in _LOWEST else max)(found, key=lambda event: getattr(event, key))

@@ -1,8 +1,9 @@
 """Events of the exact model along a parameter: closed forms at every value, the passage through first touch by a root.
 
-Without contact what is controlled, d + F/K, is least where the interaction's radius is ``c = 4 μ_T / (π (1 − 2π μ_T/K))``
-(reduced units), which is possible only up to the radius c_touch at first touch. The fold therefore passes first touch
-where ``4 μ_T/π = (1 − 2π μ_T/K) c_touch(μ_T)``; for displacement control, K = ∞, at μ_T = [π/(8 (1 − 1/π))]^(1/3).
+Without contact what is controlled, d + F/K, is least where the interaction's radius is
+``c = 4 μ_T / (π (1 − 2π μ_T/K))`` (reduced units), which is possible only up to the radius c_touch at first touch. The
+fold therefore passes first touch where ``4 μ_T/π = (1 − 2π μ_T/K) c_touch(μ_T)``; for displacement control, K = ∞, at
+μ_T = [π/(8 (1 − 1/π))]^(1/3).
 """
 
 from __future__ import annotations
@@ -125,9 +126,7 @@ class _Following:
         return [(a - b) / step for a, b in zip(beside.numbers, touch.numbers, strict=True)]
 
 
-def follow_exact(
-    family: Family, event: ExactEvent, control: Control | None, to: tuple[float, ...]
-) -> RawEventCurve:
+def follow_exact(family: Family, event: ExactEvent, control: Control | None, to: tuple[float, ...]) -> RawEventCurve:
     """Follow an event of the exact model to the values `to` of the family's parameter.
 
     Parameters

@@ -105,7 +105,9 @@ class Family:
         return contact.tip.scaled(scales.in_plane, scales.normal), scaled, scales
 
 
-def family_of(contact: Contact, vary: Vary, to: float, start: float | None = None, control: str | None = None) -> Family:
+def family_of(
+    contact: Contact, vary: Vary, to: float, start: float | None = None, control: str | None = None
+) -> Family:
     """The family that a user names.
 
     Parameters
@@ -176,9 +178,9 @@ def _alike(first: Interaction | None, second: Interaction | None) -> bool:
             return False
         for name, value in a.parameters().items():
             other = b.parameters()[name]
-            if isinstance(value, float) and isinstance(other, float):
-                if not math.isclose(value, other, rel_tol=1e-12, abs_tol=1e-300):
-                    return False
+            numbers = isinstance(value, float) and isinstance(other, float)
+            if numbers and not math.isclose(value, other, rel_tol=1e-12, abs_tol=1e-300):
+                return False
     return True
 
 
@@ -215,7 +217,11 @@ def _named(contact: Contact, vary: str) -> tuple[float, Callable[[float], Contac
         if law is None or contact.tabor is None:
             raise InputError("vary: tabor; the contact has no interaction")
         present, whole = contact.tabor, law
-        return present, lambda value: Contact(tip, whole.scaled(value / present, 1.0), contact.modulus, contact.units), False
+        return (
+            present,
+            lambda value: Contact(tip, whole.scaled(value / present, 1.0), contact.modulus, contact.units),
+            False,
+        )
     if vary.startswith("tip."):
         name = vary.removeprefix("tip.")
         number = _number(tip, name, vary)

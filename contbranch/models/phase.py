@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -44,7 +45,7 @@ def phase_diagram(
     """Find the regions of a parameter and a control by the number and kind of stable states.
 
     The contact is traced at values of the parameter; every fold of the control and every first touch met there is
-    followed to both ends, unless it lies on a curve that is known. Two folds that appear and vanish between neighbouring
+    followed to both ends, unless it lies on a curve that is known. Folds that appear and vanish between neighbouring
     values are missed: ask for more samples.
 
     Parameters
@@ -109,7 +110,7 @@ def phase_diagram(
                 messages.append(boundaries[-1].message)
     return PhaseDiagram(
         parameter=family.name,
-        control=kind,  # type: ignore[arg-type]
+        control=kind,
         values=np.array(values),
         parts=tuple(parts),
         levels=_levels(boundaries, kind, parts),
@@ -139,7 +140,7 @@ def _parts(diagram: Diagram, kind: str) -> tuple[Part, ...]:
         *(getattr(e, kind) for e in events),
         math.inf if diagram.status == "complete" else float(control[-1]),
     ]
-    stable = [_stable(unstable, a, b) for a, b in zip(rows[:-1], rows[1:], strict=True)]
+    stable = [_stable(unstable, a, b) for a, b in pairwise(rows)]
     for k in range(len(stable)):
         if stable[k] is None:  # no row between two events: a fold's other side
             other = stable[k - 1] if k else stable[k + 1]

@@ -29,7 +29,7 @@ Value = Callable[[Point], float]
 
 @dataclass(frozen=True)
 class Precise:
-    """A special point: coordinate of the family, the four observables (reduced units), errors, and the curve's point."""
+    """A special point: the family's coordinate, the four observables (reduced units), errors, and the curve's point."""
 
     q: float
     q_error: float
@@ -111,17 +111,15 @@ def located(point: Point, value: Value) -> tuple[Point, float]:
 def moved(point: Point, problem: EventProblem) -> Point:
     """A point carried to the problem on another mesh (not corrected)."""
     old, mesh = event_problem(point), problem.mesh
-    return replace(
-        point, problem=problem, x=old.carried(point.x, mesh), tangent_x=old.carried(point.tangent_x, mesh)
-    )
+    return replace(point, problem=problem, x=old.carried(point.x, mesh), tangent_x=old.carried(point.tangent_x, mesh))
 
 
-def on_mesh(point: Point, mesh: object, sharpness: float) -> Point:
-    """A point on another mesh, whose differences are of fourth order."""
+def on_mesh(point: Point, mesh: object, sharpness: float, fine: bool) -> Point:
+    """A point on another mesh; `fine`: with differences of fourth order, where tangents are results."""
     problem = event_problem(point)
     v_h, v_u = problem.on_sheet(point.x, point.parameter).tangent
     reference = (problem.mesh.interpolate(v_h, mesh.nodes), v_u)  # type: ignore[attr-defined]
-    return moved(point, problem.on(mesh, reference, sharpness, fine=True))  # type: ignore[arg-type]
+    return moved(point, problem.on(mesh, reference, sharpness, fine))  # type: ignore[arg-type]
 
 
 def precise(point: Point, value: Value, accuracy: float, noise: float = 0.0) -> Precise:
@@ -134,13 +132,14 @@ def precise(point: Point, value: Value, accuracy: float, noise: float = 0.0) -> 
     accuracy : float
         Relative to max(1, |value|), reduced units.
     noise : float
-        What is left undecided of `value`.
+        What differences leave undecided of `value`, where it depends on the tangent of the curve.
 
     Raises
     ------
     CorrectionError
         If the curve cannot be followed to it.
     """
+    fine = noise > 0.0
     for _ in range(REMESHES):
         problem = event_problem(point)
         h, u = problem.split(point.x)
@@ -148,16 +147,15 @@ def precise(point: Point, value: Value, accuracy: float, noise: float = 0.0) -> 
         if member.relative_error(member.fields(h, u)) <= AIM * accuracy:
             break
         trial, _ = member.remeshed(h, u, AIM * accuracy)
-        point = on_mesh(point, trial.equations.mesh, trial.sharpness)
+        point = on_mesh(point, trial.equations.mesh, trial.sharpness, fine)
         point, _ = located(point, value)
     problem = event_problem(point)
-    here, open_here = located(on_mesh(point, problem.mesh, problem.sharpness), value)
+    here, open_here = located(on_mesh(point, problem.mesh, problem.sharpness, fine), value)
     found: Precise | None = None
     for _ in range(ROUNDS):
         try:
-            there, open_there = located(
-                on_mesh(here, event_problem(here).mesh.finer, event_problem(here).sharpness), value
-            )
+            own = event_problem(here)
+            there, open_there = located(on_mesh(here, own.mesh.finer, own.sharpness, fine), value)
         except CorrectionError:
             if found is None:
                 raise
@@ -184,7 +182,7 @@ def _compared(here: Point, there: Point, position: float, accuracy: float) -> Pr
     )
     floor = ROUNDING + FLOOR * accuracy
     error = [
-        SAFETY * abs(a - b) + floor * max(1.0, abs(a)) + 2 * position * abs(c - a) / 1e-5 if a or b else 0.0
+        float(SAFETY * abs(a - b) + floor * max(1.0, abs(a)) + 2 * position * abs(c - a) / 1e-5) if a or b else 0.0
         for a, b, c in zip(values, others, numbers(ahead), strict=True)
     ]
     rate = abs(ahead.parameter - here.parameter) / 1e-5

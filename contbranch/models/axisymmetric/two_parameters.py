@@ -17,9 +17,11 @@ from contbranch.errors import InputError, ModelError
 from contbranch.models.event_curve import Four, RawEventCurve, RawPoint, RawSpecial
 from contbranch.models.family import Family
 
-from .event_problem import Condition, EventProblem, FoldCondition, Surface, TouchCondition, rates
+from .conditions import Condition, EventCondition, FoldCondition, Surface, TouchCondition
+from .event_problem import EventProblem
 from .locate import Place, refine
-from .problem import COARSE, FoldEvent, Resolution
+from .meetings import MESSAGES, SPECIAL, Inadmissible, Meeting, Touch, Turn
+from .problem import FoldEvent, Resolution
 from .special import LENGTHS, TANGENT_NOISE, at_place, event_problem, precise
 from .trace import START_SHARE, TRACE_TOLERANCE, order_for
 
@@ -43,83 +45,9 @@ STEPS = Options(
 BESIDE = (0.06, 0.02, 0.006, 0.002)
 # A curve passes first touch no more often than this.
 PASSAGES = 8
-# Error of loads along the curve where it may lead far away, and the energy of the interaction, in multiples of it, up to
-# which it is followed there.
+# Error of loads along the curve where it may lead far away, and the energy of the interaction, in multiples of it, up
+# to which it is followed there.
 FAR_TOLERANCE, RESOLVED = 1e-9, 10.0
-# While following, the gap may be this much below zero (in ranges), as while tracing.
-INADMISSIBLE = 1e-3
-
-SPECIAL = ("cusp", "touch", "coincidence", "load", "displacement")
-MESSAGES = {
-    "cusp": "Two folds merge: a cusp. The curve goes on as the other fold.",
-    "touch-pair": "Two first touches merge: the parameter has an extremum along them.",
-    "coincidence": "Load and displacement have their folds at the same state, and with them every spring.",
-    "meeting": "A fold of this control lies exactly at first touch.",
-    "fold-through-touch": "The fold passes first touch: on one side it has contact, on the other none.",
-    "cusp-at-touch": "Two folds, one with contact and one without, meet at first touch and end there: a kinked cusp.",
-}
-
-
-class Turn(Event):
-    """The parameter turns round: two events merge."""
-
-    name = "cusp"
-    relative_resolution = COARSE
-
-    def value(self, point: Point) -> float:
-        """Component of the tangent."""
-        return point.tangent_parameter
-
-
-class Touch(Event):
-    """First touch: from without at u = 0, from within at a small radius."""
-
-    name = "touch"
-    terminal = True
-    hidden_pairs = False
-
-    def __init__(self, beside: float) -> None:
-        self.beside = beside
-
-    def value(self, point: Point) -> float:
-        """The contact coordinate, minus half of that at which curves start within."""
-        w = float(point.x[-1])
-        return w - 0.5 * self.beside if event_problem(point).contact else w
-
-
-class Meeting(Event):
-    """The rate of another control vanishes, too."""
-
-    relative_resolution = COARSE
-
-    def __init__(self, name: str, weights: Callable[[float], tuple[float, float]]) -> None:
-        self.name, self.weights = name, weights
-
-    def value(self, point: Point) -> float:
-        """Weighted rates of load and displacement along the equilibria at fixed parameter."""
-        first, second = self.weights(point.parameter)
-        load, displacement = rates(event_problem(point).on_sheet(point.x, point.parameter))
-        return first * load + second * displacement
-
-
-class Inadmissible(Event):
-    """The contact set stops being a disc."""
-
-    name = "inadmissible"
-    terminal = True
-    hidden_pairs = False
-    relative_resolution = COARSE
-
-    def value(self, point: Point) -> float:
-        """As `InadmissibleEvent` has it."""
-        problem = event_problem(point)
-        h, u = problem.split(point.x)
-        member = problem.member(point.parameter)
-        fields = member.fields(h, u)
-        if problem.contact:
-            return member.equations.admissibility(fields, member.scale) + INADMISSIBLE
-        # Beyond first touch the gap is negative at the centre before the curve is cut there.
-        return (float(fields.gap.min()) + max(fields.y, 0.0)) / member.scale + INADMISSIBLE
 
 
 @dataclass(frozen=True)
@@ -132,45 +60,52 @@ class _Part:
 
 
 def follow_event(
-    family: Family, place: Place, control: Control | None, to: tuple[float, ...], accuracy: float,
+    family: Family, place: Place, what: Control | Event | None, to: tuple[float, ...], accuracy: float,
     progress: Progress | None = None,
 ) -> RawEventCurve:  # fmt: skip
-    """Follow a fold (of `control`) or first touch (None) to the values `to` of the family's parameter.
+    """Follow an event to the values `to` of the family's parameter.
 
     Parameters
     ----------
     place : Place
         The event at the start of the family, in reduced units.
-    control : Control or None
-        Reduced units.
+    what : Control, Event or None
+        The control (reduced units) whose fold it is, another event of the curves of equilibria, or first touch.
     to : tuple of float
         One value, or one on each side of the start.
     accuracy : float
         Error allowed to every number, relative to max(1, |value|) in reduced units.
     """
-    return _Following(family, place, control, to, accuracy, progress).result()
+    return _Following(family, place, what, to, accuracy, progress).result()
 
 
 class _Following:
     """One event on its way."""
 
     def __init__(
-        self, family: Family, place: Place, control: Control | None, to: tuple[float, ...], accuracy: float,
+        self, family: Family, place: Place, what: Control | Event | None, to: tuple[float, ...], accuracy: float,
         progress: Progress | None,
     ) -> None:  # fmt: skip
         self.family, self.accuracy, self.progress = family, accuracy, progress
-        self.touch = control is None
+        self.touch, self.fold = what is None, isinstance(what, Control)
+        self.event = what if isinstance(what, Event) else None
         # The stiffness of a weak spring is that of the interaction far away, where loads are small.
         tolerance = FAR_TOLERANCE if family.spacing == "angle" else TRACE_TOLERANCE / 3
         self.resolution = Resolution(tolerance, order_for(tolerance))
-        self.condition: Condition = TouchCondition() if control is None else FoldCondition(family, control)
+        self.condition: Condition = TouchCondition()
+        if isinstance(what, Control):
+            self.condition = FoldCondition(family, what)
+        elif what is not None:
+            self.condition = EventCondition(what)
         problem = place.problem
         size = math.sqrt(problem.inner(place.x, place.x)) or problem.scale
         surface = Surface(family, problem.scale, problem.equations.coordinate, self.resolution, size)
         self.surface = surface
         direction = problem.direction(place.x, place.u) if self.touch else place.direction
         contact = problem.equations.contact and not self.touch
-        self.start = EventProblem(surface, problem.equations.mesh, contact, self.condition, direction, problem.sharpness)
+        self.start = EventProblem(
+            surface, problem.equations.mesh, contact, self.condition, direction, problem.sharpness
+        )
         self.x = self.start.joined(place.x, place.u)
         self.q = family.coordinate(family.start)
         self.goals = {family.coordinate(value): value for value in to}
@@ -198,10 +133,12 @@ class _Following:
 
     def _traced(self, problem: EventProblem, x: Array, q: float, beside: float) -> Curve:
         events: list[Event] = [Turn(), Inadmissible()]
-        if self.touch:
-            events += [Meeting("load", lambda _: LOAD.weights), Meeting("displacement", lambda _: DISPLACEMENT.weights)]
+        if self.fold:
+            events.append(Meeting("coincidence", self._crossed))
         else:
-            events += [Touch(beside), Meeting("coincidence", self._crossed)]
+            events += [Meeting("load", lambda _: LOAD.weights), Meeting("displacement", lambda _: DISPLACEMENT.weights)]
+        if not self.touch:
+            events.append(Touch(beside))
         stop = StopAt(predicate=self._far)
         low, high = self.interval
         return trace_curve(problem, x, min(max(q, low), high), self.interval, STEPS, events, stop)
@@ -362,7 +299,7 @@ class _Following:
         h, u = problem.split(point.x)
         member = problem.member(point.parameter)
         control = self.condition.control(point.parameter)
-        event = None if control is None else FoldEvent(control, name=control.kind)
+        event = self.event if control is None else FoldEvent(control, name=control.kind)
         place = Place(member, h, u, problem.on_sheet(point.x, point.parameter).tangent)
         values, _ = refine(place, event, self.accuracy)
         return self._raw(point, values.numbers, values.error)
@@ -384,17 +321,21 @@ class _Following:
         """Name, control and message of a special point, the function that vanishes there, and its noise."""
         point = points[k]
         if point.label == "cusp":
-            return "cusp", None, MESSAGES["touch-pair" if self.touch else "cusp"], Turn().value, TANGENT_NOISE
+            message = MESSAGES["cusp" if self.fold else "pair"]
+            return "cusp", None, message, Turn().value, TANGENT_NOISE
         if point.label == "coincidence":
             return "coincidence", None, MESSAGES["coincidence"], Meeting("", self._crossed).value, 0.0
         if point.label in ("load", "displacement"):
             weights = (LOAD if point.label == "load" else DISPLACEMENT).weights
             meeting = Meeting(point.label, lambda _: weights)
-            return "fold-through-touch", point.label, MESSAGES["meeting"], meeting.value, 0.0
+            if self.touch:
+                return "fold-through-touch", point.label, MESSAGES["meeting"], meeting.value, 0.0
+            return "coincidence", point.label, MESSAGES["met"], meeting.value, 0.0
         before, after = points[max(k - 1, 0)].parameter, points[min(k + 1, len(points) - 1)].parameter
-        through = (point.parameter - before) * (after - point.parameter) > 0
+        through = (point.parameter - before) * (after - point.parameter) > 0 or not self.fold
         kind = "fold-through-touch" if through or k in (0, len(points) - 1) else "cusp-at-touch"
-        return kind, None, MESSAGES[kind], lambda there: float(there.x[-1]), 0.0
+        message = MESSAGES[kind] if self.fold else "The event lies exactly at first touch."
+        return kind if self.fold else "through-touch", None, message, lambda there: float(there.x[-1]), 0.0
 
     def _ending(self, part: _Part) -> tuple[bool, str, str | None]:
         """Whether an end is one that was to be expected, a sentence, and the kind of special point that it is."""
@@ -422,9 +363,8 @@ class _Following:
             for k, (point, row) in enumerate(zip(self.points, self.rows, strict=True)):
                 if row.value == value or point.parameter == q:
                     found.append(row)
-                elif k and (self.points[k - 1].parameter < q) != (point.parameter < q):
-                    if self.points[k - 1].parameter != q:
-                        found.append(self.row(self._between(self.points[k - 1], point, q)))
+                elif k and (self.points[k - 1].parameter - q) * (point.parameter - q) < 0:
+                    found.append(self.row(self._between(self.points[k - 1], point, q)))
         return found
 
     def _between(self, begin: Point, end: Point, q: float) -> Point:
