@@ -37,7 +37,8 @@ class Surface:
     family : Family
     scale : float
         Range in the contact parameter u, ``y = scale · sinh(u)``: the same along the whole curve.
-    coordinate : ContactCoordinate
+    power : float
+        m in the contact coordinate y = a^m, the same along the whole curve.
     resolution : Resolution
     size : float
         √∫h² of a typical state: the unit of h in lengths.
@@ -45,7 +46,7 @@ class Surface:
 
     family: Family
     scale: float
-    coordinate: ContactCoordinate
+    power: float
     resolution: Resolution
     size: float
     _members: dict[float, tuple[Tip, Interaction | None]] = field(default_factory=dict)
@@ -57,7 +58,7 @@ class Surface:
                 self._members.pop(next(iter(self._members)))
             self._members[q] = self.family.reduced(q)[:2]
         tip, law = self._members[q]
-        equations = Equations(tip, law, mesh, self.coordinate, contact)
+        equations = Equations(tip, law, mesh, ContactCoordinate(tip, self.power), contact)
         return ContactProblem(equations, self.scale, self.resolution, sharpness)
 
 

@@ -89,7 +89,7 @@ class EventProblem(Problem):
             self._border = np.zeros(direction.size)
             self._border[-1] = math.copysign(1.0, float(direction[-1]))
         self._kept: list[tuple[Array, float, Sheet]] = []
-        self.power = surface.coordinate.power if contact else 1.0
+        self.power = surface.power if contact else 1.0
 
     # -- state --------------------------------------------------------------------------------------------------------
     def split(self, x: Array) -> tuple[Array, float]:

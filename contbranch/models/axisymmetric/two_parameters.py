@@ -99,7 +99,7 @@ class _Following:
             self.condition = EventCondition(what)
         problem = place.problem
         size = math.sqrt(problem.inner(place.x, place.x)) or problem.scale
-        surface = Surface(family, problem.scale, problem.equations.coordinate, self.resolution, size)
+        surface = Surface(family, problem.scale, problem.equations.coordinate.power, self.resolution, size)
         self.surface = surface
         direction = problem.direction(place.x, place.u) if self.touch else place.direction
         contact = problem.equations.contact and not self.touch
