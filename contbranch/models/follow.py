@@ -167,9 +167,15 @@ def _followed(
 ) -> Followed:
     points, special = raw.points, raw.special
     last = len(points) - 1
-    if raw.start == last:  # the curve begins at the event
+    turned = raw.start == last  # the curve begins at the event
+    if turned:
         points = points[::-1]
         special = tuple(sorted((_turned(one, last) for one in special), key=lambda one: one.index))
+
+    def at(value: float) -> tuple[FollowedPoint, ...]:
+        found = [_point(family, point) for point in raw.at(float(value))]
+        return tuple(found[::-1] if turned else found)
+
     curve = {family.name: np.array([point.value for point in points])}
     error = {}
     for k, key in enumerate(KEYS):
@@ -189,7 +195,7 @@ def _followed(
         status="complete" if raw.complete else "incomplete",
         message=raw.message,
         unit_names=contact.units.names,
-        solver=_one_thread(lambda value: tuple(_point(family, point) for point in raw.at(float(value)))),
+        solver=_one_thread(at),
     )
 
 

@@ -108,6 +108,7 @@ class _Following:
         )
         self.x = self.start.joined(place.x, place.u)
         self.q = family.coordinate(family.start)
+        self.begin = 0
         self.goals = {family.coordinate(value): value for value in to}
         ends = [self.q, *self.goals]
         self.interval = (min(ends), max(ends))
@@ -128,7 +129,9 @@ class _Following:
             forward = self._ongoing(_Part(list(curve.points), *_end(curve, 1)))
             own = forward.points[:count]
             own[0] = backward.points[count - 1].turned() if count > 1 else own[0]
-            points = [p.turned() for p in reversed(backward.points[count:])] + own + forward.points[count:]
+            behind = [p.turned() for p in reversed(backward.points[count:])]
+            self.begin = len(behind) + next(k for k, point in enumerate(own) if point.label == "start")
+            points = behind + own + forward.points[count:]
             return self._assembled(points, (backward, forward))
 
     def _traced(self, problem: EventProblem, x: Array, q: float, beside: float) -> Curve:
@@ -272,7 +275,7 @@ class _Following:
             " ".join(dict.fromkeys(messages)),
             self.resolution.newton,
             self.resolution.unknowns,
-            next((k for k, point in enumerate(points) if point.label == "start"), 0),
+            self.begin,
         )
 
     def _units(self, point: Point) -> Four:
@@ -286,7 +289,7 @@ class _Following:
     def _raw(self, point: Point, values: Four, error: Four) -> RawPoint:
         units = self._units(point)
         scaled = [v * s for v, s in zip(values, units, strict=True)]
-        errors = [e * s for e, s in zip(error, units, strict=True)]
+        errors = [float(e) * s for e, s in zip(error, units, strict=True)]
         return RawPoint(
             self._value(point.parameter),
             (scaled[0], scaled[1], scaled[2], scaled[3]),
