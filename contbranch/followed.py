@@ -114,11 +114,12 @@ class Followed:
         assert self.solver is not None
         return self.solver(value)
 
-    def plot(self, y: str = "load") -> Figure:
-        """Draw an observable against the parameter, special points marked."""
+    def plot(self, y: str | None = None) -> Figure:
+        """Draw an observable against the parameter, special points marked; default: the displacement for folds under
+        displacement control, otherwise the load."""
         from contbranch.plot_follow import followed_curve
 
-        return followed_curve(self, y)
+        return followed_curve(self, y or ("displacement" if self.event.control == "displacement" else "load"))
 
     def document(self) -> dict[str, Any]:
         """Return the JSON document, format ``contbranch-follow``."""

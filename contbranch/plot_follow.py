@@ -38,6 +38,12 @@ _NAMES: Final = {
     "tip.radius": "Tip radius $R$",
     "parameter": "Parameter",
 }
+_FIELDS: Final = {
+    "range": "Range $z_0$",
+    "work_of_adhesion": r"Work of adhesion $\Delta\gamma$",
+    "wavelength": r"Wavelength $\lambda$",
+    "phase": r"Phase $\varphi$",
+}
 # Parts of a curve at which its drawn line may have a corner.
 _CORNERS: Final = ("cusp", "cusp-at-touch", "fold-through-touch")
 _MARKERS: Final = {"cusp": "o", "cusp-at-touch": "D", "fold-through-touch": "D", "coincidence": "s"}
@@ -186,10 +192,22 @@ def _mark(axes: Axes, kind: str, x: float, y: float) -> None:
 
 
 def _label(axes: Axes, parameter: str, units: Mapping[str, str], y: str, natural: bool) -> None:
-    unit = units.get("stiffness", "") if parameter == "stiffness" else ""
-    unit = units.get("radius", "") if parameter.endswith((".radius", ".range", ".wavelength")) else unit
-    axes.set_xlabel(_NAMES.get(parameter, parameter) + (f" ({unit})" if unit else ""))
+    axes.set_xlabel(_parameter_label(parameter, units))
     axes.set_ylabel(axis_label(y, units, natural))
+
+
+def _parameter_label(parameter: str, units: Mapping[str, str]) -> str:
+    """Words, symbol and unit of a parameter."""
+    words, unit = _NAMES.get(parameter, parameter), ""
+    which, _, name = parameter.rpartition(".")
+    if which.startswith("interaction") and name in _FIELDS:
+        number = which.removeprefix("interaction").strip("[]")
+        words = _FIELDS[name] + (f" of law {number}" if number else "")
+    if units:
+        length = name in ("radius", "range", "wavelength", "length")
+        unit = units["radius"] if length else {"stiffness": "nN/nm", "modulus": "nN/nm²"}.get(parameter, "")
+        unit = "nN/nm" if name == "work_of_adhesion" else unit
+    return words + (f" ({unit})" if unit else "")
 
 
 def _natural(followed: Followed) -> bool:

@@ -300,6 +300,7 @@ class _Following:
         """The event at the parameter of a point of the curve, located there on meshes made for it."""
         problem = event_problem(point)
         h, u = problem.split(point.x)
+        u = 0.0 if self.touch else u
         member = problem.member(point.parameter)
         control = self.condition.control(point.parameter)
         event = self.event if control is None else FoldEvent(control, name=control.kind)
@@ -317,7 +318,10 @@ class _Following:
             where = f"{self.family.name} = {self._value(point.parameter):.6g}"
             return f"The point at {where} ({kind}) could not be made precise. {error.detail}"
         rate = abs(self.family.rate(found.q))
-        row = self._raw(found.point, found.numbers, found.error)
+        values, uncertain = found.numbers, found.error
+        if self.touch or point.label == "touch":
+            values, uncertain = (*values[:2], 0.0, 0.0), (*uncertain[:2], 0.0, 0.0)
+        row = self._raw(found.point, values, uncertain)
         return RawSpecial(kind, k, row, found.q_error * rate, control, message)
 
     def _kind(self, points: list[Point], k: int) -> tuple[str, str | None, str, Callable[[Point], float], float]:
