@@ -19,7 +19,7 @@ from contbranch.models.family import Family
 
 from .conditions import Condition, EventCondition, FoldCondition, Surface, TouchCondition
 from .event_problem import EventProblem
-from .locate import Place, refine
+from .locate import REMESHES, Place, refine
 from .meetings import MESSAGES, SPECIAL, Inadmissible, Meeting, Touch, Turn
 from .problem import FoldEvent, Resolution
 from .special import LENGTHS, TANGENT_NOISE, at_place, event_problem, precise
@@ -101,13 +101,9 @@ class _Following:
         size = math.sqrt(problem.inner(place.x, place.x)) or problem.scale
         surface = Surface(family, problem.scale, problem.equations.coordinate.power, self.resolution, size)
         self.surface = surface
-        direction = problem.direction(place.x, place.u) if self.touch else place.direction
-        contact = problem.equations.contact and not self.touch
-        self.start = EventProblem(
-            surface, problem.equations.mesh, contact, self.condition, direction, problem.sharpness
-        )
-        self.x = self.start.joined(place.x, place.u)
         self.q = family.coordinate(family.start)
+        contact = problem.equations.contact and not self.touch
+        self.start, self.x = self._starting(place, contact, problem.sharpness)
         self.begin = 0
         self.goals = {family.coordinate(value): value for value in to}
         ends = [self.q, *self.goals]
@@ -115,6 +111,19 @@ class _Following:
         if not self.interval[0] < self.interval[1]:
             raise InputError(f"to: {to[0]:g}; is the present value of {family.name}, give another one")
         self.reach = max(START_SHARE * accuracy / (2 * math.pi), RESOLVED * tolerance)
+
+    def _starting(self, place: Place, contact: bool, sharpness: float) -> tuple[EventProblem, Array]:
+        """The augmented system and its state at the start, on a mesh as fine as the curve needs."""
+        member = self.surface.problem(self.q, place.problem.equations.mesh, contact, sharpness)
+        x, u, v = place.x, place.u, place.direction
+        for _ in range(REMESHES):  # the event may come from a trace for fewer digits
+            if member.relative_error(member.fields(x, u)) <= self.resolution.tolerance:
+                break
+            old, (member, x) = member.equations.mesh, member.remeshed(x, u)
+            v = (old.interpolate(v[0], member.equations.mesh.nodes), v[1])
+        direction = member.direction(x, u) if self.touch else v
+        start = EventProblem(self.surface, member.equations.mesh, contact, self.condition, direction, member.sharpness)
+        return start, start.joined(x, u)
 
     # -- the curve ----------------------------------------------------------------------------------------------------
     def result(self) -> RawEventCurve:
