@@ -45,8 +45,14 @@ _FIELDS: Final = {
     "phase": r"Phase $\varphi$",
 }
 # Parts of a curve at which its drawn line may have a corner.
-_CORNERS: Final = ("cusp", "cusp-at-touch", "fold-through-touch")
-_MARKERS: Final = {"cusp": "o", "cusp-at-touch": "D", "fold-through-touch": "D", "coincidence": "s"}
+_CORNERS: Final = ("cusp", "cusp-at-touch", "fold-through-touch", "through-touch")
+_MARKERS: Final = {
+    "cusp": "o",
+    "cusp-at-touch": "D",
+    "fold-through-touch": "D",
+    "coincidence": "s",
+    "through-touch": "D",
+}
 _LOGARITHMIC: Final = 4.0  # ratio of the largest to the least value from which the axis is logarithmic
 _DASHES: Final = (0, (3.2, 1.6))
 # Colours of the regions (states without contact, states with contact).

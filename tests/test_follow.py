@@ -212,6 +212,18 @@ def test_folds_of_a_spring_merge_at_first_touch_or_leave_to_infinity():
     assert left.value < 1e-4
 
 
+def test_the_fold_of_a_spring_passes_first_touch():
+    """Separate traces with a slightly softer and a slightly stiffer spring have it on either side."""
+    contact = cb.Contact.reduced(cb.Gauss, tabor=1.5)
+    followed = cb.follow(event(contact, "pull-off", "load"), "stiffness", to=math.inf, accuracy=1e-8)
+    passage = next(one for one in followed.special if one.kind == "fold-through-touch")
+    touch = event(contact, "touch")
+    assert passage.load == pytest.approx(touch.load, abs=passage.error["load"] + touch.error["load"])
+    softer, stiffer = (event(contact, "pull-off", cb.Spring(passage.value * s)) for s in (0.9999, 1.0001))
+    assert softer.contact_radius > 0.0
+    assert stiffer.central_gap > 0.0
+
+
 # What cannot be followed.
 
 
@@ -252,6 +264,9 @@ def test_only_folds_and_touches_of_a_trace_can_be_followed():
     touch = next(e for e in found.events if e.kind == "touch")
     with pytest.raises(cb.InputError, match="only folds of"):
         cb.follow(touch, "stiffness", to=2.0)
+    plain = cb.trace(cb.Contact(cb.Parabola(1.0)))
+    with pytest.raises(cb.InputError, match="without interaction"):
+        cb.follow(next(e for e in plain.events if e.kind == "touch"), "tip.radius", to=2.0)
     bare = cb.Event("fold", 0.0, 0.0, 0.0, 0.0, {})
     with pytest.raises(cb.InputError, match="it was loaded"):
         cb.follow(bare, "tabor", to=2.0)

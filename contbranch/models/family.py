@@ -153,7 +153,12 @@ def _own(contact: Contact, vary: Callable[[float], Contact], start: float | None
         raise InputError("start: missing; give the present value of the parameter that the function takes")
 
     def member(value: float) -> Contact:
-        found = vary(value)
+        try:
+            found = vary(value)
+        except InputError:
+            raise
+        except Exception as error:  # a function written by the user may raise anything; its text is kept
+            raise InputError(f"vary: the function fails at {value:g}: {type(error).__name__}: {error}") from error
         if not isinstance(found, Contact):
             raise InputError(f"vary: the function returned {type(found).__name__} at {value:g}; must return a Contact")
         return found

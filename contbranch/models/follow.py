@@ -119,6 +119,8 @@ def _origin(event: Event) -> Origin:
         raise InputError(f"event: {event.kind}; only folds and first touch can be followed")
     if not isinstance(event.origin, Origin):
         raise InputError("event: it was loaded, and its state is not kept; trace the contact and take it from there")
+    if event.origin.contact.interaction is None:
+        raise InputError("event: without interaction first touch stays at zero load and displacement")
     return event.origin
 
 
@@ -141,7 +143,7 @@ def _ordered(family: Family, goals: tuple[float, ...]) -> tuple[float, ...]:
             try:
                 family.member(value)
             except InputError as error:
-                raise InputError(f"to: {value:g}; {error}") from error
+                raise InputError(f"to: {value:g}; {str(error).removeprefix('vary: ')}") from error
     other = tuple(value for value in dict.fromkeys(goals) if value != family.start)
     if not other:
         raise InputError(f"to: {goals[0]:g}; is the present value of {family.name}, give another one")
