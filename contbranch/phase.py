@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 FINE = 320
+# Ends of parts that merge in a special point: two folds, or two folds with first touch between them.
+MERGING = {"cusp": 2, "cusp-at-touch": 3}
 
 
 @dataclass(frozen=True)
@@ -122,33 +124,58 @@ class PhaseDiagram:
             runs[-1].append(k) if same else runs.append([k])
         return runs
 
+    def _between(self, last: int) -> Any | None:
+        """The special point between a curve and the next, if there is one."""
+        low, high = self.values[last : last + 2]
+        found = [one for one in self.special if one.control is None and low < one.value < high]
+        return found[0] if found else None
+
     def _change(self, last: int) -> float:
         """Coordinate at which the parts change after a curve."""
-        low, high = self._coordinate(self.values[last : last + 2])
-        values = np.array([one.value for one in self.special if np.isfinite(one.value) and one.control is None])
-        if self.logarithmic:
-            values = values[values > 0]
-        between = [float(c) for c in self._coordinate(values) if low < c < high]
-        return between[0] if between else float(low + high) / 2
+        special = self._between(last)
+        q = self._coordinate(self.values[last : last + 2])
+        if special is None:
+            return float(q[0] + q[1]) / 2
+        return float(self._coordinate(np.array([special.value]))[0])
 
     def _interpolated(self, q: Array, run: list[int], at: float) -> list[Part]:
-        if len(run) == 1:
-            return list(self.parts[run[0]])
-        parts = []
-        for j, model in enumerate(self.parts[run[0]]):
-            ends = []
-            for name in ("start", "stop"):
-                column = np.array([getattr(self.parts[k][j], name) for k in run])
-                finite = bool(np.isfinite(column).all())
-                ends.append(float(PchipInterpolator(q[run], column)(at)) if finite else float(column[0]))
-            parts.append(Part(ends[0], ends[1], model.contact, model.stable))
-        return parts
+        """The parts at a coordinate within (or close to) a run of curves with the same parts.
+
+        Ends of parts are interpolated; those that merge in a special point beside the run go through it.
+        """
+        model = self.parts[run[0]]
+        rows = [np.array([self.parts[k][0].start, *(part.stop for part in self.parts[k])]) for k in run]
+        knots: list[dict[float, float]] = [
+            {float(q[k]): float(row[j]) for k, row in zip(run, rows, strict=True)} for j in range(len(model) + 1)
+        ]
+        for inner, outer, row in ((run[0], run[0] - 1, rows[0]), (run[-1], run[-1] + 1, rows[-1])):
+            if not 0 <= outer < len(self.parts) or len(self.parts[outer]) > len(model):
+                continue
+            special = self._between(min(inner, outer))
+            count = MERGING.get(special.kind, 0) if special is not None else 0
+            if special is None or not 0 < count <= len(model) - 1:
+                continue
+            place, level = self._change(min(inner, outer)), getattr(special, self.control)
+            first = min(range(1, len(model) - count + 1), key=lambda k: float(np.abs(row[k : k + count] - level).max()))
+            for j in range(first, first + count):
+                knots[j][place] = level
+        limits = [_through(knot, at) for knot in knots]
+        return [Part(limits[j], limits[j + 1], part.contact, part.stable) for j, part in enumerate(model)]
 
     def plot(self) -> Figure:
         """Draw the regions, their boundaries, and the special points."""
         from contbranch.plot_follow import phase_figure
 
         return phase_figure(self)
+
+
+def _through(knots: dict[float, float], at: float) -> float:
+    """Interpolation without overshoot through knots."""
+    places = np.array(sorted(knots))
+    levels = np.array([knots[place] for place in places])
+    if len(places) < 2 or not np.isfinite(levels).all():
+        return float(levels[0])
+    return float(PchipInterpolator(places, levels)(at))
 
 
 def counted(parts: tuple[Part, ...] | list[Part], levels: Array) -> tuple[Integers, Integers]:

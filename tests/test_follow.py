@@ -308,7 +308,7 @@ def test_a_phase_diagram_finds_folds_that_the_present_contact_does_not_have(tmp_
     assert without.shape == within.shape == (len(values), len(levels))
     end = next(one.value for one in phase.special if one.kind == "cusp-at-touch")
     coexisting = values[((without > 0) & (within > 0)).any(axis=1)]
-    assert end < coexisting.min() < end + 0.04  # ends of parts are extrapolated over half a step
+    assert end < coexisting.min() < end + 0.03  # the wedge is narrow there
     phase.plot().savefig(tmp_path / "phase.png")
 
 
