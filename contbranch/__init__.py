@@ -8,6 +8,7 @@ one of them. Closed-form theories are in `contbranch.theory`, continuation of an
 from contbranch.contact import Contact
 from contbranch.control import Spring
 from contbranch.diagram import Branch, Diagram, Event, Exponent, LocalExponent, Solution, State, Window
+from contbranch.equilibria import Barrier, Equilibria
 from contbranch.errors import InputError, ModelError
 from contbranch.followed import Followed, FollowedPoint, Special
 from contbranch.interactions import (
@@ -22,7 +23,8 @@ from contbranch.interactions import (
     Tabulated,
     VanDerWaals,
 )
-from contbranch.models import follow, phase_diagram, solve, trace
+from contbranch.loop import Hysteresis
+from contbranch.models import find_all, follow, hysteresis, phase_diagram, solve, trace
 from contbranch.models.axisymmetric import Axisymmetric
 from contbranch.models.exact import Exact
 from contbranch.phase import PhaseDiagram
@@ -33,10 +35,12 @@ __version__ = "0.1.0"
 
 __all__ = [
     "Axisymmetric",
+    "Barrier",
     "Branch",
     "Cone",
     "Contact",
     "Diagram",
+    "Equilibria",
     "Event",
     "Exact",
     "Exponent",
@@ -44,6 +48,7 @@ __all__ = [
     "Followed",
     "FollowedPoint",
     "Gauss",
+    "Hysteresis",
     "InputError",
     "Interaction",
     "InverseSquare",
@@ -66,7 +71,9 @@ __all__ = [
     "Tip",
     "VanDerWaals",
     "Window",
+    "find_all",
     "follow",
+    "hysteresis",
     "load",
     "phase_diagram",
     "solve",

@@ -1,4 +1,4 @@
-"""The command ``contbranch``: trace, solve, follow and show.
+"""The command ``contbranch``: trace, solve, loop, follow and show.
 
 Exit status: 0 complete; 1 incomplete (whatever was traced is written all the same); 2 wrong input, in one line. Heavy
 libraries are imported where they are needed: the start of the command is a good part of its time.
@@ -108,7 +108,7 @@ def trace_command(
     limit = None if max_load is None else request.quantity(max_load, "force", "--max-load")
     limit = request.max_load if limit is None else limit
     _check_outputs({"--json": json_file, "--plot": plot, "-o": output}, contact)
-    diagram = _trace(request, limit)
+    diagram = _with_progress("trace", request, max_load=limit)
     _write_outputs(diagram, json_file, plot, output)
     return _report(diagram.status, diagram.message)
 
@@ -142,7 +142,7 @@ def solve_command(
     else:
         where = {"displacement": request.quantity(displacement or "", "length", "--displacement")}
     _check_outputs({"--json": json_file, "--plot": plot, "-o": output}, contact)
-    solution = _solve(request, where)
+    solution = _solve(request, where, every)
     if output is not None:
         from contbranch.store import save_solution
 
@@ -160,6 +160,44 @@ def solve_command(
 
         print_solution(solution, every=every)
     return _report(solution.status, solution.message)
+
+
+@app.command("loop")
+def loop_command(
+    contact: ContactFile = None,
+    interaction: Law = None,
+    tabor: Tabor = None,
+    repulsive: Repulsive = False,
+    control: Control = None,
+    accuracy: Accuracy = None,
+    model: Model = None,
+    cell: Cell = None,
+    grid: Grid = None,
+    max_load: MaxLoad = None,
+    json_file: Json = None,
+    plot: Plot = None,
+) -> int:
+    """Follow the hysteresis loop: approach and retraction with all jumps and the energy they dissipate."""
+    from contbranch.request import make_request
+
+    request = make_request(contact, interaction, tabor, repulsive, control, accuracy, model, cell, grid)
+    limit = None if max_load is None else request.quantity(max_load, "force", "--max-load")
+    limit = request.max_load if limit is None else limit
+    _check_outputs({"--json": json_file, "--plot": plot}, contact)
+    loop = _with_progress("hysteresis", request, max_load=limit)
+    if json_file is not None:
+        from contbranch.document import loop_document
+
+        _write_json(loop_document(loop), json_file)
+    if plot is not None:
+        from contbranch.plot import save_figure
+
+        save_figure(loop.plot(), plot)
+    if json_file != "-":
+        from contbranch.summary import print_loop
+
+        print_loop(loop)
+    return _report(loop.status, loop.message)
 
 
 @app.command("follow")
@@ -256,18 +294,20 @@ def _fail(message: str, status: int) -> int:
 def _usage(error: Exception, given: Sequence[str]) -> str:
     """Return click's complaint about the usage with a remedy."""
     message = str(getattr(error, "format_message", lambda: error)()).strip().rstrip(".")
-    command = next((word for word in given if word in ("trace", "solve", "follow", "show")), "")
+    command = next((word for word in given if word in ("trace", "solve", "loop", "follow", "show")), "")
     return f"{message}; see contbranch {command + ' ' if command else ''}--help"
 
 
 # Computing
 
 
-def _solve(request: Request, where: dict[str, Any]) -> Solution:
-    from contbranch import solve
+def _solve(request: Request, where: dict[str, Any], every: bool) -> Solution:
+    if not every:
+        found: Solution = _with_progress("solve", request, **where)
+        return found
+    from contbranch.models.find import best_of
 
-    settings: dict[str, Any] = {"control": request.control, "accuracy": request.accuracy, "model": request.model}
-    return solve(request.contact, **where, **settings)
+    return best_of(_with_progress("find_all", request, **where))
 
 
 def _follow(request: Request, name: str, variation: Variation) -> Followed:
@@ -275,7 +315,7 @@ def _follow(request: Request, name: str, variation: Variation) -> Followed:
     from contbranch.models.follow import follow
     from contbranch.request_follow import find_event
 
-    diagram = _trace(request, None)
+    diagram = _with_progress("trace", request)
     event = find_event(diagram, name, request.control)
     try:
         present = event.stiffness if variation.name == "stiffness" else None
@@ -286,16 +326,18 @@ def _follow(request: Request, name: str, variation: Variation) -> Followed:
         raise InputError(f"--vary: {str(error).removeprefix('vary: ')}") from None
 
 
-def _trace(request: Request, max_load: float | None) -> Diagram:
-    from contbranch import trace
+def _with_progress(name: str, request: Request, **options: Any) -> Any:
+    """Call a computation of the package with the settings of the request, showing its progress on a terminal."""
+    import contbranch
 
+    compute = getattr(contbranch, name)
     settings: dict[str, Any] = {"control": request.control, "accuracy": request.accuracy, "model": request.model}
     if not sys.stderr.isatty():
-        return trace(request.contact, max_load=max_load, **settings)
+        return compute(request.contact, **settings, **options)
     from contbranch.summary import progress_bar
 
     with progress_bar() as progress:
-        return trace(request.contact, max_load=max_load, progress=progress, **settings)
+        return compute(request.contact, progress=progress, **settings, **options)
 
 
 # Output

@@ -25,6 +25,7 @@ __all__ = [
     "Event",
     "Exponent",
     "LocalExponent",
+    "ModeShape",
     "ModelChoice",
     "Profile",
     "Solution",
@@ -55,6 +56,29 @@ class Profile:
 
 
 @dataclass(frozen=True)
+class ModeShape:
+    """A variation ``cos(mode · θ)`` of an axisymmetric state, as a function of the radius.
+
+    Attributes
+    ----------
+    mode : int
+        Number of periods around the axis.
+    r : array (M,)
+        Radius, increasing, in the contact's unit of length.
+    gap : array (M,)
+        Change of the gap, scaled so that the largest is 1; zero inside the contact.
+    pressure : array (M,)
+        Change of the total pressure for that change of the gap: in the unit of pressure over that of the gap. Inside
+        the contact it grows without bound towards the rim, which shifts.
+    """
+
+    mode: int
+    r: Array
+    gap: Array
+    pressure: Array
+
+
+@dataclass(frozen=True)
 class State:
     """One equilibrium, in the contact's units.
 
@@ -70,6 +94,9 @@ class State:
         Gap and pressures.
     unstable_spring : int or None
         Morse index under the control of a spring, where one was asked for.
+    unstable_azimuthal : int
+        Number of unstable modes that break the axial symmetry, cos mθ and sin mθ of each m ≥ 1 together counted as one.
+        They do not depend on the control. Modes up to m = 32 are counted (a trace: up to its `modes`).
     """
 
     load: float
@@ -83,6 +110,7 @@ class State:
     error: Mapping[str, float] = field(default_factory=dict)
     profile: Profile | None = None
     unstable_spring: int | None = None
+    unstable_azimuthal: int = 0
 
     @property
     def r(self) -> Array:
@@ -120,8 +148,8 @@ class State:
         return int(_of_control(self, control))
 
     def stable(self, control: str | Control) -> bool:
-        """Whether the state is stable under ``"load"``, ``"displacement"`` or ``"spring"`` control."""
-        return self.unstable(control) == 0
+        """Whether the state is stable to all modes under ``"load"``, ``"displacement"`` or ``"spring"`` control."""
+        return self.unstable(control) == 0 and self.unstable_azimuthal == 0
 
 
 @dataclass(frozen=True)
@@ -212,6 +240,10 @@ class Event:
         What happened, where the kind does not say it all.
     branch, position : int, float
         Branch, and position on it in units of points (between points i and i + 1: i + 0.5).
+    mode : int or None
+        Number m of the azimuthal mode that changes stability (symmetry).
+    mode_shape : ModeShape or None
+        Gap and pressure of that mode.
     origin : object or None
         What `contbranch.follow` needs to follow the event; None for events read from a file.
     """
@@ -230,6 +262,8 @@ class Event:
     branch: int = 0
     position: float = 0.0
     origin: Any = field(default=None, repr=False, compare=False)
+    mode: int | None = None
+    mode_shape: ModeShape | None = field(default=None, repr=False, compare=False)
 
     @cached_property
     def exponent(self) -> Exponent | None:
@@ -250,6 +284,11 @@ class Branch:
         Error estimates of load and displacement at every point.
     unstable_spring : integer array (M,) or None
         Morse index under the control of the spring of the diagram, if it has one.
+    unstable_azimuthal : integer array (M,) or None
+        Number of unstable modes of all m ≥ 1 (see `State`), which can differ from zero only where
+        `unstable_displacement` does; None where it has not been examined.
+    critical : array (M,), callable or None
+        The critical eigenvalue, or what computes it: ask for it as ``branch.critical_eigenvalue``.
     """
 
     load: Array
@@ -263,6 +302,8 @@ class Branch:
     displacement_error: Array
     profiles: Sequence[Profile | Callable[[], Profile]] = field(default=(), repr=False)
     unstable_spring: NDArray[np.int64] | None = None
+    unstable_azimuthal: NDArray[np.int64] | None = None
+    critical: Array | Callable[[], Array] | None = field(default=None, repr=False)
 
     def __len__(self) -> int:
         return len(self.load)
@@ -270,8 +311,19 @@ class Branch:
     @property
     def columns(self) -> dict[str, NDArray[Any]]:
         """The arrays by name, those that the branch has."""
-        found = {item.name: getattr(self, item.name) for item in fields(self) if item.name != "profiles"}
+        found = {
+            item.name: getattr(self, item.name) for item in fields(self) if item.name not in ("profiles", "critical")
+        }
         return {name: values for name, values in found.items() if values is not None}
+
+    @cached_property
+    def critical_eigenvalue(self) -> Array | None:
+        """Largest eigenvalue of the azimuthal modes at every point, (M,); computed when asked for, None where unknown.
+
+        It is that of m = 1, which is the largest of all m ≥ 1; a state is stable to all of them if and only if it is
+        below 1.
+        """
+        return self.critical() if callable(self.critical) else self.critical
 
     def state(self, i: int) -> State:
         """Point `i` with its profile: r, gap, pressure and wall_pressure."""
@@ -288,6 +340,7 @@ class Branch:
             error={"load": float(self.load_error[i]), "displacement": float(self.displacement_error[i])},
             profile=profile() if callable(profile) else profile,
             unstable_spring=None if self.unstable_spring is None else int(self.unstable_spring[i]),
+            unstable_azimuthal=0 if self.unstable_azimuthal is None else int(self.unstable_azimuthal[i]),
         )
 
     def unstable(self, control: str | Control) -> NDArray[np.int64]:
@@ -402,6 +455,20 @@ class Diagram:
         from contbranch.store import save
 
         save(self, path)
+
+    def plot_mode(self, event: Event) -> Figure:
+        """Draw the mode that changes stability at a symmetry event: gap and pressure over r, and the gap from above.
+
+        Raises
+        ------
+        InputError
+            If the event has no mode.
+        """
+        from contbranch.plot_modes import mode_figure
+
+        if event.mode_shape is None:
+            raise InputError(f"event: {event.kind} has no azimuthal mode; take a symmetry event")
+        return mode_figure(event.mode_shape, event.contact_radius, self.unit_names)
 
     def plot(self, x: str = "load", y: str = "contact_radius") -> Figure:
         """Draw observable `y` against `x` with dashed unstable parts and marked events."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import fields
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -12,13 +13,15 @@ from numpy.typing import ArrayLike
 if TYPE_CHECKING:
     from contbranch.contact import Contact
     from contbranch.diagram import Branch, Cost, Diagram, Event, Exponent, ModelChoice, Solution, State, Window
+    from contbranch.loop import Hysteresis, Jump
 
-__all__ = ["VERSION", "diagram_document", "solution_document"]
+__all__ = ["VERSION", "diagram_document", "loop_document", "solution_document"]
 
 VERSION: Final = 1
 
 _OBSERVABLES: Final = ("load", "displacement", "contact_radius", "central_gap")
 _INDICES: Final = ("unstable_load", "unstable_displacement")
+_OPTIONAL: Final = ("unstable_spring", "unstable_azimuthal")
 _COLUMNS: Final = (*_OBSERVABLES, "energy", *_INDICES, "load_error", "displacement_error")
 
 
@@ -27,7 +30,8 @@ def diagram_document(diagram: Diagram) -> dict[str, Any]:
 
     Numbers are in the contact's units (`units`, `unit_names`); NaN and infinity become None. Besides what the format
     requires, branches have `load_error` and `displacement_error`, exponents `prefactor` and `order_parameter`, and
-    events `stiffness`, `message`, `branch` and `position`.
+    events `stiffness`, `mode`, `message`, `branch` and `position`. Branches have `unstable_spring` and
+    `unstable_azimuthal` where these are known.
     """
     return {
         "format": "contbranch-diagram",
@@ -79,6 +83,39 @@ def _numbers(values: ArrayLike) -> list[Any]:
     return listed
 
 
+def loop_document(loop: Hysteresis) -> dict[str, Any]:
+    """Return a hysteresis loop as a JSON-able dictionary: path, jumps, dissipated, and what every document has."""
+    path = loop.path
+    return {
+        "format": "contbranch-loop",
+        "version": VERSION,
+        "contact": _contact(loop.contact),
+        **_units(loop.contact, {}),
+        "control": loop.control,
+        **({"stiffness": _number(loop.stiffness)} if loop.stiffness is not None else {}),
+        "model": _model(loop.model),
+        "path": {item.name: _numbers(path[item.name]) for item in fields(path)},
+        "jumps": [_jump(jump) for jump in loop.jumps],
+        "dissipated": _number(loop.dissipated),
+        "error": _number(loop.error),
+        "closed": loop.closed,
+        "cost": _cost(loop.cost),
+        "status": loop.status,
+        "message": loop.message,
+    }
+
+
+def _jump(jump: Jump) -> dict[str, Any]:
+    return {
+        "name": jump.name,
+        "position": _number(jump.position),
+        "from": _state(jump.start),
+        "to": None if jump.to is None else _state(jump.to),
+        "dissipated": _number(jump.dissipated),
+        "error": _number(jump.error),
+    }
+
+
 def _plain(value: Any) -> Any:
     """Return a nested description with only what JSON can hold."""
     if isinstance(value, Mapping):
@@ -113,10 +150,9 @@ def _cost(cost: Cost) -> dict[str, Any]:
 
 
 def _branch(branch: Branch) -> dict[str, list[Any]]:
-    columns = {name: _numbers(getattr(branch, name)) for name in _COLUMNS}
-    return (
-        columns if branch.unstable_spring is None else columns | {"unstable_spring": _numbers(branch.unstable_spring)}
-    )
+    optional = {name: getattr(branch, name) for name in _OPTIONAL}
+    columns = {name: getattr(branch, name) for name in _COLUMNS}
+    return {name: _numbers(values) for name, values in (columns | optional).items() if values is not None}
 
 
 def _observables(state: State | Event) -> dict[str, Any]:
@@ -133,6 +169,7 @@ def _event(event: Event) -> dict[str, Any]:
         **_observables(event),
         "exponent": _exponent(event.exponent),
         "stiffness": _number(event.stiffness),
+        "mode": event.mode,
         "message": event.message,
         "branch": event.branch,
         "position": _number(event.position),
@@ -170,5 +207,6 @@ def _state(state: State) -> dict[str, Any]:
         "unstable_load": int(state.unstable_load),
         "unstable_displacement": int(state.unstable_displacement),
         **({} if state.unstable_spring is None else {"unstable_spring": int(state.unstable_spring)}),
+        "unstable_azimuthal": int(state.unstable_azimuthal),
         "residual": _number(state.residual),
     }

@@ -104,6 +104,11 @@ class Interaction:
         """Where the law is not defined, in words; empty if it is defined at every gap ≥ 0."""
         return ""
 
+    @property
+    def wave(self) -> float:
+        """Wavelength in which the law oscillates over any number of ranges; infinite if it does not."""
+        return math.inf
+
     def reach(self, tolerance: float) -> float:
         """Return the gap beyond which |v| ≤ `tolerance` · `reference_work`; the end of the law if it ends before."""
         x = np.concatenate([[0.0], np.geomspace(1e-3, 1e12, 1501)])
@@ -227,6 +232,11 @@ class Sum(Interaction):
         energy, pressure, stiffness = self.evaluate(x * self.range)
         scale = -1.0 / self.work_of_adhesion
         return scale * energy, -scale * self.range * pressure, scale * self.range**2 * stiffness
+
+    @property
+    def wave(self) -> float:
+        """The shortest one of the laws."""
+        return min(law.wave for law in self.laws)
 
     def reach(self, tolerance: float) -> float:
         """Return a gap beyond which |v| ≤ tolerance · reference_work: no law exceeds its share of that."""

@@ -193,6 +193,11 @@ class Layered(Interaction):
         cosine, sine = envelope * np.cos(angle), envelope * np.sin(angle)
         return cosine, -cosine - k * sine, (1.0 - k * k) * cosine + (2.0 * k) * sine
 
+    @property
+    def wave(self) -> float:
+        """The wavelength."""
+        return self.wavelength or self.range
+
     def reach(self, tolerance: float) -> float:
         """Return where the envelope, e^(-g/z0)/|cos φ|, falls to `tolerance`."""
         return self.range * max(0.0, -math.log(tolerance * abs(math.cos(self.phase))))

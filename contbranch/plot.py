@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any, Final
 
 import matplotlib as mpl
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
@@ -21,7 +20,9 @@ from numpy.typing import NDArray
 from contbranch.errors import InputError
 from contbranch.plot_curve import Line, Piece, fine_profile, pieces, smooth_line
 from contbranch.plot_labels import place_labels
-from contbranch.plot_view import WIDTH, arrange_panels, axis_label, check_observables, view
+from contbranch.plot_style import STYLE as _STYLE
+from contbranch.plot_style import new_figure as _figure
+from contbranch.plot_view import arrange_panels, axis_label, check_observables, has_natural_units, view
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -35,35 +36,10 @@ Array = NDArray[np.float64]
 SUFFIXES: Final = (".pdf", ".png", ".svg")
 
 _STABLE, _UNSTABLE, _TOUCH, _GREY = "#0072B2", "#D55E00", "#009E73", "#555555"
+_SYMMETRY: Final = "#CC79A7"
+_MODES: Final = 6  # up to so many losses of symmetry are all labelled; of more, those of the least and the largest m
 _KNOWN: Final = 0.1  # local exponents with a larger error are not drawn
 _SERIES: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
-_STYLE: Final[Any] = {
-    "font.size": 8.0,
-    "axes.labelsize": 8.5,
-    "axes.linewidth": 0.7,
-    "axes.formatter.useoffset": False,
-    "axes.formatter.limits": (-4, 5),
-    "axes.formatter.use_mathtext": True,
-    "xtick.labelsize": 7.5,
-    "ytick.labelsize": 7.5,
-    "xtick.direction": "in",
-    "ytick.direction": "in",
-    "xtick.top": True,
-    "ytick.right": True,
-    "xtick.minor.visible": True,
-    "ytick.minor.visible": True,
-    "xtick.major.width": 0.7,
-    "ytick.major.width": 0.7,
-    "xtick.minor.width": 0.5,
-    "ytick.minor.width": 0.5,
-    "lines.linewidth": 1.3,
-    "legend.fontsize": 7.0,
-    "legend.frameon": False,
-    "legend.handlelength": 2.2,
-    "mathtext.fontset": "dejavusans",
-    "pdf.fonttype": 42,  # text stays text in the file
-    "svg.hashsalt": "contbranch",  # the same diagram gives the same file
-}
 
 
 def bifurcation_diagram(diagram: Diagram, x: str = "load", y: str = "contact_radius") -> Figure:
@@ -228,13 +204,6 @@ def save_figure(figure: Figure, path: str | Path) -> None:
         raise InputError(f"path: '{path}' cannot be written ({reason}); give a writable file") from None
 
 
-def _figure(height: float) -> Figure:
-    """Return an empty figure, one column wide."""
-    figure = Figure(figsize=(WIDTH, height), layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure
-
-
 def _interesting_radius(state: State) -> float:
     """Return the radius up to which a profile is shown: where its pressure fades, beyond the contact at any rate."""
     profile = state.profile
@@ -274,11 +243,7 @@ def _lines(diagram: Diagram) -> list[Line]:
 
 def _has_natural_units(diagram: Diagram) -> bool:
     """Whether numbers are in the units R, E and |Δγ| of a parabola, which the axis labels then name."""
-    contact = diagram.contact
-    if diagram.unit_names or contact is None or contact.interaction is None or contact.tip.name != "parabola":
-        return False
-    scales = contact.scales
-    return bool(np.allclose([scales.in_plane, scales.normal, scales.modulus], 1.0, rtol=1e-12))
+    return not diagram.unit_names and diagram.contact is not None and has_natural_units(diagram.contact)
 
 
 def _draw_piece(axes: Axes, piece: Piece) -> None:
@@ -289,14 +254,16 @@ def _draw_piece(axes: Axes, piece: Piece) -> None:
 
 
 def _marked(diagram: Diagram) -> list[Event]:
-    """Return the events that get a marker: named folds, and touches."""
-    return [e for e in diagram.events if (e.kind == "fold" and e.name) or e.kind == "touch"]
+    """Return the events that get a marker: named folds, touches, and where symmetry is lost."""
+    return [e for e in diagram.events if (e.kind == "fold" and e.name) or e.kind in ("touch", "symmetry")]
 
 
 def _marker(diagram: Diagram, event: Event) -> dict[str, Any]:
     """Return the style of an event's marker: full for folds under the diagram's control, empty for the other's."""
     if event.kind == "touch":
         return {"marker": "D", "markersize": 4.0, "markerfacecolor": _TOUCH, "markeredgecolor": "white"}
+    if event.kind == "symmetry":
+        return {"marker": "p", "markersize": 5.2, "markerfacecolor": _SYMMETRY, "markeredgecolor": "white"}
     own = event.control == diagram.control
     marker = {"load": "o", "displacement": "s"}.get(event.control or "", "^")
     return {
@@ -334,9 +301,9 @@ def _finish(figure: Figure, panels: Sequence[Axes], diagram: Diagram, observable
         if "energy" in (x, y):
             continue
         marked = _labelled(axes, diagram, x, y)
-        texts = [event.name or "touch" for event in marked]
+        texts = [_label(event) for event in marked]
         points = np.array([[getattr(event, x), getattr(event, y)] for event in marked]).reshape(-1, 2)
-        emphasis = [event.kind == "touch" or event.control == diagram.control for event in marked]
+        emphasis = [event.kind != "fold" or event.control == diagram.control for event in marked]
         place_labels(axes, points, texts, ["black" if own else _GREY for own in emphasis])
 
 
@@ -344,13 +311,21 @@ def _labelled(axes: Axes, diagram: Diagram, x: str, y: str) -> list[Event]:
     """Return the marked events without those that have the label of another one at the same place."""
     kept: dict[str, list[Array]] = {}
     events = []
+    modes = [e.mode for e in diagram.events if e.mode is not None]
+    shown = set(modes if len(modes) <= _MODES else (min(modes), max(modes)))
     for event in sorted(_marked(diagram), key=lambda e: e.control != diagram.control):
+        if event.kind == "symmetry" and event.mode not in shown:
+            continue
         pixel = axes.transData.transform([getattr(event, x), getattr(event, y)])
-        same = kept.setdefault(event.name or event.kind, [])
+        same = kept.setdefault(_label(event), [])
         if all(np.hypot(*(pixel - other)) > 6.0 for other in same):
             same.append(pixel)
             events.append(event)
     return events
+
+
+def _label(event: Event) -> str:
+    return f"$m = {event.mode}$" if event.kind == "symmetry" else event.name or "touch"
 
 
 def _legend(diagram: Diagram) -> list[Line2D]:
@@ -363,8 +338,10 @@ def _legend(diagram: Diagram) -> list[Line2D]:
     if True in unstable:
         handles.append(Line2D([], [], color=_UNSTABLE, linestyle=(0, (3.2, 1.6)), label="unstable"))
     seen = set()
-    for event in sorted(_marked(diagram), key=lambda e: (e.kind != "touch", e.control != diagram.control)):
-        label = "first touch" if event.kind == "touch" else f"fold, {event.control} control"
+    for event in sorted(_marked(diagram), key=lambda e: (e.kind == "fold", e.kind, e.control != diagram.control)):
+        label = {"touch": "first touch", "symmetry": "loss of symmetry"}.get(
+            event.kind, f"fold, {event.control} control"
+        )
         if label not in seen:
             seen.add(label)
             handles.append(

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from contbranch.errors import InputError
-from contbranch.plot import _GREY, _STABLE, _STYLE, _TOUCH, _UNSTABLE, _figure
 from contbranch.plot_labels import place_labels
+from contbranch.plot_style import BLUE, GREY, ORANGE, STYLE, new_figure
 from contbranch.plot_view import axis_label
 
 if TYPE_CHECKING:
@@ -46,6 +46,7 @@ _FIELDS: Final = {
 }
 # Parts of a curve at which its drawn line may have a corner.
 _CORNERS: Final = ("cusp", "cusp-at-touch", "fold-through-touch", "through-touch")
+_TOUCH: Final = "#009E73"
 _MARKERS: Final = {
     "cusp": "o",
     "cusp-at-touch": "D",
@@ -81,12 +82,12 @@ def followed_curve(followed: Followed, y: str = "load") -> Figure:
         For another observable.
     """
     _check(y)
-    with mpl.rc_context(_STYLE):
-        figure = _figure(2.7)
+    with mpl.rc_context(STYLE):
+        figure = new_figure(2.7)
         axes = figure.subplots()
         logarithmic = _spacing(axes, followed.curve[followed.parameter])
         for x, values, contact in _lines(followed, y, logarithmic):
-            axes.plot(x, values, color=_STABLE, linestyle="-" if contact else _DASHES, zorder=3)
+            axes.plot(x, values, color=BLUE, linestyle="-" if contact else _DASHES, zorder=3)
         marked = [one for one in followed.special if one.kind in _MARKERS and np.isfinite(one.value)]
         for one in marked:
             _mark(axes, one.kind, one.value, getattr(one, y))
@@ -102,8 +103,8 @@ def followed_curve(followed: Followed, y: str = "load") -> Figure:
 def phase_figure(phase: PhaseDiagram) -> Figure:
     """Draw the regions of a phase diagram, their boundaries, and the special points on them."""
     y = phase.control
-    with mpl.rc_context(_STYLE):
-        figure = _figure(3.0)
+    with mpl.rc_context(STYLE):
+        figure = new_figure(3.0)
         axes = figure.subplots()
         logarithmic = _spacing(axes, phase.values)
         values, levels, without, within = phase.fine()
@@ -120,9 +121,7 @@ def phase_figure(phase: PhaseDiagram) -> Figure:
             touch = followed.event.kind == "touch"
             for x, line, contact in _lines(followed, y, logarithmic):
                 style = "-" if contact or touch else _DASHES
-                axes.plot(
-                    x, line, color=_TOUCH if touch else _STABLE if contact else _UNSTABLE, linestyle=style, zorder=3
-                )
+                axes.plot(x, line, color=_TOUCH if touch else BLUE if contact else ORANGE, linestyle=style, zorder=3)
             marked += [one for one in followed.special if one.kind in _MARKERS and one.control in (None, y)]
         kept: list[tuple[float, float]] = []
         texts = []
@@ -234,9 +233,9 @@ def _legend(followed: Followed) -> list[Line2D]:
     radius = followed.curve["contact_radius"]
     handles = []
     if np.any(radius > 0):
-        handles.append(Line2D([], [], color=_STABLE, label="with contact"))
+        handles.append(Line2D([], [], color=BLUE, label="with contact"))
     if not np.all(radius > 0):
-        handles.append(Line2D([], [], color=_STABLE, linestyle=_DASHES, label="without contact"))
+        handles.append(Line2D([], [], color=BLUE, linestyle=_DASHES, label="without contact"))
     return handles
 
 
@@ -247,14 +246,14 @@ def _regions(phase: PhaseDiagram, present: list[tuple[int, int]]) -> list[Patch 
         words = [f"{n} {kind}" for n, kind in ((without, "apart"), (within, "in contact")) if n]
         label = "stable: " + (", ".join(words) or "none")
         handles.append(
-            Patch(facecolor=_REGIONS.get((without, within), _MANY), edgecolor=_GREY, linewidth=0.4, label=label)
+            Patch(facecolor=_REGIONS.get((without, within), _MANY), edgecolor=GREY, linewidth=0.4, label=label)
         )
     kinds = {(f.event.kind == "touch", bool(np.any(f.curve["contact_radius"] > 0))) for f in phase.boundaries}
     folds = [f for f in phase.boundaries if f.event.kind != "touch"]
     if any(np.any(f.curve["contact_radius"] > 0) for f in folds):
-        handles.append(Line2D([], [], color=_STABLE, label="fold with contact"))
+        handles.append(Line2D([], [], color=BLUE, label="fold with contact"))
     if any(np.any(f.curve["contact_radius"] == 0) for f in folds):
-        handles.append(Line2D([], [], color=_UNSTABLE, linestyle=_DASHES, label="fold without contact"))
+        handles.append(Line2D([], [], color=ORANGE, linestyle=_DASHES, label="fold without contact"))
     if any(touch for touch, _ in kinds):
         handles.append(Line2D([], [], color=_TOUCH, label="first touch"))
     return handles

@@ -15,9 +15,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from contbranch.contact import Contact
     from contbranch.diagram import Diagram
 
-__all__ = ["WIDTH", "Limits", "arrange_panels", "axis_label", "check_observables", "view"]
+__all__ = ["WIDTH", "Limits", "arrange_panels", "axis_label", "check_observables", "has_natural_units", "view"]
 
 # observable: (words, symbol, its unit where R = E = |Δγ| = 1, (23)-(26))
 _AXES: Final = {
@@ -55,6 +56,14 @@ def axis_label(name: str, unit_names: Mapping[str, str], natural: bool) -> str:
     return f"{words} ${symbol}$"
 
 
+def has_natural_units(contact: Contact) -> bool:
+    """Whether a contact's numbers are in the units R, E and |Δγ| of a parabola, which axis labels can name."""
+    if contact.units.physical or contact.interaction is None or contact.tip.name != "parabola":
+        return False
+    scales = contact.scales
+    return bool(np.allclose([scales.in_plane, scales.normal, scales.modulus], 1.0, rtol=1e-12))
+
+
 def _bracketed(unit: str) -> str:
     return unit if unit.startswith("(") else f"({unit})"
 
@@ -89,14 +98,14 @@ def view(diagram: Diagram, lines: Sequence[Line], x: str, y: str) -> Limits | No
 
 
 def _positions(diagram: Diagram, number: int) -> list[float]:
-    """Return the positions of folds and touches on a branch."""
-    return [e.position for e in diagram.events if e.branch == number and e.kind in ("fold", "touch")]
+    """Return the positions of folds, touches and losses of symmetry on a branch."""
+    return [e.position for e in diagram.events if e.branch == number and e.kind in ("fold", "touch", "symmetry")]
 
 
 def _event_values(diagram: Diagram, name: str) -> list[float]:
     if name == "energy":
         return []
-    return [getattr(e, name) for e in diagram.events if e.kind in ("fold", "touch")]
+    return [getattr(e, name) for e in diagram.events if e.kind in ("fold", "touch", "symmetry")]
 
 
 def _window(diagram: Diagram, lines: Sequence[Line], name: str) -> tuple[float, float]:
@@ -140,7 +149,7 @@ def arrange_panels(figure: Figure, panels: Sequence[Axes], rows: int) -> None:
     slot = (height - _LEGEND_ROW * rows - 0.03) / len(panels)
     title = _TITLE if len(panels) > 1 else 0.08
     left = 0.55
-    for _ in range(2):  # the second time with the ticks that fit
+    for _ in range(3):  # again with the ticks that fit
         for i, axes in enumerate(panels):
             bottom = (len(panels) - 1 - i) * slot + _BELOW
             size = (WIDTH - left - _RIGHT, slot - _BELOW - title)

@@ -22,6 +22,7 @@ from contbranch.diagram import (
     Exponent,
     LocalExponent,
     ModelChoice,
+    ModeShape,
     Profile,
     Solution,
     State,
@@ -41,10 +42,13 @@ VERSION: Final = 1
 
 _CURVE: Final = (*OBSERVABLES, "energy", "load_error", "displacement_error")
 _INDICES: Final = ("unstable_load", "unstable_displacement")
-_SPRING: Final = "unstable_spring"
+_CRITICAL: Final = "critical_eigenvalue"
+_OPTIONAL: Final = ("unstable_spring", "unstable_azimuthal")
 _PROFILE: Final = ("r", "gap", "pressure", "wall_pressure")
 _LOCAL: Final = ("excess", "order_parameter", "kappa", "error")
+_SHAPE: Final = ("r", "gap", "pressure")
 _WINDOW: Final = ("start", "stop", "kappa", "kappa_error", "prefactor")
+_INTEGERS: Final = ("branch", "mode")
 _TEXTS: Final = ("kind", "control", "name", "message", "order_parameter")
 _UNIT: Final = {  # where it is not the unit of the same name
     "load_error": "load",
@@ -57,8 +61,9 @@ _UNIT: Final = {  # where it is not the unit of the same name
 def save(diagram: Diagram, path: str | Path) -> None:
     """Write a diagram to an HDF5 file, which replaces `path` only when it is complete.
 
-    Local exponents are computed and stored for every fold and touch that has one, and gap and pressure profiles for
-    every point that has them, so that a loaded diagram answers what the present one does.
+    Local exponents are computed and stored for every fold and touch that has one, gap and pressure profiles for every
+    point that has them, and the critical eigenvalue of azimuthal modes, so that a loaded diagram answers what the
+    present one does.
 
     Raises
     ------
@@ -110,8 +115,9 @@ def _point(state: State) -> Branch:
     """Return a branch of one point."""
     columns: dict[str, Any] = {name: np.array([getattr(state, name)]) for name in (*OBSERVABLES, "energy", *_INDICES)}
     columns |= {f"{name}_error": np.array([state.error.get(name, np.nan)]) for name in ("load", "displacement")}
-    if state.unstable_spring is not None:
-        columns[_SPRING] = np.array([state.unstable_spring])
+    for name in _OPTIONAL:
+        if getattr(state, name) is not None:
+            columns[name] = np.array([getattr(state, name)])
     return Branch(**columns, profiles=() if state.profile is None else (state.profile,))
 
 
@@ -185,6 +191,12 @@ def _write(file: h5py.File, diagram: Diagram) -> None:
         found = _local_exponent(diagram, event)
         if found is not None:
             _write_arrays(local.create_group(str(number)), found, _LOCAL, {})
+    shapes = file.create_group("mode_shapes")
+    for number, event in enumerate(diagram.events):
+        if event.mode_shape is not None:
+            group = shapes.create_group(str(number))
+            group.attrs["mode"] = event.mode_shape.mode
+            _write_arrays(group, event.mode_shape, _SHAPE, {"r": names.get("contact_radius", "")})
 
 
 def _write_arrays(group: h5py.Group, source: object, columns: Sequence[str], names: Mapping[str, str]) -> None:
@@ -197,8 +209,8 @@ def _write_arrays(group: h5py.Group, source: object, columns: Sequence[str], nam
 
 
 def _write_branch(group: h5py.Group, branch: Branch, names: Mapping[str, str]) -> None:
-    spring = () if branch.unstable_spring is None else (_SPRING,)
-    _write_arrays(group, branch, (*_CURVE, *_INDICES, *spring), names)
+    optional = [name for name in (*_OPTIONAL, _CRITICAL) if getattr(branch, name) is not None]
+    _write_arrays(group, branch, (*_CURVE, *_INDICES, *optional), names)
     profiles = [profile() if callable(profile) else profile for profile in branch.profiles]
     if not profiles:
         return
@@ -218,7 +230,7 @@ def _write_events(group: h5py.Group, events: Sequence[Event]) -> None:
 
             group.create_dataset(column, data=values, shape=(len(values),), dtype=h5py.string_dtype())
         else:
-            group[column] = np.array(values, dtype=np.int64 if column == "branch" else np.float64)
+            group[column] = np.array(values, dtype=np.int64 if column in _INTEGERS else np.float64)
 
 
 def _event_row(event: Event) -> dict[str, Any]:
@@ -238,6 +250,7 @@ def _event_row(event: Event) -> dict[str, Any]:
         "order_parameter": exponent.order_parameter,
         **{f"window_{name}": getattr(window, name) for name in _WINDOW},
         "stiffness": _or_nan(event.stiffness),
+        "mode": event.mode or 0,
         "branch": event.branch,
         "position": event.position,
     }
@@ -266,7 +279,7 @@ def _or_nan(value: float | None) -> float:
 def _read(file: h5py.File) -> Diagram:
     description = json.loads(file["contact"].asstr()[()])
     model, cost = file["model"].attrs, file["cost"].attrs
-    events = _read_events(file["events"])
+    events = _read_events(file["events"], file.get("mode_shapes", {}))
     return Diagram(
         contact=_rebuilt(description),
         branches=tuple(_read_branch(file["branches"][str(i)]) for i in range(len(file["branches"]))),
@@ -293,22 +306,25 @@ def _arrays(group: h5py.Group, columns: Sequence[str]) -> list[NDArray[np.float6
 
 def _read_branch(group: h5py.Group) -> Branch:
     columns: dict[str, Any] = dict(zip(_CURVE, _arrays(group, _CURVE), strict=True))
-    indices = (*_INDICES, *((_SPRING,) if _SPRING in group else ()))
+    indices = (*_INDICES, *(name for name in _OPTIONAL if name in group))
     columns |= {name: np.asarray(group[name][()], dtype=np.int64) for name in indices}
     profiles: tuple[Profile, ...] = ()
     if "profiles" in group:
         fields = _arrays(group["profiles"], _PROFILE)
         offsets = group["profiles"]["offsets"][()]
         profiles = tuple(Profile(*(array[i:j] for array in fields)) for i, j in pairwise(offsets))
-    return Branch(**columns, profiles=profiles)
+    critical = np.asarray(group[_CRITICAL][()], dtype=np.float64) if _CRITICAL in group else None
+    return Branch(**columns, profiles=profiles, critical=critical)
 
 
-def _read_events(group: h5py.Group) -> tuple[Event, ...]:
-    columns = {name: group[name].asstr()[()] if name in _TEXTS else group[name][()] for name in _event_row(_BLANK)}
-    return tuple(_event({name: column[i] for name, column in columns.items()}) for i in range(len(columns["kind"])))
+def _read_events(group: h5py.Group, shapes: Mapping[str, h5py.Group]) -> tuple[Event, ...]:
+    names = [name for name in _event_row(_BLANK) if name != "mode" or name in group]  # early files have no modes
+    columns = {name: group[name].asstr()[()] if name in _TEXTS else group[name][()] for name in names}
+    rows = [{name: column[i] for name, column in columns.items()} for i in range(len(columns["kind"]))]
+    return tuple(_event(row, shapes.get(str(i))) for i, row in enumerate(rows))
 
 
-def _event(row: Mapping[str, Any]) -> Event:
+def _event(row: Mapping[str, Any], shape: h5py.Group | None) -> Event:
     exponent = None
     if row["order_parameter"]:
         window = Window(*(float(row[f"window_{name}"]) for name in _WINDOW))
@@ -330,6 +346,8 @@ def _event(row: Mapping[str, Any]) -> Event:
         message=row["message"],
         branch=int(row["branch"]),
         position=float(row["position"]),
+        mode=int(row.get("mode", 0)) or None,
+        mode_shape=None if shape is None else ModeShape(int(shape.attrs["mode"]), *_arrays(shape, _SHAPE)),
     )
 
 

@@ -14,8 +14,9 @@ from rich.text import Text
 
 if TYPE_CHECKING:
     from contbranch.diagram import Diagram, Event, ModelChoice, Solution, State
+    from contbranch.loop import Hysteresis
 
-__all__ = ["print_diagram", "print_solution", "progress_bar", "with_error"]
+__all__ = ["print_diagram", "print_loop", "print_solution", "progress_bar", "with_error"]
 
 _OBSERVABLES: Final = {
     "load": "load",
@@ -75,6 +76,36 @@ def print_solution(solution: Solution, *, every: bool = False) -> None:
     console.print(_line(f"{solution.cost.wall_s:.2f} s: {solution.status}"))
     if solution.message:
         console.print(_line(solution.message))
+
+
+def print_loop(loop: Hysteresis) -> None:
+    """Print the jumps of a loop with what they dissipate, the total, model and status."""
+    console = _console()
+    units = {} if loop.contact is None else loop.contact.units.names
+    position = "position of the spring" if loop.control == "spring" else loop.control
+    unit = units.get("load" if loop.control == "load" else "displacement", "")
+    energy = "dissipated" + (f" ({units['energy']})" if units else "")
+    names = [f"{words} ({units[name]})" if units.get(name) else words for name, words in _OBSERVABLES.items()]
+    if loop.jumps:
+        table = _table(("jump", f"{position} ({unit})" if unit else position, "", *names[:3], energy))
+        for jump in loop.jumps:
+            loss = "no bound" if jump.dissipated is None else with_error(jump.dissipated, jump.error)
+            for state, side in ((jump.start, "from"), (jump.to, "to")):
+                if state is None:
+                    cells = ["infinite separation", "", ""]
+                else:
+                    cells = [with_error(getattr(state, n), state.error.get(n)) for n in list(_OBSERVABLES)[:3]]
+                head = (jump.name or "jump", f"{jump.position:.9g}") if side == "from" else ("", "")
+                table.add_row(*head, side, *cells, loss if side == "from" else "")
+        console.print(table)
+        console.print(_line("Digits in brackets: error estimate in units of the last digit."))
+    if loop.dissipated is not None:
+        unit = f" {units['energy']}" if units else ""
+        console.print(_line(f"Dissipated in the loop: {with_error(loop.dissipated, loop.error)}{unit}"))
+    _print_model(console, loop.model)
+    console.print(_line(f"{len(loop.path)} points in {loop.cost.wall_s:.2f} s: {loop.status}"))
+    if loop.message:
+        console.print(_line(loop.message))
 
 
 @contextmanager
@@ -142,7 +173,7 @@ def _headings(units: Mapping[str, str]) -> list[str]:
 
 def _title(event: Event) -> str:
     """Return what an event is called in a table."""
-    kind = "first touch" if event.kind == "touch" else event.kind
+    kind = {"touch": "first touch", "symmetry": f"symmetry m = {event.mode}"}.get(event.kind, event.kind)
     return f"{kind} {event.name}" if event.name else kind
 
 

@@ -224,6 +224,24 @@ def test_the_fold_of_a_spring_passes_first_touch():
     assert stiffer.central_gap > 0.0
 
 
+def test_a_loss_of_symmetry_is_that_of_separate_traces_and_ends_in_a_turning_point():
+    """A tip flatter than a parabola: mode 2 becomes unstable and stable again; with a longer range it never does."""
+
+    def contact(reach):
+        return cb.Contact(cb.PowerLaw(3.0, 1.0), cb.Gauss(-1.0, reach))
+
+    def losses(reach):
+        return [e for e in cb.trace(contact(reach), accuracy=1e-8).events if e.kind == "symmetry" and e.mode == 2]
+
+    followed = cb.follow(losses(0.44)[0], "interaction.range", to=0.47, accuracy=1e-8)
+    turn = next(one for one in followed.special if one.kind == "cusp")
+    found = followed.at(0.45)
+    assert len(found) == 2
+    for point, other in zip(found, losses(0.45), strict=True):
+        assert point.load == pytest.approx(other.load, abs=point.error["load"] + other.error["load"])
+    assert not losses(turn.value + 1e-3)
+
+
 # What cannot be followed.
 
 
@@ -257,7 +275,7 @@ TABOR_ONE = [e for e in cb.trace(gauss(1.0), accuracy=1e-3).events if e.kind == 
 
 def test_only_folds_and_touches_of_a_trace_can_be_followed():
     found = cb.trace(cb.Contact.reduced("maugis-dugdale"))
-    with pytest.raises(cb.InputError, match="only folds and first touch"):
+    with pytest.raises(cb.InputError, match="only folds, first touch"):
         cb.follow(found.events[-1], "tabor", to=2.0)
     with pytest.raises(cb.InputError, match="must be an event"):
         cb.follow("pull-off", "tabor", to=2.0)

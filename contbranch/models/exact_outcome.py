@@ -18,7 +18,7 @@ from contbranch.models.exact_results import ExactEvent, ExactState
 from contbranch.models.exact_series import LocalExpansion
 from contbranch.models.outcome import RawCurve, RawEvent
 
-__all__ = ["exact_outcome", "exact_state"]
+__all__ = ["exact_outcome", "exact_state", "plain_state"]
 
 Array = NDArray[np.float64]
 
@@ -57,7 +57,17 @@ def exact_outcome(curve: ExactCurve, max_load: float | None, control: Control = 
         Cost(time.perf_counter() - began, 0),
         1,
         unstable_spring=None if stiffness is None else curve.unstable_spring(states, stiffness),
+        # The gap of a parabola under attraction grows with the radius: no azimuthal mode is unstable (see `azimuthal`).
+        unstable_azimuthal=np.zeros_like(states.unstable_displacement),
     )
+
+
+def plain_state(state: ExactState) -> State:
+    """A state without profile, reduced units."""
+    values = (state.load, state.displacement, state.contact_radius, state.central_gap)
+    keys = ("load", "displacement", "contact_radius", "central_gap")
+    error = dict(zip(keys, _rounding(values), strict=True))
+    return State(*values, state.energy, state.unstable_load, state.unstable_displacement, 0.0, error)
 
 
 def exact_state(curve: ExactCurve, state: ExactState, stiffness: float | None = None) -> State:

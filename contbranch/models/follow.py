@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from contbranch.contact import Contact
+from contbranch.continuation import Event as LocatedEvent
 from contbranch.control import Control, as_control
 from contbranch.diagram import Cost, Event, ModelChoice
 from contbranch.errors import InputError
@@ -15,23 +16,25 @@ from contbranch.followed import Followed, FollowedPoint, Special
 from contbranch.units import finite_number
 
 from .axisymmetric.locate import Place
+from .axisymmetric.symmetry import SymmetryEvent
 from .axisymmetric.two_parameters import follow_event
 from .event_curve import RawEventCurve, RawPoint, RawSpecial
 from .exact_follow import follow_exact
 from .exact_results import ExactEvent
 from .family import Family, Vary, family_of
 from .outcome import Origin
-from .run import COARSEST, FINEST, _one_thread
+from .run import COARSEST, FINEST
+from .threads import one_thread
 
 __all__ = ["follow", "follow_in"]
 
 Progress = Callable[[float, str], None]
 
 KEYS = ("load", "displacement", "contact_radius", "central_gap")
-FOLLOWED = ("fold", "touch")
+FOLLOWED = ("fold", "touch", "symmetry")
 
 
-@_one_thread
+@one_thread
 def follow(
     event: Event,
     vary: Vary = "tabor",
@@ -46,7 +49,7 @@ def follow(
     Parameters
     ----------
     event : Event
-        A fold or first touch, taken from ``diagram.events``.
+        A fold, first touch or loss of symmetry, taken from ``diagram.events``.
     vary : str or callable
         ``"tabor"``, ``"share"`` (of the second of two laws), ``"stiffness"`` (of the spring), ``"modulus"``,
         ``"tip.radius"``, ``"interaction[1].range"`` and the like, or a function that returns the contact for a number.
@@ -82,7 +85,7 @@ def follow(
     return follow_in(event, family, _ordered(family, goals), accuracy, progress)
 
 
-@_one_thread
+@one_thread
 def follow_in(
     event: Event, family: Family, goals: tuple[float, ...], accuracy: float, progress: Progress | None = None
 ) -> Followed:
@@ -103,8 +106,10 @@ def follow_in(
         raw = follow_exact(family, place, control, goals)
         choice = ModelChoice("exact", "The event was found in closed form.", raw.unknowns)
     elif isinstance(place, Place):
-        reduced = None if control is None else control.scaled(contact.scales.stiffness)
-        raw = follow_event(family, place, reduced, goals, accuracy, progress)
+        what: Control | LocatedEvent | None = None if control is None else control.scaled(contact.scales.stiffness)
+        if event.kind == "symmetry" and origin.raw.mode is not None:
+            what = SymmetryEvent(origin.raw.mode, origin.raw.index)
+        raw = follow_event(family, place, what, goals, accuracy, progress)
         choice = ModelChoice("axisymmetric", "The event was found in the axisymmetric model.", raw.unknowns)
     else:
         raise InputError(f"event: {event.kind}; the model that found it cannot follow it")
@@ -116,7 +121,7 @@ def _origin(event: Event) -> Origin:
     if not isinstance(event, Event):
         raise InputError(f"event: {type(event).__name__}; must be an event of a diagram, such as diagram.events[0]")
     if event.kind not in FOLLOWED:
-        raise InputError(f"event: {event.kind}; only folds and first touch can be followed")
+        raise InputError(f"event: {event.kind}; only folds, first touch and losses of symmetry can be followed")
     if not isinstance(event.origin, Origin):
         raise InputError("event: it was loaded, and its state is not kept; trace the contact and take it from there")
     if event.origin.contact.interaction is None:
@@ -197,7 +202,7 @@ def _followed(
         status="complete" if raw.complete else "incomplete",
         message=raw.message,
         unit_names=contact.units.names,
-        solver=_one_thread(at),
+        solver=one_thread(at),
     )
 
 

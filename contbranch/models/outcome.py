@@ -20,10 +20,13 @@ from contbranch.diagram import (
     Exponent,
     LocalExponent,
     ModelChoice,
+    ModeShape,
     Profile,
     State,
     Window,
 )
+
+from .threads import one_thread
 
 __all__ = ["RawCurve", "RawEvent", "assemble", "state_in_units"]
 
@@ -45,6 +48,10 @@ class RawEvent:
         Whether the control has a maximum here (folds).
     stiffness : float or None
         Of the spring (folds of a spring).
+    position : float or None
+        Place on the curve in units of rows, where it is not the row.
+    mode, index, mode_shape : int, int, ModeShape
+        The azimuthal mode, which of its eigenvalues, and the shape (symmetry).
     place : object
         Where the model has it, from which it can be followed; None if it cannot.
     exponent, local_exponent : callable
@@ -63,6 +70,10 @@ class RawEvent:
     name: str | None = None
     stiffness: float | None = None
     place: Any = None
+    position: float | None = None
+    mode: int | None = None
+    index: int = 1
+    mode_shape: ModeShape | None = None
     exponent: Callable[[], Exponent | None] | None = None
     local_exponent: Callable[[], LocalExponent] | None = None
 
@@ -87,6 +98,8 @@ class RawCurve:
     cost: Cost
     unknowns: int
     unstable_spring: Integers | None = None
+    unstable_azimuthal: Integers | None = None
+    critical: Callable[[], Array] | None = None
     extra: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -118,6 +131,10 @@ class _Scaling:
             profile.pressure * self.pressure,
             profile.wall_pressure * self.pressure,
         )
+
+    def mode_shape(self, shape: ModeShape) -> ModeShape:
+        scale = self.pressure / self.normal
+        return ModeShape(shape.mode, shape.r * self.in_plane, shape.gap, shape.pressure * scale)
 
     def of(self, control: str | None) -> float:
         return self.normal if control == "displacement" else self.load
@@ -171,9 +188,11 @@ def _event(contact: Contact, scaling: _Scaling, raw: RawEvent, name: str | None)
         name=name,
         message=raw.message,
         stiffness=None if raw.stiffness is None else raw.stiffness * scaling.stiffness,
-        position=float(raw.row),
+        position=float(raw.row) if raw.position is None else raw.position,
+        mode=raw.mode,
+        mode_shape=None if raw.mode_shape is None else scaling.mode_shape(raw.mode_shape),
         origin=None if raw.place is None else Origin(contact, raw),
-        critical=None if source is None else lambda: scaling.exponent(source(), raw.control),
+        critical=None if source is None else one_thread(lambda: scaling.exponent(source(), raw.control)),
     )
 
 
@@ -194,10 +213,13 @@ def assemble(contact: Contact, curve: RawCurve, choice: ModelChoice, control: Co
         curve.displacement_error * scaling.normal,
         [lambda source=source: scaling.profile(source()) for source in curve.profiles],  # type: ignore[misc]
         curve.unstable_spring,
+        curve.unstable_azimuthal,
+        curve.critical,
     )
     terms = contact.interaction.terms if contact.interaction is not None else ()
     repulsive = bool(terms) and all(term.work_of_adhesion < 0 for term in terms)
 
+    @one_thread
     def local_exponents(event: Event) -> LocalExponent:
         raw = curve.events[events.index(event)]
         assert raw.local_exponent is not None
@@ -245,4 +267,5 @@ def state_in_units(contact: Contact, state: State) -> State:
         {key: value * scales[key] for key, value in state.error.items()},
         None if state.profile is None else scaling.profile(state.profile),
         state.unstable_spring,
+        state.unstable_azimuthal,
     )

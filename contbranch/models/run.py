@@ -6,10 +6,6 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import fields as dataclass_fields
-from functools import cache, wraps
-from typing import ParamSpec, TypeVar
-
-from threadpoolctl import ThreadpoolController
 
 from contbranch.contact import Contact
 from contbranch.control import Control, Spring, as_control
@@ -21,35 +17,16 @@ from .choice import Model, choose
 from .exact import Exact
 from .exact_outcome import exact_outcome, exact_state
 from .outcome import RawCurve, assemble, state_in_units
+from .threads import one_thread
 
-__all__ = ["solve", "trace"]
-
-Result = TypeVar("Result")
-Parameters = ParamSpec("Parameters")
-
-
-@cache
-def _blas() -> ThreadpoolController:
-    return ThreadpoolController()
-
-
-def _one_thread(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
-    """Run with one BLAS thread: matrices of a few hundred rows lose more by waiting for threads than they gain."""
-
-    @wraps(function)
-    def limited(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
-        with _blas().limit(limits=1, user_api="blas"):
-            return function(*args, **kwargs)
-
-    return limited
-
+__all__ = ["check", "solve", "trace"]
 
 Progress = Callable[[float, str], None]
 
 FINEST, COARSEST = 1e-13, 1e-2
 
 
-@_one_thread
+@one_thread
 def trace(
     contact: Contact,
     control: str | Spring = "load",
@@ -57,6 +34,7 @@ def trace(
     max_load: float | None = None,
     model: str | Model = "auto",
     progress: Progress | None = None,
+    modes: int = 32,
 ) -> Diagram:
     """Trace the whole curve of equilibria of a contact, stable and unstable, and locate its events.
 
@@ -75,6 +53,9 @@ def trace(
         ``"auto"``, ``"exact"``, ``"axisymmetric"``, or an object such as ``cb.Exact()``.
     progress : callable, optional
         Called as ``progress(fraction, text)`` now and then.
+    modes : int
+        Azimuthal modes cos mθ are examined from m = 1 up to here at most, fewer where the rest is known to be stable;
+        0: none, and no ``unstable_azimuthal``.
 
     Returns
     -------
@@ -87,19 +68,21 @@ def trace(
     InputError
         If an argument cannot be used.
     """
-    driven = _check(contact, control, accuracy)
+    driven = check(contact, control, accuracy)
     reduced = driven.scaled(contact.scales.stiffness)
     chosen, why = choose(contact, model)
+    if not isinstance(modes, int) or modes < 0:
+        raise InputError(f"modes: {modes!r}; must be a whole number, zero or greater")
     limit = None if max_load is None else positive_number(max_load, "max_load") / contact.scales.load
     if isinstance(chosen, Exact):
         curve = chosen.curve(contact)
         raw = exact_outcome(curve, limit, reduced)
     else:
-        raw = chosen.trace(contact.to_reduced(), accuracy, limit, progress, reduced)
+        raw = chosen.trace(contact.to_reduced(), accuracy, limit, progress, reduced, modes)
     return assemble(contact, raw, ModelChoice(chosen.name, why, raw.unknowns), driven, accuracy)  # type: ignore[arg-type]
 
 
-@_one_thread
+@one_thread
 def solve(
     contact: Contact,
     *,
@@ -139,7 +122,7 @@ def solve(
     if len(asked) != 1:
         raise InputError(f"solve: give exactly one of load, displacement and contact_radius, not {len(asked)}")
     ((field, value),) = asked.items()
-    driven = _check(contact, control or ("displacement" if field == "displacement" else "load"), accuracy)
+    driven = check(contact, control or ("displacement" if field == "displacement" else "load"), accuracy)
     reduced = driven.scaled(contact.scales.stiffness)
     value = finite_number(value, field)
     scales = contact.scales
@@ -204,7 +187,7 @@ def _reachable(raw: RawCurve, field: str, unit: float) -> str:
     return f"{name} from {low:.10g} upwards are reachable"
 
 
-def _check(contact: Contact, control: object, accuracy: float) -> Control:
+def check(contact: Contact, control: object, accuracy: float) -> Control:
     """Check what every computation is given, and return the control."""
     if not isinstance(contact, Contact):
         raise InputError(f"contact: {type(contact).__name__}; must be a Contact, made by cb.Contact(...)")

@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from contbranch.continuation import Metric, find_root
-from contbranch.continuation.segment import Segment
-from contbranch.continuation.walk import point_on
 from contbranch.control import Control
 from contbranch.diagram import State
 
-from .locate import OPTIONS, SAFETY, Place, Values, refine
-from .problem import ControlReached
+from .azimuthal import counted
+from .locate import SAFETY, Place, Values, refine
+from .piece import piece_between, zero_between
+from .problem import ContactProblem, ControlReached
 from .profile import profile_of
 from .trace import Traced
 
-__all__ = ["Crossing", "control_values", "cross", "cross_before", "pieces_at", "state_at"]
+__all__ = ["Crossing", "control_values", "cross", "cross_before", "energy_at", "pieces_at", "state_apart", "state_at"]
 
 Array = NDArray[np.float64]
 
@@ -73,30 +72,53 @@ def cross_before(traced: Traced, control: Control, value: float, accuracy: float
 
 def state_at(traced: Traced, crossing: Crossing, given: dict[str, float] | None = None) -> State:
     """The state of a crossing in reduced units; `given` are observables known exactly, since they were asked for."""
-    values, place, piece, indices = crossing.values, crossing.place, crossing.piece, traced.indices
+    piece, indices = crossing.piece, traced.indices
+    unstable = int(indices.load_pieces[piece]), int(indices.displacement_pieces[piece])
+    spring = int(indices.spring_pieces[piece]) if len(traced.controls) > 2 else None
+    return _state(crossing, (*unstable, spring), given)
+
+
+def state_apart(crossing: Crossing, controls: Sequence[Control], given: dict[str, float] | None = None) -> State:
+    """The same for a state that is not on the traced curve: its Morse indices by inertia and by the slope dF/dd."""
+    place = crossing.place
+    problem, fields = place.problem, place.problem.fields(place.x, place.u)
+    held = problem.equations.unstable_modes(fields)
+    load_rate, displacement_rate = problem.rates(place.x, place.u, *place.direction)
+
+    def freed(control: Control) -> int:
+        return held + int(control.weighted(load_rate, displacement_rate) * displacement_rate < 0)
+
+    spring = freed(controls[2]) if len(controls) > 2 else None
+    return _state(crossing, (freed(controls[0]), held, spring), given)
+
+
+def _state(crossing: Crossing, unstable: tuple[int, int, int | None], given: dict[str, float] | None) -> State:
+    values, place = crossing.values, crossing.place
     keys = ("load", "displacement", "contact_radius", "central_gap")
     known = given or {}
     numbers = {**dict(zip(keys, values.numbers, strict=True)), **known}
     errors = {**dict(zip(keys, values.error, strict=True)), **dict.fromkeys(known, 0.0)}
     fields = place.problem.fields(place.x, place.u)
-    energy, errors["energy"] = energy_at(crossing)
+    energy, potential_error = energy_at(crossing)
+    errors["energy"] = potential_error + abs(values.load) * values.error[1]
     return State(
         **numbers,
         energy=energy,
-        unstable_load=int(indices.load_pieces[piece]),
-        unstable_displacement=int(indices.displacement_pieces[piece]),
-        unstable_spring=int(indices.spring_pieces[piece]) if len(traced.controls) > 2 else None,
+        unstable_load=unstable[0],
+        unstable_displacement=unstable[1],
+        unstable_spring=unstable[2],
         residual=float(np.abs(fields.residual).max() / max(1e-300, np.abs(fields.h).max())) if fields.h.any() else 0.0,
         error=errors,
         profile=profile_of(place.problem.equations, fields),
+        unstable_azimuthal=counted(place.problem.equations, fields, unstable[1]).total,
     )
 
 
 def energy_at(crossing: Crossing) -> tuple[float, float]:
-    """Energy V_ela + V_fr of a state and its error estimate, from the same contact coordinate on the finer mesh.
+    """Energy V_ela + V_fr of a state, and the error estimate of V − F d at its load.
 
-    The change of V − F d is of second order in what is wrong with the state; the rest of the error of V is F times
-    that of the displacement.
+    The latter is stationary along the curve, so it does not matter that the same contact coordinate is compared on the
+    finer mesh; the rest of the error of V is F times that of the displacement.
     """
     place, values = crossing.place, crossing.values
     problem = place.problem
@@ -106,35 +128,18 @@ def energy_at(crossing: Crossing) -> tuple[float, float]:
     energy = problem.equations.energy(fields)
     change = finer.equations.energy(fine) - energy
     change -= values.load * (finer.equations.displacement(fine) - problem.equations.displacement(fields))
-    error = SAFETY * abs(change) + abs(values.load) * values.error[1] + ROUNDING * max(1.0, abs(energy))
+    error = SAFETY * abs(change) + ROUNDING * max(1.0, abs(energy))
     return energy, error
 
 
 def _between(traced: Traced, piece: int, event: ControlReached | None, value: float) -> Place:
     """A place on the piece of curve between two rows: where the event vanishes, or with a given contact radius."""
-    begin, end = traced.points[piece], traced.points[piece + 1]
-    problem = traced.problem(piece)
-    if traced.curve.contact_radius[piece + 1] > 0 and not problem.equations.contact:
-        # From first touch into contact: the row belongs to the side without.
-        problem = problem.in_contact()
-        tangent = problem.direction(begin.x, begin.parameter)
-        begin = replace(begin, problem=problem, tangent_x=tangent[0], tangent_parameter=tangent[1])
-    mesh = problem.equations.mesh
-    other = traced.problem(piece + 1).equations.mesh
-    if other is not mesh:
-        x = problem.solve_at(other.interpolate(end.x, mesh.nodes), end.parameter)
-        end = replace(end, x=x, tangent_x=other.interpolate(end.tangent_x, mesh.nodes))
-    end = replace(end, problem=problem)
-    if event is None:
-        u = problem.parameter(problem.equations.coordinate.of(value, 0.0))
-        share = (u - begin.parameter) / (end.parameter - begin.parameter)
-        x = problem.solve_at(begin.x + share * (end.x - begin.x), u)
-        return Place(problem, x, u, problem.direction(x, u))
-    segment = Segment(begin, end, Metric(math.sqrt(problem.inner(end.x, end.x)) + problem.scale, 1.0))
-    first, last = event.value(begin), event.value(end)
-    if (first > 0) == (last > 0):  # decided by the difference between two meshes
-        nearer = begin if abs(first) < abs(last) else end
-        return Place(problem, nearer.x, nearer.parameter, (nearer.tangent_x, nearer.tangent_parameter))
-    theta = find_root(lambda t: event.value(point_on(segment, t, OPTIONS)[0]), (0.0, first), (1.0, last), 1e-8)
-    point, _ = point_on(segment, theta, OPTIONS)
-    return Place(problem, point.x, point.parameter, (point.tangent_x, point.tangent_parameter))
+    begin, end = piece_between(traced.points[piece], traced.points[piece + 1])
+    if event is not None:
+        return zero_between(begin, end, event)
+    problem = begin.problem
+    assert isinstance(problem, ContactProblem)
+    u = problem.parameter(problem.equations.coordinate.of(value, 0.0))
+    share = (u - begin.parameter) / (end.parameter - begin.parameter)
+    x = problem.solve_at(begin.x + share * (end.x - begin.x), u)
+    return Place(problem, x, u, problem.direction(x, u))

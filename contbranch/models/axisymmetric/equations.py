@@ -289,6 +289,20 @@ class Equations:
         fields.derived["beyond"] = found
         return found
 
+    def gradients(self, fields: Fields) -> tuple[Array, Array]:
+        """Derivatives of load and displacement with respect to the nodal values of h at fixed y, (N,) each."""
+        displacement = self.rim_row
+        load = 2 * (fields.rim.weights + (fields.rim.radius * self.rim_row if self.contact else 0.0))
+        beyond = self._beyond(fields)
+        if beyond is NOTHING:
+            return load, displacement
+        last = fields.rim.plane[-1]
+        gap = last - last.sum() * self.rim_row
+        return (
+            load + beyond.load_per_displacement * displacement - beyond.load_per_gap * gap,
+            displacement + beyond.shift_per_displacement * displacement - beyond.shift_per_gap * gap,
+        )
+
     def rates(self, fields: Fields, h_rate: Array, y_rate: float) -> tuple[float, float]:
         """Directional derivatives of load and displacement along (h_rate, y_rate)."""
         a = fields.rim.radius

@@ -203,7 +203,7 @@ def _by_defect(place: Place) -> Values:
     defect = place.problem.error(place.problem.fields(place.x, place.u))
     here = numbers(place)
     along = defect.state / max(float(np.abs(place.direction[0]).max()), 1e-300)
-    shift = place.uncertainty + along * abs(place.direction[1])
+    shift = min(place.uncertainty + along * abs(place.direction[1]), 1.0)
     aside = numbers(Place(place.problem, place.x, place.u + shift, place.direction))
     error = [
         2 * SAFETY * abs(e) + ROUNDING * max(1.0, abs(v))

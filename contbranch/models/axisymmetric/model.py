@@ -12,7 +12,8 @@ from contbranch.diagram import State
 from contbranch.interactions import MaugisDugdale
 from contbranch.models.outcome import RawCurve
 
-from .solve import solve_all
+from .azimuthal import LARGEST_MODE
+from .solve import find_all, solve_all
 from .trace import Target, trace
 
 __all__ = ["Axisymmetric"]
@@ -49,9 +50,10 @@ class Axisymmetric:
         max_load: float | None,
         progress: Progress | None = None,
         control: Control = LOAD,
+        modes: int = LARGEST_MODE,
     ) -> RawCurve:
         """The whole curve of a reduced contact."""
-        return trace(contact, accuracy, Target(max_load), progress, control=control).curve
+        return trace(contact, accuracy, Target(max_load), progress, control=control, modes=modes).curve
 
     def solve(
         self,
@@ -65,3 +67,17 @@ class Axisymmetric:
         """Every equilibrium of a reduced contact with a given load, displacement or contact radius."""
         states, traced = solve_all(contact, field, value, accuracy, progress, control)
         return states, traced.curve
+
+    def find_all(
+        self,
+        contact: Contact,
+        field: str,
+        value: float,
+        accuracy: float,
+        window: tuple[float, float] | None,
+        progress: Progress | None = None,
+        control: Control = LOAD,
+    ) -> tuple[list[State], list[bool], tuple[float, float], RawCurve]:
+        """Every equilibrium with a load or displacement, which of them lie on the curve, and the window used."""
+        states, connected, used, traced = find_all(contact, field, value, accuracy, window, progress, control)
+        return states, connected, used, traced.curve

@@ -12,10 +12,11 @@ from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.diagram import State
 from contbranch.errors import InputError, ModelError
 
-from .crossing import cross, cross_before, pieces_at, state_at
+from .crossing import Crossing, cross, cross_before, pieces_at, state_apart, state_at
+from .search import disconnected
 from .trace import Target, Traced, trace
 
-__all__ = ["solve_all"]
+__all__ = ["crossings", "find_all", "solve_all"]
 
 Progress = Callable[[float, str], None]
 
@@ -54,6 +55,69 @@ def solve_all(
     InputError
         If the value is out of range whatever the curve does.
     """
+    found, traced = crossings(contact, field, value, accuracy, progress, control)
+    states = [state_at(traced, crossing, {field: value}) for crossing in found]
+    if not states and not traced.curve.complete:
+        raise ModelError(f"{field}: the curve ends before {value:.6g} is reached. {traced.curve.message}")
+    return states, traced
+
+
+def find_all(
+    contact: Contact,
+    field: str,
+    value: float,
+    accuracy: float,
+    window: tuple[float, float] | None,
+    progress: Progress | None = None,
+    control: Control = LOAD,
+) -> tuple[list[State], list[bool], tuple[float, float], Traced]:
+    """Every equilibrium with a given load or displacement in a window of displacements, on the curve and off it.
+
+    Parameters
+    ----------
+    window : (float, float) or None
+        Displacements, reduced units; None: the traced range.
+
+    Returns
+    -------
+    states, connected, window, traced
+        Which of the states lie on the traced curve, and the window used.
+    """
+    found, traced = crossings(contact, field, value, accuracy, progress, control)
+    reached = traced.curve.displacement
+    if window is None:
+        window = (float(reached.min()), float(reached.max())) if len(reached) else (-math.inf, math.inf)
+    held = LOAD if field == "load" else DISPLACEMENT
+    others: list[Crossing] = []
+    if len(traced.points) > 1 and contact.interaction is not None:
+        others = disconnected(traced, found, held, value, accuracy)
+    states, connected = [], []
+    for crossings_here, on_curve in ((found, True), (others, False)):
+        for crossing in crossings_here:
+            if not window[0] <= crossing.values.displacement <= window[1]:
+                continue
+            given = {field: value}
+            on = state_at(traced, crossing, given) if on_curve else state_apart(crossing, traced.controls, given)
+            states.append(on)
+            connected.append(on_curve)
+    return states, connected, window, traced
+
+
+def crossings(
+    contact: Contact,
+    field: str,
+    value: float,
+    accuracy: float,
+    progress: Progress | None = None,
+    control: Control = LOAD,
+) -> tuple[list[Crossing], Traced]:
+    """Where the curve has a value, in order along it; arguments as for `solve_all`.
+
+    Raises
+    ------
+    InputError
+        If the value is out of range whatever the curve does.
+    """
     if field == "contact_radius" and not 0 < value < contact.tip.extent:
         raise InputError(f"contact_radius: {value:g}; must be greater than zero (and within the tip)")
     traced = trace(contact, accuracy, Target(), progress, events=False, control=control)
@@ -69,10 +133,7 @@ def solve_all(
     for piece in pieces_at(reached, value):
         if field != "contact_radius" or reached[piece + 1] > 0:
             found.append(cross(traced, piece, own, value, accuracy))
-    states = [state_at(traced, crossing, {field: value}) for crossing in found]
-    if not states and not traced.curve.complete:
-        raise ModelError(f"{field}: the curve ends before {value:.6g} is reached. {traced.curve.message}")
-    return states, traced
+    return found, traced
 
 
 def _target(contact: Contact, field: str, value: float, traced: Traced) -> Target:

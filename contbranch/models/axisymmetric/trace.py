@@ -20,6 +20,7 @@ from contbranch.errors import InputError
 from contbranch.models.outcome import RawCurve, RawEvent
 
 from .adapt import start_edges
+from .azimuthal import LARGEST_MODE
 from .critical import critical_exponent, sampled_exponent
 from .equations import ContactCoordinate, Equations
 from .locate import Place, Values, refine
@@ -27,6 +28,7 @@ from .marks import Mark, confirmed, signs
 from .mesh import Mesh
 from .problem import COARSE, ContactProblem, ControlReached, FoldEvent, InadmissibleEvent, Resolution
 from .profile import profile_of
+from .symmetry import Breaking, critical_eigenvalues, merged, symmetry_breaking
 
 __all__ = ["Target", "Traced", "order_for", "trace"]
 
@@ -49,6 +51,8 @@ STEPS = Options(
 )
 # A trace with a spring starts where the stiffness of the interaction is about this share of the spring's.
 SOFTER = 0.05
+# Steps of the gap far away in units of the wavelength of layers.
+LONGEST_IN_LAYERS = 0.15
 # Changes of h small against the range of the interaction, over the width √(2 range), do not matter for the steps.
 STATE_FLOOR = 0.3
 # Resolution of events that will not be located anew: close enough to tell the order of coinciding folds of stiff films.
@@ -163,6 +167,8 @@ def trace(
     progress: Progress | None = None,
     events: bool = True,
     control: Control = LOAD,
+    fine: bool = False,
+    modes: int = LARGEST_MODE,
 ) -> Traced:
     """Follow a reduced contact's curve and locate its events.
 
@@ -179,19 +185,24 @@ def trace(
         Whether events are made precise; without, the result has none, and its rows are as accurate as the trace.
     control : Control
         A spring (reduced units), whose folds are located besides those of load and displacement.
+    fine : bool
+        Whether the rows are to be as accurate as the events.
+    modes : int
+        Largest azimuthal mode number examined where events are located; 0: none.
     """
     began = time.perf_counter()
     controls = (LOAD, DISPLACEMENT, *((control,) if control.kind == "spring" else ()))
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # answered by shorter steps, or reported
         try:
-            tolerance = max(TRACE_TOLERANCE, accuracy) * (1 - ROW_FLOOR) / ROW_SAFETY
+            allowed = accuracy if fine else max(TRACE_TOLERANCE, accuracy)
+            tolerance = allowed * (1 - ROW_FLOOR) / ROW_SAFETY
             problem, u = start_problem(contact, accuracy, tolerance, control.spring_stiffness)
         except InputError:
             raise
         except Exception as error:  # a law written by the user may raise anything; its text is kept
             return _nothing(f"The interaction cannot be evaluated far away: {type(error).__name__}: {error}")
         located = _Located(*_legs(problem, u, target, controls, progress, COARSE if events else FINE), controls)
-        raw, indices = located.raw(contact, accuracy if events else None, progress)
+        raw, indices = located.raw(contact, accuracy if events else None, progress, modes)
     cost = Cost(time.perf_counter() - began, problem.resolution.newton)
     return Traced(located.points, replace(raw, cost=cost, unknowns=problem.resolution.unknowns), indices, controls)
 
@@ -207,6 +218,11 @@ def _legs(
     """The curve without contact, and the one in contact if first touch is reached."""
     told = _Told(progress, u)
     steps = replace(STEPS, state_floor=STATE_FLOOR * problem.scale * (2 * problem.scale) ** 0.25)
+    law = problem.equations.interaction
+    if law is not None and math.isfinite(law.wave):
+        # Far away a step may be long, since the elastic body answers little; not so long as to miss a layer.
+        longest = LONGEST_IN_LAYERS * law.wave / (problem.scale * math.cosh(u) * abs(u))
+        steps = replace(steps, largest_parameter_step=min(steps.largest_parameter_step, longest))
     folds: list[Event] = [
         *(FoldEvent(control, name=control.kind, relative_resolution=resolution) for control in controls),
         InadmissibleEvent(),
@@ -286,7 +302,9 @@ class _Located:
         ]
         self.marks = confirmed(self.points, marks, controls)
 
-    def raw(self, contact: Contact, accuracy: float | None, progress: Progress | None) -> tuple[RawCurve, Indices]:
+    def raw(
+        self, contact: Contact, accuracy: float | None, progress: Progress | None, modes: int
+    ) -> tuple[RawCurve, Indices]:
         """Arrays and events."""
         points = self.points
         columns = {
@@ -309,7 +327,12 @@ class _Located:
         events = [
             self._event(mark.row, mark.name, *found, indices) for mark, found in zip(self.marks, refined, strict=False)
         ]
+        breaking = Breaking()
+        if accuracy is not None and modes:
+            breaking = symmetry_breaking(points, indices.displacement, accuracy, modes, progress)
+            events = merged(events, breaking.events)
         complete, message = self._outcome(contact)
+        complete, message = complete and breaking.complete, f"{message} {breaking.message}".strip()
         if complete and self._unstable_at_end() != indices.displacement_pieces[-1]:
             complete, message = (
                 False,
@@ -339,6 +362,8 @@ class _Located:
             Cost(0.0, 0),
             0,
             unstable_spring=indices.spring if "spring" in self.controls else None,
+            unstable_azimuthal=breaking.unstable if breaking.counts else None,
+            critical=lambda: critical_eigenvalues(points),
         )
         return curve, indices
 

@@ -1,0 +1,127 @@
+"""Deflated Newton's method: further solutions of F(x, p) = 0 at one p, besides those already known.
+
+With the known solutions x_k the method solves ``M(x) F(x, p) = 0``, ``M(x) = prod_k (1/|x − x_k|² + 1)``, which does
+not vanish at them. The Newton step of the product is the plain one times a number (P. E. Farrell, A. Birkisson and
+S. W. Funke, SIAM J. Sci. Comput. 37 (2015) A2026), so that a Jacobian and its factorisation are all it takes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from contbranch.continuation.problem import Array, Problem
+
+__all__ = ["deflated_newton", "search"]
+
+# Longest step, relative to the size of the state and the distance of the known solutions, and shortest damping.
+LONGEST = 0.5
+
+
+def deflated_newton(
+    problem: Problem,
+    p: float,
+    known: Sequence[Array],
+    start: Array,
+    *,
+    size: float = 1.0,
+    tolerance: float = 1e-9,
+    iterations: int = 30,
+) -> Array | None:
+    """Look for a solution other than the known ones, from one start.
+
+    Parameters
+    ----------
+    problem : Problem
+        With a dense Jacobian.
+    p : float
+        Parameter.
+    known : sequence of (n,) arrays
+        Solutions at p to keep away from.
+    start : (n,) array
+    size : float
+        Length, in the norm of `Problem.inner`, in which distances are measured.
+    tolerance : float
+        Newton's corrections, relative to `size`, at which a solution is taken as found.
+    iterations : int
+        Largest number of steps.
+
+    Returns
+    -------
+    (n,) array or None
+        A new solution; None if none was reached.
+    """
+    x = np.array(start, dtype=float)
+    for _ in range(iterations):
+        residual, jacobian, _ = problem.linearise(x, p)
+        if not np.isfinite(residual).all():
+            return None
+        try:
+            step = np.linalg.solve(np.asarray(jacobian), -residual)
+        except np.linalg.LinAlgError:
+            return None
+        length = math.sqrt(max(problem.inner(step, step), 0.0)) / size
+        if not math.isfinite(length):
+            return None
+        if length < tolerance:
+            return x + step if all(_distance(problem, x, other, size) > 1e3 * tolerance for other in known) else None
+        factor = _factor(problem, x, step, known, size)
+        nearest = min((_distance(problem, x, other, size) for other in known), default=math.inf)
+        own = 1.0 + math.sqrt(max(problem.inner(x, x), 0.0)) / size
+        longest = LONGEST * max(min(nearest, own), 0.1)
+        damping = min(1.0, longest / (abs(factor) * length)) if factor else 1.0
+        x = x + damping * factor * step
+    return None
+
+
+def _distance(problem: Problem, x: Array, other: Array, size: float) -> float:
+    apart = x - other
+    return math.sqrt(max(problem.inner(apart, apart), 0.0)) / size
+
+
+def _factor(problem: Problem, x: Array, step: Array, known: Sequence[Array], size: float) -> float:
+    """Length of the deflated step in units of the plain one: 1/(1 − d ln M), d along the plain step."""
+    change = 0.0
+    for other in known:
+        apart = x - other
+        square = max(problem.inner(apart, apart), 1e-300) / size**2
+        along = problem.inner(apart, step) / size**2
+        change += -2.0 * along / (square * (1.0 + square))
+    rest = 1.0 - change
+    return 1.0 / rest if rest else 1.0
+
+
+def search(
+    problem: Problem,
+    p: float,
+    known: Sequence[Array],
+    starts: Iterable[Array],
+    *,
+    size: float = 1.0,
+    tolerance: float = 1e-9,
+) -> list[Array]:
+    """Solutions besides the known ones that deflated Newton's method reaches from some starts.
+
+    Every start is used until it yields nothing new.
+
+    Parameters
+    ----------
+    problem, p, known, size, tolerance
+        As in `deflated_newton`.
+    starts : iterable of (n,) arrays
+
+    Returns
+    -------
+    list of (n,) arrays
+        What was found, in the order in which it was.
+    """
+    found: list[Array] = []
+    for start in starts:
+        while True:
+            solution = deflated_newton(problem, p, [*known, *found], start, size=size, tolerance=tolerance)
+            if solution is None:
+                break
+            found.append(solution)
+    return found

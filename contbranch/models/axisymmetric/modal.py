@@ -1,0 +1,210 @@
+"""The Abel integral of azimuthal variations, ``(A_m h)(r) = (2/π) ∫_a^r (t/r)^m h(t)/√(r² − t²) dt``, on a mesh.
+
+The powers t^m and r^−m never stand alone: their ratio, at most 1, is part of the integrand. So large m neither overflow
+nor ask more of the panels' polynomials than h itself does.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+
+from .equations import Equations, Fields
+from .mesh import NEAR, Mesh, chebyshev_slopes, chebyshev_values, gauss, legendre_values
+
+__all__ = ["ModeSpace", "inner_mode_pressure"]
+
+Array = NDArray[np.float64]
+Pairs = NDArray[np.intp]
+
+# Gauss nodes for the gap, a panel, beyond those of the mesh.
+EXTRA = 6
+
+
+@dataclass(frozen=True)
+class ModeSpace:
+    """Trial functions h of one state, orthonormal in ∫ dt, and radii at which their gap is integrated.
+
+    On the innermost panel the functions are even polynomials in tau (times t for odd m, as regularity at the axis asks
+    where there is no contact), elsewhere the panels' polynomials.
+
+    Attributes
+    ----------
+    mesh : Mesh
+    radius : float
+        a.
+    rho, weights : array (M,)
+        ``√(r² − a²)`` and weights of ∫ drho, more of them than the mesh has nodes. The gap of a trial function that
+        jumps between panels starts like the root of the distance from there, so the nodes are Gauss' in that root.
+    stiffness : array (M,)
+        v'' of the state at rho.
+    """
+
+    mesh: Mesh
+    radius: float
+    rho: Array
+    weights: Array
+    stiffness: Array
+
+    @staticmethod
+    def of(equations: Equations, fields: Fields) -> ModeSpace:
+        """The trial functions of a state; kept with its fields."""
+        known = fields.derived.get("modes")
+        if isinstance(known, ModeSpace):
+            return known
+        mesh, a = equations.mesh, fields.rim.radius
+        z, w = gauss(mesh.order + EXTRA)
+        share, length = (z + 1) / 2, np.diff(mesh.edges)[:, None]
+        rho = (mesh.edges[:-1, None] + length * share**2).ravel()
+        weights = (length * share * w).ravel()
+        profile = fields.h - fields.rim_value
+        inner = inner_plane(mesh, a, rho, 0) @ (mesh.rule.to_even @ profile[: mesh.order])
+        shape, _ = equations.tip.shape_gap(rho, a)
+        gap = inner + outer_plane(mesh, a, rho, 0) @ profile[mesh.order :] + shape
+        if not equations.contact:
+            gap = gap - fields.y
+        stiffness = np.zeros_like(gap) if equations.interaction is None else equations.interaction.evaluate(gap)[2]
+        space = ModeSpace(mesh, a, rho, weights, np.asarray(stiffness))
+        fields.derived["modes"] = space
+        return space
+
+    def plane(self, m: int) -> Array:
+        """A_m on the orthonormal trial functions, (M, N)."""
+        inner = solve_triangular(self._factor(m), inner_plane(self.mesh, self.radius, self.rho, m).T, lower=True).T
+        outer = outer_plane(self.mesh, self.radius, self.rho, m) / np.sqrt(self._outer_weights())
+        return np.concatenate([inner, outer], axis=1)
+
+    def coefficients(self, m: int, vector: Array) -> tuple[Array, Array]:
+        """Coefficients of the even polynomials (times t/L for odd m), and nodal values on the other panels."""
+        even = self.mesh.rule.even_order
+        inner = solve_triangular(self._factor(m), vector[:even], lower=True, trans="T")
+        return np.asarray(inner), vector[even:] / np.sqrt(self._outer_weights())
+
+    def nodal(self, m: int, vector: Array) -> tuple[Array, Array]:
+        """``t = √(a² + tau²)`` and h at the nodes of the mesh, (N,) each."""
+        mesh = self.mesh
+        t = np.hypot(self.radius, mesh.nodes)
+        inner, outer = self.coefficients(m, vector)
+        local = 2 * (mesh.nodes[: mesh.order] / mesh.innermost) ** 2 - 1
+        values = inner @ chebyshev_values(mesh.rule.even_order, local)
+        return t, np.concatenate([values * (t[: mesh.order] / mesh.innermost) ** (m % 2), outer])
+
+    def vector(self, m: int, values: Array) -> Array:
+        """Components of a function with nodal `values`, (N,): the inverse of `nodal`."""
+        n, mesh = self.mesh.order, self.mesh
+        t = np.hypot(self.radius, mesh.nodes[:n])
+        inner = mesh.rule.to_even @ (values[:n] / (t / mesh.innermost) ** (m % 2))
+        return np.concatenate([self._factor(m).T @ inner, values[n:] * np.sqrt(self._outer_weights())])
+
+    def _outer_weights(self) -> Array:
+        """Weights of ∫ dt on all panels but the innermost."""
+        n, mesh = self.mesh.order, self.mesh
+        return np.asarray(mesh.weights[n:] * mesh.nodes[n:] / np.hypot(self.radius, mesh.nodes[n:]))
+
+    def _factor(self, m: int) -> Array:
+        """Cholesky factor of the mass matrix ∫ dt of the innermost panel's functions."""
+        mesh, a = self.mesh, self.radius
+        z, w = gauss(2 * mesh.order)
+        end = np.hypot(a, mesh.innermost)
+        # t − a and not t is what carries digits where the panel is short against a.
+        reach = mesh.innermost**2 / (end + a)
+        beyond = reach * (z + 1) / 2
+        values = chebyshev_values(mesh.rule.even_order, 2 * beyond * (beyond + 2 * a) / mesh.innermost**2 - 1)
+        weights = reach / 2 * w * ((a + beyond) / mesh.innermost) ** (2 * (m % 2))
+        return np.asarray(np.linalg.cholesky((values * weights) @ values.T))
+
+
+def inner_plane(mesh: Mesh, a: float, rho: Array, m: int) -> Array:
+    """A_m on the innermost panel's functions at `rho`: even Chebyshev polynomials in tau, times t/L for odd m; (M, E).
+
+    With t = r sin θ both the root and the rim disappear: (2/π) ∫ sin^m θ h dθ.
+    """
+    length = mesh.innermost
+    r = np.hypot(a, rho)
+    upper = np.minimum(rho, length)
+    start = np.arctan2(a, rho)
+    end = np.arctan2(np.hypot(a, upper), np.sqrt(np.maximum(rho**2 - upper**2, 0.0)))
+    z, w = gauss(mesh.order + 8 + m // 2)
+    half = ((end - start) / 2)[:, None]
+    theta = ((start + end) / 2)[:, None] + half * z
+    sine = np.sin(theta)
+    t = r[:, None] * sine
+    factors = (2 / np.pi) * half * w * sine**m * (t / length) ** (m % 2)
+    # tau² = (t − a)(t + a), with t − a from the angles' difference: r (sin θ − sin θ_0).
+    above = 2 * r[:, None] * np.cos((theta + start[:, None]) / 2) * np.sin((theta - start[:, None]) / 2)
+    values = chebyshev_values(mesh.rule.even_order, 2 * above * (t + a) / length**2 - 1)
+    return np.asarray(np.einsum("kim,im->ik", values, factors))
+
+
+def outer_plane(mesh: Mesh, a: float, rho: Array, m: int) -> Array:
+    """A_m on the nodal values of all panels but the innermost, at `rho`; (M, N − n)."""
+    n, panels = mesh.order, mesh.panels - 1
+    if panels == 0:
+        return np.zeros((len(rho), 0))
+    r = np.hypot(a, rho)
+    tau, weights = mesh.nodes[n:], mesh.weights[n:]
+    t = np.hypot(a, tau)
+    difference = rho[:, None] ** 2 - tau**2
+    with np.errstate(invalid="ignore", divide="ignore"):
+        matrix = (2 / np.pi) * weights * (tau / t) / np.sqrt(difference)
+    matrix = np.where(difference > 0, matrix, 0.0) * np.minimum(1.0, t / r[:, None]) ** m
+    left, right = mesh.edges[1:-1], mesh.edges[2:]
+    touched = left < rho[:, None]
+    distance = np.maximum(0.0, rho[:, None] - right)
+    row, panel = np.nonzero(touched & (distance < NEAR * (right - left)))
+    blocks = matrix.reshape(len(rho), panels, n)
+    blocks[~touched] = 0.0
+    blocks[row, panel] = _near(mesh, a, rho[row], panel + 1, m)
+    return np.asarray(matrix)
+
+
+def _near(mesh: Mesh, a: float, rho: Array, panel: Pairs, m: int) -> Array:
+    """Rows of `outer_plane` for panels close to their target, with tau = rho sin ψ; (pairs, n)."""
+    start = np.arcsin(mesh.edges[panel] / rho)
+    end = np.arcsin(np.minimum(1.0, mesh.edges[panel + 1] / rho))
+    z, w = gauss(mesh.order + 8 + m // 2)
+    half = ((end - start) / 2)[:, None]
+    tau = rho[:, None] * np.sin(((start + end) / 2)[:, None] + half * z)
+    t, r = np.hypot(a, tau), np.hypot(a, rho)[:, None]
+    factors = (2 / np.pi) * half * w * (tau / t) * (t / r) ** m
+    local = (tau - mesh.edges[panel][:, None]) / mesh.half[panel][:, None] - 1.0
+    values = legendre_values(mesh.order, local)
+    return np.asarray(np.einsum("kpm,pm->pk", values, factors) @ mesh.rule.to_legendre)
+
+
+def inner_mode_pressure(space: ModeSpace, m: int, vector: Array, r: Array) -> Array:
+    """Pressure of a mode at radii r < a inside the contact, (K,).
+
+    The inverse of B_m with h = 0 for t < a:
+    ``π p(r) = −(r/a)^m h(a+)/√(a² − r²) − ∫_a^∞ r^m (t^−m h)' / √(t² − r²) dt``.
+    The first term, singular at the rim, is the rim's shift.
+    """
+    mesh, a, n = space.mesh, space.radius, space.mesh.order
+    inner, outer = space.coefficients(m, vector)
+    distance = np.maximum(a * a - r * r, 0.0)
+    even = mesh.rule.even_order
+    odd = m % 2
+
+    # Innermost panel: f = t^−m h is even in tau, and with w² = tau² + a² − r² the integral is 2 ∫ df/d(tau²) dw.
+    z, weights = gauss(mesh.order + 8)
+    first, last = np.sqrt(distance)[:, None], np.sqrt(mesh.innermost**2 + distance)[:, None]
+    w = (first + last) / 2 + (last - first) / 2 * z
+    squares = w * w - distance[:, None]
+    t = np.sqrt(a * a + squares)
+    local = 2 * squares / mesh.innermost**2 - 1
+    values = chebyshev_values(even, local)
+    plain = np.tensordot(inner, values, 1)
+    slope = np.tensordot(inner, chebyshev_slopes(values, local), 1) * (2 / mesh.innermost**2)
+    power = (t / mesh.innermost) ** odd * (r[:, None] / t) ** m
+    total = ((last - first)[:, 0]) * ((power * (slope - (m - odd) / 2 * plain / t**2)) @ weights)
+
+    # The other panels, at their nodes.
+    t = np.hypot(a, mesh.nodes[n:])
+    rate = np.asarray(((outer.reshape(-1, n) @ mesh.rule.derivative.T) / mesh.half[1:, None]).ravel())
+    rate = mesh.weights[n:] * (rate - m * outer * mesh.nodes[n:] / t**2)
+    total = total + ((r[:, None] / t) ** m / np.sqrt(mesh.nodes[n:] ** 2 + distance[:, None])) @ rate
+    rim = float(inner @ (-1.0) ** np.arange(even)) * (a / mesh.innermost) ** odd
+    return np.asarray(-((r / a) ** m * rim / np.sqrt(distance) + total) / np.pi)

@@ -1,0 +1,225 @@
+"""Overdamped relaxation of an axisymmetric contact after a fold, to tell which of several stable states it reaches.
+
+The half space is given a viscosity (Kelvin and Voigt's): ``q = (E/2)(h + dh/dt)`` in units of the viscous time, so that
+the flow is the steepest descent of the energy in the norm ∫ h² dt of the elastic energy, with the wall and the drive as
+constraints. An implicit Euler step of length 1/s minimises V + s ∫ (h − h_n)² dt:
+
+    (1 + s) h(t) − s h_n(t) = 2 ∫_t^∞ σ p_fr(g) / √(σ² − t²) dσ  for t > a,   phi(a) = 0
+    F = 2 ∫ [h + s (h − h_n)] dt
+
+which is equilibrium with another elasticity: the same unknowns, the same rim condition. The tip as a whole has a drag
+of the same viscosity over the width c = √(2 z0) of the interaction, which adds 2 c s (d − d_n) to F: without it a rigid
+tip pushed beyond its largest load would have no state to go to.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbranch.control import Control
+
+from .adapt import adapted_edges, needed_reach
+from .equations import Equations
+from .mesh import Mesh
+
+__all__ = ["Relaxed", "relax"]
+
+Array = NDArray[np.float64]
+
+# To leave the fold, the load is moved on by this share of the interaction's own, a displacement by that of its range.
+NUDGE = 1e-4
+# Change of the contact parameter u in a step (without contact also of the gap in units of twice the range): aimed at,
+# and allowed.
+AIM, LARGEST = 0.05, 0.15
+FIRST_STEP, LONGEST, SHORTEST = 0.1, 1e14, 1e-6
+STEPS, NEWTON = 2000, 20
+# Meshes for the flow: it decides between states, which are then found to the accuracy asked.
+TOLERANCE = 1e-4
+
+
+@dataclass(frozen=True)
+class Relaxed:
+    """Where the flow has come to rest: contact parameter y, load and displacement; `settled` if it has."""
+
+    y: float
+    load: float
+    displacement: float
+    settled: bool
+
+
+class _State:
+    """h on the mesh of its own rim, and the functions of t that the next step needs."""
+
+    def __init__(self, equations: Equations, h: Array, y: float) -> None:
+        self.equations, self.h, self.y = equations, h, y
+        self.fields = equations.fields(h, y)
+        self.displacement = equations.displacement(self.fields)
+        self.load = equations.load(self.fields)
+
+    @property
+    def strength(self) -> float:
+        """2π ∫ |p_fr| r dr, the load that the interaction could carry."""
+        mesh = self.equations.mesh
+        return 2 * math.pi * float((mesh.weights * mesh.nodes) @ np.abs(self.fields.pressure))
+
+    def profile(self, t: Array) -> Array:
+        """h(t) for any t: d − zeta(t) inside the contact, 0 beyond the mesh."""
+        a = self.fields.rim.radius
+        tau = np.sqrt(np.maximum(t * t - a * a, 0.0))
+        outside = self.equations.mesh.interpolate(self.h, tau)
+        if a == 0.0:
+            return outside
+        inside = self.displacement - self.equations.tip.transform(np.minimum(t, a))
+        return np.where(t < a, inside, outside)
+
+
+def relax(
+    equations: Equations,
+    h: Array,
+    y: float,
+    scale: float,
+    control: Control,
+    value: float,
+    direction: int,
+    watch: Callable[[float], None] | None = None,
+) -> Relaxed:
+    """Let a state go at a value of the control.
+
+    Parameters
+    ----------
+    equations, h, y : Equations, array (N,), float
+        The fold.
+    scale : float
+        Range of the interaction; y = scale · sinh(u).
+    control, value : Control, float
+        What is held, and where (reduced units).
+    direction : int
+        1 if the fold was reached by raising the control, −1 by lowering it.
+    watch : callable, optional
+        Called with y after every step.
+    """
+    state = _State(equations, h, y)
+    nudge = state.strength if control.kind == "load" else scale
+    if control.kind == "spring":
+        nudge = min(nudge, state.strength / control.stiffness)
+    target = control.target(value + direction * NUDGE * nudge)
+    step, rate = FIRST_STEP, 0.0
+    for _ in range(STEPS):
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # answered by a shorter step
+            state = _remeshed(state)
+            found = _implicit(state, 1.0 / step, rate * step, control, target, 2 * math.sqrt(2 * scale))
+        moved = math.inf if found is None else _moved(found.y, state.y, scale)
+        if found is None or moved > LARGEST:
+            step /= 3.0
+            rate = 0.0
+            if step < SHORTEST:
+                break
+            continue
+        rate = (found.y - state.y) / step
+        state = found
+        if watch is not None:
+            watch(state.y)
+        if step >= LONGEST:
+            return Relaxed(state.y, state.load, state.displacement, True)
+        step *= min(3.0, max(0.5, AIM / max(moved, 1e-12)))
+        step = min(step, LONGEST)
+    return Relaxed(state.y, state.load, state.displacement, False)
+
+
+def _moved(y: float, before: float, scale: float) -> float:
+    """How far a step has gone."""
+    moved = abs(math.asinh(y / scale) - math.asinh(before / scale))
+    return moved if max(y, before) > 0.0 else max(moved, 0.5 * abs(y - before) / scale)
+
+
+def _remeshed(state: _State) -> _State:
+    """The state on a mesh that follows it."""
+    equations, fields = state.equations, state.fields
+    allowed = TOLERANCE * state.strength
+    reach = needed_reach(equations, fields, 0.1 * allowed)
+    end = float(equations.mesh.edges[-1])
+    edges = np.append(equations.mesh.edges, reach) if reach > 1.05 * end else None
+    if edges is None:
+        edges = adapted_edges(equations, fields, 0.1 * allowed, max(reach, 0.5 * end))
+        if len(edges) == len(equations.mesh.edges):
+            return state
+    mesh = Mesh(edges, equations.mesh.order)
+    return _State(equations.on(mesh), equations.mesh.interpolate(state.h, mesh.nodes), state.y)
+
+
+def _implicit(state: _State, s: float, ahead: float, control: Control, target: float, drag: float) -> _State | None:
+    """One implicit step, on the side of first touch on which it ends; None if Newton's method fails."""
+    contact = state.y + ahead > 0.0
+    for _ in range(2):
+        y = state.y + ahead
+        if (y > 0.0) != contact:
+            y = 0.0
+        found = _newton(state, state.equations.touching(contact), y, s, control, target, drag)
+        if found is not None:
+            return found
+        contact, ahead = not contact, 0.0
+    return None
+
+
+def _newton(
+    state: _State, equations: Equations, y: float, s: float, control: Control, target: float, drag: float
+) -> _State | None:
+    """Newton's method for (h, y) on one side of first touch."""
+    tau = equations.mesh.nodes
+    first, second = control.weights
+
+    def radius(at: float) -> float:
+        return equations.coordinate.radius(at) if equations.contact else 0.0
+
+    def before(at: float) -> Array:
+        return state.profile(np.hypot(tau, radius(at)))
+
+    h = before(y)
+    n = equations.mesh.size
+    floor = 0.0 if equations.contact else -math.inf
+    last = math.inf
+    for _ in range(NEWTON):
+        fields = equations.fields(h, y)
+        if not fields.finite:
+            return None
+        old = before(y)
+        load, displacement = equations.load(fields), equations.displacement(fields)
+        residual = fields.residual + s * (h - old)
+        held = load + s * (load - state.load) + drag * s * (displacement - state.displacement)
+        excess = first * held + second * displacement - target
+        width = 1e-6 * max(1e-3, abs(y))
+        drift = (before(y + width) - old) / width if equations.contact else np.zeros(n)
+        rim = fields.rim
+        lift = equations.coordinate.slopes(y)[2] if equations.contact else 1.0
+        matrix = np.empty((n + 1, n + 1))
+        matrix[:n, :n] = equations.jacobian(fields)
+        matrix[:n, :n].flat[:: n + 1] += s
+        matrix[:n, n] = equations.slopes(fields)[1] - s * drift
+        load_row = 2 * (rim.weights + rim.radius * equations.rim_row)
+        moving = second + first * drag * s
+        matrix[n, :n] = first * (1 + s) * load_row + moving * equations.rim_row
+        load_slope, _ = equations.rates(fields, np.zeros(n), 1.0)
+        matrix[n, n] = first * (1 + s) * load_slope + moving * lift
+        try:
+            change = np.linalg.solve(matrix, -np.append(residual, excess))
+        except np.linalg.LinAlgError:
+            return None
+        if not np.isfinite(change).all():
+            return None
+        size = float(np.abs(change[:n]).max()) + abs(float(change[n]))
+        if size > 1e3 * max(1.0, last):
+            return None
+        last = size
+        h, y = h + change[:n], y + float(change[n])
+        if equations.contact and y < 0.0:
+            y = 0.0
+        if not equations.contact and y > 0.0:
+            return None  # the surfaces meet: the step ends in contact
+        if size < 1e-9 * max(1.0, float(np.abs(h).max())):
+            return _State(equations, h, y) if y > floor else None
+    return None
