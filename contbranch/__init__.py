@@ -10,6 +10,7 @@ from contbranch.control import Spring
 from contbranch.diagram import Branch, Diagram, Event, Exponent, LocalExponent, Solution, State, Window
 from contbranch.equilibria import Barrier, Equilibria
 from contbranch.errors import InputError, ModelError
+from contbranch.followed import Followed, FollowedPoint, Special
 from contbranch.interactions import (
     Exponential,
     Gauss,
@@ -23,9 +24,10 @@ from contbranch.interactions import (
     VanDerWaals,
 )
 from contbranch.loop import Hysteresis
-from contbranch.models import find_all, hysteresis, solve, trace
+from contbranch.models import find_all, follow, hysteresis, phase_diagram, solve, trace
 from contbranch.models.axisymmetric import Axisymmetric
 from contbranch.models.exact import Exact
+from contbranch.phase import PhaseDiagram
 from contbranch.store import load
 from contbranch.tips import Cone, Parabola, PowerLaw, Profile, SphericalCap, Tip
 
@@ -43,6 +45,8 @@ __all__ = [
     "Exact",
     "Exponent",
     "Exponential",
+    "Followed",
+    "FollowedPoint",
     "Gauss",
     "Hysteresis",
     "InputError",
@@ -53,10 +57,12 @@ __all__ = [
     "MaugisDugdale",
     "ModelError",
     "Parabola",
+    "PhaseDiagram",
     "PowerLaw",
     "Profile",
     "Response",
     "Solution",
+    "Special",
     "SphericalCap",
     "Spring",
     "State",
@@ -66,8 +72,10 @@ __all__ = [
     "VanDerWaals",
     "Window",
     "find_all",
+    "follow",
     "hysteresis",
     "load",
+    "phase_diagram",
     "solve",
     "trace",
 ]

@@ -1,4 +1,4 @@
-"""The command ``contbranch``: trace, solve, loop and show.
+"""The command ``contbranch``: trace, solve, loop, follow and show.
 
 Exit status: 0 complete; 1 incomplete (whatever was traced is written all the same); 2 wrong input, in one line. Heavy
 libraries are imported where they are needed: the start of the command is a good part of its time.
@@ -19,7 +19,9 @@ from contbranch.errors import InputError, ModelError
 
 if TYPE_CHECKING:
     from contbranch.diagram import Diagram, Solution
+    from contbranch.followed import Followed
     from contbranch.request import Request
+    from contbranch.request_follow import Variation
 
 __all__ = ["main"]
 
@@ -198,6 +200,48 @@ def loop_command(
     return _report(loop.status, loop.message)
 
 
+@app.command("follow")
+def follow_command(
+    contact: ContactFile = None,
+    event: Annotated[str | None, typer.Option(metavar="NAME", help="Name of a fold under --control, or touch.")] = None,
+    vary: Annotated[
+        str | None, typer.Option(metavar="NAME=FROM:TO", help="Parameter to vary, for example tabor=0.25:4.")
+    ] = None,
+    interaction: Law = None,
+    tabor: Tabor = None,
+    repulsive: Repulsive = False,
+    control: Control = None,
+    accuracy: Accuracy = None,
+    model: Model = None,
+    cell: Cell = None,
+    grid: Grid = None,
+    json_file: Json = None,
+    plot: Plot = None,
+) -> int:
+    """Follow a fold or first touch in a second parameter, with the points where folds meet or end."""
+    from contbranch.request import make_request
+    from contbranch.request_follow import parse_vary
+
+    request = make_request(contact, interaction, tabor, repulsive, control, accuracy, model, cell, grid)
+    for option, value in (("--event", event), ("--vary", vary)):
+        if value is None:
+            raise InputError(f"{option}: missing; write for example --event pull-off --vary tabor=0.25:4")
+    variation = parse_vary(vary or "", request)
+    _check_outputs({"--json": json_file, "--plot": plot}, contact)
+    followed = _follow(request, event or "", variation)
+    if json_file is not None:
+        _write_json(followed.document(), json_file)
+    if plot is not None:
+        from contbranch.plot import save_figure
+
+        save_figure(followed.plot(), plot)
+    if json_file != "-":
+        from contbranch.summary_follow import print_followed
+
+        print_followed(followed)
+    return _report(followed.status, followed.message)
+
+
 @app.command("show")
 def show_command(
     file: Annotated[str, typer.Argument(metavar="FILE.h5", help="Diagram saved by trace -o.")],
@@ -250,7 +294,7 @@ def _fail(message: str, status: int) -> int:
 def _usage(error: Exception, given: Sequence[str]) -> str:
     """Return click's complaint about the usage with a remedy."""
     message = str(getattr(error, "format_message", lambda: error)()).strip().rstrip(".")
-    command = next((word for word in given if word in ("trace", "solve", "loop", "show")), "")
+    command = next((word for word in given if word in ("trace", "solve", "loop", "follow", "show")), "")
     return f"{message}; see contbranch {command + ' ' if command else ''}--help"
 
 
@@ -264,6 +308,22 @@ def _solve(request: Request, where: dict[str, Any], every: bool) -> Solution:
     from contbranch.models.find import best_of
 
     return best_of(_with_progress("find_all", request, **where))
+
+
+def _follow(request: Request, name: str, variation: Variation) -> Followed:
+    from contbranch.models.family import family_of
+    from contbranch.models.follow import follow
+    from contbranch.request_follow import find_event
+
+    diagram = _with_progress("trace", request)
+    event = find_event(diagram, name, request.control)
+    try:
+        present = event.stiffness if variation.name == "stiffness" else None
+        family = family_of(request.contact, variation.name, variation.values[-1], present, event.control)
+        goals = variation.to(family.start)
+        return follow(event, variation.name, goals, start=present, accuracy=request.accuracy)
+    except InputError as error:
+        raise InputError(f"--vary: {str(error).removeprefix('vary: ')}") from None
 
 
 def _with_progress(name: str, request: Request, **options: Any) -> Any:

@@ -1,0 +1,379 @@
+"""Events followed in a second parameter: against separate traces, closed forms, and each other."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import contbranch as cb
+from contbranch.cli import main
+
+REFERENCE = Path(__file__).parent / "reference" / "maugis_dugdale.csv"
+KEYS = ("load", "displacement", "contact_radius", "central_gap")
+
+
+def gauss(tabor: float) -> cb.Contact:
+    return cb.Contact.reduced(cb.Gauss, tabor=tabor, sign=-1)
+
+
+def mixed(share: float) -> cb.Contact:
+    """(1 − β)·Exponential + β·Gauss, both repulsive, with one range and μ_T = 1."""
+    if share == 1.0:
+        return cb.Contact(cb.Parabola(1.0), cb.Gauss(-1.0, 1.0))
+    return cb.Contact(cb.Parabola(1.0), cb.Exponential(-(1.0 - share), 1.0) + cb.Gauss(-share, 1.0))
+
+
+def dlvo(amplitude: float) -> cb.Contact:
+    return cb.Contact(cb.Parabola(1.0), cb.VanDerWaals(1.0, 0.5) + cb.Exponential(amplitude, 1.0))
+
+
+def event(contact, name, control="load", accuracy=1e-9) -> cb.Event:
+    """The event of a name ("touch" for first touch) in a trace."""
+    found = cb.trace(contact, control=control, accuracy=accuracy).events
+    kind = control if isinstance(control, str) else "spring"
+    return next(e for e in found if (e.kind == name) or (e.name == name and e.control == kind))
+
+
+def agrees(point, other, tolerance):
+    """Whether two events agree within a tolerance, and within their error estimates."""
+    for key in KEYS:
+        difference = abs(getattr(point, key) - getattr(other, key))
+        if difference > tolerance * max(1.0, abs(getattr(other, key))):
+            return False
+        if difference > point.error[key] + other.error[key]:
+            return False
+    return True
+
+
+# Agreement with separate traces: they share no step with the curve that was followed.
+
+
+@pytest.mark.parametrize(
+    ("family", "start", "name", "control", "vary", "values"),
+    [
+        (gauss, 3.0, "squeeze-out", "load", "tabor", (2.7, 1.3, 0.8)),
+        (gauss, 2.0, "wetting", cb.Spring(3.0), "tabor", (1.7, 1.1)),
+        (gauss, 1.0, "touch", "load", "tabor", (1.9,)),
+        (
+            lambda n: cb.Contact(cb.PowerLaw(n, 1.0), cb.Gauss(1.0, 0.5)),
+            1.8,
+            "pull-off",
+            "load",
+            "tip.exponent",
+            (1.5,),
+        ),
+        (
+            lambda modulus: cb.Contact.physical(
+                radius=1000.0, modulus=modulus, interaction="gauss", work_of_adhesion=-0.04, range=1.0
+            ),
+            1.0,
+            "wetting",
+            cb.Spring(100.0),
+            "modulus",
+            (1.4,),
+        ),
+    ],
+    ids=["squeeze-out", "spring", "touch", "exponent", "modulus"],
+)
+def test_a_followed_event_is_that_of_a_separate_trace(family, start, name, control, vary, values):
+    accuracy = 1e-10 if start == 3.0 else 1e-9
+    found = event(family(start), name, control, accuracy)
+    followed = cb.follow(found, vary, to=values[-1], accuracy=accuracy)
+    assert followed.status == "complete"
+    assert followed.curve[vary][0] == start
+    assert followed.curve[vary][-1] == values[-1]
+    unit = max(1.0, family(start).scales.load)
+    for value in values:
+        (point,) = followed.at(value)
+        assert agrees(point, event(family(value), name, control, accuracy), 1e-9 * unit)
+
+
+def test_units_stay_those_of_the_start():
+    """The amplitude of a repulsion alone: load ∝ |Δγ| at fixed μ_T, so another route through the reduced problem."""
+    contact = cb.Contact(cb.Parabola(1.0), cb.Gauss(-1.0, 1.0))
+    followed = cb.follow(event(contact, "squeeze-out"), "interaction.work_of_adhesion", to=-2.0, accuracy=1e-9)
+    # R = E = 1, |Δγ| = 2, z0 = 1: lengths Z = 2^(2/3), loads 2, so μ_T = Z/z0 = 2^(2/3).
+    reduced = event(gauss(2.0 ** (2 / 3)), "squeeze-out")
+    assert followed.curve["load"][-1] == pytest.approx(2.0 * reduced.load, rel=1e-8)
+    assert followed.curve["displacement"][-1] == pytest.approx(2.0 ** (2 / 3) * reduced.displacement, rel=1e-8)
+
+
+# Where coexistence ends.
+
+
+def test_coexistence_of_a_mixed_repulsion_ends_at_first_touch_by_three_routes():
+    start = mixed(0.9)
+    squeeze = cb.follow(event(start, "squeeze-out"), "share", to=0.0, accuracy=1e-9)
+    own = cb.follow(event(mixed(1.0), "wetting"), mixed, to=0.5, start=1.0, accuracy=1e-9)
+    touch = cb.follow(event(start, "touch"), "share", to=0.7, accuracy=1e-9)
+    ends = [one for followed in (squeeze, own) for one in followed.special]
+    assert [one.kind for one in ends] == ["cusp-at-touch", "cusp-at-touch"]
+    met = next(one for one in touch.special if one.control == "load")
+    assert met.kind == "fold-through-touch"
+    for one in (*ends[1:], met):
+        assert one.value == pytest.approx(ends[0].value, abs=1e-8)
+        assert one.load == pytest.approx(ends[0].load, abs=1e-8)
+    assert max(one.error[one.parameter] for one in ends) < 1e-8
+    # Both folds exist on one side and none on the other, by separate traces.
+    beyond = [sum(1 for _ in cb.trace(mixed(ends[0].value + d)).folds("load")) for d in (-1e-3, 1e-3)]
+    assert beyond == [0, 2]
+    # Past the cusp the curve is that of the other fold, back to where it began.
+    assert squeeze.curve["contact_radius"][0] == 0.0
+    assert agrees(cb.follow(event(start, "wetting"), "share", to=0.0).at(0.9)[-1], event(start, "squeeze-out"), 1e-5)
+
+
+def test_two_folds_without_contact_merge_in_a_smooth_cusp():
+    found = cb.trace(dlvo(-1.5), accuracy=1e-7)
+    ends = []
+    for name in ("squeeze-out", "wetting"):
+        fold = next(e for e in found.folds("displacement") if e.name == name)
+        followed = cb.follow(fold, "interaction[2].work_of_adhesion", to=-2.0, accuracy=1e-7)
+        (cusp,) = followed.special
+        assert cusp.kind == "cusp"
+        ends.append(cusp)
+    assert ends[0].value == pytest.approx(ends[1].value, abs=sum(e.error[e.parameter] for e in ends))
+    assert ends[0].contact_radius == 0.0
+    assert ends[0].central_gap > 0.1
+    folds = [sum(1 for _ in cb.trace(dlvo(ends[0].value + d)).folds("displacement")) for d in (-1e-3, 1e-3)]
+    assert folds == [0, 2]
+
+
+# The exact model.
+
+
+def test_the_exact_displacement_fold_passes_first_touch_where_theory_says():
+    """c_touch = 4 μ_T/π at μ_T³ = π/(8 (1 − 1/π))."""
+    found = event(cb.Contact.reduced("maugis-dugdale", tabor=2.0), "pull-off", "displacement")
+    followed = cb.follow(found, "tabor", to=0.2)
+    (passage,) = followed.special
+    assert passage.kind == "fold-through-touch"
+    assert passage.value == pytest.approx((math.pi / (8 * (1 - 1 / math.pi))) ** (1 / 3), rel=1e-14)
+    assert passage.contact_radius == passage.central_gap == 0.0
+    with REFERENCE.open() as file:
+        rows = {float(row["lambda"]): row for row in csv.DictReader(file)}
+    for key in (0.5, 1.0, 2.0):
+        (point,) = followed.at(float(rows[key]["mu_T"]))
+        assert point.load == pytest.approx(float(rows[key]["F_pulloff_disp_mueser"]), rel=1e-13)
+        assert point.displacement == pytest.approx(float(rows[key]["d_pulloff_disp_mueser"]), rel=1e-13)
+
+
+def test_the_exact_model_follows_in_physical_units():
+    def contact(reach):
+        return cb.Contact.physical(
+            radius="1 um", modulus="5 GPa", interaction="maugis-dugdale", work_of_adhesion="40 mN/m", range=reach
+        )
+
+    followed = cb.follow(event(contact(0.2), "pull-off", "displacement"), "interaction.range", to=1.0)
+    (passage,) = followed.special
+    unit = contact(1.0).scales.normal
+    assert passage.value == pytest.approx(unit / (math.pi / (8 * (1 - 1 / math.pi))) ** (1 / 3), rel=1e-13)
+    there = event(contact(passage.value * (1 + 1e-12)), "touch", "displacement")
+    assert passage.load == pytest.approx(there.load, rel=1e-10)
+    there = event(contact(1.0), "pull-off", "displacement")
+    assert followed.curve["load"][-1] == pytest.approx(there.load, rel=1e-14)
+
+
+# Stiffness: from load to displacement control on one curve.
+
+
+@pytest.mark.parametrize("law", [cb.MaugisDugdale, cb.Exponential])
+def test_the_fold_of_a_spring_leads_from_that_of_the_load_to_that_of_the_displacement(law):
+    contact = cb.Contact.reduced(law, tabor=2.5)
+    folds = {control: event(contact, "pull-off", control) for control in ("load", "displacement")}
+    spring = event(contact, "pull-off", cb.Spring(2.0))
+    followed = cb.follow(spring, "stiffness", to=(0.0, math.inf), accuracy=1e-9)
+    assert [one.kind for one in followed.special] == ["load-fold", "displacement-fold"]
+    assert [followed.curve["stiffness"][k] for k in (0, -1)] == [0.0, math.inf]
+    for k, control in ((0, "load"), (-1, "displacement")):
+        for key in ("load", "displacement", "contact_radius"):
+            assert followed.curve[key][k] == pytest.approx(getattr(folds[control], key), abs=2e-8)
+    assert np.all(np.diff(followed.curve["load"]) > 0)
+
+
+def test_folds_of_a_spring_merge_at_first_touch_or_leave_to_infinity():
+    contact = cb.Contact.reduced(cb.Exponential, tabor=4.0)
+    found = cb.trace(contact, control=cb.Spring(3.0), accuracy=1e-9)
+    inner = next(e for e in found.folds("spring") if e.name is None)
+    followed = cb.follow(inner, "stiffness", to=(0.0, 100.0))
+    merged = next(one for one in followed.special if one.kind == "cusp-at-touch")
+    # Both inner folds are there with a softer spring, and gone with a stiffer one.
+    counts = [
+        sum(1 for _ in cb.trace(contact, control=cb.Spring(merged.value * s)).folds("spring")) for s in (0.98, 1.02)
+    ]
+    assert counts == [4, 2]
+    jump = next(e for e in found.folds("spring") if e.name == "jump-in")
+    (left,) = cb.follow(jump, "stiffness", to=0.0).special
+    assert left.kind == "infinite-separation"
+    assert left.value < 1e-4
+
+
+def test_the_fold_of_a_spring_passes_first_touch():
+    """Separate traces with a slightly softer and a slightly stiffer spring have it on either side."""
+    contact = cb.Contact.reduced(cb.Gauss, tabor=1.5)
+    followed = cb.follow(event(contact, "pull-off", "load"), "stiffness", to=math.inf, accuracy=1e-8)
+    passage = next(one for one in followed.special if one.kind == "fold-through-touch")
+    touch = event(contact, "touch")
+    assert passage.load == pytest.approx(touch.load, abs=passage.error["load"] + touch.error["load"])
+    softer, stiffer = (event(contact, "pull-off", cb.Spring(passage.value * s)) for s in (0.9999, 1.0001))
+    assert softer.contact_radius > 0.0
+    assert stiffer.central_gap > 0.0
+
+
+def test_a_loss_of_symmetry_is_that_of_separate_traces_and_ends_in_a_turning_point():
+    """A tip flatter than a parabola: mode 2 becomes unstable and stable again; with a longer range it never does."""
+
+    def contact(reach):
+        return cb.Contact(cb.PowerLaw(3.0, 1.0), cb.Gauss(-1.0, reach))
+
+    def losses(reach):
+        return [e for e in cb.trace(contact(reach), accuracy=1e-8).events if e.kind == "symmetry" and e.mode == 2]
+
+    followed = cb.follow(losses(0.44)[0], "interaction.range", to=0.47, accuracy=1e-8)
+    turn = next(one for one in followed.special if one.kind == "cusp")
+    found = followed.at(0.45)
+    assert len(found) == 2
+    for point, other in zip(found, losses(0.45), strict=True):
+        assert point.load == pytest.approx(other.load, abs=point.error["load"] + other.error["load"])
+    assert not losses(turn.value + 1e-3)
+
+
+# What cannot be followed.
+
+
+@pytest.mark.parametrize(
+    ("vary", "to", "settings", "message"),
+    [
+        ("tabour", 2.0, {}, "did you mean 'tabor'"),
+        ("tabor", -1.0, {}, "must be greater than zero"),
+        ("tabor", 1.0, {}, "is the present value"),
+        ("tabor", (2.0, 3.0), {}, "does not lie between"),
+        ("tabor", (1.0, 2.0, 3.0), {}, "3 values"),
+        ("share", 0.5, {}, "sum of two laws"),
+        ("stiffness", -1.0, {}, "at least 0"),
+        ("interaction[2].range", 2.0, {}, "1 laws, counted from 1"),
+        ("interaction.width", 2.0, {}, "has the numbers"),
+        ("interaction.work_of_adhesion", 0.0, {}, "must not be zero"),
+        ("tip.radius", 2.0, {"start": 1.0}, "leave it out"),
+        ("tabor", 2.0, {"accuracy": 1.0}, "must lie between"),
+        (gauss, 2.0, {}, "give the present value"),
+        (gauss, 2.0, {"start": 1.5}, "event's own contact"),
+    ],
+)
+def test_what_cannot_be_varied_is_named(vary, to, settings, message):
+    found = TABOR_ONE[0]
+    with pytest.raises(cb.InputError, match=message):
+        cb.follow(found, vary, to=to, **settings)
+
+
+TABOR_ONE = [e for e in cb.trace(gauss(1.0), accuracy=1e-3).events if e.kind == "fold"]
+
+
+def test_only_folds_and_touches_of_a_trace_can_be_followed():
+    found = cb.trace(cb.Contact.reduced("maugis-dugdale"))
+    with pytest.raises(cb.InputError, match="only folds, first touch"):
+        cb.follow(found.events[-1], "tabor", to=2.0)
+    with pytest.raises(cb.InputError, match="must be an event"):
+        cb.follow("pull-off", "tabor", to=2.0)
+    touch = next(e for e in found.events if e.kind == "touch")
+    with pytest.raises(cb.InputError, match="only folds of"):
+        cb.follow(touch, "stiffness", to=2.0)
+    plain = cb.trace(cb.Contact(cb.Parabola(1.0)))
+    with pytest.raises(cb.InputError, match="without interaction"):
+        cb.follow(next(e for e in plain.events if e.kind == "touch"), "tip.radius", to=2.0)
+    bare = cb.Event("fold", 0.0, 0.0, 0.0, 0.0, {})
+    with pytest.raises(cb.InputError, match="it was loaded"):
+        cb.follow(bare, "tabor", to=2.0)
+
+
+def test_a_value_beyond_the_curve_has_no_event():
+    followed = cb.follow(event(cb.Contact.reduced("maugis-dugdale", tabor=2.0), "pull-off"), "tabor", to=1.0)
+    assert followed.at(0.5) == ()
+
+
+# Phase diagrams.
+
+
+def test_regions_of_a_phase_diagram_are_those_of_single_solutions():
+    contact = cb.Contact.reduced("maugis-dugdale", tabor=1.0)
+    phase = cb.phase_diagram(contact, "tabor", (0.3, 3.0), "displacement", samples=5)
+    assert {(f.event.kind, f.event.name) for f in phase.boundaries} == {
+        ("touch", None),
+        ("fold", "jump-in"),
+        ("fold", "pull-off"),
+    }
+    counts = phase.counts
+    for k, value in enumerate(phase.values):
+        for j in range(3, len(phase.levels), 31):
+            states = cb.solve(cb.Contact.reduced("maugis-dugdale", tabor=value), displacement=phase.levels[j]).states
+            stable = [state for state in states if state.stable("displacement")]
+            touching = sum(state.contact_radius > 0 for state in stable)
+            assert counts["with_contact"][k, j] == touching
+            assert counts["without_contact"][k, j] == len(stable) - touching
+
+
+def test_a_phase_diagram_finds_folds_that_the_present_contact_does_not_have(tmp_path):
+    phase = cb.phase_diagram(mixed(0.5), "share", (0.5, 0.95), "load", samples=4, accuracy=1e-5)
+    assert phase.status == "complete"
+    assert {one.kind for one in phase.special} == {"cusp-at-touch", "fold-through-touch"}
+    both = (phase.counts["without_contact"] > 0) & (phase.counts["with_contact"] > 0)
+    assert [bool(row.any()) for row in both] == [False, False, True, True]
+    values, levels, without, within = phase.fine()
+    assert without.shape == within.shape == (len(values), len(levels))
+    end = next(one.value for one in phase.special if one.kind == "cusp-at-touch")
+    coexisting = values[((without > 0) & (within > 0)).any(axis=1)]
+    assert end < coexisting.min() < end + 0.03  # the wedge is narrow there
+    phase.plot().savefig(tmp_path / "phase.png")
+
+
+# The command.
+
+
+def test_the_command_follows_and_writes(tmp_path, capsys):
+    arguments = ["follow", "--interaction", "maugis-dugdale", "--tabor", "1", "--control", "displacement"]
+    arguments += ["--event", "pull-off", "--vary", "tabor=0.5:2", "--json", "-", "--plot", str(tmp_path / "a.svg")]
+    assert main(arguments) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["format"] == "contbranch-follow"
+    curve = document["curve"]
+    assert set(curve) == {"tabor", *KEYS}
+    assert (curve["tabor"][0], curve["tabor"][-1]) == (0.5, 2.0)
+    (special,) = document["special"]
+    assert special["kind"] == "fold-through-touch"
+    assert special["tabor"] == special["value"] == pytest.approx(0.832065719951667)
+    assert {"model", "cost", "status", "message", "units", "contact"} <= set(document)
+    assert (tmp_path / "a.svg").stat().st_size > 1000
+
+
+def test_the_command_prints_a_table(capsys):
+    arguments = ["follow", "--interaction", "maugis-dugdale", "--tabor", "1", "--control", "spring:2"]
+    assert main([*arguments, "--event", "pull-off", "--vary", "stiffness=0:inf"]) == 0
+    printed = capsys.readouterr().out
+    assert "displacement-fold" in printed
+    assert "complete" in printed
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--vary", "tabor=2"], "--event: missing"),
+        (["--event", "pull-off"], "--vary: missing"),
+        (["--event", "pull-off", "--vary", "tabor"], "write NAME=FROM:TO"),
+        (["--event", "pull-off", "--vary", "tabor=1:2:3"], "write NAME=FROM:TO"),
+        (["--event", "pull-off", "--vary", "tabor=x"], "plain number"),
+        (["--event", "pull-off", "--vary", "tabor=2:2"], "must differ"),
+        (["--event", "pull-of", "--vary", "tabor=2"], "did you mean 'pull-off'"),
+        (["--event", "pull-off", "--vary", "interaction.range=1 nm"], "reduced units"),
+        (["--event", "pull-off", "--vary", "tip.radius=2", "--plot", "a.txt"], "--plot"),
+    ],
+)
+def test_the_command_complains_in_one_line(options, message, capsys):
+    assert main(["follow", "--interaction", "maugis-dugdale", "--tabor", "1", *options]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert message in captured.err
+    assert captured.err.count("\n") == 1
