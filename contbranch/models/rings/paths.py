@@ -27,7 +27,6 @@ Integers = NDArray[np.int64]
 
 # Rounds of meshing and solving for a state before the first row.
 ROUNDS = 6
-ROW_KEYS = ("load", "displacement", "contact_radius", "central_gap", "energy")
 
 
 def values_of(traced: Traced, control: Control) -> Array:
@@ -98,7 +97,11 @@ class RingWalk:
         """The state of a row, without profile."""
         curve = self.traced.curve
         return State(
-            **{key: float(getattr(curve, key)[row]) for key in ROW_KEYS},
+            load=float(curve.load[row]),
+            displacement=float(curve.displacement[row]),
+            contact_radius=float(curve.contact_radius[row]),
+            central_gap=float(curve.central_gap[row]),
+            energy=float(curve.energy[row]),
             unstable_load=int(curve.unstable_load[row]),
             unstable_displacement=int(curve.unstable_displacement[row]),
             residual=0.0,

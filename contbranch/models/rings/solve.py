@@ -177,7 +177,10 @@ def state_of(
     errors["energy"] = potential_error + abs(values.numbers[0]) * values.error[1]
     residual = np.abs(problem.residual(point.x, point.parameter)).max() / max(1e-300, np.abs(fields.pressure).max())
     return State(
-        **numbers,
+        load=numbers["load"],
+        displacement=numbers["displacement"],
+        contact_radius=numbers["contact_radius"],
+        central_gap=numbers["central_gap"],
         energy=energy,
         unstable_load=unstable[0],
         unstable_displacement=unstable[1],
