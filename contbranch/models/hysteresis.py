@@ -272,8 +272,8 @@ class _Builder:
         states = [stops[0].state]
         for begin, end, before, after in zip(stops[:-1], stops[1:], table[:-1], table[1:], strict=True):
             change = np.abs(after - before) / np.where(extent > 0.0, extent, 1.0)
-            count = min(MOST_BETWEEN, math.ceil(float(change.max()) * PATH_POINTS))
-            if begin.piece != -1 and end.piece != -1:
+            count = min(MOST_BETWEEN, math.ceil(float(change.max()) * PATH_POINTS) - 1)
+            if count > 0 and begin.piece != -1 and end.piece != -1:
                 states += self.walk.between(begin, end, count)
             states.append(end.state)
         return states
