@@ -59,6 +59,7 @@ class RingWalk:
     def __init__(self, traced: Traced, control: Control, accuracy: float, first: int = 0) -> None:
         self.traced, self._control, self.accuracy, self.first = traced, control, accuracy, first
         self.notes: list[str] = []
+        self._between: dict[tuple[int, int, int], list[State]] = {}
 
     @property
     def control(self) -> Control:
@@ -114,17 +115,25 @@ class RingWalk:
     def between(self, begin: Stop, end: Stop, count: int) -> list[State]:
         """States between two stops on one piece of the curve, without profiles; fewer next to a change."""
         first, last = (begin, end) if _position(begin) <= _position(end) else (end, begin)
+        # The way back passes what the way there has passed.
+        key = id(first.place), id(last.place), count
+        if key not in self._between:
+            self._between[key] = self._states(first.place, last.place, count)
+        states = self._between[key]
+        return list(states) if first is begin else states[::-1]
+
+    @staticmethod
+    def _states(begin: Point, end: Point, count: int) -> list[State]:
         try:
-            points = points_between(first.place, last.place, count)
+            points = points_between(begin, end, count)
         except CorrectionError:
             return []
         states = []
-        for point in points:
-            problem = ring_problem(point)
-            load, displacement, radius, gap = problem.numbers(point.x, point.parameter)
-            energy = problem.energy(problem.fields(point.x, point.parameter))
+        for problem, x, d in points:
+            load, displacement, radius, gap = problem.numbers(x, d)
+            energy = problem.energy(problem.fields(x, d))
             states.append(State(load, displacement, radius, max(gap, 0.0), energy, 0, 0, 0.0))
-        return states if first is begin else states[::-1]
+        return states
 
     def crossing(self, piece: int, value: float) -> Stop:
         """The state on a piece at a value of the control.

@@ -11,12 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbranch.continuation import CorrectionError, Point
+from contbranch.continuation.newton import border, linearise
 from contbranch.continuation.segment import Segment
 from contbranch.continuation.walk import corrected_point, point_on
 from contbranch.control import DISPLACEMENT
 
 from .accuracy import OPTIONS, moved, ring_problem
 from .legs import Reached, rates, unit_metric
+from .problem import RingProblem
 from .solve import between
 
 __all__ = ["points_between", "work_along"]
@@ -25,6 +27,8 @@ Array = NDArray[np.float64]
 
 # Halvings of a piece for the quadrature, and what the error of two halves is worth of the change they make.
 HALVINGS, GAIN = 6, 15.0
+# Steps of Newton's method shorter than this (relative to the state) leave next to nothing for a second one.
+ONE_STEP = 1e-3
 GAUSS = np.polynomial.legendre.leggauss(3)
 
 
@@ -57,16 +61,40 @@ def work_along(points: Sequence[Point], tolerance: float) -> float:
     return math.fsum(parts)
 
 
-def points_between(begin: Point, end: Point, count: int) -> list[Point]:
-    """Points of the curve between two neighbouring ones; fewer where they cannot be had (next to a change)."""
+def points_between(begin: Point, end: Point, count: int) -> list[tuple[RingProblem, Array, float]]:
+    """States (problem, x, d) between two neighbouring points; fewer where they cannot be had (next to a change).
+
+    One step of Newton's method from the cubic between both, where that is close enough to be all that is needed.
+    """
     begin, end = _piece(begin, end)
+    problem = ring_problem(begin)
+    same = ring_problem(end) is problem
     found = []
     for k in range(count):
+        share = (k + 1) / (count + 1)
         try:
-            found.append(_inside(begin, end, (k + 1) / (count + 1)))
+            if same and (near := _nearly(Segment(begin, end, unit_metric(problem, begin.x)), share)) is not None:
+                found.append((problem, *near))
+            else:
+                point = _inside(begin, end, share)
+                found.append((ring_problem(point), point.x, point.parameter))
         except CorrectionError:
             continue
     return found
+
+
+def _nearly(segment: Segment, share: float) -> tuple[Array, float] | None:
+    """The state at a share of a segment by one step of Newton's method, None if that step is too long."""
+    problem = segment.begin.problem
+    x, d = segment.at(share)
+    along = segment.direction(share)
+    size = segment.metric.norm(problem, *along)
+    if not size > 0:
+        return None
+    row = segment.metric.row(problem, along[0] / size, along[1] / size)
+    at = linearise(problem, x, d)
+    dx, dd = border(problem, x, d, at, row).solve(-at[0], 0.0)
+    return (x + dx, d + dd) if segment.metric.norm(problem, dx, dd) < ONE_STEP else None
 
 
 def _piece(begin: Point, end: Point) -> tuple[Point, Point]:
