@@ -53,8 +53,10 @@ def hysteresis(
 ) -> Hysteresis:
     """Follow the quasi-static loop of a contact: the control is raised, then lowered, with a jump at every fold.
 
-    After a jump the system is where overdamped relaxation from the fold ends. Energies are those of contact and drive:
-    V − F d under load, V under displacement control, V + K (D − d)²/2 with a spring.
+    After a jump the system is where overdamped relaxation from the fold ends. Where the contact set is no disc, the
+    relaxation is not followed: the system is then in the next stable state along the curve that is lower than the fold,
+    and the message says so unless the saddles along the curve are too high for any other. Energies are those of contact
+    and drive: V − F d under load, V under displacement control, V + K (D − d)²/2 with a spring.
 
     Parameters
     ----------
@@ -94,7 +96,7 @@ def hysteresis(
         walk, legs, jumps = _traced_path(chosen, contact.to_reduced(), reduced, accuracy, limit, progress)
         raw = walk.traced.curve
         unknowns, newton, complete, message = raw.unknowns, raw.cost.newton, raw.complete, raw.message
-        message = " ".join([raw.message, *walk.notes]).strip()
+        message = " ".join([raw.message, *(_landed(contact, *note) for note in walk.notes)]).strip()
         names = _names(contact, raw, driven, accuracy)
     builder = _Builder(contact, walk, names, driven)
     cost = Cost(time.perf_counter() - began, newton)
@@ -128,6 +130,16 @@ def _names(contact: Contact, curve: RawCurve, control: Control, accuracy: float)
     """Names of the folds by row, as a diagram has them."""
     named: Diagram = assemble(contact, curve, ModelChoice("axisymmetric", "", 0), control, accuracy)
     return {int(e.position): e.name for e in named.events if e.kind == "fold" and e.control == control.kind}
+
+
+def _landed(contact: Contact, fold: Stop, end: Stop) -> str:
+    """A sentence on a landing that was not followed, in the contact's units."""
+    begin, after = state_in_units(contact, fold.state), state_in_units(contact, end.state)
+    return (
+        f"After the fold at load {begin.load:.6g} the path goes on at the next stable state along the curve (load "
+        f"{after.load:.6g}, displacement {after.displacement:.6g}): the relaxation was not followed there, and energies "
+        "along the curve do not exclude that it ends at another one, see `others` of the jump."
+    )
 
 
 class _Builder:

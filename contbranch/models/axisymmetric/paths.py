@@ -14,7 +14,7 @@ from contbranch.continuation import CorrectionError, Point
 from contbranch.control import Control
 from contbranch.diagram import State
 from contbranch.errors import ModelError
-from contbranch.models.rings.paths import RingWalk, uncertain
+from contbranch.models.rings.paths import RingWalk
 from contbranch.models.rings.trace import Traced as RingTraced
 
 from .arc import points_between, work_along
@@ -43,15 +43,15 @@ class TracedWalk:
 
     Attributes
     ----------
-    notes : list of str
-        What is not certain about the path.
+    notes : list of (Stop, Stop)
+        Folds, and states after them, between which the relaxation was not followed and energies do not decide.
     beyond : RingWalk or None
         The same of the rows at which the contact set is no disc, see `Traced.handed`.
     """
 
     def __init__(self, traced: Traced, control: Control, accuracy: float) -> None:
         self.traced, self._control, self.accuracy = traced, control, accuracy
-        self.notes: list[str] = []
+        self.notes: list[tuple[Stop, Stop]] = []
         self.beyond: RingWalk | None = None
         if traced.handed is not None:
             rings = RingTraced(traced.points, traced.curve, traced.indices)
@@ -170,7 +170,7 @@ class TracedWalk:
                 pass
         end, certain = next_along(self, fold, candidates)
         if not certain:
-            self.notes.append(uncertain(fold, end))
+            self.notes.append((fold, end))
         return end
 
     def _settled(self, fold: Stop, candidates: Sequence[Stop], guarded: bool) -> Stop:

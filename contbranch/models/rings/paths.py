@@ -52,13 +52,13 @@ class RingWalk:
 
     Attributes
     ----------
-    notes : list of str
-        What is not certain about the path.
+    notes : list of (Stop, Stop)
+        Folds, and states after them, between which the relaxation was not followed and energies do not decide.
     """
 
     def __init__(self, traced: Traced, control: Control, accuracy: float, first: int = 0) -> None:
         self.traced, self._control, self.accuracy, self.first = traced, control, accuracy, first
-        self.notes: list[str] = []
+        self.notes: list[tuple[Stop, Stop]] = []
         self._between: dict[tuple[int, int, int], list[State]] = {}
 
     @property
@@ -197,7 +197,7 @@ class RingWalk:
         """
         end, certain = next_along(self, fold, candidates)
         if not certain:
-            self.notes.append(uncertain(fold, end))
+            self.notes.append((fold, end))
         return end
 
     def work(self, begin: Stop, end: Stop) -> float:
@@ -226,15 +226,6 @@ class RingWalk:
             return work_along(points, 0.1 * self.accuracy)
         except CorrectionError as error:
             raise ModelError(f"work along the curve: the curve cannot be followed there. {error}") from error
-
-
-def uncertain(fold: Stop, end: Stop) -> str:
-    """A sentence on a landing that was not followed."""
-    return (
-        f"After the fold at load {fold.state.load:.6g} the path goes on at the next stable state along the curve (load "
-        f"{end.state.load:.6g}, displacement {end.state.displacement:.6g}); the relaxation was not followed there, and "
-        "energies along the curve do not exclude another of the states that can be reached."
-    )
 
 
 def _position(stop: Stop) -> float:
