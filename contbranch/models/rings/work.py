@@ -17,7 +17,7 @@ from contbranch.continuation.walk import corrected_point, point_on
 from contbranch.control import DISPLACEMENT
 
 from .accuracy import OPTIONS, moved, ring_problem
-from .legs import Reached, rates, unit_metric
+from .legs import Reached, oriented, rates, solved, unit_metric
 from .problem import RingProblem
 from .solve import between
 
@@ -25,8 +25,9 @@ __all__ = ["points_between", "work_along"]
 
 Array = NDArray[np.float64]
 
-# Halvings of a piece for the quadrature, and what the error of two halves is worth of the change they make.
-HALVINGS, GAIN = 6, 15.0
+# Halvings of a piece for the quadrature; of the change that two halves make they are wrong by a 15th, if pieces are
+# short enough: what is accepted is the smaller.
+HALVINGS, GAIN, SURE = 7, 15.0, 3.0
 # Steps of Newton's method shorter than this (relative to the state) leave next to nothing for a second one.
 ONE_STEP = 1e-3
 GAUSS = np.polynomial.legendre.leggauss(3)
@@ -122,7 +123,15 @@ def _inside(begin: Point, end: Point, share: float) -> Point:
     if ring_problem(end).layout != problem.layout:
         at = begin.parameter + share * (end.parameter - begin.parameter)
         return between(begin, end, Reached(DISPLACEMENT, at))
-    return point_on(Segment(begin, end, unit_metric(problem, begin.x)), share, OPTIONS)[0]
+    try:
+        return point_on(Segment(begin, end, unit_metric(problem, begin.x)), share, OPTIONS)[0]
+    except CorrectionError:
+        # Far away pressures grow by orders of magnitude in a step, which no cubic follows; the displacement leads there.
+        if problem.edges:
+            raise
+    d = begin.parameter + share * (end.parameter - begin.parameter)
+    x, _ = solved(problem, begin.x, d)
+    return oriented(problem, x, d, (end.x - begin.x, end.parameter - begin.parameter))
 
 
 def _work(begin: Point, end: Point, tolerance: float, halvings: int) -> float:
@@ -138,7 +147,7 @@ def _work(begin: Point, end: Point, tolerance: float, halvings: int) -> float:
             raise
         return whole  # as narrow as regions get: what the tangents tell is all there is
     halves = _estimate(*first) + _estimate(*second)
-    if abs(halves - whole) <= GAIN * tolerance:
+    if abs(halves - whole) <= SURE * tolerance:
         return halves + (halves - whole) / GAIN
     return sum(_work(*half, tolerance / 2, halvings - 1) for half in (first, second))
 
