@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from contbranch.control import Control
 from contbranch.diagram import State
 
-__all__ = ["Jump", "Leg", "Stop", "Walk", "quasi_static"]
+__all__ = ["Jump", "Leg", "Stop", "Walk", "next_along", "quasi_static"]
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -206,3 +206,54 @@ def _jump(walk: Walk, folds: dict[int, Stop], row: int, direction: int, leg: Leg
         return Jump(row, direction, fold, below[0] if below else None)
     end = walk.relaxed(fold, below)
     return Jump(row, direction, fold, end, tuple(stop for stop in below if stop is not end))
+
+
+def next_along(walk: Walk, fold: Stop, candidates: Sequence[Stop]) -> tuple[Stop, bool]:
+    """Of stable states lower than a fold the next one along the curve, and whether energies show that it is reached.
+
+    Beyond the fold the curve goes on as the saddle that has just merged with the stable state; on its other side lies
+    the next stable one. The relaxation goes downhill, and from there a neighbour can only be reached over the saddle
+    between them: not if that is as high as the fold. (Saddles that are not on the curve are not considered.)
+
+    Parameters
+    ----------
+    walk : Walk
+    fold : Stop
+        With its row; the path comes from its stable side.
+    candidates : sequence of Stop
+        Stable states at the fold's value of the control; at least one.
+    """
+    row, control, unstable, values = fold.row, walk.control, walk.unstable, walk.values
+    assert row is not None
+    onward = row > 0 and unstable[row - 1] == 0
+    value = control.value(fold.state.load, fold.state.displacement)
+
+    def beyond(stop: Stop) -> bool:
+        return (stop.piece >= row) == onward
+
+    def away(stop: Stop) -> float:
+        return abs(stop.piece + 0.5 - row)
+
+    def height(state: State) -> float:
+        return state.energy + control.potential(value, state.load, state.displacement)
+
+    ahead = [stop for stop in candidates if beyond(stop)]
+    if not ahead:
+        return min(candidates, key=away), False
+    found = min(ahead, key=away)
+    low, high = np.minimum(values[:-1], values[1:]), np.maximum(values[:-1], values[1:])
+    passed = (low < value) & (value <= high) & (unstable > 0)
+
+    def separated(other: Stop) -> bool:
+        begin, end = (found.piece + 1, other.piece) if other.piece > found.piece else (other.piece + 1, found.piece)
+        if not beyond(other):  # of the way there the part behind the fold; the other one leads to the state found
+            begin, end = (begin, row - 1) if onward else (row + 1, end)
+        saddles = [piece for piece in range(max(begin, 0), end) if passed[piece]]
+        return any(height(walk.crossing(piece, value).state) >= height(fold.state) for piece in saddles)
+
+    neighbours = [
+        min(group, key=away)
+        for group in ([s for s in ahead if s is not found], [s for s in candidates if not beyond(s)])
+        if group
+    ]
+    return found, all(separated(stop) for stop in neighbours)

@@ -12,20 +12,22 @@ import numpy as np
 from contbranch.analysis.hysteresis import Jump as RawJump
 from contbranch.analysis.hysteresis import Leg, Stop, quasi_static
 from contbranch.contact import Contact
-from contbranch.control import Control, Spring
+from contbranch.control import LOAD, Control, Spring
 from contbranch.diagram import Cost, Diagram, ModelChoice, State
-from contbranch.errors import InputError
 from contbranch.loop import Hysteresis, Jump, Path
 from contbranch.units import positive_number
 
 from .axisymmetric.paths import TracedWalk
-from .axisymmetric.trace import Target, Traced
+from .axisymmetric.trace import Target
 from .axisymmetric.trace import trace as trace_axisymmetric
 from .choice import Model, choose
 from .exact import Exact
 from .exact_walk import ExactWalk
-from .outcome import assemble, state_in_units
+from .outcome import RawCurve, assemble, state_in_units
 from .rings import Rings
+from .rings.journey import Target as RingTarget
+from .rings.paths import RingWalk
+from .rings.trace import trace as trace_rings
 from .run import check
 from .threads import one_thread
 
@@ -51,8 +53,10 @@ def hysteresis(
 ) -> Hysteresis:
     """Follow the quasi-static loop of a contact: the control is raised, then lowered, with a jump at every fold.
 
-    After a jump the system is where overdamped relaxation from the fold ends. Energies are those of contact and drive:
-    V − F d under load, V under displacement control, V + K (D − d)²/2 with a spring.
+    After a jump the system is where overdamped relaxation from the fold ends. Where the contact set is no disc, the
+    relaxation is not followed: the system is then in the next stable state along the curve that is lower than the fold,
+    and the message says so unless the saddles along the curve are too high for any other. Energies are those of contact
+    and drive: V − F d under load, V under displacement control, V + K (D − d)²/2 with a spring.
 
     Parameters
     ----------
@@ -82,55 +86,67 @@ def hysteresis(
     reduced = driven.scaled(contact.scales.stiffness)
     chosen, why = choose(contact, model)
     limit = None if max_load is None else positive_number(max_load, "max_load") / contact.scales.load
-    walk: ExactWalk | TracedWalk
-    if isinstance(chosen, Rings):
-        raise InputError(
-            "interaction: loops are not available for laws with repulsive maugis-dugdale terms, where the gap can rest "
-            "above the wall; trace the curve instead"
-        )
+    walk: ExactWalk | TracedWalk | RingWalk
     if isinstance(chosen, Exact):
         walk = ExactWalk(chosen.curve(contact), reduced, limit)
         names: dict[int, str | None] = walk.names()
         unknowns, newton, complete, message = 1, 0, True, ""
         legs, jumps = quasi_static(walk)
     else:
-        walk, legs, jumps = _traced_path(contact.to_reduced(), reduced, accuracy, limit, progress)
+        walk, legs, jumps = _traced_path(chosen, contact.to_reduced(), reduced, accuracy, limit, progress)
         raw = walk.traced.curve
         unknowns, newton, complete, message = raw.unknowns, raw.cost.newton, raw.complete, raw.message
-        names = _names(contact, walk.traced, driven, accuracy)
+        message = " ".join([raw.message, *(_landed(contact, *note) for note in walk.notes)]).strip()
+        names = _names(contact, raw, driven, accuracy)
     builder = _Builder(contact, walk, names, driven)
     cost = Cost(time.perf_counter() - began, newton)
     return builder.loop(legs, jumps, ModelChoice(chosen.name, why, unknowns), cost, complete, message)  # type: ignore[arg-type]
 
 
 def _traced_path(
-    contact: Contact, control: Control, accuracy: float, limit: float | None, progress: Progress | None
-) -> tuple[TracedWalk, list[Leg], list[RawJump]]:
+    model: Model, contact: Contact, control: Control, accuracy: float, limit: float | None, progress: Progress | None
+) -> tuple[TracedWalk | RingWalk, list[Leg], list[RawJump]]:
     """Trace as far as the path needs, and the path."""
-    target = Target(limit)
+    target: tuple[float | None, Control] = limit, LOAD
     for _ in range(EXTENSIONS):
-        traced = trace_axisymmetric(contact, accuracy, target, progress, control=control, fine=True)
-        walk = TracedWalk(traced, control, accuracy)
-        legs, jumps = quasi_static(walk) if len(traced.points) > 1 else ([], [])
+        walk: TracedWalk | RingWalk
+        if isinstance(model, Rings):
+            walk = RingWalk(
+                trace_rings(contact, accuracy, RingTarget(*target), progress, control=control), control, accuracy
+            )
+        else:
+            traced = trace_axisymmetric(contact, accuracy, Target(*target), progress, control=control, fine=True)
+            walk = TracedWalk(traced, control, accuracy)
+        legs, jumps = quasi_static(walk) if len(walk.traced.points) > 1 else ([], [])
         lost = [jump for jump in jumps if jump.end is None and jump.direction > 0]
-        if not (lost and traced.curve.complete):
+        if not (lost and walk.traced.curve.complete):
             break
         value = control.value(lost[0].begin.state.load, lost[0].begin.state.displacement)
-        target = Target(value + BEYOND * max(1.0, abs(value)), control)
+        target = value + BEYOND * max(1.0, abs(value)), control
     return walk, legs, jumps
 
 
-def _names(contact: Contact, traced: Traced, control: Control, accuracy: float) -> dict[int, str | None]:
+def _names(contact: Contact, curve: RawCurve, control: Control, accuracy: float) -> dict[int, str | None]:
     """Names of the folds by row, as a diagram has them."""
-    named: Diagram = assemble(contact, traced.curve, ModelChoice("axisymmetric", "", 0), control, accuracy)
+    named: Diagram = assemble(contact, curve, ModelChoice("axisymmetric", "", 0), control, accuracy)
     return {int(e.position): e.name for e in named.events if e.kind == "fold" and e.control == control.kind}
+
+
+def _landed(contact: Contact, fold: Stop, end: Stop) -> str:
+    """A sentence on a landing that was not followed, in the contact's units."""
+    begin, after = state_in_units(contact, fold.state), state_in_units(contact, end.state)
+    return (
+        f"After the fold at load {begin.load:.6g} the path goes on at the next stable state along the curve (load "
+        f"{after.load:.6g}, displacement {after.displacement:.6g}): the relaxation was not followed there, and energies "
+        "along the curve do not exclude that it ends at another one, see `others` of the jump."
+    )
 
 
 class _Builder:
     """From legs and jumps in reduced units to the loop in the contact's own."""
 
     def __init__(
-        self, contact: Contact, walk: ExactWalk | TracedWalk, names: dict[int, str | None], control: Control
+        self, contact: Contact, walk: ExactWalk | TracedWalk | RingWalk, names: dict[int, str | None], control: Control
     ) -> None:
         self.contact, self.walk, self.names, self.control = contact, walk, names, control
 
@@ -270,8 +286,8 @@ class _Builder:
         states = [stops[0].state]
         for begin, end, before, after in zip(stops[:-1], stops[1:], table[:-1], table[1:], strict=True):
             change = np.abs(after - before) / np.where(extent > 0.0, extent, 1.0)
-            count = min(MOST_BETWEEN, math.ceil(float(change.max()) * PATH_POINTS))
-            if begin.piece != -1 and end.piece != -1:
+            count = min(MOST_BETWEEN, math.ceil(float(change.max()) * PATH_POINTS) - 1)
+            if count > 0 and begin.piece != -1 and end.piece != -1:
                 states += self.walk.between(begin, end, count)
             states.append(end.state)
         return states

@@ -55,6 +55,8 @@ class RawEvent:
         The azimuthal mode, which of its eigenvalues, and the shape (symmetry).
     place : object
         Where the model has it, from which it can be followed; None if it cannot.
+    point : object
+        The point of the curve, where the model has it but cannot follow it.
     exponent, local_exponent : callable
         Deferred, since they cost further solutions.
     """
@@ -71,6 +73,7 @@ class RawEvent:
     name: str | None = None
     stiffness: float | None = None
     place: Any = None
+    point: Any = None
     position: float | None = None
     mode: int | None = None
     index: int = 1

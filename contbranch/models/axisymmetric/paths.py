@@ -9,11 +9,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from contbranch.analysis.hysteresis import Stop
+from contbranch.analysis.hysteresis import Stop, next_along
 from contbranch.continuation import CorrectionError, Point
 from contbranch.control import Control
 from contbranch.diagram import State
 from contbranch.errors import ModelError
+from contbranch.models.rings.paths import RingWalk
+from contbranch.models.rings.trace import Traced as RingTraced
 
 from .arc import points_between, work_along
 from .crossing import Crossing, control_values, cross, cross_before, energy_at, state_at
@@ -38,10 +40,22 @@ class TracedWalk:
     control : Control
     accuracy : float
         Error allowed to the states between which the path jumps, relative to max(1, |value|).
+
+    Attributes
+    ----------
+    notes : list of (Stop, Stop)
+        Folds, and states after them, between which the relaxation was not followed and energies do not decide.
+    beyond : RingWalk or None
+        The same of the rows at which the contact set is no disc, see `Traced.handed`.
     """
 
     def __init__(self, traced: Traced, control: Control, accuracy: float) -> None:
         self.traced, self._control, self.accuracy = traced, control, accuracy
+        self.notes: list[tuple[Stop, Stop]] = []
+        self.beyond: RingWalk | None = None
+        if traced.handed is not None:
+            rings = RingTraced(traced.points, traced.curve, traced.indices)
+            self.beyond = RingWalk(rings, control, accuracy, traced.handed + 1)
 
     @property
     def control(self) -> Control:
@@ -67,10 +81,12 @@ class TracedWalk:
     def _folds(self) -> dict[int, Stop]:
         found = {}
         for event in self.traced.curve.events:
-            if event.kind == "fold" and event.control == self._control.kind:
+            if event.kind == "fold" and event.control == self._control.kind and event.place is not None:
                 values = Values(*event.values, event.error)
                 crossing = Crossing(min(event.row, len(self.unstable) - 1), values, event.place)
                 found[event.row] = self._stop(crossing, crossing.piece, event.row)
+        if self.beyond is not None:
+            found |= self.beyond.folds()
         return found
 
     def folds(self) -> dict[int, Stop]:
@@ -93,6 +109,8 @@ class TracedWalk:
 
     def stop(self, row: int) -> Stop:
         """A row as a stop."""
+        if self.beyond is not None and row >= self.beyond.first:
+            return self.beyond.stop(row)
         point = self.traced.points[row]
         place = Place(self.traced.problem(row), point.x, point.parameter, (point.tangent_x, point.tangent_parameter))
         state, piece = self.row(row), min(row, len(self.unstable) - 1)
@@ -101,6 +119,9 @@ class TracedWalk:
 
     def between(self, begin: Stop, end: Stop, count: int) -> list[State]:
         """States between two stops on one piece of the curve, without profiles."""
+        discs = [isinstance(stop.place, Crossing) for stop in (begin, end)]
+        if self.beyond is not None and not all(discs):  # between both models' representations of one state is nothing
+            return [] if any(discs) else self.beyond.between(begin, end, count)
         first, last = (begin, end) if _position(begin) <= _position(end) else (end, begin)
         states = []
         for point in points_between(_point(first), _point(last), count):
@@ -114,6 +135,8 @@ class TracedWalk:
 
     def crossing(self, piece: int, value: float) -> Stop:
         """The state on a piece at a value of the control."""
+        if self.beyond is not None and piece >= self.beyond.first - 1:
+            return self.beyond.crossing(piece, value)
         return self._stop(cross(self.traced, piece, self._control, value, self.accuracy), piece)
 
     def before(self, value: float) -> Stop | None:
@@ -128,11 +151,30 @@ class TracedWalk:
     def relaxed(self, fold: Stop, candidates: Sequence[Stop]) -> Stop | None:
         """Which of several stable states overdamped relaxation from a fold reaches, by following the relaxation.
 
+        That is possible with discs of contact alone. Where the curve goes beyond them and the relaxation does not come
+        to rest at one of the states with a disc, it is the next one along the curve, and `notes` says so unless the
+        energies along the curve decide.
+
         Raises
         ------
         ModelError
             If the relaxation does not come to rest, or not at one of the candidates.
         """
+        if self.beyond is None:
+            return self._settled(fold, candidates, False)
+        discs = [stop for stop in candidates if isinstance(stop.place, Crossing)]
+        if isinstance(fold.place, Crossing) and discs:
+            try:
+                return self._settled(fold, discs, True)
+            except ModelError:  # it leaves the discs, and cannot be followed
+                pass
+        end, certain = next_along(self, fold, candidates)
+        if not certain:
+            self.notes.append((fold, end))
+        return end
+
+    def _settled(self, fold: Stop, candidates: Sequence[Stop], guarded: bool) -> Stop:
+        """The candidate at which the relaxation from a fold comes to rest."""
         assert fold.row is not None
         place: Place = fold.place.place
         problem = place.problem
@@ -140,7 +182,8 @@ class TracedWalk:
         values = self.values
         direction = 1 if values[fold.row] >= values[max(fold.row - 1, 0)] else -1
         value = self._control.value(fold.state.load, fold.state.displacement)
-        end = relax(problem.equations, fields.h, fields.y, problem.scale, self._control, value, direction)
+        state = problem.equations, fields.h, fields.y, problem.scale
+        end = relax(*state, self._control, value, direction, guarded=guarded)
         if not end.settled:
             raise ModelError(
                 f"the relaxation from the fold at load {fold.state.load:.6g} did not come to rest: it stopped at load "
@@ -172,11 +215,24 @@ class TracedWalk:
         inner = range(begin.piece + 1, (end.row if end.row is not None else end.piece + 1))
         if begin.row is not None:
             inner = range(begin.row + 1, inner.stop)
-        points = [_point(begin), *(self.traced.points[row] for row in inner), _point(end)]
+        points: list[Point] = []
+        for stop in (begin, *(self.stop(row) for row in inner), end):
+            points.append(_point(stop))
+        discs = [point for point in points if isinstance(point.problem, ContactProblem)]
+        others = points[len(discs) :]
+        total = 0.0
         try:
-            return work_along(points, 0.1 * self.accuracy)
+            if len(discs) > 1:
+                total += work_along(discs, 0.1 * self.accuracy)
         except CorrectionError as error:
             raise ModelError(f"work along the curve: the curve cannot be followed there. {error}") from error
+        if others:
+            assert self.beyond is not None
+            total += self.beyond.along(others)
+        if discs and others:  # one state in both models, whose displacements differ by their errors
+            first, last = discs[-1].observables, others[0]
+            total += first["load"] * (last.parameter - first["displacement"])
+        return total
 
 
 def _position(stop: Stop) -> tuple[float, float]:
@@ -186,6 +242,8 @@ def _position(stop: Stop) -> tuple[float, float]:
 
 
 def _point(stop: Stop) -> Point:
+    if isinstance(stop.place, Point):
+        return stop.place
     place: Place = stop.place.place
     equations, fields = place.problem.equations, place.problem.fields(place.x, place.u)
     observables = {"load": equations.load(fields), "displacement": equations.displacement(fields)}

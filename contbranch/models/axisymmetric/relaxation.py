@@ -87,6 +87,7 @@ def relax(
     value: float,
     direction: int,
     watch: Callable[[float], None] | None = None,
+    guarded: bool = False,
 ) -> Relaxed:
     """Let a state go at a value of the control.
 
@@ -102,6 +103,8 @@ def relax(
         1 if the fold was reached by raising the control, −1 by lowering it.
     watch : callable, optional
         Called with y after every step.
+    guarded : bool
+        Stop, without having settled, where the surfaces would penetrate one another outside the disc.
     """
     state = _State(equations, h, y)
     nudge = state.strength if control.kind == "load" else scale
@@ -124,6 +127,8 @@ def relax(
         state = found
         if watch is not None:
             watch(state.y)
+        if guarded and float(state.fields.gap.min()) < 0.0:
+            break
         if step >= LONGEST:
             return Relaxed(state.y, state.load, state.displacement, True)
         step *= min(3.0, max(0.5, AIM / max(moved, 1e-12)))

@@ -213,7 +213,7 @@ def trace(
         located = _Located(*_legs(problem, u, target, controls, progress, COARSE if events else FINE), controls)
         raw, indices = located.raw(contact, accuracy if events else None, progress, modes)
         points, handed = located.points, None
-        if located.stopped_being_a_disc and not fine:  # loops follow discs only
+        if located.stopped_being_a_disc:
             try:
                 ending = RingTarget(target.value, target.control)
                 wanted = accuracy if events else None

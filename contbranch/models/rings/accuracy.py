@@ -122,35 +122,41 @@ def refine(point: Point, event: Event | None, accuracy: float) -> tuple[Values, 
 
     The estimate is the difference to the same event on finer panels; these take over until it is small enough.
     """
-    problem = ring_problem(point)
+    problem, start = ring_problem(point), point
     for _ in range(3):
-        fields = problem.fields(point.x, point.parameter)
+        fields = problem.fields(start.x, start.parameter)
         panels = adapted(problem, fields, AIM * accuracy * max(1.0, abs(problem.load(fields))))
         if panels is None:
             break
         problem = problem.on(panels)
         try:
-            point = settled(moved(point, problem), None)
+            start = settled(moved(start, problem), None)
         except CorrectionError:
             break
-        problem = ring_problem(point)
+        problem = ring_problem(start)
+    best = _best(start, event, accuracy)
+    if best is None and start is not point:  # joined panels may be too coarse to begin with
+        best = _best(point, event, accuracy)
+    # What has been reached stands, with its own error estimate.
+    return best if best is not None else (by_defect(point), point)
+
+
+def _best(point: Point, event: Event | None, accuracy: float) -> tuple[Values, Point] | None:
+    """Values at an event on a point's panels and ever finer ones; None if it was not found there."""
     best: tuple[Values, Point] | None = None
     try:
         here = settled(point, event)
         for _ in range(ROUNDS):
-            there = settled(moved(here, ring_problem(here).on(finer(ring_problem(here).panels))), event)
+            problem = ring_problem(here)
+            there = settled(moved(here, problem.on(finer(problem.panels))), event)
             values = compared(numbers(here), numbers(there), accuracy, problem.layout.jumps)
             if best is None or values.relative_error() < best[0].relative_error():
                 best = values, here
-            if (
-                values.relative_error() <= accuracy
-                or ring_problem(here).fields(here.x, here.parameter).grid.size > LARGEST
-            ):
+            if values.relative_error() <= accuracy or problem.fields(here.x, here.parameter).grid.size > LARGEST:
                 break
             here = there
-    except CorrectionError:  # what has been reached stands, with its own error estimate
-        return best if best is not None else (by_defect(point), point)
-    assert best is not None
+    except CorrectionError:
+        return best
     return best
 
 

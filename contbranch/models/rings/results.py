@@ -95,8 +95,9 @@ def assembled(journey: Journey, accuracy: float | None, start_index: int = 0) ->
     marks = joined_folds(points, journey.marks, journey.controls)
     rows = [mark.row for mark in marks]
     if accuracy is not None or len(set(rows)) < len(rows):  # without accuracy, the order of folds still matters
-        located = [refine(mark.point, event_of(mark, controls), accuracy or TRACE_TOLERANCE)[0] for mark in marks]
-        marks, refined = _ordered(marks, located, points)
+        found = [refine(mark.point, event_of(mark, controls), accuracy or TRACE_TOLERANCE) for mark in marks]
+        marks = [replace(mark, point=point) for mark, (_, point) in zip(marks, found, strict=True)]
+        marks, refined = _ordered(marks, [values for values, _ in found], points)
     if accuracy is None:
         refined = []
     folds = [(mark.row, mark.name) for mark in marks if mark.name in controls]
@@ -193,7 +194,7 @@ def _first_sign(points: Sequence[Point], control: Control) -> int:
 def _raw(
     mark: Mark, values: Values, indices: Indices, points: Sequence[Point], controls: Mapping[str, Control]
 ) -> RawEvent:
-    event = RawEvent(mark.name, mark.row, values.numbers, values.error)
+    event = RawEvent(mark.name, mark.row, values.numbers, values.error, point=mark.point)
     if mark.change is not None:
         onward = points[mark.row :]
         return replace(

@@ -3,31 +3,35 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
 from contbranch.analysis.stability import Indices
 from contbranch.contact import Contact
-from contbranch.continuation import CorrectionError, Point, find_root
+from contbranch.continuation import CorrectionError, Event, Point, find_root
 from contbranch.continuation.walk import corrected_point
 from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.diagram import Profile, State
 from contbranch.errors import InputError, ModelError
 from contbranch.models.outcome import RawCurve
 
-from .accuracy import OPTIONS, locate, refine, ring_problem
+from .accuracy import JUMP, OPTIONS, SAFETY, Values, locate, moved, refine, ring_problem, settled
 from .journey import Target
 from .legs import Reached, oriented, unit_metric
+from .meshing import finer as finer_panels
 from .profile import profile_of
 from .trace import Traced, trace
 
-__all__ = ["indices_on", "solve_all", "state_between"]
+__all__ = ["between", "energy_at", "indices_on", "located_between", "solve_all", "state_between", "state_of"]
 
 Progress = Callable[[float, str], None]
 
 # Radii, in units of the interaction's reach over the tip, at which the gap of a state without forces is given.
 RADII = np.linspace(0.0, 2.0, 41)
+
+# Rounding of an energy, relative to max(1, |value|).
+ENERGY_ROUNDING = 1e-13
 
 
 def solve_all(
@@ -112,8 +116,8 @@ def _without_forces(contact: Contact, traced: Traced, displacement: float | None
     )
 
 
-def between(begin: Point, end: Point, event: Reached) -> Point:
-    """The point between two rows at which a value is reached.
+def between(begin: Point, end: Point, event: Event) -> Point:
+    """The point between two rows at which an event function vanishes.
 
     Raises
     ------
@@ -122,8 +126,15 @@ def between(begin: Point, end: Point, event: Reached) -> Point:
     """
     problem = ring_problem(begin)
     if ring_problem(end).layout != problem.layout:
-        # The rows lie on both sides of a change of the contact set, close together: the later one knows the way back.
-        return locate(end.turned(), event)
+        # A change of the contact set lies at one of both rows: the one with more regions is right between them, and
+        # where its narrow region cannot be solved for, the other all but is.
+        sides = [begin, end.turned()]
+        if ring_problem(end).edges > problem.edges:
+            sides.reverse()
+        try:
+            return locate(sides[0], event)
+        except CorrectionError:
+            return locate(sides[1], event)
     there = ring_problem(end).carried(end.x, end.x, problem)
     metric = unit_metric(problem, begin.x)
     direction = there - begin.x, end.parameter - begin.parameter
@@ -133,8 +144,70 @@ def between(begin: Point, end: Point, event: Reached) -> Point:
         return corrected_point(problem, x, d, direction, metric, OPTIONS)[0]
 
     first, last = event.value(begin), event.value(end)
+    if (first > 0) == (last > 0):  # which errors of the discretisation can cause
+        return locate(begin if abs(first) < abs(last) else end, event)
     theta = find_root(lambda t: event.value(at(t)), (0.0, first), (1.0, last), 1e-9)
     return at(theta)
+
+
+def located_between(begin: Point, end: Point, event: Event, accuracy: float) -> tuple[Values, Point]:
+    """The state between two rows at which an event function vanishes: values with error estimates, and the point.
+
+    Raises
+    ------
+    CorrectionError
+        If the curve cannot be followed there.
+    """
+    point = between(begin, end, event)
+    problem = ring_problem(point)
+    point = oriented(problem, point.x, point.parameter, (point.tangent_x, point.tangent_parameter))
+    return refine(point, event, accuracy)
+
+
+def state_of(
+    values: Values, point: Point, unstable: tuple[int, int, int | None], given: Mapping[str, float] | None = None
+) -> State:
+    """The state of a point, reduced units; `given` are observables known exactly, since they were asked for."""
+    problem, known = ring_problem(point), given or {}
+    fields = problem.fields(point.x, point.parameter)
+    keys = ("load", "displacement", "contact_radius", "central_gap")
+    numbers = {**dict(zip(keys, values.numbers, strict=True)), **known}
+    errors = {**dict(zip(keys, values.error, strict=True)), **dict.fromkeys(known, 0.0)}
+    energy, potential_error = energy_at(values, point)
+    errors["energy"] = potential_error + abs(values.numbers[0]) * values.error[1]
+    residual = np.abs(problem.residual(point.x, point.parameter)).max() / max(1e-300, np.abs(fields.pressure).max())
+    return State(
+        load=numbers["load"],
+        displacement=numbers["displacement"],
+        contact_radius=numbers["contact_radius"],
+        central_gap=numbers["central_gap"],
+        energy=energy,
+        unstable_load=unstable[0],
+        unstable_displacement=unstable[1],
+        unstable_spring=unstable[2],
+        residual=float(residual),
+        error=errors,
+        profile=profile_of(problem, fields),
+    )
+
+
+def energy_at(values: Values, point: Point) -> tuple[float, float]:
+    """Energy V_ela + V_fr of a state, and the error estimate of V − F d at its load.
+
+    That is stationary with respect to errors of the state, and compared with a state on finer panels.
+    """
+    problem = ring_problem(point)
+    energy = problem.energy(problem.fields(point.x, point.parameter))
+    load, displacement = values.numbers[:2]
+    try:
+        finer = settled(moved(point, problem.on(finer_panels(problem.panels))), None)
+    except CorrectionError:
+        return energy, abs(load) * values.error[1] + abs(displacement) * values.error[0]
+    fine = ring_problem(finer)
+    change = fine.energy(fine.fields(finer.x, finer.parameter)) - energy
+    change -= load * (finer.parameter - point.parameter)
+    left_out = JUMP * problem.layout.jumps
+    return energy, SAFETY * abs(change) + (ENERGY_ROUNDING + left_out) * max(1.0, abs(energy))
 
 
 def state_between(
@@ -154,30 +227,10 @@ def state_between(
     """
     event = Reached({"load": LOAD, "displacement": DISPLACEMENT}.get(field), value)
     try:
-        point = between(begin, end, event)
-        problem = ring_problem(point)
-        point = oriented(problem, point.x, point.parameter, (point.tangent_x, point.tangent_parameter))
+        values, point = located_between(begin, end, event, accuracy)
     except CorrectionError as error:
         raise ModelError(f"{field}: no state at {value:.6g} was found on the curve {error.detail}") from error
-    values, point = refine(point, event, accuracy)
-    problem = ring_problem(point)
-    fields = problem.fields(point.x, point.parameter)
-    keys = ("load", "displacement", "contact_radius", "central_gap")
-    numbers = {**dict(zip(keys, values.numbers, strict=True)), field: value}
-    residual = np.abs(problem.residual(point.x, point.parameter)).max() / max(1e-300, np.abs(fields.pressure).max())
-    return State(
-        load=numbers["load"],
-        displacement=numbers["displacement"],
-        contact_radius=numbers["contact_radius"],
-        central_gap=numbers["central_gap"],
-        energy=problem.energy(fields),
-        unstable_load=unstable[0],
-        unstable_displacement=unstable[1],
-        unstable_spring=unstable[2],
-        residual=float(residual),
-        error={**dict(zip(keys, values.error, strict=True)), field: 0.0},
-        profile=profile_of(problem, fields),
-    )
+    return state_of(values, point, unstable, {field: value})
 
 
 def indices_on(curve: RawCurve, indices: Indices, piece: int) -> tuple[int, int, int | None]:
