@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
+from contbranch.cli_options import Json, MaxLoad, Output, Plot, with_request
 from contbranch.errors import InputError, ModelError
 
 if TYPE_CHECKING:
@@ -39,31 +40,6 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
 )
 
-ContactFile = Annotated[
-    str | None, typer.Argument(metavar="[CONTACT]", help="TOML file that describes the contact.", show_default=False)
-]
-Law = Annotated[
-    str | None,
-    typer.Option("--interaction", metavar="NAME", help="Instead of CONTACT: the law of a contact in reduced units."),
-]
-Tabor = Annotated[str | None, typer.Option(metavar="X", help="Its Tabor coefficient.")]
-Repulsive = Annotated[bool, typer.Option("--repulsive", help="The law repels.")]
-Control = Annotated[
-    str | None, typer.Option(metavar="load|displacement|spring:K", help="What is controlled.  [default: load]")
-]
-Accuracy = Annotated[
-    str | None, typer.Option(metavar="X", help="Error allowed to events and thresholds.  [default: 1e-6]")
-]
-Model = Annotated[
-    str | None, typer.Option(metavar="auto|exact|axisymmetric", help="Model of the contact.  [default: auto]")
-]
-MaxLoad = Annotated[str | None, typer.Option(metavar="F", help="Largest load.  [default: beyond all events]")]
-Cell = Annotated[str | None, typer.Option(metavar="L", hidden=True)]
-Grid = Annotated[str | None, typer.Option(metavar="N", hidden=True)]
-Json = Annotated[str | None, typer.Option("--json", metavar="FILE", help="Write JSON; - for standard output.")]
-Output = Annotated[str | None, typer.Option("-o", "--output", metavar="FILE.h5", help="Save arrays and profiles.")]
-Plot = Annotated[str | None, typer.Option(metavar="FILE", help="Draw to a .png, .pdf or .svg file.")]
-
 
 def _print_version(asked: bool) -> None:
     if asked:
@@ -86,62 +62,43 @@ def options(
 
 
 @app.command("trace")
+@with_request
 def trace_command(
-    contact: ContactFile = None,
-    interaction: Law = None,
-    tabor: Tabor = None,
-    repulsive: Repulsive = False,
-    control: Control = None,
-    accuracy: Accuracy = None,
-    model: Model = None,
-    cell: Cell = None,
-    grid: Grid = None,
+    request: Request,
+    source: str | None,
     max_load: MaxLoad = None,
     json_file: Json = None,
     plot: Plot = None,
     output: Output = None,
 ) -> int:
     """Trace the whole curve of equilibria, stable and unstable, with its folds and first touch."""
-    from contbranch.request import make_request
-
-    request = make_request(contact, interaction, tabor, repulsive, control, accuracy, model, cell, grid)
-    limit = None if max_load is None else request.quantity(max_load, "force", "--max-load")
-    limit = request.max_load if limit is None else limit
-    _check_outputs({"--json": json_file, "--plot": plot, "-o": output}, contact)
+    limit = _limit(request, max_load)
+    _check_outputs({"--json": json_file, "--plot": plot, "-o": output}, source)
     diagram = _with_progress("trace", request, max_load=limit)
     _write_outputs(diagram, json_file, plot, output)
     return _report(diagram.status, diagram.message)
 
 
 @app.command("solve")
+@with_request
 def solve_command(
-    contact: ContactFile = None,
+    request: Request,
+    source: str | None,
     load: Annotated[str | None, typer.Option(metavar="F", help="Load of the equilibrium.")] = None,
     displacement: Annotated[str | None, typer.Option(metavar="D", help="Or its displacement.")] = None,
     every: Annotated[bool, typer.Option("--all", help="Report all equilibria found, not only one.")] = False,
-    interaction: Law = None,
-    tabor: Tabor = None,
-    repulsive: Repulsive = False,
-    control: Control = None,
-    accuracy: Accuracy = None,
-    model: Model = None,
-    cell: Cell = None,
-    grid: Grid = None,
     json_file: Json = None,
     plot: Plot = None,
     output: Output = None,
 ) -> int:
     """Find the equilibrium at a load or a displacement; of several, the stable one of lowest energy."""
-    from contbranch.request import make_request
-
-    request = make_request(contact, interaction, tabor, repulsive, control, accuracy, model, cell, grid)
     if (load is None) == (displacement is None):
         raise InputError("--load, --displacement: give one of them")
     if load is not None:
         where = {"load": request.quantity(load, "force", "--load")}
     else:
         where = {"displacement": request.quantity(displacement or "", "length", "--displacement")}
-    _check_outputs({"--json": json_file, "--plot": plot, "-o": output}, contact)
+    _check_outputs({"--json": json_file, "--plot": plot, "-o": output}, source)
     solution = _solve(request, where, every)
     if output is not None:
         from contbranch.store import save_solution
@@ -163,32 +120,22 @@ def solve_command(
 
 
 @app.command("loop")
+@with_request
 def loop_command(
-    contact: ContactFile = None,
-    interaction: Law = None,
-    tabor: Tabor = None,
-    repulsive: Repulsive = False,
-    control: Control = None,
-    accuracy: Accuracy = None,
-    model: Model = None,
-    cell: Cell = None,
-    grid: Grid = None,
+    request: Request,
+    source: str | None,
     max_load: MaxLoad = None,
     json_file: Json = None,
     plot: Plot = None,
+    output: Output = None,
 ) -> int:
     """Follow the hysteresis loop: approach and retraction with all jumps and the energy they dissipate."""
-    from contbranch.request import make_request
+    from contbranch.document import loop_document
 
-    request = make_request(contact, interaction, tabor, repulsive, control, accuracy, model, cell, grid)
-    limit = None if max_load is None else request.quantity(max_load, "force", "--max-load")
-    limit = request.max_load if limit is None else limit
-    _check_outputs({"--json": json_file, "--plot": plot}, contact)
+    limit = _limit(request, max_load)
+    _check_outputs({"--json": json_file, "--plot": plot, "-o": output}, source)
     loop = _with_progress("hysteresis", request, max_load=limit)
-    if json_file is not None:
-        from contbranch.document import loop_document
-
-        _write_json(loop_document(loop), json_file)
+    _write_document(loop_document(loop), json_file, output)
     if plot is not None:
         from contbranch.plot import save_figure
 
@@ -201,36 +148,29 @@ def loop_command(
 
 
 @app.command("follow")
+@with_request
 def follow_command(
-    contact: ContactFile = None,
+    request: Request,
+    source: str | None,
     event: Annotated[str | None, typer.Option(metavar="NAME", help="Name of a fold under --control, or touch.")] = None,
     vary: Annotated[
         str | None, typer.Option(metavar="NAME=FROM:TO", help="Parameter to vary, for example tabor=0.25:4.")
     ] = None,
-    interaction: Law = None,
-    tabor: Tabor = None,
-    repulsive: Repulsive = False,
-    control: Control = None,
-    accuracy: Accuracy = None,
-    model: Model = None,
-    cell: Cell = None,
-    grid: Grid = None,
+    max_load: MaxLoad = None,
     json_file: Json = None,
     plot: Plot = None,
+    output: Output = None,
 ) -> int:
     """Follow a fold or first touch in a second parameter, with the points where folds meet or end."""
-    from contbranch.request import make_request
     from contbranch.request_follow import parse_vary
 
-    request = make_request(contact, interaction, tabor, repulsive, control, accuracy, model, cell, grid)
     for option, value in (("--event", event), ("--vary", vary)):
         if value is None:
             raise InputError(f"{option}: missing; write for example --event pull-off --vary tabor=0.25:4")
     variation = parse_vary(vary or "", request)
-    _check_outputs({"--json": json_file, "--plot": plot}, contact)
-    followed = _follow(request, event or "", variation)
-    if json_file is not None:
-        _write_json(followed.document(), json_file)
+    _check_outputs({"--json": json_file, "--plot": plot, "-o": output}, source)
+    followed = _follow(request, event or "", variation, _limit(request, max_load))
+    _write_document(followed.document(), json_file, output)
     if plot is not None:
         from contbranch.plot import save_figure
 
@@ -312,12 +252,17 @@ def _solve(request: Request, where: dict[str, Any], every: bool) -> Solution:
     return best_of(_with_progress("find_all", request, **where))
 
 
-def _follow(request: Request, name: str, variation: Variation) -> Followed:
+def _limit(request: Request, max_load: str | None) -> float | None:
+    """The largest load, from the option or the contact file; None for the default."""
+    return request.max_load if max_load is None else request.quantity(max_load, "force", "--max-load")
+
+
+def _follow(request: Request, name: str, variation: Variation, limit: float | None) -> Followed:
     from contbranch.models.family import family_of
     from contbranch.models.follow import follow
     from contbranch.request_follow import find_event
 
-    diagram = _with_progress("trace", request)
+    diagram = _with_progress("trace", request, max_load=limit)
     event = find_event(diagram, name, request.control)
     try:
         present = event.stiffness if variation.name == "stiffness" else None
@@ -386,6 +331,16 @@ def _write_outputs(diagram: Diagram, json_file: str | None, plot: str | None, ou
         from contbranch.summary import print_diagram
 
         print_diagram(diagram)
+
+
+def _write_document(document: dict[str, Any], json_file: str | None, output: str | None) -> None:
+    """Write a document as HDF5 and as JSON, where these are asked for."""
+    if output is not None:
+        from contbranch.store import save_document
+
+        save_document(document, output)
+    if json_file is not None:
+        _write_json(document, json_file)
 
 
 def _write_json(document: dict[str, Any], name: str) -> None:

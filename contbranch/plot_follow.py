@@ -85,7 +85,7 @@ def followed_curve(followed: Followed, y: str = "load") -> Figure:
     with mpl.rc_context(STYLE):
         figure = new_figure(2.7)
         axes = figure.subplots()
-        logarithmic = _spacing(axes, followed.curve[followed.parameter])
+        logarithmic = _spacing(axes, followed.parameter, followed.curve[followed.parameter])
         for x, values, contact in _lines(followed, y, logarithmic):
             axes.plot(x, values, color=BLUE, linestyle="-" if contact else _DASHES, zorder=3)
         marked = [one for one in followed.special if one.kind in _MARKERS and np.isfinite(one.value)]
@@ -106,7 +106,7 @@ def phase_figure(phase: PhaseDiagram) -> Figure:
     with mpl.rc_context(STYLE):
         figure = new_figure(3.0)
         axes = figure.subplots()
-        logarithmic = _spacing(axes, phase.values)
+        logarithmic = _spacing(axes, phase.parameter, phase.values)
         values, levels, without, within = phase.fine()
         code = without * 10 + within
         present = sorted({(int(c) // 10, int(c) % 10) for c in np.unique(code)})
@@ -146,9 +146,12 @@ def _check(y: str) -> None:
         raise InputError(f"y: {y!r}; must be one of {', '.join(_OBSERVABLES)}")
 
 
-def _spacing(axes: Axes, values: Array) -> bool:
-    """Make the axis of the parameter logarithmic where its values ask for it."""
-    finite = values[np.isfinite(values) & (values != 0.0)]
+def _spacing(axes: Axes, parameter: str, values: Array) -> bool:
+    """Make the axis of the parameter logarithmic where its values ask for it.
+
+    A stiffness runs from 0, load control, to infinity, displacement control; any other axis shows its zero.
+    """
+    finite = values[np.isfinite(values) & ((values != 0.0) | (parameter != "stiffness"))]
     logarithmic = bool(finite.size and finite.min() > 0 and finite.max() > _LOGARITHMIC * finite.min())
     if logarithmic:
         axes.set_xscale("log")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
+import matplotlib as mpl
 import numpy as np
 from numpy.typing import NDArray
 
@@ -149,7 +150,10 @@ def arrange_panels(figure: Figure, panels: Sequence[Axes], rows: int) -> None:
     slot = (height - _LEGEND_ROW * rows - 0.03) / len(panels)
     title = _TITLE if len(panels) > 1 else 0.08
     left = 0.55
-    for _ in range(3):  # again with the ticks that fit
+    for axes in panels:
+        # Written into the axes, since the number of ticks depends on it, also when the figure is saved.
+        axes.tick_params(which="both", labelsize=mpl.rcParams["ytick.labelsize"])
+    for _ in range(2):  # the second time with the ticks that fit
         for i, axes in enumerate(panels):
             bottom = (len(panels) - 1 - i) * slot + _BELOW
             size = (WIDTH - left - _RIGHT, slot - _BELOW - title)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict
 from itertools import pairwise
 from pathlib import Path
@@ -35,7 +36,7 @@ if TYPE_CHECKING:
 
     from contbranch.contact import Contact
 
-__all__ = ["FORMAT", "VERSION", "load", "save", "save_solution"]
+__all__ = ["FORMAT", "VERSION", "load", "save", "save_document", "save_solution"]
 
 FORMAT: Final = "contbranch-diagram"
 VERSION: Final = 1
@@ -70,19 +71,8 @@ def save(diagram: Diagram, path: str | Path) -> None:
     InputError
         If the file cannot be written.
     """
-    import h5py
-
-    path = Path(path)
-    unfinished = path.with_name(path.name + ".part")
-    try:
-        with h5py.File(unfinished, "w") as file:
-            _write(file, diagram)
-        os.replace(unfinished, path)
-    except OSError as error:
-        reason = error.strerror or " ".join(str(error).split())
-        raise InputError(f"path: '{path}' cannot be written ({reason}); give a writable file") from None
-    finally:
-        unfinished.unlink(missing_ok=True)
+    with _writable(Path(path)) as file:
+        _write(file, diagram)
 
 
 def save_solution(solution: Solution, path: str | Path, *, every: bool = False) -> None:
@@ -109,6 +99,56 @@ def save_solution(solution: Solution, path: str | Path, *, every: bool = False) 
         ),
         path,
     )
+
+
+def save_document(document: Mapping[str, Any], path: str | Path) -> None:
+    """Write a document, that of a loop or of a followed event, to an HDF5 file as it is.
+
+    Objects are groups, lists of numbers datasets (NaN for null), lists of objects groups numbered from 0, everything
+    else attributes; what is null has none.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
+    """
+    with _writable(Path(path)) as file:
+        _write_object(file, document)
+
+
+def _write_object(group: h5py.Group, content: Mapping[str, Any]) -> None:
+    for key, value in content.items():
+        if isinstance(value, Mapping):
+            _write_object(group.create_group(key), value)
+        elif isinstance(value, list) and all(isinstance(item, Mapping) for item in value) and value:
+            _write_object(group.create_group(key), {str(k): item for k, item in enumerate(value)})
+        elif isinstance(value, list):
+            group.create_dataset(key, data=np.array([np.nan if item is None else item for item in value], dtype=float))
+        elif value is not None:
+            group.attrs[key] = value
+
+
+@contextmanager
+def _writable(path: Path) -> Iterator[h5py.File]:
+    """A new HDF5 file that takes its name when it is complete.
+
+    Raises
+    ------
+    InputError
+        If it cannot be written.
+    """
+    import h5py
+
+    unfinished = path.with_name(path.name + ".part")
+    try:
+        with h5py.File(unfinished, "w") as file:
+            yield file
+        os.replace(unfinished, path)
+    except OSError as error:
+        reason = error.strerror or " ".join(str(error).split())
+        raise InputError(f"path: '{path}' cannot be written ({reason}); give a writable file") from None
+    finally:
+        unfinished.unlink(missing_ok=True)
 
 
 def _point(state: State) -> Branch:

@@ -132,13 +132,15 @@ def test_options_win_over_the_contact_file(calls: list, contact: str) -> None:
 def test_solve_reports_one_state_or_all(calls: list, contact: str, tmp_path: Path, capsys: Capture) -> None:
     assert main(["solve", contact, "--load", "5", "--json", "-"]) == 0
     assert len(json.loads(capsys.readouterr().out)["states"]) == 1
-    assert main(["solve", contact, "--load", "5", "--json", "-", "--all"]) == 0
-    assert len(json.loads(capsys.readouterr().out)["states"]) == 2
+    # every equilibrium at a load between pull-off and zero: the contact, and one without between its folds
+    assert main(["solve", contact, "--load", "-100", "--json", "-", "--all"]) == 0
+    states = json.loads(capsys.readouterr().out)["states"]
+    assert [state["unstable_load"] for state in states] == [1, 0]
     files = ["--plot", str(tmp_path / "x.pdf"), "-o", str(tmp_path / "x.h5")]
-    assert main(["solve", contact, "--load", "5", "--all", *files]) == 0
+    assert main(["solve", contact, "--load", "-100", "--all", *files]) == 0
     out = capsys.readouterr().out
     assert "load and displacement" in out
-    assert "1 of 2" in out
+    assert "2 equilibria" in out
     assert (tmp_path / "x.pdf").read_bytes().startswith(b"%PDF")
     assert len(load(tmp_path / "x.h5").branches) == 2
     assert main(["show", str(tmp_path / "x.h5")]) == 0
@@ -162,7 +164,8 @@ def test_incomplete_trace_writes_everything_and_says_why(
 
 WRONG = [
     ([], "Missing command"),
-    (["loop"], "No such command 'loop'"),
+    (["loop"], "CONTACT: missing"),
+    (["hop"], "No such command 'hop'"),
     (["trace"], "CONTACT: missing"),
     (["trace", "--foo"], "No such option: --foo"),
     (["trace", "FILE", "b"], "unexpected extra argument"),

@@ -11,7 +11,7 @@ import pytest
 
 from contbranch.diagram import Cost, Diagram, LocalExponent, ModelChoice, Solution
 from contbranch.errors import InputError, ModelError
-from contbranch.store import load, save, save_solution
+from contbranch.store import load, save, save_document, save_solution
 
 COLUMNS = ("load", "displacement", "contact_radius", "central_gap", "energy", "load_error", "displacement_error")
 INDICES = ("unstable_load", "unstable_displacement")
@@ -171,3 +171,26 @@ def test_a_failed_write_keeps_the_old_file(attraction: Diagram, tmp_path: Path) 
     assert [p.name for p in tmp_path.iterdir()] == ["x.h5"]
     with pytest.raises(InputError, match="cannot be written"):
         save(attraction, tmp_path / "no folder" / "x.h5")
+
+
+def test_a_document_is_written_as_it_is(tmp_path: Path) -> None:
+    document = {
+        "format": "contbranch-loop",
+        "dissipated": None,
+        "closed": True,
+        "path": {"load": [1.0, None, 3.0], "leg": [0, 0, 1]},
+        "jumps": [{"name": "pull-off", "from": {"load": -5.0}, "to": None}],
+        "special": [],
+    }
+    save_document(document, tmp_path / "loop.h5")
+    with h5py.File(tmp_path / "loop.h5") as file:
+        assert file.attrs["format"] == "contbranch-loop"
+        assert "dissipated" not in file.attrs
+        np.testing.assert_array_equal(file["path/load"][()], [1.0, np.nan, 3.0])
+        assert file["jumps/0"].attrs["name"] == "pull-off"
+        assert file["jumps/0/from"].attrs["load"] == -5.0
+        assert file["special"].shape == (0,)
+    with pytest.raises(InputError, match="contbranch-loop"):
+        load(tmp_path / "loop.h5")
+    with pytest.raises(InputError, match="cannot be written"):
+        save_document(document, tmp_path / "missing" / "loop.h5")

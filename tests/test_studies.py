@@ -172,7 +172,7 @@ def test_getting_started(tmp_path, monkeypatch, capsys):
     for text in blocks(page, "toml"):
         Path(text.partition("\n")[0].removeprefix("# ")).write_text(text, encoding="utf-8")
     commands = [line for block in blocks(page, "sh") for line in block.splitlines() if line.startswith("contbranch ")]
-    assert [shlex.split(command)[1] for command in commands] == ["trace", "solve", "follow", "trace"]
+    assert [shlex.split(command)[1] for command in commands] == ["trace", "solve", "loop", "follow", "trace"]
     for command in commands:
         assert main(shlex.split(command)[1:]) == 0, command
     printed = capsys.readouterr().out

@@ -149,8 +149,10 @@ class _Builder:
         closed = complete and bool(legs) and not lost
         total = math.fsum(jump.dissipated or 0.0 for jump in jumps) if closed else None
         error = math.fsum(jump.error or 0.0 for jump in jumps) if closed else None
-        if lost:
+        if lost and complete:
             message = f"{message} {self._open(lost[0])}".strip()
+        elif lost:
+            message = f"{message} Where the jump from {lost[0].name or 'the fold'} ends was not reached.".strip()
         elif complete and not legs:
             message = f"There is no stable state under {self.control.kind} control."
         elif closed and not jumps:

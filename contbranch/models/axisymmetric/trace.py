@@ -39,6 +39,8 @@ Progress = Callable[[float, str], None]
 
 # Meshes of the trace need not be as fine as those of its events, which are located anew.
 TRACE_TOLERANCE = 1e-6
+# ... where the rows themselves count, in integrals along the curve, they are finer, as far as round-off lets one mesh.
+FINE_TOLERANCE = 1e-9
 # Share of the accuracy that the load at the start of the trace may have.
 START_SHARE = 0.5
 STEPS = Options(
@@ -193,7 +195,7 @@ def trace(
     control : Control
         A spring (reduced units), whose folds are located besides those of load and displacement.
     fine : bool
-        Whether the rows are to be as accurate as the events.
+        Whether the rows are to be as accurate as the events, down to 1e-9.
     modes : int
         Largest azimuthal mode number examined where events are located; 0: none.
     """
@@ -201,7 +203,7 @@ def trace(
     controls = (LOAD, DISPLACEMENT, *((control,) if control.kind == "spring" else ()))
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # answered by shorter steps, or reported
         try:
-            allowed = accuracy if fine else max(TRACE_TOLERANCE, accuracy)
+            allowed = max(FINE_TOLERANCE if fine else TRACE_TOLERANCE, accuracy)
             tolerance = allowed * (1 - ROW_FLOOR) / ROW_SAFETY
             problem, u = start_problem(contact, accuracy, tolerance, control.spring_stiffness)
         except InputError:
