@@ -242,6 +242,8 @@ def _usage(error: Exception, given: Sequence[str]) -> str:
 
 
 def _solve(request: Request, where: dict[str, Any], every: bool) -> Solution:
+    if not request.controlled:
+        where = {**where, "control": None}  # that of the quantity given
     if not every:
         found: Solution = _with_progress("solve", request, **where)
         return found
@@ -277,12 +279,13 @@ def _with_progress(name: str, request: Request, **options: Any) -> Any:
 
     compute = getattr(contbranch, name)
     settings: dict[str, Any] = {"control": request.control, "accuracy": request.accuracy, "model": request.model}
+    settings |= options
     if not sys.stderr.isatty():
-        return compute(request.contact, **settings, **options)
+        return compute(request.contact, **settings)
     from contbranch.summary import progress_bar
 
     with progress_bar() as progress:
-        return compute(request.contact, progress=progress, **settings, **options)
+        return compute(request.contact, progress=progress, **settings)
 
 
 # Output

@@ -17,13 +17,14 @@ _MODELS: Final = ("auto", "exact", "axisymmetric")
 
 @dataclass(frozen=True)
 class Request:
-    """A contact and the settings of a computation, in the contact's units."""
+    """A contact and the settings of a computation, in the contact's units; `controlled`: the control was asked for."""
 
     contact: Contact
     control: str | Spring
     accuracy: float
     model: str
     max_load: float | None
+    controlled: bool = True
 
     def quantity(self, text: str, dimension: str, option: str) -> float:
         """Return the value of an option: a bare number in the contact's units, or a quantity of a physical contact."""
@@ -60,6 +61,7 @@ def make_request(
         accuracy=positive_number(_number(chosen.get("accuracy", 1e-6), "--accuracy"), "--accuracy"),
         model=_choice(chosen.get("model", "auto"), _MODELS, "--model"),
         max_load=settings.get("max_load"),
+        controlled="control" in chosen,
     )
 
 

@@ -97,6 +97,17 @@ def test_all_outputs_are_written(
     assert (tmp_path / "again.svg").exists()
 
 
+def test_stability_at_a_displacement_is_that_of_displacement_control(capsys: pytest.CaptureFixture) -> None:
+    """Exponential attraction at μ_T = 4 between its displacement folds: three equilibria, the middle one unstable."""
+    contact = ["--interaction", "exponential", "--tabor", "4", "--displacement", "-1", "--json", "-"]
+    for control, stable in ([], 2), (["--control", "load"], 0):
+        for every, count in ([], 1), (["--all"], 3):
+            assert main(["solve", *contact, *every, *control]) == 0
+            document = json.loads(capsys.readouterr().out)
+            assert len(document["states"]) == count
+            assert f" {stable} stable under {'load' if control else 'displacement'} control" in document["message"]
+
+
 def test_quantities_and_bare_numbers(calls: list, contact: str) -> None:
     options = ["--control", "displacement", "--accuracy", "1e-8", "--model", "exact"]
     assert main(["trace", contact, "--max-load", "0.5 uN", *options]) == 0

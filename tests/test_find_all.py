@@ -73,6 +73,23 @@ def test_the_window_limits_the_displacements():
     assert found.barriers == ()
 
 
+@pytest.mark.parametrize(
+    "contact",
+    [
+        cb.Contact.reduced("gauss", 1.0, -1),
+        cb.Contact.reduced("maugis-dugdale", 1.0),
+        cb.Contact.reduced("maugis-dugdale", 1.0, -1),
+        # Strong laws of short range, whose gaps deflation tries to open beyond the largest number.
+        cb.Contact(cb.Parabola(1.0), cb.VanDerWaals(1.0, 0.15) + cb.Exponential(-2.0, 0.3)),
+    ],
+)
+def test_far_away_there_is_one_equilibrium(contact):
+    """Before the curve begins the surfaces hardly feel each other: the gap is −d."""
+    (state,) = cb.find_all(contact, displacement=-1000.0)
+    assert state.central_gap == pytest.approx(1000.0, rel=1e-6)
+    assert state.stable("displacement")
+
+
 @pytest.mark.parametrize("arguments", [{}, {"load": 1.0, "displacement": 1.0}, {"load": 1.0, "window": (1.0, 0.0)}])
 def test_wrong_arguments_are_named(arguments):
     with pytest.raises(cb.InputError, match=r"load|window"):

@@ -50,7 +50,7 @@ def find_all(
     load, displacement : float
         Exactly one of them, in the contact's units.
     window : (float, float), optional
-        Displacements between which equilibria are looked for; default: the traced range.
+        Displacements between which equilibria are looked for; default: the traced range and the displacement asked for.
     control : {"load", "displacement"} or Spring, optional
         Whose stability counts; by default that of the quantity given.
     accuracy, model, progress
@@ -83,12 +83,8 @@ def find_all(
         reach = float(raw.load.min())
         every = [] if field == "load" and value / unit < reach else curve.solve(**{field: value / unit})
         found = [exact_state(curve, state, reduced.spring_stiffness) for state in every]
-        used = inside or (min(-curve.interaction_range, *(s.displacement for s in found), 0.0), float("inf"))
-        if inside is None:
-            used = (
-                float(raw.displacement.min()),
-                max([float(raw.displacement.max()), *(s.displacement for s in found)]),
-            )
+        lowest = [float(raw.displacement.min()), *([value / unit] if field == "displacement" else [])]
+        used = inside or (min(lowest), max([float(raw.displacement.max()), *(s.displacement for s in found)]))
         found = [state for state in found if used[0] <= state.displacement <= used[1]]
         connected = [True] * len(found)
     else:

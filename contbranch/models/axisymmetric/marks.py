@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from contbranch.continuation import Point
+from contbranch.continuation import CorrectionError, Point
 from contbranch.control import Control
+from contbranch.errors import ModelError
 
-from .problem import ContactProblem
+from .piece import piece_between, zero_between
+from .problem import ContactProblem, FoldEvent
 
 __all__ = ["Mark", "confirmed", "signs"]
 
@@ -46,9 +48,9 @@ def confirmed(points: Sequence[Point], marks: Sequence[Mark], controls: Sequence
     along = signs(points, controls)
     for which, name in enumerate(names):
         own = {mark.row: mark for mark in marks if mark.name == name}
-        sign = 0
+        sign, last = 0, 0
         pending: list[Mark] = []
-        for row, point in enumerate(points):
+        for row in range(len(points)):
             if row in own:
                 pending.append(own[row])
                 continue
@@ -57,10 +59,34 @@ def confirmed(points: Sequence[Point], marks: Sequence[Mark], controls: Sequence
                 continue
             odd = sign != 0 and here != sign
             if odd and len(pending) % 2 == 0:
-                pending = pending[:-1] or [Mark(row, name, point)]
+                pending = pending[:-1] or [Mark(row, name, _unmarked(points, last, row, controls[which]))]
             elif not odd and len(pending) % 2 == 1:
                 pending = pending[:-1]
             kept += pending
-            pending, sign = [], here
+            pending, sign, last = [], here, row
         kept += pending
     return sorted(kept, key=lambda mark: mark.row)
+
+
+def _unmarked(points: Sequence[Point], first: int, last: int, control: Control) -> Point:
+    """A fold that was not marked, between two rows; the last one where the curve cannot be followed between them."""
+    event = FoldEvent(control, name=control.kind)
+    values = [event.value(point) for point in points[first : last + 1]]
+    changes = [first + k for k in range(len(values) - 1) if (values[k] > 0) != (values[k + 1] > 0)]
+    if not changes:
+        return points[last]
+    try:
+        place = zero_between(*piece_between(points[changes[0]], points[changes[0] + 1]), event)
+        observables = place.problem.observables(place.x, place.u)
+    except (CorrectionError, ModelError, np.linalg.LinAlgError):
+        return points[last]
+    tangent_x, tangent_parameter = place.direction
+    return replace(
+        points[last],
+        x=place.x,
+        parameter=place.u,
+        tangent_x=tangent_x,
+        tangent_parameter=tangent_parameter,
+        problem=place.problem,
+        observables=observables,
+    )

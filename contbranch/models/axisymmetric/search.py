@@ -32,6 +32,8 @@ ROWS, BARE = 6, 4
 PENETRATION = 1e-3
 # A state whose error stays above this, relative to max(1, |value|), is one of the mesh and not of the contact.
 VAGUE = 1e-3
+# A trial step may propose any contact parameter; the gap is sinh of it, which overflows a little above this.
+FARTHEST = 700.0
 # States closer than this, relative to max(1, |value|), are one.
 SAME = 1e-5
 
@@ -43,7 +45,9 @@ class HeldProblem(Problem):
         self.problem, self.control = problem, control
 
     def residual(self, x: Array, p: float) -> Array:
-        """Residuals of equilibrium and control, (N + 1,)."""
+        """Residuals of equilibrium and control, (N + 1,); infinite at a gap beyond all numbers."""
+        if not abs(x[-1]) < FARTHEST:
+            return np.full_like(x, np.inf)
         fields = self.problem.fields(x[:-1], float(x[-1]))
         equations = self.problem.equations
         held = self.control.weighted(equations.load(fields), equations.displacement(fields)) - p

@@ -78,7 +78,7 @@ def find_all(
     Parameters
     ----------
     window : (float, float) or None
-        Displacements, reduced units; None: the traced range.
+        Displacements, reduced units; None: the traced range, and the displacement asked for.
 
     Returns
     -------
@@ -89,6 +89,8 @@ def find_all(
     reached = traced.curve.displacement
     if window is None:
         window = (float(reached.min()), float(reached.max())) if len(reached) else (-math.inf, math.inf)
+        if field == "displacement":  # farther away than the trace begins, too
+            window = (min(window[0], value), max(window[1], value))
     held = LOAD if field == "load" else DISPLACEMENT
     others: list[Crossing] = []
     if len(traced.points) > 1 and contact.interaction is not None and traced.handed is None:
@@ -96,7 +98,7 @@ def find_all(
     states, connected = [], []
     for crossings_here, on_curve in ((found, True), (others, False)):
         for crossing in crossings_here:
-            if not window[0] <= crossing.values.displacement <= window[1]:
+            if not window[0] <= (value if field == "displacement" else crossing.values.displacement) <= window[1]:
                 continue
             given = {field: value}
             on = state_at(traced, crossing, given) if on_curve else state_apart(crossing, traced.controls, given)

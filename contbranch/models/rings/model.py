@@ -83,6 +83,7 @@ class Rings:
         """
         states, traced = solve_all(contact, field, value, accuracy, progress, control)
         reached = traced.curve.displacement
-        used = window or (float(reached.min()), float(reached.max()))
+        own = [value] if field == "displacement" else []
+        used = window or (min([float(reached.min()), *own]), max([float(reached.max()), *own]))
         kept = [state for state in states if used[0] <= state.displacement <= used[1]]
         return kept, [True] * len(kept), used, traced.curve
