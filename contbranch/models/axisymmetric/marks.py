@@ -52,7 +52,7 @@ def confirmed(points: Sequence[Point], marks: Sequence[Mark], controls: Sequence
         own = {mark.row: mark for mark in marks if mark.name == name}
         sign, last = 0, 0
         pending: list[Mark] = []
-        for row, point in enumerate(points):
+        for row in range(len(points)):
             if row in own:
                 pending.append(own[row])
             if row in folds:
@@ -94,7 +94,7 @@ def ordered(points: Sequence[Point], marks: Sequence[Mark], controls: Sequence[C
     however close the folds are; their places do not where they agree to rounding.
     """
     result = list(marks)
-    names = {control.kind: control for control in controls}
+    names: dict[str, Control] = {control.kind: control for control in controls}
     taken = {mark.row for mark in marks}
     for k in range(len(result) - 1):
         here, there = result[k], result[k + 1]
