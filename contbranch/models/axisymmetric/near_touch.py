@@ -26,6 +26,8 @@ Array = NDArray[np.float64]
 
 # Where its place says no radius, a fold is sought from this share of the innermost panel.
 LEAST = 1e-7
+# A fold is sought at radii below that of the parameter TINY if its place says less than this share of it.
+SMALL = 0.1
 # The bracket around a fold is widened by this factor, at most so many times.
 WIDER, WIDENINGS = 2.0, 30
 # Relative offset of the radius by which slope and noise of the rate at the fold are found.
@@ -47,7 +49,7 @@ class TinyFold:
 
 def is_tiny(problem: ContactProblem, u: float) -> bool:
     """Whether a parameter belongs to a contact so small that its radius is the better coordinate."""
-    return problem.equations.contact and u < TINY
+    return problem.equations.contact and u < SMALL * TINY
 
 
 def graded(problem: ContactProblem, x: Array, u: float) -> tuple[ContactProblem, Array]:
@@ -95,7 +97,7 @@ def fold_at_tiny_radius(problem: ContactProblem, x: Array, u: float, control: Co
         if inner * outer <= 0.0:
             break
         low, high = low / WIDER, min(high * WIDER, largest)
-        inner, outer = rate(low), rate(high) if high < largest else outer
+        inner, outer = rate(low), rate(high)
     else:
         message = f"(The rate of the {control.kind} has one sign at contact radii from {low:.2g} to {high:.2g}.)"
         raise CorrectionError(Outcome.STEP_TOO_SMALL, message)

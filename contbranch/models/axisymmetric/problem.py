@@ -33,7 +33,7 @@ LEAP = 30.0
 COARSE = 0.03
 # Below this parameter (and above its negative) the rate of the load comes from the slope dF/dd, which keeps its digits
 # there, unless the displacement all but stands still: its rate must be at least this share of its parts.
-TINY, MOVING = 1e-3, 0.1
+TINY, MOVING = 1e-2, 0.1
 # Rounds of meshing, solving and judging until a mesh satisfies its own error estimate.
 ROUNDS = 6
 
