@@ -17,9 +17,9 @@ from scipy.optimize import brentq
 
 import contbranch as cb
 from contbranch.interaction_law import Interaction
-from contbranch.models.axisymmetric.equations import Fields
 from contbranch.models.axisymmetric.mesh import Mesh
 from contbranch.models.axisymmetric.problem import ContactProblem
+from contbranch.models.axisymmetric.slope import load_per_displacement
 from contbranch.models.axisymmetric.trace import Target, trace
 
 __all__ = ["Sample", "Side", "contact_of", "fold_in_contact", "fold_side", "softening", "touch_side"]
@@ -101,22 +101,8 @@ class Side:
             equations.load(fields),
             equations.displacement(fields),
             (2.0 * order if self.contact else -1.0) * per_y,
-            self._stiffness(fields),
+            load_per_displacement(equations, fields),
         )
-
-    def _stiffness(self, fields: Fields) -> float:
-        """dF/dd = 2 (a + ∫_a^∞ δh dt) with (1 − B k A) δh = −B k s: what the rim and its motion do not enter.
-
-        s is the gap's answer to a rigid motion; algebraic tails of the law add what lies beyond the mesh.
-        """
-        equations = self.problem.equations
-        response = equations.response(fields)
-        answer = np.linalg.solve(np.eye(len(response)) + response, response.sum(axis=1))
-        load = 2.0 * (fields.rim.radius + float(fields.rim.weights @ answer))
-        beyond = equations._beyond(fields)
-        last = float(fields.rim.plane[-1] @ (answer - 1.0))
-        load += beyond.load_per_displacement - beyond.load_per_gap * last
-        return load / (1.0 + beyond.shift_per_displacement - beyond.shift_per_gap * last)
 
     def rise(self, start: float, stop: float, count: int = NODES) -> float:
         """F(stop) − F(start) as the integral of the slope, which loses no digits; `count` Gauss nodes."""

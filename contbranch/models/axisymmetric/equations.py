@@ -203,7 +203,7 @@ class Equations:
     # -- observables --------------------------------------------------------------------------------------------------
     def displacement(self, fields: Fields) -> float:
         """Far-field displacement d."""
-        return self._own_displacement(fields) + self._beyond(fields).shift
+        return self._own_displacement(fields) + self.beyond(fields).shift
 
     def _own_displacement(self, fields: Fields) -> float:
         """Displacement without the interaction beyond the mesh."""
@@ -214,7 +214,7 @@ class Equations:
     def load(self, fields: Fields) -> float:
         """Load F = 2 ∫_0^∞ h dt (E = 1), with h = d − zeta inside the contact, and the interaction's beyond the
         mesh."""
-        return self._own_load(fields) + self._beyond(fields).load
+        return self._own_load(fields) + self.beyond(fields).load
 
     def _own_load(self, fields: Fields) -> float:
         """Load without the interaction beyond the mesh."""
@@ -228,7 +228,7 @@ class Equations:
         """V_ela + V_fr, with the contact's own −work pi a² and the law's tail beyond the mesh."""
         a = fields.rim.radius
         d = self._own_displacement(fields)
-        beyond = self._beyond(fields)
+        beyond = self.beyond(fields)
         elastic = float(fields.rim.weights @ fields.h**2) + beyond.shift * self._own_load(fields)
         if a > 0:
             tip = self.tip
@@ -249,7 +249,7 @@ class Equations:
             ring = np.nan_to_num(2 * np.pi * r / self.tip.height_derivative(r), posinf=0.0)
         return ring * fields.energy_density
 
-    def _beyond(self, fields: Fields) -> _Beyond:
+    def beyond(self, fields: Fields) -> _Beyond:
         """What the interaction beyond the mesh adds to load, energy and displacement.
 
         The gap there is the tip's own plus an elastic displacement that falls like 1/r, as a point force's, from its
@@ -293,7 +293,7 @@ class Equations:
         """Derivatives of load and displacement with respect to the nodal values of h at fixed y, (N,) each."""
         displacement = self.rim_row
         load = 2 * (fields.rim.weights + (fields.rim.radius * self.rim_row if self.contact else 0.0))
-        beyond = self._beyond(fields)
+        beyond = self.beyond(fields)
         if beyond is NOTHING:
             return load, displacement
         last = fields.rim.plane[-1]
@@ -311,7 +311,7 @@ class Equations:
         load = 2 * float(fields.rim.weights @ h_rate)
         if self.contact:
             load += 2 * a * displacement + 2 * fields.rim.weights_slope(fields.h) * area * y_rate
-        beyond = self._beyond(fields)
+        beyond = self.beyond(fields)
         if beyond is NOTHING:
             return load, displacement
         gap = float(fields.rim.plane[-1] @ (h_rate - self.rim_row @ h_rate)) + self.slopes(fields)[0][-1] * y_rate

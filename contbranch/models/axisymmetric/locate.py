@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from contbranch.continuation import CorrectionError, Event, Metric, Options, Point
 from contbranch.continuation.walk import corrected_point
 
+from .near_touch import fold_at_tiny_radius, graded, is_tiny
 from .problem import ContactProblem, FoldEvent
 
 __all__ = ["Place", "Values", "locate", "refine"]
@@ -28,7 +29,7 @@ CLOSE = 1e-4
 OPTIONS = Options(tolerance=1e-13, noise=1e8)
 # Meshes for an event aim at this part of the accuracy, since position adds its own error, in at most so many rounds.
 AIM, REMESHES = 0.25, 3
-# Times that a mesh is replaced by its finer one, and the number of unknowns at which that ends.
+# Times that a mesh is replaced by its finer one, and the number of unfreess at which that ends.
 ROUNDS = 6
 LARGEST = 1500
 # A finer mesh that leaves more than this share of the error has not helped.
@@ -103,6 +104,8 @@ def locate(place: Place, event: Event | None) -> Place:
     problem = place.problem
     if event is None:
         return Place(problem, problem.solve_at(place.x, place.u), place.u, place.direction)
+    if isinstance(event, FoldEvent) and is_tiny(problem, place.u):
+        return _tiny(problem, place.x, place.u, event)
     metric = place.metric()
     dx, du = place.direction
     size = metric.norm(problem, dx, du)
@@ -138,10 +141,17 @@ def locate(place: Place, event: Event | None) -> Place:
         if value == 0.0 or (stalled and abs(step) < 1e-8 * unit):
             break
     point = best[1]
+    if isinstance(event, FoldEvent) and is_tiny(problem, point.parameter):
+        return _tiny(problem, point.x, point.parameter, event)
     tangent = (point.tangent_x, point.tangent_parameter)
     uncertainty = best[0] / abs(steepness) * abs(point.tangent_parameter) if steepness else 0.0
     uncertainty = min(uncertainty, 1e-3 * min(1.0, abs(point.parameter)))
     return Place(problem, point.x, point.parameter, tangent, steepness or None, uncertainty)
+
+
+def _tiny(problem: ContactProblem, x: Array, u: float, event: FoldEvent) -> Place:
+    tiny = fold_at_tiny_radius(problem, x, u, event.control)
+    return Place(problem, tiny.x, tiny.u, tiny.direction, None, tiny.uncertainty)
 
 
 def moved(place: Place, problem: ContactProblem, x: Array) -> Place:
@@ -155,7 +165,7 @@ def refine(place: Place, event: Event | None, accuracy: float) -> tuple[Values, 
     """Values at an event with error estimates within the accuracy, and the place on the mesh that gave them.
 
     The estimate is the difference to the same event on ``mesh.finer``. The values are those of the coarser mesh: their
-    error is known, that of the finer one is only known to be smaller.
+    error is frees, that of the finer one is only frees to be smaller.
 
     Where the curve cannot be followed on a finer mesh, the estimate is that of one Newton step towards it.
     """
@@ -167,8 +177,10 @@ def refine(place: Place, event: Event | None, accuracy: float) -> tuple[Values, 
         place = moved(place, problem, x)
     try:
         place = locate(place, event)
+        if isinstance(event, FoldEvent) and is_tiny(place.problem, place.u):
+            place = locate(moved(place, *graded(place.problem, place.x, place.u)), event)
     except CorrectionError:
-        return _by_defect(place), place
+        return _by_defect(place, event), place
     best: tuple[Values, Place] | None = None
     last = math.inf
     for _ in range(ROUNDS):
@@ -195,22 +207,44 @@ def refine(place: Place, event: Event | None, accuracy: float) -> tuple[Values, 
             place = locate(fine, event)
         except CorrectionError:
             break  # what has been reached stands, with its own error estimate
-    return best if best is not None else (_by_defect(place), place)
+    return best if best is not None else (_by_defect(place, event), place)
 
 
-def _by_defect(place: Place) -> Values:
-    """Values with the error estimates of one Newton step, where the finer mesh could not be followed."""
+def _by_defect(place: Place, event: Event | None) -> Values:
+    """Values with the error estimates of one Newton step, where the finer mesh could not be followed.
+
+    An event that was not located itself adds how far away it may be, by a Newton step along the parameter.
+    """
     defect = place.problem.error(place.problem.fields(place.x, place.u))
     here = numbers(place)
     along = defect.state / max(float(np.abs(place.direction[0]).max()), 1e-300)
-    shift = min(place.uncertainty + along * abs(place.direction[1]), 1.0)
+    missed = 0.0 if event is None else _distance(place, event)
+    shift = min(place.uncertainty + along * abs(place.direction[1]) + missed, 1.0)
     aside = numbers(Place(place.problem, place.x, place.u + shift, place.direction))
     error = [
         2 * SAFETY * abs(e) + ROUNDING * max(1.0, abs(v))
         for e, v in zip((defect.load, defect.displacement), here, strict=False)
     ]
     moves = [2 * abs(a - b) for a, b in zip(aside[2:], here[2:], strict=True)]
+    if missed:
+        there = place.problem.solve_at(place.x, place.u + shift)
+        moved_to = numbers(Place(place.problem, there, place.u + shift, place.direction))
+        error = [e + 2 * abs(a - b) for e, a, b in zip(error, moved_to, here, strict=False)]
     return Values(*here, (error[0], error[1], moves[0], moves[1]))
+
+
+def _distance(place: Place, event: Event) -> float:
+    """Distance in the parameter to the zero of an event function, by one secant step at fixed parameters."""
+    problem = place.problem
+
+    def value(u: float) -> float:
+        x = problem.solve_at(place.x, u)
+        return event.value(Point(problem, x, u, *problem.direction(x, u)))
+
+    step = 1e-4 * min(1.0, abs(place.u)) or 1e-8
+    here, there = value(place.u), value(place.u + step)
+    distance = abs(here * step / (there - here)) if there != here else math.inf
+    return distance if math.isfinite(distance) else math.inf
 
 
 def _nudged(place: Place, event: Event) -> tuple[float, float, float, float] | None:
@@ -252,8 +286,11 @@ def _compared(place: Place, there: tuple[float, float, float, float], accuracy: 
     aside = numbers(Place(place.problem, place.x, place.u + place.uncertainty, place.direction))
     floor = ROUNDING + FLOOR * accuracy
     position = (0.0, 0.0, abs(aside[2] - here[2]), abs(aside[3] - here[3]))
+    # Without contact the radius is exactly zero, in contact the gap; at first touch, both.
+    contact = place.problem.equations.contact
+    uncertain = (True, True, contact and place.u != 0.0, not contact and place.u != 0.0)
     error = [
-        SAFETY * abs(a - b) + floor * max(1.0, abs(a)) + 2 * p if a or b else 0.0
-        for a, b, p in zip(here, there, position, strict=True)
+        SAFETY * abs(a - b) + floor * max(1.0, abs(a)) + 2 * p if a or b or some else 0.0
+        for a, b, p, some in zip(here, there, position, uncertain, strict=True)
     ]
     return Values(*here, (error[0], error[1], error[2], error[3]))

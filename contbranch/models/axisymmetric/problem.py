@@ -17,6 +17,7 @@ from contbranch.errors import ModelError
 from .adapt import DefectError, adapted_edges, defect_error, needed_reach, panel_errors
 from .equations import Equations, Fields
 from .mesh import Mesh
+from .slope import load_per_displacement
 
 __all__ = ["ContactProblem", "ControlReached", "FoldEvent", "InadmissibleEvent", "Resolution"]
 
@@ -30,6 +31,9 @@ UNRESOLVED = 20.0
 LEAP = 30.0
 # Relative to their place in a step, events are located so coarsely while tracing; they are located anew afterwards.
 COARSE = 0.03
+# Below this parameter (and above its negative) the rate of the load comes from the slope dF/dd, which keeps its digits
+# there, unless the displacement all but stands still: its rate must be at least this share of its parts.
+TINY, MOVING = 1e-2, 0.1
 # Rounds of meshing, solving and judging until a mesh satisfies its own error estimate.
 ROUNDS = 6
 
@@ -154,6 +158,12 @@ class ContactProblem(Problem):
                 return load_rate, displacement_rate
         y_rate = self.scale * math.cosh(p) * p_rate
         load_rate, displacement_rate = self.equations.rates(fields, x_rate, y_rate)
+        if abs(p) < TINY and self.equations.interaction is not None:
+            parts = abs(float(self.equations.rim_row @ x_rate))
+            if abs(displacement_rate) > MOVING * parts:
+                if "slope" not in fields.derived:
+                    fields.derived["slope"] = load_per_displacement(self.equations, fields)
+                load_rate = fields.derived["slope"] * displacement_rate
         known.append((x_rate, p_rate, load_rate, displacement_rate))
         return load_rate, displacement_rate
 

@@ -26,7 +26,7 @@ from .azimuthal import LARGEST_MODE
 from .critical import critical_exponent, sampled_exponent
 from .equations import ContactCoordinate, Equations
 from .locate import Place, Values, refine
-from .marks import Mark, confirmed, signs
+from .marks import Mark, confirmed, ordered, signs
 from .mesh import Mesh
 from .problem import COARSE, ContactProblem, ControlReached, FoldEvent, InadmissibleEvent, Resolution
 from .profile import profile_of
@@ -413,7 +413,10 @@ class _Located:
                 # Neighbours without a point between them change places, but not rows.
                 self.marks[k], self.marks[k + 1] = replace(there, row=here.row), replace(here, row=there.row)
                 found[k], found[k + 1] = found[k + 1], found[k]
-        return found
+        # Where places agree to rounding, theory has the last word.
+        places = {(mark.name, id(mark.point)): one for mark, one in zip(self.marks, found, strict=True)}
+        self.marks = ordered(self.points, self.marks, list(self.controls.values()))
+        return [places[mark.name, id(mark.point)] for mark in self.marks]
 
     def _precise(self, point: Point, name: str, accuracy: float) -> tuple[Values, Place]:
         """Values and place of what a point of the trace marks."""

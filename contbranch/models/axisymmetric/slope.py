@@ -1,0 +1,28 @@
+"""The slope dF/dd of the curve from the response to a rigid motion at a fixed rim, which loses no digits."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .equations import Equations, Fields
+
+__all__ = ["load_per_displacement"]
+
+
+def load_per_displacement(equations: Equations, fields: Fields) -> float:
+    """dF/dd = 2 (a + ∫_a^∞ δh dt) with (1 − B k A) δh = −B k s, in units of E: rim and its motion do not enter.
+
+    The gap answers a rigid motion by −s (s = 1 without contact), and phi(a) = 0 keeps the motion of the rim out.
+    Algebraic tails of the law add what lies beyond the mesh. Exact at any equilibrium but displacement folds, where
+    the slope is infinite; where it all but vanishes it is a small number with a small error, which the rate of the
+    load along the curve is not.
+    """
+    response = equations.response(fields)
+    pushed = response.sum(axis=1)
+    response.flat[:: len(response) + 1] += 1.0
+    answer = np.linalg.solve(response, pushed)
+    load = 2.0 * (fields.rim.radius + float(fields.rim.weights @ answer))
+    beyond = equations.beyond(fields)
+    last = float(fields.rim.plane[-1] @ (answer - 1.0))
+    load += beyond.load_per_displacement - beyond.load_per_gap * last
+    return load / (1.0 + beyond.shift_per_displacement - beyond.shift_per_gap * last)
