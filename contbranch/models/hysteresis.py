@@ -137,8 +137,8 @@ def _landed(contact: Contact, fold: Stop, end: Stop) -> str:
     begin, after = state_in_units(contact, fold.state), state_in_units(contact, end.state)
     return (
         f"After the fold at load {begin.load:.6g} the path goes on at the next stable state along the curve (load "
-        f"{after.load:.6g}, displacement {after.displacement:.6g}): the relaxation was not followed there, and energies "
-        "along the curve do not exclude that it ends at another one, see `others` of the jump."
+        f"{after.load:.6g}, displacement {after.displacement:.6g}): the relaxation was not followed there, and "
+        "energies along the curve do not exclude that it ends at another one, see `others` of the jump."
     )
 
 

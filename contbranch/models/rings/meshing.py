@@ -74,8 +74,12 @@ def panel_errors(problem: RingProblem, fields: Fields) -> Array:
     # On the panel to infinity the area has no end; the pressure there has.
     ring = 2 * math.pi * (grid.weights * grid.r * np.abs(fields.pressure)).reshape(grid.count, -1).sum(axis=1)
     infinite = grid.sign == 2
+    # ... whose series may look complete where that of the integrand, which the load adds up, is not.
+    own = np.polynomial.legendre.leggauss(grid.order)[1] / 2
+    integrand = grid.weights * grid.r * fields.pressure / np.tile(own, grid.count)
+    missed = 2 * math.pi * np.abs(grid.coefficients(integrand))[:, -2:].max(axis=1)
     share = np.divide(tail, density, out=np.zeros_like(tail), where=density > 0)
-    return np.asarray(np.where(infinite, ring * np.minimum(1.0, share), tail * area))
+    return np.asarray(np.where(infinite, np.maximum(missed, ring * np.minimum(1.0, share)), tail * area))
 
 
 def adapted(problem: RingProblem, fields: Fields, allowed: float) -> Panels | None:

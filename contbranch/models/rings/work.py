@@ -126,7 +126,7 @@ def _inside(begin: Point, end: Point, share: float) -> Point:
     try:
         return point_on(Segment(begin, end, unit_metric(problem, begin.x)), share, OPTIONS)[0]
     except CorrectionError:
-        # Far away pressures grow by orders of magnitude in a step, which no cubic follows; the displacement leads there.
+        # Far away pressures grow by orders of magnitude in a step, which no cubic follows: the displacement leads.
         if problem.edges:
             raise
     d = begin.parameter + share * (end.parameter - begin.parameter)
