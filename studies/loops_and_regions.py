@@ -1,6 +1,6 @@
 """The figures of docs/getting-started.md: hysteresis loops under a spring and of a layered film, and a phase diagram.
 
-    python studies/loops_and_regions.py    # writes docs/figures/loops.png and docs/figures/phases.png; seconds
+python studies/loops_and_regions.py    # writes docs/figures/loops.png and docs/figures/phases.png; seconds
 """
 
 from __future__ import annotations

@@ -63,7 +63,18 @@ def work_along(points: Sequence[Point], tolerance: float) -> float:
         if last is not None:
             parts.append(load * (first - last))
         last = piece.value(1.0)[0]
+    if last is not None:
+        final, load = _own(points[-1])
+        parts.append(load * (final - last))
     return math.fsum(parts)
+
+
+def _own(point: Point) -> tuple[float, float]:
+    """Displacement and load of a point on its own mesh."""
+    problem = point.problem
+    assert isinstance(problem, ContactProblem)
+    fields = problem.fields(point.x, point.parameter)
+    return problem.equations.displacement(fields), problem.equations.load(fields)
 
 
 def points_between(begin: Point, end: Point, count: int) -> list[Point]:
@@ -113,8 +124,5 @@ class _Piece:
         """Displacement and load at x."""
         x = round(x, 14)  # nested rules share their nodes
         if x not in self.known:
-            point = self.point(x)
-            fields = self.problem.fields(point.x, point.parameter)
-            equations = self.problem.equations
-            self.known[x] = equations.displacement(fields), equations.load(fields)
+            self.known[x] = _own(self.point(x))
         return self.known[x]
