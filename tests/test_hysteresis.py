@@ -9,9 +9,12 @@ import numpy as np
 import pytest
 
 import contbranch as cb
+from contbranch.analysis.hysteresis import quasi_static
 from contbranch.cli import main
 from contbranch.control import as_control
 from contbranch.document import loop_document
+from contbranch.models.axisymmetric.paths import TracedWalk
+from contbranch.models.axisymmetric.trace import Target, trace
 
 LAMBDA = (2 * math.pi / 9) ** (1 / 3)
 """Reduced Tabor coefficient for Maugis' λ = 1, (43) with its misprint corrected."""
@@ -154,6 +157,23 @@ def test_relaxation_goes_to_the_next_layer_and_not_to_the_lowest_state():
         assert (
             lowest.energy - jump.position * lowest.displacement < jump.to.energy - jump.position * jump.to.displacement
         )
+
+
+@pytest.mark.parametrize(
+    ("law", "tabor", "sign", "control"),
+    [("gauss", 1.0, -1, "displacement"), ("exponential", 2.0, 1, "displacement"), ("gauss", 2.0, -1, "spring:1")],
+)
+def test_relaxation_ends_where_energies_say_it_must(law, tabor, sign, control):
+    """Where only one stable state is lower than the fold the relaxation has no choice; it is followed all the same."""
+    driven = as_control(as_python(control))
+    traced = trace(cb.Contact.reduced(law, tabor, sign), 1e-6, Target(), control=driven, fine=True)
+    walk = TracedWalk(traced, driven, 1e-6)
+    _, jumps = quasi_static(walk)
+    assert len(jumps) == 2
+    for jump in jumps:
+        assert jump.others == ()
+        assert walk.relaxed(jump.begin, [jump.end]) is jump.end
+    assert walk.notes == []
 
 
 def test_what_the_path_jumps_to_is_traced_however_far_it_is():

@@ -151,24 +151,17 @@ class TracedWalk:
     def relaxed(self, fold: Stop, candidates: Sequence[Stop]) -> Stop | None:
         """Which of several stable states overdamped relaxation from a fold reaches, by following the relaxation.
 
-        That is possible with discs of contact alone. Where the curve goes beyond them and the relaxation does not come
-        to rest at one of the states with a disc, it is the next one along the curve, and `notes` says so unless the
-        energies along the curve decide.
-
-        Raises
-        ------
-        ModelError
-            If the relaxation does not come to rest, or not at one of the candidates.
+        That is possible with discs of contact alone. Where the relaxation does not come to rest at one of the states with
+        a disc, it is the next one along the curve, and `notes` says so unless the energies along the curve decide.
         """
-        if self.beyond is None:
-            return self._settled(fold, candidates, False)
         discs = [stop for stop in candidates if isinstance(stop.place, Crossing)]
         if isinstance(fold.place, Crossing) and discs:
             try:
-                return self._settled(fold, discs, True)
-            except ModelError:  # it leaves the discs, and cannot be followed
-                pass
-        end, certain = next_along(self, fold, candidates)
+                return self._settled(fold, discs, self.beyond is not None)
+            except ModelError:
+                end, certain = next_along(self, fold, candidates)  # it leaves the discs, or cannot be followed
+        else:
+            end, certain = next_along(self, fold, candidates)
         if not certain:
             self.notes.append((fold, end))
         return end
