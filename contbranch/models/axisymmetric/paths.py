@@ -151,7 +151,7 @@ class TracedWalk:
     def relaxed(self, fold: Stop, candidates: Sequence[Stop]) -> Stop | None:
         """Which of several stable states overdamped relaxation from a fold reaches, by following the relaxation.
 
-        That is possible with discs of contact alone. Where the relaxation does not come to rest at one of the states with
+        That is possible with discs of contact alone. Where it does not come to rest at one of the states with
         a disc, it is the next one along the curve, and `notes` says so unless the energies along the curve decide.
         """
         discs = [stop for stop in candidates if isinstance(stop.place, Crossing)]
