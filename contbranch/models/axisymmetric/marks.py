@@ -14,6 +14,9 @@ from .problem import ContactProblem
 
 __all__ = ["Mark", "confirmed", "ordered", "signs"]
 
+# Folds farther apart than this share of the distance between the rows beside them are in the order of their places.
+APART = 0.1
+
 
 @dataclass(frozen=True)
 class Mark:
@@ -103,6 +106,11 @@ def ordered(points: Sequence[Point], marks: Sequence[Mark], controls: Sequence[C
             continue
         before, after = here.row - 1, there.row + 1
         if before < 0 or after >= len(points) or taken & {before, after}:
+            continue
+        apart, step = (
+            abs(points[b].parameter - points[a].parameter) for a, b in ((here.row, there.row), (before, after))
+        )
+        if apart > APART * step:
             continue
         other = names[next(iter(kinds - {"displacement"}))]
         slope = [_slope_sign(points[row], other) for row in (before, after)]
