@@ -403,7 +403,6 @@ class _Located:
                 progress(0.9 + 0.1 * k / len(self.marks), f"locating {mark.name}")
             found.append(self._precise(mark.point, mark.name, accuracy))
         self._sharpen([mark.name for mark in self.marks], found, accuracy)
-        swapped = False
         for k in range(len(found) - 1):
             here, there = self.marks[k], self.marks[k + 1]
             forward = here.point.tangent_parameter
@@ -412,12 +411,9 @@ class _Located:
                 # Neighbours without a point between them change places, but not rows.
                 self.marks[k], self.marks[k + 1] = replace(there, row=here.row), replace(here, row=there.row)
                 found[k], found[k + 1] = found[k + 1], found[k]
-                swapped = True
-        if not swapped:
-            return found
         # Where places agree to rounding, theory has the last word.
         places = {(mark.name, id(mark.point)): one for mark, one in zip(self.marks, found, strict=True)}
-        self.marks = ordered(self.points, self.marks, list(self.controls.values()))
+        self.marks = ordered(self.points, self.marks, list(self.controls.values()), [place.u for _, place in found])
         return [places[mark.name, id(mark.point)] for mark in self.marks]
 
     def _precise(self, point: Point, name: str, accuracy: float) -> tuple[Values, Place]:
