@@ -16,6 +16,9 @@ from .problem import ContactProblem, FoldEvent
 
 __all__ = ["Mark", "confirmed", "ordered", "signs"]
 
+# Folds farther apart than this share of the distance between the rows beside them are in the order of their places.
+APART = 1e-3
+
 
 @dataclass(frozen=True)
 class Mark:
@@ -110,7 +113,12 @@ def _between(points: Sequence[Point], first: int, last: int, name: str, control:
     return Mark(row, name, _unmarked(points, first, last, row, control))
 
 
-def ordered(points: Sequence[Point], marks: Sequence[Mark], controls: Sequence[Control]) -> list[Mark]:
+def ordered(
+    points: Sequence[Point],
+    marks: Sequence[Mark],
+    controls: Sequence[Control],
+    places: Sequence[float] | None = None,
+) -> list[Mark]:
     """The marks with pairs of neighbouring folds, one of the displacement, in the order that theory allows.
 
     With the displacement fixed, the slope dF/dd (plus the stiffness of a spring) is something finite minus
@@ -118,8 +126,14 @@ def ordered(points: Sequence[Point], marks: Sequence[Mark], controls: Sequence[C
     sign s on both sides of the pair, its zero therefore lies where λ has the sign s: on the more stable side of the
     displacement fold if s > 0. The Morse indices at the rows beside the pair, by inertia, tell which side that is,
     however close the folds are; their places do not where they agree to rounding.
+
+    Parameters
+    ----------
+    places : sequence of float
+        The parameters of the marks, if known better than by their points.
     """
     result = list(marks)
+    where = [mark.point.parameter for mark in marks] if places is None else list(places)
     names: dict[str, Control] = {control.kind: control for control in controls}
     taken = {mark.row for mark in marks}
     for k in range(len(result) - 1):
@@ -129,6 +143,9 @@ def ordered(points: Sequence[Point], marks: Sequence[Mark], controls: Sequence[C
             continue
         before, after = here.row - 1, there.row + 1
         if before < 0 or after >= len(points) or taken & {before, after}:
+            continue
+        step = abs(points[after].parameter - points[before].parameter)
+        if abs(where[k + 1] - where[k]) > APART * step:
             continue
         other = names[next(iter(kinds - {"displacement"}))]
         slope = [_slope_sign(points[row], other) for row in (before, after)]

@@ -31,7 +31,7 @@ UNRESOLVED = 20.0
 LEAP = 30.0
 # Relative to their place in a step, events are located so coarsely while tracing; they are located anew afterwards.
 COARSE = 0.03
-# Below this parameter (and above its negative) the rate of the load comes from the slope dF/dd, which keeps its digits
+# From first touch up to this parameter the rate of the load comes from the slope dF/dd, which keeps its digits
 # there, unless the displacement all but stands still: its rate must be at least this share of its parts.
 TINY, MOVING = 1e-2, 0.1
 # Rounds of meshing, solving and judging until a mesh satisfies its own error estimate.
@@ -158,7 +158,7 @@ class ContactProblem(Problem):
                 return load_rate, displacement_rate
         y_rate = self.scale * math.cosh(p) * p_rate
         load_rate, displacement_rate = self.equations.rates(fields, x_rate, y_rate)
-        if abs(p) < TINY and self.equations.interaction is not None:
+        if 0.0 <= p < TINY and self.equations.interaction is not None:
             parts = abs(float(self.equations.rim_row @ x_rate))
             if abs(displacement_rate) > MOVING * parts:
                 if "slope" not in fields.derived:

@@ -415,7 +415,7 @@ class _Located:
                 found[k], found[k + 1] = found[k + 1], found[k]
         # Where places agree to rounding, theory has the last word.
         places = {(mark.name, id(mark.point)): one for mark, one in zip(self.marks, found, strict=True)}
-        self.marks = ordered(self.points, self.marks, list(self.controls.values()))
+        self.marks = ordered(self.points, self.marks, list(self.controls.values()), [place.u for _, place in found])
         return [places[mark.name, id(mark.point)] for mark in self.marks]
 
     def _precise(self, point: Point, name: str, accuracy: float) -> tuple[Values, Place]:

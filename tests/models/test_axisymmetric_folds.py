@@ -1,0 +1,147 @@
+"""Folds that lie next to first touch, and folds of load and displacement that all but coincide."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+import contbranch as cb
+from contbranch.continuation import CorrectionError
+from contbranch.control import DISPLACEMENT, LOAD
+from contbranch.models.axisymmetric import locate
+from contbranch.models.axisymmetric.marks import Mark, confirmed, ordered
+from contbranch.models.axisymmetric.slope import load_per_displacement
+from contbranch.models.axisymmetric.trace import Target, trace
+
+SOFTENING = 1.6956803312
+"""C of dF/dd = 2a − C μ_T^(5/2) at a tiny contact of the soft Gauss repulsion; quadrature of 3∫[(H(0) − H(t))/t²]² dt
+with the closed form H(t) of the rigid tip."""
+
+SUMS = [
+    pytest.param(cb.Exponential(3.0, 1.0) + cb.Gauss(-3.0, 0.3), id="exponential and Gauss"),
+    pytest.param(cb.Gauss(3.0, 0.6) + cb.Gauss(-5.0, 0.3), id="two Gauss"),
+]
+
+
+def wetting(diagram: cb.Diagram, control: str = "load") -> cb.Event:
+    return next(event for event in diagram.folds(control) if event.name == "wetting")
+
+
+@pytest.mark.parametrize(("power", "accuracy"), [(-10, 1e-12), (-10, 1e-9), (-12, 1e-12)])
+def test_a_wetting_fold_in_a_tiny_contact(power, accuracy):
+    """Its radius is (C/2) μ_T^(5/2) to leading order, with corrections of relative order μ_T^(3/2) (elasticity)."""
+    tabor = 2.0**power
+    diagram = cb.trace(cb.Contact.reduced(cb.Gauss, tabor, -1), accuracy=accuracy, modes=0)
+    fold = wetting(diagram)
+    law = SOFTENING / 2 * tabor**2.5
+    assert diagram.status == "complete", diagram.message
+    assert fold.contact_radius == pytest.approx(law, rel=10 * tabor**1.5, abs=fold.error["contact_radius"])
+    assert 0.0 < fold.error["contact_radius"] < min(accuracy, 1e-3 * law)
+
+
+def test_a_small_fold_has_an_honest_error():
+    """Against the same fold at a hundred times the accuracy; the panels are graded down to the radius 0.0008."""
+    contact = cb.Contact.reduced(cb.Gauss, 2.0**-4, -1)
+    coarse, fine = (wetting(cb.trace(contact, accuracy=accuracy, modes=0)) for accuracy in (1e-7, 1e-10))
+    assert abs(coarse.contact_radius - fine.contact_radius) <= coarse.error["contact_radius"] <= 1e-7
+    assert abs(coarse.load - fine.load) <= coarse.error["load"]
+
+
+def test_the_slope_at_a_fixed_rim_is_the_slope_of_the_curve():
+    """dF/dd from the response to a rigid motion against central differences of load and displacement in the radius."""
+    traced = trace(cb.Contact.reduced(cb.Gauss, 1.0, -1), 1e-8, Target(), events=False)
+    problem = traced.points[-1].problem
+    u, x = traced.points[-1].parameter, traced.points[-1].x
+    ends = [problem.fields(problem.solve_at(x, u + step), u + step) for step in (-1e-4, 1e-4)]
+    loads, displacements = (
+        [observable(fields) for fields in ends]
+        for observable in (problem.equations.load, problem.equations.displacement)
+    )
+    found = load_per_displacement(problem.equations, problem.fields(problem.solve_at(x, u), u))
+    assert found == pytest.approx(np.diff(loads)[0] / np.diff(displacements)[0], rel=1e-6)
+
+
+def assert_theory_allows(diagram: cb.Diagram) -> None:
+    """Morse indices are never negative, and a load fold changes the load's index alone by one (Poincaré)."""
+    branch = diagram.branches[0]
+    assert diagram.status == "complete", diagram.message
+    assert (branch.unstable_load >= branch.unstable_displacement).all()
+    assert (branch.unstable_displacement >= 0).all()
+    positions = [event.position for event in diagram.events]
+    assert positions == sorted(positions)
+
+
+@pytest.mark.parametrize("law", SUMS)
+def test_coinciding_folds_of_sums_at_a_coarse_accuracy(law):
+    """Against traces at a thousandth of the accuracy."""
+    contact = cb.Contact(cb.Parabola(1.0), law, 1.0)
+    coarse, fine = (cb.trace(contact, accuracy=accuracy, modes=0) for accuracy in (1e-5, 1e-8))
+    for diagram in (coarse, fine):
+        assert_theory_allows(diagram)
+    assert [(e.name, e.control) for e in coarse.events] == [(e.name, e.control) for e in fine.events]
+    for here, there in zip(coarse.events[:-1], fine.events[:-1], strict=True):
+        for name in ("load", "displacement", "contact_radius", "central_gap"):
+            assert abs(getattr(here, name) - getattr(there, name)) <= here.error[name] + there.error[name]
+
+
+def test_folds_a_billionth_apart():
+    """The stiff Gauss repulsion: squeeze-out at 2e-9 in the gap, load first since the slope is positive around it."""
+    traced = trace(cb.Contact.reduced(cb.Gauss, 16.0, -1), 1e-6, Target(), modes=0)
+    assert traced.curve.complete, traced.curve.message
+    folds = [event.control for event in traced.curve.events if event.control]
+    assert folds == ["load", "displacement", "displacement", "load"]
+    marks = confirmed(traced.points, _marks(traced), traced.controls)
+    names = [mark.name for mark in marks]
+    assert names == folds
+    for k in (0, 2):  # whatever order they are handed over in
+        swapped = list(marks)
+        swapped[k], swapped[k + 1] = replace(marks[k + 1], row=marks[k].row), replace(marks[k], row=marks[k + 1].row)
+        same = [0.0] * len(marks)
+        assert [mark.name for mark in ordered(traced.points, swapped, [LOAD, DISPLACEMENT], same)] == names
+
+
+def _marks(traced):
+    events = [event for event in traced.curve.events if event.control]
+    return [Mark(event.row, event.control, traced.points[event.row]) for event in events]
+
+
+def test_an_event_that_cannot_be_located_says_so(monkeypatch):
+    """Where Newton's method fails at the event itself, its distance is part of the error estimates."""
+    contact = cb.Contact.reduced(cb.Gauss, 1.0, -1)
+    sharp = wetting(cb.trace(contact, modes=0))
+
+    def failing(place, event):
+        raise CorrectionError(None, "made to fail")  # type: ignore[arg-type]
+
+    monkeypatch.setattr(locate, "locate", failing)
+    traced = trace(contact, 1e-6, Target(), modes=0)
+    fold = [event for event in traced.curve.events if event.control == "load"][-1]
+    assert not traced.curve.complete or max(fold.error) <= 1e-6
+    for value, error, name in zip(fold.values, fold.error, ("load", "displacement", "contact_radius"), strict=False):
+        assert abs(value - getattr(sharp, name)) <= error
+    assert abs(fold.values[2] - sharp.contact_radius) > 1e-9  # it was indeed not located
+
+
+@pytest.mark.parametrize("law", [cb.Gauss, cb.VanDerWaals])
+def test_exponents_of_soft_folds_take_less_than_they_did(law):
+    """The crossover of a soft fold needs fine meshes at the fold only; the local exponents are slopes of their own
+    samples."""
+    diagram = cb.trace(cb.Contact.reduced(law, 2.0**-4, -1), accuracy=1e-9, modes=0)
+    event = wetting(diagram)
+    began = time.perf_counter()
+    exponent = event.exponent
+    assert time.perf_counter() - began < 10.0  # half a minute on the fold's own mesh throughout
+    assert exponent is not None
+    assert exponent.window is not None
+    assert abs(exponent.window.kappa - 1 / 3) < 0.01
+    local = diagram.local_exponent(event)
+    log_excess, log_order = np.log(local.excess), np.log(local.order_parameter)
+    close = np.diff(log_excess) < 0.5
+    secants = np.diff(log_order) / np.diff(log_excess)
+    means = np.array([(a + b) / 2 for a, b in pairwise(local.kappa)])
+    allowed = 1e-3 + local.error[:-1] + local.error[1:]
+    assert (np.abs(secants - means) <= allowed)[close].all()
