@@ -377,3 +377,10 @@ def test_the_command_complains_in_one_line(options, message, capsys):
     assert captured.out == ""
     assert message in captured.err
     assert captured.err.count("\n") == 1
+
+
+def test_events_of_a_ring_cannot_be_followed_and_the_message_says_why():
+    diagram = cb.trace(cb.Contact.reduced("maugis-dugdale", 1.0, -1))
+    touch = next(event for event in diagram.events if event.kind == "touch")
+    with pytest.raises(cb.InputError, match="not a disc"):
+        cb.follow(touch, vary="tabor", to=2.0)

@@ -205,3 +205,23 @@ def test_the_figure_of_a_loop(tmp_path):
     figure.savefig(tmp_path / "loop.png")
     low, high = above.get_xlim()
     assert all(low < jump.position < high for jump in loop.jumps)
+
+
+def test_a_jump_from_a_load_that_all_but_vanishes_lands_one_layer_away():
+    """e^(−g/z0) [1 + cos(2πg/λ)] repels everywhere but for its minima, whose folds have loads of next to nothing.
+
+    Far away F = 2π v(g) (Derjaguin). As the load is lowered below a minimum at g₀ the tip moves out until 2π v has
+    fallen to F again: the first such gap beyond the next maximum.
+    """
+    decay, layer = 0.8, 1.6
+    law = cb.Layered(-1.0, decay, layer) + cb.Exponential(-1.0, decay)
+    loop = cb.hysteresis(cb.Contact(cb.Parabola(1.0), law), accuracy=1e-5)
+    assert loop.status == "complete"
+    far = [jump for jump in loop.jumps if jump.name.startswith("wetting") and jump.start.central_gap > 2.0 and jump.to]
+    assert len(far) >= 2
+    for jump in far:
+        gap = np.linspace(jump.start.central_gap, jump.start.central_gap + 2 * layer, 20001)
+        force = 2 * np.pi * np.exp(-gap / decay) * (1 + np.cos(2 * np.pi * gap / layer))
+        falling = gap[int(np.argmax(force)) :][force[int(np.argmax(force)) :] < jump.position]
+        assert jump.to.central_gap == pytest.approx(falling[0], abs=0.02 * layer)
+        assert jump.to.load == pytest.approx(jump.position, abs=1e-9)

@@ -123,7 +123,10 @@ def _origin(event: Event) -> Origin:
     if event.kind not in FOLLOWED:
         raise InputError(f"event: {event.kind}; only folds, first touch and losses of symmetry can be followed")
     if not isinstance(event.origin, Origin):
-        raise InputError("event: it was loaded, and its state is not kept; trace the contact and take it from there")
+        raise InputError(
+            "event: its state is not kept, for it was loaded, or its contact set is not a disc (as of repulsive "
+            "maugis-dugdale laws); only an event of a fresh trace, with a disc or without contact, can be followed"
+        )
     if event.origin.contact.interaction is None:
         raise InputError("event: without interaction first touch stays at zero load and displacement")
     return event.origin

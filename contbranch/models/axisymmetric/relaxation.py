@@ -40,6 +40,8 @@ FIRST_STEP, LONGEST, SHORTEST = 0.1, 1e14, 1e-6
 STEPS, NEWTON = 2000, 20
 # Meshes for the flow: it decides between states, which are then found to the accuracy asked.
 TOLERANCE = 1e-4
+# Where attraction and repulsion all but cancel, the load is this small a share of what either could carry, or smaller.
+SMALLEST_SHARE = 1e-7
 
 
 @dataclass(frozen=True)
@@ -88,6 +90,7 @@ def relax(
     direction: int,
     watch: Callable[[float], None] | None = None,
     guarded: bool = False,
+    push: float = 1.0,
 ) -> Relaxed:
     """Let a state go at a value of the control.
 
@@ -105,16 +108,22 @@ def relax(
         Called with y after every step.
     guarded : bool
         Stop, without having settled, where the surfaces would penetrate one another outside the disc.
+    push : float
+        Factor of the little by which the control is moved on to leave the fold.
     """
     state = _State(equations, h, y)
-    nudge = state.strength if control.kind == "load" else scale
+    # A load that is small compared with the forces at play is nudged, and the flow resolved, by its own measure.
+    share = 1.0
+    if control.kind == "load" and not equations.contact and state.strength > 0.0:
+        share = min(1.0, max(SMALLEST_SHARE, abs(value) / state.strength))
+    nudge = share * state.strength if control.kind == "load" else scale
     if control.kind == "spring":
         nudge = min(nudge, state.strength / control.stiffness)
-    target = control.target(value + direction * NUDGE * nudge)
+    target = control.target(value + direction * push * NUDGE * nudge)
     step, rate = FIRST_STEP, 0.0
     for _ in range(STEPS):
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # answered by a shorter step
-            state = _remeshed(state)
+            state = _remeshed(state, share)
             found = _implicit(state, 1.0 / step, rate * step, control, target, 2 * math.sqrt(2 * scale))
         moved = math.inf if found is None else _moved(found.y, state.y, scale)
         if found is None or moved > LARGEST:
@@ -142,10 +151,10 @@ def _moved(y: float, before: float, scale: float) -> float:
     return moved if max(y, before) > 0.0 else max(moved, 0.5 * abs(y - before) / scale)
 
 
-def _remeshed(state: _State) -> _State:
+def _remeshed(state: _State, share: float) -> _State:
     """The state on a mesh that follows it."""
     equations, fields = state.equations, state.fields
-    allowed = TOLERANCE * state.strength
+    allowed = TOLERANCE * share * state.strength
     reach = needed_reach(equations, fields, 0.1 * allowed)
     end = float(equations.mesh.edges[-1])
     edges = np.append(equations.mesh.edges, reach) if reach > 1.05 * end else None
@@ -216,7 +225,8 @@ def _newton(
             return None
         if not np.isfinite(change).all():
             return None
-        size = float(np.abs(change[:n]).max()) + abs(float(change[n]))
+        deformed, moved = float(np.abs(change[:n]).max()), abs(float(change[n]))
+        size = deformed + moved
         if size > 1e3 * max(1.0, last):
             return None
         last = size
@@ -225,6 +235,7 @@ def _newton(
             y = 0.0
         if not equations.contact and y > 0.0:
             return None  # the surfaces meet: the step ends in contact
-        if size < 1e-9 * max(1.0, float(np.abs(h).max())):
+        # Far away all deformations are tiny, and so is what tells one state from the next: their errors are relative.
+        if deformed < 1e-9 * float(np.abs(h).max()) and moved < 1e-9 * max(1.0, abs(y)):
             return _State(equations, h, y) if y > floor else None
     return None
