@@ -139,6 +139,12 @@ class Equations:
         """The same contact on the same mesh, with or without a disc."""
         return Equations(self.tip, self.interaction, self.mesh, self.coordinate, contact)
 
+    def forget(self) -> None:
+        """Drop what has been kept to save work, matrices mostly; it is made again when it is asked for."""
+        self._recent = []
+        self._rim = None
+        self.mesh.forget()
+
     # -- fields -------------------------------------------------------------------------------------------------------
     def rim(self, y: float) -> Rim:
         """Operators for the rim of y (the last one is kept)."""

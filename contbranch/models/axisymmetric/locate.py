@@ -29,7 +29,7 @@ CLOSE = 1e-4
 OPTIONS = Options(tolerance=1e-13, noise=1e8)
 # Meshes for an event aim at this part of the accuracy, since position adds its own error, in at most so many rounds.
 AIM, REMESHES = 0.25, 3
-# Times that a mesh is replaced by its finer one, and the number of unfreess at which that ends.
+# Times that a mesh is replaced by its finer one, and the number of unknowns at which that ends.
 ROUNDS = 6
 LARGEST = 1500
 # A finer mesh that leaves more than this share of the error has not helped.
@@ -165,7 +165,7 @@ def refine(place: Place, event: Event | None, accuracy: float) -> tuple[Values, 
     """Values at an event with error estimates within the accuracy, and the place on the mesh that gave them.
 
     The estimate is the difference to the same event on ``mesh.finer``. The values are those of the coarser mesh: their
-    error is frees, that of the finer one is only frees to be smaller.
+    error is known, that of the finer one is only known to be smaller.
 
     Where the curve cannot be followed on a finer mesh, the estimate is that of one Newton step towards it.
     """

@@ -147,6 +147,11 @@ class Mesh:
             np.concatenate([grading, self.edges[1:], [end]]), self.order + max(3, self.order // FINER_ORDER_SHARE)
         )
 
+    def forget(self) -> None:
+        """Drop the finer mesh, which is made again when it is asked for."""
+        for name in ("finer", "to_finer"):
+            self.__dict__.pop(name, None)
+
     def halved(self) -> Mesh:
         """A mesh with every panel cut in two, of the same order."""
         return Mesh(np.sort(np.concatenate([self.edges, (self.edges[:-1] + self.edges[1:]) / 2])), self.order)

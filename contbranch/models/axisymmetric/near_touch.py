@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 # Where its place says no radius, a fold is sought from this share of the innermost panel.
 LEAST = 1e-7
 # A fold is sought at radii below that of the parameter TINY if its place says less than this share of it.
-SMALL = 0.1
+SMALL = 1e-4
 # The bracket around a fold is widened by this factor, at most so many times.
 WIDER, WIDENINGS = 2.0, 30
 # Relative offset of the radius by which slope and noise of the rate at the fold are found.

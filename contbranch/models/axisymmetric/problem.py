@@ -205,6 +205,7 @@ class ContactProblem(Problem):
         if problem is self:
             return None
         nodes = problem.equations.mesh.nodes
+        self.equations.forget()  # its points stay, by the thousand in cascades of layers, but are seldom asked again
         return Adaptation(problem, start, lambda vector: mesh.interpolate(vector, nodes))
 
     def remeshed(
