@@ -89,7 +89,8 @@ class Jump:
         """Area between the branches: ∫ (F_drive − F) dd along the curve, by quadrature: a check of `dissipated`.
 
         Both agree to about the accuracy asked, relative to the energies of the contact: on the meshes along the way
-        dV = F dd holds to their discretisation errors only, while `dissipated` needs the ends alone. None where there is no state after the jump, or no curve that joins it with the fold.
+        dV = F dd holds to their discretisation errors only, while `dissipated` needs the ends alone. None where there
+        is no state after the jump, or no curve that joins it with the fold.
         """
         return None if self._area is None else self._area()
 

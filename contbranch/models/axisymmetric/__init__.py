@@ -2,8 +2,11 @@
 
 From the discretisation to the results: `mesh` (panels and the two Abel integrals), `rim` (how they depend on the
 contact radius), `equations` (equilibrium, observables, stability), `adapt` (errors and meshes), `problem` (what the
-continuation
-follows), `locate` (events to the accuracy asked), `critical` (exponents), `profile`, `trace`, `solve`, `model`.
+continuation follows), `locate` (events to the accuracy asked), `near_touch` (tiny contacts), `marks` (folds along the
+curve), `critical` (exponents), `modal`, `azimuthal` and `symmetry` (modes without axial symmetry), `profile`, `located`
+(rows and events as one result), `trace`; on a traced curve `piece`, `crossing`, `solve`, `search` (what no curve
+reaches), `arc`, `relaxation` and `paths` (hysteresis); with a second parameter `conditions`, `event_problem`,
+`meetings`, `special` and `two_parameters`; `model`.
 """
 
 from .model import Axisymmetric

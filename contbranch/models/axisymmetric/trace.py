@@ -6,40 +6,33 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from contbranch.analysis.stability import Indices, morse_indices
+from contbranch.analysis.stability import Indices
 from contbranch.contact import Contact
-from contbranch.continuation import Curve, Event, EventPoint, Options, Outcome, Point, StopAt, trace_curve
+from contbranch.continuation import Curve, Event, Options, Outcome, Point, StopAt, trace_curve
 from contbranch.control import DISPLACEMENT, LOAD, Control
-from contbranch.diagram import Cost, Profile
+from contbranch.diagram import Cost
 from contbranch.errors import InputError, ModelError
-from contbranch.models.outcome import RawCurve, RawEvent
+from contbranch.models.outcome import RawCurve
 from contbranch.models.rings.handover import joined
 from contbranch.models.rings.journey import Target as RingTarget
 
 from .adapt import start_edges
 from .azimuthal import LARGEST_MODE
-from .critical import critical_exponent, sampled_exponent
 from .equations import ContactCoordinate, Equations
-from .locate import Place, Values, refine
-from .marks import Mark, confirmed, ordered, signs
+from .located import ROW_FLOOR, ROW_SAFETY, TRACE_TOLERANCE, Located
 from .mesh import Mesh
 from .problem import COARSE, ContactProblem, ControlReached, FoldEvent, InadmissibleEvent, Resolution
-from .profile import profile_of
-from .symmetry import Breaking, critical_eigenvalues, merged, symmetry_breaking
 
 __all__ = ["Target", "Traced", "order_for", "trace"]
 
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
 
-# Meshes of the trace need not be as fine as those of its events, which are located anew.
-TRACE_TOLERANCE = 1e-6
-# ... where the rows themselves count, in integrals along the curve, they are finer, as far as round-off lets one mesh.
+# Where the rows of a trace count themselves, in integrals along the curve, they are finer, as far as round-off allows.
 FINE_TOLERANCE = 1e-9
 # Share of the accuracy that the load at the start of the trace may have.
 START_SHARE = 0.5
@@ -63,13 +56,6 @@ STATE_FLOOR = 0.3
 FINE = 1e-11
 # A trace ends at this multiple of the largest load of any event, and not below the least load (reduced).
 END_FACTOR, LEAST_END = 1.4, 10.0
-CONE = "Exactly at first touch admissible variations form a cone, not a space: the indices are those of both sides."
-# The rows' error estimates are those of one Newton step on a finer mesh.
-ROW_SAFETY = 3.0
-# ... with the coarser mesh's linearisation, which leaves errors far below the tolerance undecided.
-ROW_FLOOR = 0.02
-# Neighbouring folds closer than this multiple of their error estimates are located more sharply, down to this accuracy.
-DISTINCT, SHARPEST = 3.0, 1e-12
 
 
 @dataclass(frozen=True)
@@ -210,7 +196,7 @@ def trace(
             raise
         except Exception as error:  # a law written by the user may raise anything; its text is kept
             return _nothing(f"The interaction cannot be evaluated far away: {type(error).__name__}: {error}")
-        located = _Located(*_legs(problem, u, target, controls, progress, COARSE if events else FINE), controls)
+        located = Located(*_legs(problem, u, target, controls, progress, COARSE if events else FINE), controls)
         raw, indices = located.raw(contact, accuracy if events else None, progress, modes)
         points, handed = located.points, None
         if located.stopped_being_a_disc:
@@ -301,223 +287,3 @@ class _Told:
             share = 0.6 * (1 - u / self.start) if u < 0 else 0.6 + 0.3 * u / (u + 2)
             self.progress(share, f"{self.count} points, load {point.observables['load']:.4g}")
         return False
-
-
-class _Located:
-    """The rows of both legs as one curve, and its events made precise."""
-
-    def __init__(self, curves: list[Curve], touched: bool, controls: Sequence[Control]) -> None:
-        self.curves = curves
-        self.controls: dict[str, Control] = {control.kind: control for control in controls}
-        self.points = tuple(curves[0].points) + (tuple(curves[1].points[1:]) if touched else ())
-        self.touch_row = len(curves[0].points) - 1 if touched else None
-        offsets = [0, len(curves[0].points) - 1]
-        marks = [
-            Mark(offset + event.index, event.name, event.point)
-            for curve, offset in zip(curves, offsets, strict=False)
-            for event in curve.events
-            if isinstance(event, EventPoint)
-        ]
-        self.marks = confirmed(self.points, marks, controls)
-
-    def raw(
-        self, contact: Contact, accuracy: float | None, progress: Progress | None, modes: int
-    ) -> tuple[RawCurve, Indices]:
-        """Arrays and events."""
-        points = self.points
-        columns = {
-            name: np.array([point.observables[name] for point in points])
-            for name in (
-                "load",
-                "displacement",
-                "contact_radius",
-                "central_gap",
-                "energy",
-                "load_error",
-                "displacement_error",
-            )
-        }
-        refined = [] if accuracy is None else self._refined(accuracy, progress)
-        folds = [(mark.row, mark.name) for mark in self.marks if mark.name in self.controls]
-        along = signs(points[: folds[0][0]] if folds else points, list(self.controls.values()))
-        first = [next((sign[k] for sign in along if sign[k]), 1) for k in range(len(self.controls))]
-        indices = morse_indices(len(points), folds, first[0], first[1], pulling=first[2] if len(first) > 2 else None)
-        events = [
-            self._event(mark.row, mark.name, *found, indices) for mark, found in zip(self.marks, refined, strict=False)
-        ]
-        breaking = Breaking()
-        if accuracy is not None and modes:
-            breaking = symmetry_breaking(points, indices.displacement, accuracy, modes, progress)
-            events = merged(events, breaking.events)
-        complete, message = self._outcome(contact)
-        complete, message = complete and breaking.complete, f"{message} {breaking.message}".strip()
-        if complete and self._unstable_at_end() != indices.displacement_pieces[-1]:
-            complete, message = (
-                False,
-                "The inertia at the end disagrees with the folds counted: a fold was missed or doubled.",
-            )
-        worst = max((_relative_error(event) / accuracy for event in events if accuracy), default=0.0)
-        if worst > 1:
-            complete, message = (
-                False,
-                f"{message} An event's error estimate is {worst:.3g} times the accuracy asked.".strip(),
-            )
-        profiles = [_deferred_profile(point) for point in points]
-        curve = RawCurve(
-            columns["load"],
-            columns["displacement"],
-            columns["contact_radius"],
-            columns["central_gap"],
-            columns["energy"],
-            indices.load,
-            indices.displacement,
-            _row_errors(columns["load_error"], columns["load"]),
-            _row_errors(columns["displacement_error"], columns["displacement"]),
-            profiles,
-            events,
-            complete,
-            message,
-            Cost(0.0, 0),
-            0,
-            unstable_spring=indices.spring if "spring" in self.controls else None,
-            unstable_azimuthal=breaking.unstable if breaking.counts else None,
-            critical=lambda: critical_eigenvalues(points),
-        )
-        return curve, indices
-
-    def _unstable_at_end(self) -> int:
-        """Morse index under displacement control at the last point, by inertia: a check of the counting."""
-        point = self.points[-1]
-        problem = point.problem
-        assert isinstance(problem, ContactProblem)
-        fields = problem.fields(point.x, point.parameter)
-        # Deep in contact the rough answer is nearly always 0, which is what is expected; any other is checked finely.
-        return problem.equations.unstable_modes(fields, finely=False) and problem.equations.unstable_modes(fields)
-
-    def _refined(self, accuracy: float, progress: Progress | None) -> list[tuple[Values, Place]]:
-        """Values and places of all marks, first touch among them, whose order is that of their precise places."""
-        if self.touch_row is not None:
-            self.marks.append(Mark(self.touch_row, "touch", self.points[self.touch_row]))
-        self.marks.sort(key=lambda mark: mark.row)
-        found: list[tuple[Values, Place]] = []
-        for k, mark in enumerate(self.marks):
-            if progress is not None:
-                progress(0.9 + 0.1 * k / len(self.marks), f"locating {mark.name}")
-            found.append(self._precise(mark.point, mark.name, accuracy))
-        self._sharpen([mark.name for mark in self.marks], found, accuracy)
-        for k in range(len(found) - 1):
-            here, there = self.marks[k], self.marks[k + 1]
-            forward = here.point.tangent_parameter
-            apart = (found[k + 1][1].u - found[k][1].u) * forward
-            if there.row == here.row + 1 and apart < 0 and "touch" not in (here.name, there.name):
-                # Neighbours without a point between them change places, but not rows.
-                self.marks[k], self.marks[k + 1] = replace(there, row=here.row), replace(here, row=there.row)
-                found[k], found[k + 1] = found[k + 1], found[k]
-        # Where places agree to rounding, theory has the last word.
-        places = {(mark.name, id(mark.point)): one for mark, one in zip(self.marks, found, strict=True)}
-        self.marks = ordered(self.points, self.marks, list(self.controls.values()), [place.u for _, place in found])
-        return [places[mark.name, id(mark.point)] for mark in self.marks]
-
-    def _precise(self, point: Point, name: str, accuracy: float) -> tuple[Values, Place]:
-        """Values and place of what a point of the trace marks."""
-        problem = point.problem
-        assert isinstance(problem, ContactProblem)
-        place = Place(problem, point.x, point.parameter, (point.tangent_x, point.tangent_parameter))
-        event: Event | None = None
-        if name == "end":
-            event = ControlReached(LOAD, problem.equations.load(problem.fields(point.x, point.parameter)))
-        elif name == "inadmissible":
-            event = InadmissibleEvent(tolerance=0.0)
-        elif name != "touch":
-            event = FoldEvent(self.controls[name], name=name)
-        return refine(place, event, accuracy)
-
-    def _sharpen(self, names: list[str], refined: list[tuple[Values, Place]], accuracy: float) -> None:
-        """Locate folds anew that their error estimates do not tell apart."""
-        for kind, control in self.controls.items():
-            members = [k for k, name in enumerate(names) if name == kind]
-            for a, b in pairwise(members):
-                allowed = accuracy
-                while allowed > SHARPEST:
-                    (first, _), (second, _) = refined[a], refined[b]
-                    apart = abs(control.weighted(*first.numbers[:2]) - control.weighted(*second.numbers[:2]))
-                    if apart > DISTINCT * (control.weighted(*first.error[:2]) + control.weighted(*second.error[:2])):
-                        break
-                    allowed *= 0.01
-                    for k in (a, b):
-                        refined[k] = refine(refined[k][1], FoldEvent(control, name=kind), allowed)
-
-    def _event(self, row: int, name: str, values: Values, place: Place, indices: Indices) -> RawEvent:
-        event = RawEvent(name, row, values.numbers, values.error, place=place)
-        if name == "touch":
-            return replace(event, message=CONE, local_exponent=lambda: sampled_exponent(place, values, LOAD))
-        if name == "inadmissible":
-            return replace(event, message="The contact set stops being a disc: see the message of the diagram.")
-        if name == "end":
-            return event
-        control = self.controls[name]
-        pieces, signs = indices.pieces(name)
-        before, after = max(row - 1, 0), min(row, len(pieces) - 1)
-        return replace(
-            event,
-            kind="fold",
-            control=name,
-            stiffness=control.spring_stiffness,
-            before=int(pieces[before]),
-            after=int(pieces[after]),
-            maximum=bool(signs[before] > 0),
-            exponent=lambda: critical_exponent(place, values, control),
-            local_exponent=lambda: sampled_exponent(place, values, control),
-        )
-
-    @property
-    def stopped_being_a_disc(self) -> bool:
-        """Whether the curve ended because its contact set is no disc any more."""
-        return any(mark.name == "inadmissible" for mark in self.marks)
-
-    def _outcome(self, contact: Contact) -> tuple[bool, str]:
-        last = self.curves[-1]
-        end = last.ends[1]
-        reached = bool(last.events) and isinstance(last.events[-1], EventPoint) and last.events[-1].name == "end"
-        if end.outcome is Outcome.STOPPED_AT_EVENT and reached:
-            return True, ""
-        if end.outcome is Outcome.STOPPED_AT_EVENT:
-            return False, (
-                "The branch ends where the contact set stops being a disc: the gap would close outside the contact, "
-                "or the wall "
-                "would have to pull."
-            )
-        message = " ".join(dict.fromkeys(e.message for e in last.ends if not e.outcome.complete)) or end.message
-        limitation = contact.interaction.limitation if contact.interaction is not None else ""
-        return False, f"{message} {limitation} {self._end_of_tip(contact)}".strip()
-
-    def _end_of_tip(self, contact: Contact) -> str:
-        """A sentence if the interaction has come to the end of a tip of finite extent."""
-        if not (self.points and math.isfinite(contact.tip.extent)):
-            return ""
-        point = self.points[-1]
-        problem = point.problem
-        assert isinstance(problem, ContactProblem)
-        fields = problem.fields(point.x, point.parameter)
-        r = np.hypot(problem.equations.mesh.nodes, fields.rim.radius)
-        felt = r[np.abs(fields.pressure) > 1e-3 * np.abs(fields.pressure).max()]
-        if max(fields.rim.radius, float(felt.max(initial=0.0))) < 0.9 * contact.tip.extent:
-            return ""
-        return "The contact, or the interaction around it, has reached the end of the tip."
-
-
-def _relative_error(event: RawEvent) -> float:
-    return max(error / max(1.0, abs(value)) for error, value in zip(event.error, event.values, strict=True))
-
-
-def _row_errors(defect: Array, values: Array) -> Array:
-    return ROW_SAFETY * np.abs(defect) + ROW_FLOOR * TRACE_TOLERANCE * np.maximum(1.0, np.abs(values))
-
-
-def _deferred_profile(point: Point) -> Callable[[], Profile]:
-    def profile() -> Profile:
-        problem = point.problem
-        assert isinstance(problem, ContactProblem)
-        return profile_of(problem.equations, problem.fields(point.x, point.parameter))
-
-    return profile

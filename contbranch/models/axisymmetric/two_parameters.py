@@ -20,10 +20,11 @@ from contbranch.models.family import Family
 from .conditions import Condition, EventCondition, FoldCondition, Surface, TouchCondition
 from .event_problem import EventProblem
 from .locate import REMESHES, Place, refine
+from .located import TRACE_TOLERANCE
 from .meetings import MESSAGES, SPECIAL, Inadmissible, Meeting, Touch, Turn
 from .problem import FoldEvent, Resolution
 from .special import LENGTHS, TANGENT_NOISE, at_place, event_problem, precise
-from .trace import START_SHARE, TRACE_TOLERANCE, order_for
+from .trace import START_SHARE, order_for
 
 __all__ = ["follow_event"]
 
