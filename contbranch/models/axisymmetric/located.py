@@ -38,6 +38,8 @@ ROW_SAFETY = 3.0
 ROW_FLOOR = 0.02
 # Neighbouring folds closer than this multiple of their error estimates are located more sharply, down to this accuracy.
 DISTINCT, SHARPEST = 3.0, 1e-12
+# Folds found so close to one another (in u, relative to min(1, |u|)) are at one place.
+SAME_PLACE = 1e-9
 
 
 class Located:
@@ -142,6 +144,9 @@ class Located:
                 progress(0.9 + 0.1 * k / len(self.marks), f"locating {mark.name}")
             found.append(self._precise(mark.point, mark.name, accuracy))
         self._sharpen([mark.name for mark in self.marks], found, accuracy)
+        repeated = repetitions([mark.name for mark in self.marks], [place.u for _, place in found])
+        self.marks = [mark for k, mark in enumerate(self.marks) if k not in repeated]
+        found = [one for k, one in enumerate(found) if k not in repeated]
         for k in range(len(found) - 1):
             here, there = self.marks[k], self.marks[k + 1]
             forward = here.point.tangent_parameter
@@ -241,6 +246,32 @@ class Located:
         if max(fields.rim.radius, float(felt.max(initial=0.0))) < 0.9 * contact.tip.extent:
             return ""
         return "The contact, or the interaction around it, has reached the end of the tip."
+
+
+def repetitions(names: Sequence[str], positions: Sequence[float]) -> set[int]:
+    """Members of marks of one fold that stand for noise: a rate that changes its sign thrice within rounding.
+
+    Three marks of one control that are found at one place are one fold; of two, each may be one of a pair that is too
+    narrow to be told apart.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Names of the marks in their order along the curve.
+    positions : sequence of float
+        Parameters u at which they were found.
+    """
+    dropped: set[int] = set()
+    for name in set(names):
+        run: list[int] = []
+        for k in [k for k, other in enumerate(names) if other == name]:
+            if run and abs(positions[k] - positions[run[-1]]) > SAME_PLACE * min(1.0, abs(positions[k])):
+                run = []
+            run.append(k)
+            if len(run) == 3:
+                dropped |= set(run[1:])
+                run = run[:1]
+    return dropped
 
 
 def _relative_error(event: RawEvent) -> float:
