@@ -1,0 +1,271 @@
+"""Semismooth Newton (primal-dual active set) for an equilibrium on a lattice.
+
+One step, at a trial state with contact nodes A and free nodes I: u = -z on A, and on I
+
+    [ K + v''    b ] [ δu ]     [ -p_c - K_IA δu_A ]
+    [   cᵀ       ω ] [ δF ]  =  [ -(what is held)  ]        b = 1/A (the load, spread over the area),
+
+where ``c·u + ω F = value`` is what is held: a load (then δF is known and the border is absent), a displacement, a
+spring, or the progress along a curve. Then nodes of I that overlap join the contact, and nodes of A with negative
+wall pressure leave it. The inner systems are solved by GMRES to a tolerance tied to the residual, with (K + constant)⁻¹
+restricted to I as preconditioner: indefinite on unstable branches, and not symmetric along a curve.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbranch.solvers.gmres import gmres
+
+from .problem import Fields, GridProblem
+
+__all__ = ["Equilibrium", "Hold", "Settings", "newton"]
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Hold:
+    """What is kept during the iteration: ``Σ row · u + load_weight · F = value``.
+
+    Attributes
+    ----------
+    value : float
+    load_weight : float
+        ω.
+    row : array, float or None
+        c, a field or one number for all nodes; None for a load alone.
+    """
+
+    value: float
+    load_weight: float = 1.0
+    row: Array | float | None = None
+
+    def excess(self, u: Array, load: float) -> float:
+        """How far a trial state is from what is held."""
+        return self.product(u) + self.load_weight * load - self.value
+
+    def product(self, u: Array) -> float:
+        """Σ row · u."""
+        if self.row is None:
+            return 0.0
+        return float(self.row * u.sum()) if isinstance(self.row, float) else float(np.vdot(self.row, u))
+
+
+def hold_control(problem: GridProblem, load_weight: float, displacement_weight: float, value: float) -> Hold:
+    """Hold ``load_weight · F + displacement_weight · d``, with d = C F - mean(u)."""
+    if displacement_weight == 0.0:
+        return Hold(value, load_weight)
+    nodes = problem.lattice.size**2
+    whole = load_weight + displacement_weight * problem.lattice.compliance
+    return Hold(value, whole, -displacement_weight / nodes)
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Tolerances of the iteration.
+
+    Attributes
+    ----------
+    tolerance : float
+        Residual to reach, relative (see `Equilibrium.residual`).
+    steps : int
+        Newton steps at most.
+    inner : int
+        Krylov iterations at most in a step.
+    forcing : float
+        Loosest inner tolerance.
+    growth : float
+        Growth of the residual that is taken as failure.
+    """
+
+    tolerance: float = 1e-8
+    steps: int = 30
+    inner: int = 200
+    forcing: float = 0.1
+    growth: float = 1e3
+
+
+@dataclass(frozen=True)
+class Equilibrium:
+    """A state on the lattice, and how well it is one.
+
+    Attributes
+    ----------
+    fields : Fields
+    contact : array of bool
+        Nodes at the wall.
+    residual : float
+        Root mean square of p_c on the free nodes and of its negative part in contact, relative to that of the pressure.
+    displacement : float
+    converged : bool
+    steps, pairs : int
+        Newton steps and pairs of transforms spent.
+    """
+
+    fields: Fields
+    contact: Mask
+    residual: float
+    displacement: float
+    converged: bool
+    steps: int = 0
+    pairs: int = 0
+    first: float = 0.0
+
+    @property
+    def load(self) -> float:
+        """F."""
+        return self.fields.load
+
+    @property
+    def u(self) -> Array:
+        """The unknown field."""
+        return self.fields.u
+
+
+class Linearised:
+    """The operator A of one step with its preconditioner M⁻¹, bordered unless the load is held.
+
+    Vectors are fields, flat, with δF as last entry. With S = (K + shift)⁻¹ and z = S y, K z = y - shift z costs no
+    transform; only what the contact takes away from z does.
+    """
+
+    def __init__(self, problem: GridProblem, stiffness: Array, free: Mask, hold: Hold, shift: float) -> None:
+        self.problem = problem
+        self.mask = free.astype(np.float64)
+        self.diagonal = stiffness * self.mask
+        self.nodes = self.mask.size
+        self.shift = shift
+        self.smoother = problem.smoother(shift)
+        self.unrestricted = bool(free.all())
+        self.bordered = hold.row is not None
+        if hold.row is not None:
+            # Row and column are scaled to the size of the field's entries.
+            row, column = (hold.row * self.mask).ravel(), self.mask.ravel() / problem.lattice.area
+            self.column_scale = 1.0 / float(np.linalg.norm(column))
+            norm = max(float(np.linalg.norm(row)), 1e-6 * abs(hold.load_weight) * self.column_scale)
+            self.row_scale = 1.0 / norm
+            self.row, self.column = row * self.row_scale, column * self.column_scale
+            self.corner = hold.load_weight * self.row_scale * self.column_scale
+
+    def product(self, y: Array) -> Array:
+        """A M⁻¹ y."""
+        shape = self.mask.shape
+        given = y[: self.nodes].reshape(shape)
+        result = np.empty_like(y)
+        field = result[: self.nodes].reshape(shape)
+        smooth = self.problem.transform.filter(self.smoother, given)
+        if self.unrestricted:
+            np.multiply(self.diagonal - self.shift, smooth, out=field)
+            field += given
+        else:
+            smooth *= self.mask
+            self.problem.stiffness_into(smooth, field)
+            field *= self.mask
+            field += self.diagonal * smooth
+        if self.bordered:
+            result[:-1] += y[-1] * self.column
+            result[-1] = self.row @ smooth.ravel() + self.corner * y[-1]
+        return result
+
+    def solution(self, y: Array) -> Array:
+        """M⁻¹ y."""
+        result = np.empty_like(y)
+        field = result[: self.nodes].reshape(self.mask.shape)
+        self.problem.transform.filter(self.smoother, y[: self.nodes].reshape(self.mask.shape), field)
+        field *= self.mask
+        if self.bordered:
+            result[-1] = y[-1]
+        return result
+
+
+def newton(
+    problem: GridProblem,
+    u: Array,
+    load: float,
+    hold: Hold,
+    contact: Mask | None = None,
+    settings: Settings = Settings(),
+    shift: float | None = None,
+) -> Equilibrium:
+    """Solve for an equilibrium from a trial state.
+
+    Parameters
+    ----------
+    problem : GridProblem
+    u, load : array, float
+        Trial state.
+    hold : Hold
+    contact : array of bool, optional
+        Trial contact; default: nodes where the trial state overlaps with the wall.
+    settings : Settings
+    shift : float, optional
+        Constant of the preconditioner; default: from the size of the cell.
+
+    Returns
+    -------
+    Equilibrium
+        With ``converged`` False if the iteration failed, and the last state.
+    """
+    before = problem.counter.equilibrium
+    shift = 2.0 / problem.lattice.edge if shift is None else shift
+    if contact is None:
+        contact = problem.heights + u <= 0.0
+    u = np.where(contact, -problem.heights, u)
+    if hold.row is None:
+        load = hold.value / hold.load_weight
+    best = older = math.inf
+    first = None
+    step = 0
+    while True:
+        fields = problem.fields(u, load)
+        excess = fields.excess
+        violated = np.where(contact, np.minimum(excess, 0.0), excess)
+        residual = _rms(violated) / (_rms(fields.elastic) or 1.0)
+        held = hold.excess(u, load)
+        settled = abs(held) <= 1e-11 * max(1.0, abs(hold.value))
+        if first is None:
+            first = residual
+        done = residual <= settings.tolerance and settled
+        failed = not math.isfinite(residual) or residual > settings.growth * max(best, 1e-3)
+        if done or failed or step == settings.steps:
+            displacement = problem.displacement(u, load)
+            pairs = problem.counter.equilibrium - before
+            return Equilibrium(fields, contact, residual, displacement, done, step, pairs, first)
+        best = min(best, residual)
+        contact = contact & (excess > 0.0)
+        free = ~contact
+        operator = Linearised(problem, fields.stiffness, free, hold, shift)
+        vector = (-excess * free).ravel()
+        if operator.bordered:
+            vector = np.append(vector, -operator.row_scale * held)
+        forcing = _forcing(residual, older, settings)
+        y = gmres(operator.product, vector, forcing, settings.inner).x
+        change = operator.solution(y)
+        u = u + change[: free.size].reshape(free.shape)
+        # What overlaps after the step joins the contact at once.
+        contact = contact | (problem.heights + u < 0.0)
+        np.copyto(u, -problem.heights, where=contact)
+        if operator.bordered:
+            load = load + operator.column_scale * float(change[-1])
+        older = residual
+        step += 1
+
+
+def _forcing(residual: float, older: float, settings: Settings) -> float:
+    """Inner tolerance: no tighter than what the step can use, nor than what is asked for in the end."""
+    wanted = settings.forcing
+    if older < math.inf:
+        wanted = min(wanted, 0.9 * (residual / older) ** 2)
+    if residual < 1e-3:
+        wanted = min(wanted, 0.3 * math.sqrt(residual))
+    return min(max(wanted, 0.3 * settings.tolerance / residual), settings.forcing)
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values * values)))

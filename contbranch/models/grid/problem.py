@@ -1,0 +1,142 @@
+"""Equilibrium of a tip on a lattice: pressures, energies and the operators of the linearised problem.
+
+Unknowns are u = w - d on the nodes (`lattice`) and the load F; the gap is g = z + u. In equilibrium
+
+    p_c = K u + F/A - p_fr(g)  is 0 where g > 0, and ≥ 0 where g = 0.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbranch.interactions import Interaction
+
+from .lattice import Lattice
+from .transforms import Counter, Transform
+
+__all__ = ["Fields", "GridProblem"]
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+class Fields(NamedTuple):
+    """Everything at one trial state; arrays of the lattice's shape.
+
+    Attributes
+    ----------
+    u, load
+        The unknowns.
+    elastic
+        K u + F/A, the pressure that elasticity demands.
+    gap
+        z + u; infinite on the padding.
+    energy, pressure, stiffness
+        v, p_fr = -v' and v'' at the gap.
+    """
+
+    u: Array
+    load: float
+    elastic: Array
+    gap: Array
+    energy: Array
+    pressure: Array
+    stiffness: Array
+
+    @property
+    def excess(self) -> Array:
+        """K u + F/A - p_fr: zero in equilibrium, the wall's pressure in contact."""
+        return self.elastic - self.pressure
+
+
+@dataclass
+class GridProblem:
+    """A tip and a law on a lattice, in reduced units (E = 1).
+
+    Attributes
+    ----------
+    lattice : Lattice
+    heights : array (lattice.size, lattice.size)
+        z ≥ 0; infinite where there is no tip.
+    law : Interaction or None
+    threads : int
+    counter : Counter
+    """
+
+    lattice: Lattice
+    heights: Array
+    law: Interaction | None
+    threads: int = 1
+    counter: Counter = field(default_factory=Counter)
+
+    @cached_property
+    def transform(self) -> Transform:
+        """Plans for fields with the symmetry of the lattice."""
+        return self.lattice.transform(self.counter, self.threads)
+
+    @cached_property
+    def symbol(self) -> Array:
+        """K̂."""
+        return self.lattice.symbol(self.transform.parity)
+
+    @cached_property
+    def _stiffness_filter(self) -> Array:
+        return self.symbol * self.transform.normalisation
+
+    @cached_property
+    def reach(self) -> float:
+        """Gap beyond which the law's energy is below 1e-16 of its reference: there nothing needs to be evaluated."""
+        return 0.0 if self.law is None else self.law.reach(1e-16)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Shape of a field."""
+        return (self.lattice.size, self.lattice.size)
+
+    def stiffness(self, u: Array) -> Array:
+        """K u, one pair."""
+        return self.transform.filter(self._stiffness_filter, u)
+
+    def stiffness_into(self, u: Array, out: Array) -> None:
+        """Write K u into an array, one pair."""
+        self.transform.filter(self._stiffness_filter, u, out)
+
+    def smoother(self, shift: float) -> Array:
+        """The filter of (K + shift)⁻¹."""
+        return np.asarray(self.transform.normalisation / (self.symbol + shift))
+
+    def respond(self, gap: Array) -> tuple[Array, Array, Array]:
+        """v, p_fr and v'' at gaps of any shape; zero where the gap is infinite."""
+        zero = np.zeros_like(gap)
+        if self.law is None:
+            return zero, zero.copy(), zero.copy()
+        near = gap < self.reach
+        if near.all():
+            response = self.law.evaluate(gap)
+            return response.energy, response.pressure, response.stiffness
+        energy, pressure, stiffness = zero, zero.copy(), zero.copy()
+        response = self.law.evaluate(gap[near])
+        energy[near], pressure[near], stiffness[near] = response.energy, response.pressure, response.stiffness
+        return energy, pressure, stiffness
+
+    def fields(self, u: Array, load: float) -> Fields:
+        """Evaluate everything at a trial state; one pair."""
+        elastic = self.stiffness(u)
+        elastic += load / self.lattice.area
+        gap = self.heights + u
+        return Fields(u, load, elastic, gap, *self.respond(gap))
+
+    def displacement(self, u: Array, load: float) -> float:
+        """Displacement of the far field, d = C F - mean(u)."""
+        return self.lattice.compliance * load - float(u.mean())
+
+    def total_energy(self, fields: Fields) -> float:
+        """V_ela + V_fr; half the work of C is what the far field has in addition to the lattice."""
+        elastic = 0.5 * float(np.vdot(fields.u, fields.elastic - fields.load / self.lattice.area))
+        own = self.lattice.node_area * (elastic + float(fields.energy.sum()))
+        return own + 0.5 * self.lattice.compliance * fields.load**2

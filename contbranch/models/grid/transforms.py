@@ -1,0 +1,127 @@
+"""Transforms of fields on a square lattice: the whole lattice, or a quarter of it where fields are even or odd.
+
+A field that is even (odd) about the middle of a row of M nodes is known from M/2 of them, and its Fourier series is the
+cosine (sine) transform of these: a quarter of the nodes suffices for a field with both mirror symmetries.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+import pyfftw
+from numpy.typing import NDArray
+
+__all__ = ["EVEN", "Counter", "Parity", "Transform", "wavenumbers"]
+
+Array = NDArray[np.float64]
+Parity = Literal["even", "odd"]
+
+EVEN: tuple[Parity, Parity] = ("even", "even")
+
+_FORWARD = {"even": "FFTW_REDFT10", "odd": "FFTW_RODFT10"}
+_INVERSE = {"even": "FFTW_REDFT01", "odd": "FFTW_RODFT01"}
+
+
+@dataclass
+class Counter:
+    """Pairs of transforms spent, one forward and one inverse whatever their size, and on what."""
+
+    equilibrium: int = 0
+    stability: int = 0
+    newton: int = 0
+    target: Literal["equilibrium", "stability"] = "equilibrium"
+
+    def add(self) -> None:
+        """Count one pair."""
+        if self.target == "equilibrium":
+            self.equilibrium += 1
+        else:
+            self.stability += 1
+
+
+def wavenumbers(nodes: int, spacing: float, parity: tuple[Parity, Parity] | None) -> Array:
+    """|q| of every coefficient of a transform, (m, m) for a quarter with m nodes a side, (M, M/2+1) for the whole.
+
+    Parameters
+    ----------
+    nodes : int
+        Nodes along one side of the array that is transformed.
+    spacing : float
+    parity : (str, str) or None
+        Of the two directions; None: the whole lattice.
+    """
+    if parity is None:
+        return np.hypot(
+            2.0 * np.pi * np.fft.fftfreq(nodes, spacing)[:, None],
+            2.0 * np.pi * np.fft.rfftfreq(nodes, spacing)[None, :],
+        )
+    first, second = (np.pi * (np.arange(nodes) + (p == "odd")) / (nodes * spacing) for p in parity)
+    return np.hypot(first[:, None], second[None, :])
+
+
+@dataclass
+class Transform:
+    """Plans and aligned work arrays for one shape of fields, made once and used for every product.
+
+    Attributes
+    ----------
+    nodes : int
+        Nodes along one side of the array.
+    parity : (str, str) or None
+        ``("even", "even")`` and so on for a quarter of the lattice; None for the whole.
+    threads : int
+    counter : Counter
+        Where pairs are counted; transforms of one problem share it.
+    """
+
+    nodes: int
+    parity: tuple[Parity, Parity] | None = EVEN
+    threads: int = 1
+    counter: Counter = field(default_factory=Counter)
+
+    def __post_init__(self) -> None:
+        n = self.nodes
+        self._space = pyfftw.empty_aligned((n, n), dtype="float64")
+        if self.parity is None:
+            self._spectrum = pyfftw.empty_aligned((n, n // 2 + 1), dtype="complex128")
+            directions: tuple[object, object] = ("FFTW_FORWARD", "FFTW_BACKWARD")
+            self.normalisation = 1.0 / n**2
+        else:
+            self._spectrum = pyfftw.empty_aligned((n, n), dtype="float64")
+            directions = (tuple(_FORWARD[p] for p in self.parity), tuple(_INVERSE[p] for p in self.parity))
+            self.normalisation = 1.0 / (2 * n) ** 2
+        options = {"axes": (0, 1), "flags": ("FFTW_MEASURE", "FFTW_DESTROY_INPUT"), "threads": self.threads}
+        self._forward: Callable[[], object] = pyfftw.FFTW(
+            self._space, self._spectrum, direction=directions[0], **options
+        ).execute
+        self._inverse: Callable[[], object] = pyfftw.FFTW(
+            self._spectrum, self._space, direction=directions[1], **options
+        ).execute
+
+    def filter(self, symbol: Array, values: Array, out: Array | None = None) -> Array:
+        """The field whose spectrum is that of `values` times `symbol`, which holds the normalisation; one pair.
+
+        Parameters
+        ----------
+        symbol : array of the shape of the spectrum
+            Times `normalisation`.
+        values, out : array (n, n)
+        """
+        self._space[...] = values
+        self._forward()
+        np.multiply(self._spectrum, symbol, out=self._spectrum)
+        self._inverse()
+        self.counter.add()
+        if out is None:
+            return self._space.copy()
+        out[...] = self._space
+        return out
+
+    def spectrum(self, values: Array) -> NDArray[np.float64] | NDArray[np.complex128]:
+        """The unnormalised spectrum of a field; half a pair, not counted."""
+        self._space[...] = values
+        self._forward()
+        return np.array(self._spectrum)

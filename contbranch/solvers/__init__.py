@@ -1,0 +1,1 @@
+"""Linear and nonlinear algorithms that know an equilibrium problem only by its operators."""
