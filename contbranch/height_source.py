@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from contbranch.errors import InputError
 from contbranch.units import positive_number
 
-__all__ = ["LEAST_POINTS", "Source", "checked", "is_topography", "read_heights", "read_topography"]
+__all__ = ["LEAST_POINTS", "Source", "absolute", "checked", "is_topography", "read_heights", "read_topography"]
 
 FloatArray = NDArray[np.float64]
 
