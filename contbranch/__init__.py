@@ -29,7 +29,17 @@ from contbranch.models.axisymmetric import Axisymmetric
 from contbranch.models.exact import Exact
 from contbranch.phase import PhaseDiagram
 from contbranch.store import load
-from contbranch.tips import Cone, Parabola, PowerLaw, Profile, SphericalCap, Tip
+from contbranch.tips import (
+    Cone,
+    EllipticParaboloid,
+    HeightMap,
+    Parabola,
+    PowerLaw,
+    Profile,
+    SphericalCap,
+    Tip,
+    TipShape,
+)
 
 __version__ = "0.1.0"
 
@@ -40,6 +50,7 @@ __all__ = [
     "Cone",
     "Contact",
     "Diagram",
+    "EllipticParaboloid",
     "Equilibria",
     "Event",
     "Exact",
@@ -48,6 +59,7 @@ __all__ = [
     "Followed",
     "FollowedPoint",
     "Gauss",
+    "HeightMap",
     "Hysteresis",
     "InputError",
     "Interaction",
@@ -69,6 +81,7 @@ __all__ = [
     "Sum",
     "Tabulated",
     "Tip",
+    "TipShape",
     "VanDerWaals",
     "Window",
     "find_all",

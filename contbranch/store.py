@@ -30,6 +30,7 @@ from contbranch.diagram import (
     Window,
 )
 from contbranch.errors import InputError, ModelError
+from contbranch.height_map import HeightMap
 
 if TYPE_CHECKING:
     import h5py
@@ -217,6 +218,9 @@ def _write(file: h5py.File, diagram: Diagram) -> None:
         file.attrs["stiffness"] = diagram.stiffness
     file["unit_names"] = json.dumps(names, ensure_ascii=False)
     file["contact"] = json.dumps(head["contact"], ensure_ascii=False)  # no attribute: a tabulated law may be long
+    tip = None if diagram.contact is None else diagram.contact.tip
+    if isinstance(tip, HeightMap):  # of which the description has only a digest
+        _write_arrays(file.create_group("tip"), tip, ("heights",), {"heights": names.get("gap", "")})
     file.create_group("model").attrs.update(asdict(diagram.model))
     file.create_group("cost").attrs.update(asdict(diagram.cost))
     thresholds = file.create_group("thresholds")
@@ -321,7 +325,7 @@ def _read(file: h5py.File) -> Diagram:
     model, cost = file["model"].attrs, file["cost"].attrs
     events = _read_events(file["events"], file.get("mode_shapes", {}))
     return Diagram(
-        contact=_rebuilt(description),
+        contact=_rebuilt(description, file.get("tip")),
         branches=tuple(_read_branch(file["branches"][str(i)]) for i in range(len(file["branches"]))),
         events=events,
         thresholds={key: float(value) for key, value in file["thresholds"].attrs.items()},
@@ -395,10 +399,16 @@ def _or_none(value: float) -> float | None:
     return None if np.isnan(value) else float(value)
 
 
-def _rebuilt(description: Mapping[str, Any]) -> Contact | None:
-    """Return the contact of a description, or None if the package does not know its tip or one of its laws."""
+def _rebuilt(description: Mapping[str, Any], tip: h5py.Group | None) -> Contact | None:
+    """Return the contact of a description, or None if the package does not know its tip or one of its laws.
+
+    A height map has its heights in the group `tip`.
+    """
     from contbranch.contact import Contact
 
+    if tip is not None:
+        heights = np.asarray(tip["heights"][()], dtype=np.float64)
+        description = {**description, "tip": {**description["tip"], "heights": heights}}
     try:
         return Contact.from_description(description)
     except InputError:
