@@ -1,7 +1,7 @@
 """One equilibrium on a periodic grid, by this package and by others, and what their answers are worth.
 
-Every solver is wrapped in a class with the same few methods (`GridSolver`) and returns a gap; `examine` computes all that
-is said of the answer from this gap alone, the same for all. Reduced units, R = E = |Δγ| = 1.
+Every solver is wrapped in a class with the same few methods (`GridSolver`) and returns a gap; `examine` computes all
+that is said of the answer from this gap alone, the same for all. Reduced units, R = E = |Δγ| = 1.
 
 The nodes lie at (i + 1/2) L/N from the border of the cell and the apex of the tip z = r²/2 in its middle. With
 K̂(q) = |q|/2 (K̂(0) = 0) the surface bears the pressure K(g - z) + F/L², and
@@ -15,11 +15,13 @@ from __future__ import annotations
 
 import importlib
 import importlib.metadata
+import sys
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from types import ModuleType
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -182,7 +184,7 @@ class Answer:
     complaint: str = ""
 
 
-class GridSolver(Protocol):
+class GridSolver(ABC):
     """How a solver is asked.
 
     Attributes
@@ -190,29 +192,26 @@ class GridSolver(Protocol):
     name : str
         On the command line.
     packages : tuple of str
-        Distributions it comes from; the first one is what is imported.
+        Distributions it comes from.
     control : str
         What it is told: ``load``, ``mean gap`` or ``offset``.
-    loosest : float
-        Its own tolerance that may give an accuracy of 1 (`examine`), for the loosest to be tried.
     """
 
     name: ClassVar[str]
     packages: ClassVar[tuple[str, ...]]
     control: ClassVar[str]
-    loosest: ClassVar[float]
 
+    @abstractmethod
     def value(self, case: Case, mean_gap: float) -> float:
         """The value of the control that holds the equilibrium with this mean gap."""
-        ...
 
+    @abstractmethod
     def solve(self, case: Case, value: float, tolerance: float, start: Array | None = None) -> Answer:
         """Solve, cold or from a gap; NotInstalled, NotAble."""
-        ...
 
 
-def load_package(solver: type[GridSolver] | GridSolver, *modules: str) -> tuple[ModuleType, ...]:
-    """Import modules that a solver needs.
+def load_packages(*modules: str) -> tuple[ModuleType, ...]:
+    """Import modules of other packages.
 
     Raises
     ------
@@ -225,24 +224,24 @@ def load_package(solver: type[GridSolver] | GridSolver, *modules: str) -> tuple[
         raise NotInstalled(f"{error}; install it by: pip install 'contbranch[benchmark]'") from error
 
 
-def version(solver: type[GridSolver] | GridSolver) -> str:
-    """Versions of its distributions."""
+def version(solver: GridSolver) -> str:
+    """Names and versions of its distributions; of one that is not installed the name."""
     found = []
     for package in solver.packages:
         try:
             found.append(f"{package} {importlib.metadata.version(package)}")
         except importlib.metadata.PackageNotFoundError:
-            found.append(f"{package} (version unknown)")
+            module = sys.modules.get(package)  # imported from a checkout
+            found.append(f"{package} {getattr(module, '__version__', '')}".rstrip())
     return ", ".join(found)
 
 
-class Own:
+class Own(GridSolver):
     """contbranch; it is told the load, and its tolerance is left alone."""
 
     name = "contbranch"
     packages = ("contbranch",)
     control = "load"
-    loosest = 1.0
 
     def value(self, case: Case, mean_gap: float) -> float:
         """The load, whatever the gap."""
@@ -250,7 +249,7 @@ class Own:
 
     def solve(self, case: Case, value: float, tolerance: float, start: Array | None = None) -> Answer:
         """A cold start by `contbranch.solve`, evaluations counted in pairs of transforms."""
-        (cb,) = load_package(self, "contbranch")
+        (cb,) = load_packages("contbranch")
         contact = cb.Contact.reduced(case.law, tabor=case.tabor, sign=case.sign)
         solution = cb.solve(contact, load=value, model=cb.Periodic(cell=case.cell, grid=case.grid))
         if solution.status != "complete":
@@ -263,7 +262,7 @@ class Own:
         return np.asarray(solution.profile.gap, dtype=np.float64).reshape(case.grid, case.grid)
 
 
-class Tamaas:
+class Tamaas(GridSolver):
     """tamaas: `PolonskyKeerRey` with the gap as unknown, held at its mean.
 
     Under load control (the constraint on the pressure) it does not converge with attraction, and neither with the
@@ -273,7 +272,6 @@ class Tamaas:
     name = "tamaas"
     packages = ("tamaas",)
     control = "mean gap"
-    loosest = 1.0
     functionals: ClassVar[dict[str, str]] = {
         "exponential": "ExponentialAdhesionFunctional",
         "gauss": "SquaredExponentialAdhesionFunctional",
@@ -285,7 +283,7 @@ class Tamaas:
 
     def solve(self, case: Case, value: float, tolerance: float, start: Array | None = None) -> Answer:
         """One thread; it does not tell how many iterations it took."""
-        (tamaas,) = load_package(self, "tamaas")
+        (tamaas,) = load_packages("tamaas")
         tamaas.initialize(1)
         tamaas.set_log_level(tamaas.LogLevel.error)
         model = tamaas.Model(tamaas.model_type.basic_2d, [case.cell] * 2, [case.grid] * 2)
@@ -305,7 +303,7 @@ class Tamaas:
         return Answer(gap, complaint="" if error <= tolerance else f"no convergence: its error is {error:.1e}")
 
 
-class Adhesion:
+class Adhesion(GridSolver):
     """Adhesion with ContactMechanics; the gap as unknown, g ≥ 0, at a given offset of the heights.
 
     The mean displacement is tied to the offset by a spring of the stiffness K̂ of the longest wave, the default there.
@@ -314,7 +312,6 @@ class Adhesion:
     name = "adhesion"
     packages = ("Adhesion", "ContactMechanics", "NuMPI")
     control = "offset"
-    loosest = 1.0
 
     def value(self, case: Case, mean_gap: float) -> float:
         """Mean displacement F/(L² K̂) less the mean of g - z."""
@@ -326,7 +323,7 @@ class Adhesion:
         if case.law != "exponential":
             raise NotAble(f"offers no {case.law} law")
         modules = ("ContactMechanics", "Adhesion.System", "Adhesion.Interactions", "SurfaceTopography")
-        mechanics, systems, laws, topography = load_package(self, *modules)
+        mechanics, systems, laws, topography = load_packages(*modules)
         shape = (case.grid, case.grid)
         system = systems.BoundedSmoothContactSystem(
             mechanics.PeriodicFFTElasticHalfSpace(shape, 1.0, (case.cell, case.cell)),
@@ -341,9 +338,9 @@ class Adhesion:
         gap = np.asarray(result.x, dtype=np.float64).reshape(shape)
         return Answer(gap, objective.calls + product.calls, "" if result.success else str(result.message))
 
+    @abstractmethod
     def minimise(self, objective: _Counted, product: _Counted, start: Array, tolerance: float) -> Any:
         """Minimise the energy; the largest component of its gradient is to fall below the tolerance."""
-        raise NotImplementedError
 
 
 class _Counted:
@@ -365,7 +362,7 @@ class AdhesionNewton(Adhesion):
 
     def minimise(self, objective: _Counted, product: _Counted, start: Array, tolerance: float) -> Any:
         """`tr_newton_bounded`."""
-        (optimisation,) = load_package(self, "NuMPI.Optimization")
+        (optimisation,) = load_packages("NuMPI.Optimization")
         radii = {"delta0": 1.0, "delta_max": 10.0}
         return optimisation.tr_newton_bounded(
             objective, start, product, jac=True, bounds_lo=0.0, gtol=tolerance, maxiter=200, **radii
@@ -379,7 +376,7 @@ class AdhesionCG(Adhesion):
 
     def minimise(self, objective: _Counted, product: _Counted, start: Array, tolerance: float) -> Any:
         """`constrained_conjugate_gradients`."""
-        (optimisation,) = load_package(self, "NuMPI.Optimization")
+        (optimisation,) = load_packages("NuMPI.Optimization")
         return optimisation.constrained_conjugate_gradients(
             objective,
             lambda x, v: product(x, v),  # it counts the parameters of what it is given
@@ -397,7 +394,7 @@ class AdhesionLBFGS(Adhesion):
 
     def minimise(self, objective: _Counted, product: _Counted, start: Array, tolerance: float) -> Any:
         """`scipy.optimize.minimize`."""
-        (optimisation,) = load_package(self, "scipy.optimize")
+        (optimisation,) = load_packages("scipy.optimize")
         return optimisation.minimize(
             objective,
             start,
