@@ -31,7 +31,18 @@ import numpy as np
 if (folder := str(Path(__file__).resolve().parents[1])) not in sys.path:
     sys.path.append(folder)  # run as a script, studies/ is not a package
 
-from studies.grid_peers import SOLVERS, Answer, Case, Examined, GridSolver, NotAble, NotInstalled, examine, version
+from studies.grid_peers import (
+    SOLVERS,
+    Answer,
+    Case,
+    Examined,
+    GridSolver,
+    NotAble,
+    NotInstalled,
+    examine,
+    load_packages,
+    version,
+)
 
 ONE_THREAD = {f"{library}_NUM_THREADS": "1" for library in ("OPENBLAS", "OMP", "MKL", "BLIS", "VECLIB_MAXIMUM")}
 LADDER = (1000.0, 100.0, 30.0, 10.0, 3.0, 1.0, 0.3, 0.1)
@@ -175,9 +186,11 @@ def reach_load(
 
 def prepare(solver: GridSolver, case: Case, accuracy: float) -> tuple[Row, float]:
     """Find a solver's control and tolerance; a failure goes into its row."""
-    row = Row(solver.name, version(solver), solver.control)
+    row = Row(solver.name, "", solver.control)
     value = case.load
     try:
+        load_packages(*solver.modules)
+        row.version = version(solver)
         if solver.control != "load":
             reached = reach_load(solver, case, 0.1 * accuracy)
             value, row.found = reached.value, reached.seconds
@@ -291,7 +304,7 @@ def summary(report: Report) -> str:
 
 
 def _cells(case: Case, row: Row) -> list[str]:
-    name = f"{row.name} ({row.version})"
+    name = f"{row.name} ({row.version})" if row.version else row.name
     if row.worth is None:
         return [name, row.failure, *[""] * 7]
     spread = f"{row.median:.3f} s ({min(row.told):.3f}–{max(row.told):.3f})" if row.told else "–"

@@ -193,12 +193,15 @@ class GridSolver(ABC):
         On the command line.
     packages : tuple of str
         Distributions it comes from.
+    modules : tuple of str
+        What has to be imported, before times are taken.
     control : str
         What it is told: ``load``, ``mean gap`` or ``offset``.
     """
 
     name: ClassVar[str]
     packages: ClassVar[tuple[str, ...]]
+    modules: ClassVar[tuple[str, ...]]
     control: ClassVar[str]
 
     @abstractmethod
@@ -241,6 +244,7 @@ class Own(GridSolver):
 
     name = "contbranch"
     packages = ("contbranch",)
+    modules = ("contbranch",)
     control = "load"
 
     def value(self, case: Case, mean_gap: float) -> float:
@@ -249,7 +253,7 @@ class Own(GridSolver):
 
     def solve(self, case: Case, value: float, tolerance: float, start: Array | None = None) -> Answer:
         """A cold start by `contbranch.solve`, evaluations counted in pairs of transforms."""
-        (cb,) = load_packages("contbranch")
+        (cb,) = load_packages(*self.modules)
         contact = cb.Contact.reduced(case.law, tabor=case.tabor, sign=case.sign)
         solution = cb.solve(contact, load=value, model=cb.Periodic(cell=case.cell, grid=case.grid))
         if solution.status != "complete":
@@ -271,6 +275,7 @@ class Tamaas(GridSolver):
 
     name = "tamaas"
     packages = ("tamaas",)
+    modules = ("tamaas",)
     control = "mean gap"
     functionals: ClassVar[dict[str, str]] = {
         "exponential": "ExponentialAdhesionFunctional",
@@ -283,7 +288,7 @@ class Tamaas(GridSolver):
 
     def solve(self, case: Case, value: float, tolerance: float, start: Array | None = None) -> Answer:
         """One thread; it does not tell how many iterations it took."""
-        (tamaas,) = load_packages("tamaas")
+        (tamaas,) = load_packages(*self.modules)
         tamaas.initialize(1)
         tamaas.set_log_level(tamaas.LogLevel.error)
         model = tamaas.Model(tamaas.model_type.basic_2d, [case.cell] * 2, [case.grid] * 2)
@@ -311,6 +316,13 @@ class Adhesion(GridSolver):
 
     name = "adhesion"
     packages = ("Adhesion", "ContactMechanics", "NuMPI")
+    modules = (
+        "ContactMechanics",
+        "Adhesion.System",
+        "Adhesion.Interactions",
+        "SurfaceTopography",
+        "NuMPI.Optimization",
+    )
     control = "offset"
 
     def value(self, case: Case, mean_gap: float) -> float:
@@ -322,8 +334,7 @@ class Adhesion(GridSolver):
         """Cold from the undeformed surface, overlaps cut off; the tolerance is for the largest pressure left over."""
         if case.law != "exponential":
             raise NotAble(f"offers no {case.law} law")
-        modules = ("ContactMechanics", "Adhesion.System", "Adhesion.Interactions", "SurfaceTopography")
-        mechanics, systems, laws, topography = load_packages(*modules)
+        mechanics, systems, laws, topography, _ = load_packages(*self.modules)
         shape = (case.grid, case.grid)
         system = systems.BoundedSmoothContactSystem(
             mechanics.PeriodicFFTElasticHalfSpace(shape, 1.0, (case.cell, case.cell)),
@@ -356,16 +367,20 @@ class _Counted:
 
 
 class AdhesionNewton(Adhesion):
-    """Its energy minimised by the trust-region Newton method of NuMPI, from a radius that never hinders it."""
+    """Its energy minimised by the trust-region Newton method of NuMPI.
+
+    The first radius never hinders it, and inner solves to 0.1 take 5 % fewer products than the default at 512² (229
+    against 241 evaluations in all).
+    """
 
     name = "adhesion-newton"
 
     def minimise(self, objective: _Counted, product: _Counted, start: Array, tolerance: float) -> Any:
         """`tr_newton_bounded`."""
         (optimisation,) = load_packages("NuMPI.Optimization")
-        radii = {"delta0": 1.0, "delta_max": 10.0}
+        options = {"delta0": 1.0, "delta_max": 10.0, "inner_tol": 0.1}
         return optimisation.tr_newton_bounded(
-            objective, start, product, jac=True, bounds_lo=0.0, gtol=tolerance, maxiter=200, **radii
+            objective, start, product, jac=True, bounds_lo=0.0, gtol=tolerance, maxiter=200, **options
         )
 
 

@@ -72,6 +72,7 @@ class Dense:
     """A solver made for these tests."""
 
     packages = ("numpy",)
+    modules = ()
 
     def __init__(self, name, control):
         self.name, self.control = name, control
