@@ -6,9 +6,12 @@ import json
 import math
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+
+import contbranch
 
 ROOT = Path(__file__).parents[1]
 if str(ROOT) not in sys.path:
@@ -226,6 +229,32 @@ def test_arguments():
     given = benchmark_grid.arguments([])
     assert (given.grid, given.cell, given.load, given.tabor, given.law) == (512, 9.8825, 1.5625, 1.0, "exponential")
     assert benchmark_grid.arguments(["--peers", "tamaas", "adhesion-cg"]).peers == ["tamaas", "adhesion-cg"]
+
+
+def test_own_solver_is_told_the_case(monkeypatch):
+    """The contact, the load and the model that go to `contbranch.solve`; its failure is one here."""
+    asked = {}
+
+    def solve(contact, *, load, model, near=None):
+        asked.update(tabor=contact.tabor, load=load, model=model)
+        gap = dense_equilibrium(SMALL)
+        cost = SimpleNamespace(fft_pairs=40 if near is None else 9, wall_s=0.5)
+        return SimpleNamespace(status=status, message="stuck", profile=SimpleNamespace(gap=gap), cost=cost)
+
+    status = "complete"
+    monkeypatch.setattr(contbranch, "solve", solve)
+    monkeypatch.setattr(contbranch, "Periodic", lambda cell, grid: (cell, grid), raising=False)
+    answer = grid_peers.Own().solve(SMALL, 1.0, 1e-8)
+    assert asked == {"tabor": 1.0, "load": 1.0, "model": (6.0, 12)}
+    assert answer.evaluations == 40
+    assert examine(SMALL, answer.gap).residual < 1e-12
+    (cost,) = benchmark_grid.scaling(SMALL, (16,))
+    assert (cost.grid, cost.cold_pairs, cost.warm_pairs) == (16, 40, 9)
+    assert asked["load"] == pytest.approx(1.01)
+    assert asked["model"] == (6.0, 16)
+    status = "incomplete"
+    with pytest.raises(NotAble, match="stuck"):
+        grid_peers.Own().solve(SMALL, 1.0, 1e-8)
 
 
 # The others themselves
