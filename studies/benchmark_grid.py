@@ -213,6 +213,7 @@ def prepare(solver: GridSolver, case: Case, accuracy: float) -> tuple[Row, float
 
 def run(case: Case, solvers: Sequence[GridSolver], accuracy: float = 1e-8, repeats: int = 5) -> Report:
     """Prepare all solvers, then time them in turn."""
+    where = machine()
     prepared = [(solver, *prepare(solver, case, accuracy)) for solver in solvers]
     able = [item for item in prepared if item[1].worth is not None]
     for _ in range(repeats):
@@ -227,17 +228,17 @@ def run(case: Case, solvers: Sequence[GridSolver], accuracy: float = 1e-8, repea
             row.evaluations = answer.evaluations
             if row.worth is None or worth.residual >= row.worth.residual:
                 row.worth = worth  # the worst of all that were timed
-    return Report(case, accuracy, machine(), [row for _, row, _ in prepared])
+    return Report(case, accuracy, where, [row for _, row, _ in prepared])
 
 
 def machine() -> dict[str, object]:
-    """Processor, number of processors, load and versions."""
+    """Processor, number of processors, how busy they are (before anything is measured) and versions."""
     name = platform.processor() or platform.machine()
     if Path("/proc/cpuinfo").exists():
         lines = Path("/proc/cpuinfo").read_text().splitlines()
         names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
         name = names[0] if names else name
-    busy = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
+    busy = round(os.getloadavg()[0], 2) if hasattr(os, "getloadavg") else None
     versions = {"python": platform.python_version(), "numpy": np.__version__}
     return {"processor": name, "nproc": os.cpu_count(), "load_average": busy, "threads": 1, **versions}
 
@@ -291,7 +292,8 @@ def summary(report: Report) -> str:
     lines = [
         f"{c.law} {sign}, μ_T = {c.tabor:g}, F = {c.load:g}, {c.grid}², L = {c.cell:g}; "
         f"true residual at most {report.accuracy:g}",
-        f"{m['processor']}, {m['nproc']} processors, one thread used, Python {m['python']}, numpy {m['numpy']}",
+        f"{m['processor']}, {m['nproc']} processors (load {m['load_average']}), one thread used; "
+        f"Python {m['python']}, numpy {m['numpy']}",
         table(("solver", *times, *worth), rows),
     ]
     own, best, ratio = report.own, report.best, report.ratio
