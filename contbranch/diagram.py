@@ -97,6 +97,8 @@ class State:
     unstable_azimuthal : int
         Number of unstable modes that break the axial symmetry, cos mθ and sin mθ of each m ≥ 1 together counted as one.
         They do not depend on the control. Modes up to m = 32 are counted (a trace: up to its `modes`).
+    mean_gap : float or None
+        Mean of the gap over the cell, of grid models.
     """
 
     load: float
@@ -111,6 +113,7 @@ class State:
     profile: Profile | None = None
     unstable_spring: int | None = None
     unstable_azimuthal: int = 0
+    mean_gap: float | None = None
 
     @property
     def r(self) -> Array:
@@ -245,6 +248,9 @@ class Event:
         Number m of the azimuthal mode that changes stability (symmetry).
     mode_shape : ModeShape or None
         Gap and pressure of that mode.
+    verdict : str or None
+        Of a fold on a grid: ``"stays"``, ``"moves"`` or ``"vanishes"`` on the grid with twice the nodes a side, where
+        that was examined. One that vanishes is the lattice's own and bears no name.
     origin : object or None
         What `contbranch.follow` needs to follow the event; None for events read from a file.
     """
@@ -265,6 +271,7 @@ class Event:
     origin: Any = field(default=None, repr=False, compare=False)
     mode: int | None = None
     mode_shape: ModeShape | None = field(default=None, repr=False, compare=False)
+    verdict: str | None = None
 
     @cached_property
     def exponent(self) -> Exponent | None:
@@ -290,6 +297,8 @@ class Branch:
         `unstable_displacement` does; None where it has not been examined.
     critical : array (M,), callable or None
         The critical eigenvalue, or what computes it: ask for it as ``branch.critical_eigenvalue``.
+    fft_pairs : integer array (M,) or None
+        Pairs of transforms spent on each point by a grid model.
     """
 
     load: Array
@@ -305,6 +314,7 @@ class Branch:
     unstable_spring: NDArray[np.int64] | None = None
     unstable_azimuthal: NDArray[np.int64] | None = None
     critical: Array | Callable[[], Array] | None = field(default=None, repr=False)
+    fft_pairs: NDArray[np.int64] | None = None
 
     def __len__(self) -> int:
         return len(self.load)
@@ -379,11 +389,12 @@ class ModelChoice:
 
 @dataclass(frozen=True)
 class Cost:
-    """Wall time in seconds, Newton iterations and pairs of transforms."""
+    """Wall time in seconds, Newton iterations and pairs of transforms (those spent on stability apart)."""
 
     wall_s: float
     newton: int
     fft_pairs: int = 0
+    stability_pairs: int = 0
 
 
 @dataclass(frozen=True)

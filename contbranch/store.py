@@ -45,7 +45,7 @@ VERSION: Final = 1
 _CURVE: Final = (*OBSERVABLES, "energy", "load_error", "displacement_error")
 _INDICES: Final = ("unstable_load", "unstable_displacement")
 _CRITICAL: Final = "critical_eigenvalue"
-_OPTIONAL: Final = ("unstable_spring", "unstable_azimuthal")
+_OPTIONAL: Final = ("unstable_spring", "unstable_azimuthal", "fft_pairs")
 _PROFILE: Final = ("r", "gap", "pressure", "wall_pressure")
 _LOCAL: Final = ("excess", "order_parameter", "kappa", "error")
 _SHAPE: Final = ("r", "gap", "pressure")
@@ -330,7 +330,7 @@ def _read(file: h5py.File) -> Diagram:
         events=events,
         thresholds={key: float(value) for key, value in file["thresholds"].attrs.items()},
         model=ModelChoice(kind=model["kind"], why=model["why"], unknowns=int(model["unknowns"])),
-        cost=Cost(float(cost["wall_s"]), int(cost["newton"]), int(cost["fft_pairs"])),
+        cost=Cost(float(cost["wall_s"]), int(cost["newton"]), int(cost["fft_pairs"]), int(cost.get("stability_pairs", 0))),
         control=file.attrs["control"],
         stiffness=float(file.attrs["stiffness"]) if "stiffness" in file.attrs else None,
         accuracy=float(file.attrs["accuracy"]),

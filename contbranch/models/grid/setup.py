@@ -86,6 +86,11 @@ class Setup:
         return replace(self, symmetric=False)
 
     @property
+    def crowded(self) -> bool:
+        """Whether the tip fills its cell, so that contact and interaction reach the border by right."""
+        return isinstance(self.contact.tip, HeightMap)
+
+    @property
     def centred(self) -> bool:
         """Whether nodes lie in the middle of their squares (else on a corner, as those of a height map)."""
         return not isinstance(self.contact.tip, HeightMap)

@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from .newton import Equilibrium, Hold, Settings, hold_control, newton
+from .newton import Equilibrium, Hold, Settings, newton
 from .problem import GridProblem
 
 __all__ = ["Direction", "Measure", "Point", "WalkOptions", "Walker", "between"]
@@ -161,7 +161,7 @@ class Walker:
         ℓ, the range of the law.
     options : WalkOptions
     points : list of Point
-        What has been accepted; the fields of all but the last few are given up by `release`.
+        The last that were accepted; whoever walks may delete all but the last few.
     message : str
         Why the walk could not go on; empty as long as it can.
     """
@@ -257,9 +257,6 @@ class Walker:
             return None
         return Point(past[-1].arc + distance, found), miss, miss > 0.5 * allowed
 
-    def release(self, keep: int = 4) -> None:
-        """Give up the fields of points that are no longer needed."""
-
 
 def between(
     problem: GridProblem, points: list[Point], direction: Direction, value: float, settings: Settings
@@ -282,15 +279,3 @@ def between(
     np.copyto(u, -problem.heights, where=contact)
     slack = 1e-3 * (max(progress) - min(progress))
     return newton(problem, u, load, direction.hold(value, slack), contact, settings)
-
-
-def first_states(
-    problem: GridProblem, displacement: float, step: float, settings: Settings
-) -> tuple[Equilibrium, Equilibrium]:
-    """Two equilibria without contact far away, at a displacement and a little closer."""
-    u = np.full(problem.shape, -displacement)
-    load = problem.lattice.node_area * float(problem.respond(problem.heights + u)[1].sum())
-    one = newton(problem, u, load, hold_control(problem, 0.0, 1.0, displacement), None, settings)
-    other = displacement + step
-    two = newton(problem, one.u - step, one.load, hold_control(problem, 0.0, 1.0, other), None, settings)
-    return one, two
