@@ -1,0 +1,221 @@
+"""Damped dynamics of a tip on a lattice towards a stable equilibrium; they never end in an unstable one.
+
+The mean of u is driven by a constant force, or through a compliance: with F = (value + w mean(u))/c, as a displacement
+or a spring has it, the mean mode gets the stiffness K̂(0) = w/(c A), and the load pressure that u demands is
+
+    K u + F/A = K_c u + b,      b = value/(c A).
+
+The masses are K̂ + m (mass weighting: all modes about equally fast), taken on the nodes that are free to move: with R
+dropping what the wall holds, the mobility is W = R (K_c + m)⁻¹ R. So nodes at the wall have neither velocity nor
+influence, and what is at rest is in equilibrium. Nodes that overlap are put on the wall and lose their momentum;
+nodes that the wall would have to pull leave it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbranch.errors import InputError
+from contbranch.solvers.gfmd import gfmd
+from contbranch.solvers.motion import Ending, MotionSettings
+
+from .newton import Equilibrium, Hold
+from .problem import Fields, GridProblem
+
+__all__ = ["LatticeMotion", "Method", "relax"]
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Method = Literal["gfmd", "fire"]
+
+# Steps after which K u, kept up to date without transforms, is computed anew.
+_RENEW = 50
+
+
+class Place(NamedTuple):
+    """A trial state: fields, the nodes that the wall holds, the force, the residual, and the age of K u."""
+
+    fields: Fields
+    held: Mask
+    force: Array
+    residual: float
+    age: int
+
+
+@dataclass
+class LatticeMotion:
+    """A problem on a lattice with what is held, as dynamics see it (`contbranch.solvers.motion.System`).
+
+    Attributes
+    ----------
+    problem : GridProblem
+    hold : Hold
+        Load, displacement or spring.
+    mass : float
+        m.
+
+    Raises
+    ------
+    InputError
+        If what is held is no load, displacement or spring.
+    """
+
+    problem: GridProblem
+    hold: Hold
+    mass: float
+    until: Callable[[Place], bool] | None = None
+    _renewed: int = field(default=0, init=False)
+
+    def __post_init__(self) -> None:
+        row = self.hold.row
+        if isinstance(row, np.ndarray) or self.hold.load_weight <= 0.0 or (row is not None and row > 0.0):
+            raise InputError("hold: dynamics need a load, a displacement or a spring; make it with hold_control")
+
+    @cached_property
+    def base(self) -> float:
+        """b."""
+        return self.hold.value / (self.hold.load_weight * self.problem.lattice.area)
+
+    @cached_property
+    def mean_stiffness(self) -> float:
+        """K̂(0)."""
+        row = 0.0 if self.hold.row is None else float(self.hold.row)  # type: ignore[arg-type]
+        return -row * self.problem.lattice.size**2 / (self.hold.load_weight * self.problem.lattice.area)
+
+    @cached_property
+    def mean_mass(self) -> float:
+        """Mass of the mean mode: as stiff as the far field is, at least."""
+        return max(self.mean_stiffness, 1.0 / (self.problem.lattice.compliance * self.problem.lattice.area))
+
+    @cached_property
+    def _mobility(self) -> Array:
+        inverse = self.problem.smoother(self.mass)
+        inverse[0, 0] = self.problem.transform.normalisation / self.mean_mass
+        return inverse
+
+    @cached_property
+    def stiffest(self) -> float:
+        """Estimate of the largest eigenvalue of W (K_c + v'')."""
+        return max(1.0, stiffest_interaction(self.problem) / self.mass)
+
+    def place(self, u: Array) -> Place:
+        """Everything at a trial field, moved out of the wall; one pair."""
+        u = np.maximum(u, -self.problem.heights)
+        return self._place(u, self.problem.stiffness(u) + self.load(u) / self.problem.lattice.area, 0)
+
+    def load(self, u: Array) -> float:
+        """F."""
+        return (self.hold.value - self.hold.product(u)) / self.hold.load_weight
+
+    def _place(self, u: Array, elastic: Array, age: int) -> Place:
+        gap = self.problem.heights + u
+        fields = Fields(u, self.load(u), elastic, gap, *self.problem.respond(gap))
+        excess = fields.excess
+        held = (gap <= 0.0) & (excess > 0.0)
+        force = np.where(held, 0.0, -excess)
+        residual = _rms(force) / (_rms(elastic) or 1.0)
+        return Place(fields, held, force, residual, age)
+
+    def force(self, place: Place) -> Array:
+        """p_fr - K u - F/A, 0 where the wall holds."""
+        return place.force
+
+    def residual(self, place: Place) -> float:
+        """Root mean square of the force relative to that of the pressure, as `Equilibrium.residual`."""
+        return place.residual
+
+    def confine(self, place: Place, momentum: Array) -> Array:
+        """The momentum of the nodes that the wall does not hold."""
+        return np.where(place.held, 0.0, momentum)
+
+    def mobility(self, place: Place, momentum: Array) -> Array:
+        """R (K_c + m)⁻¹ R π; one pair."""
+        velocity = self.problem.transform.filter(self._mobility, momentum)
+        velocity[place.held] = 0.0
+        return velocity
+
+    def move(self, place: Place, momentum: Array, velocity: Array, time: float) -> Place:
+        """Follow the velocity; one pair if the wall is met or has been recently, otherwise none."""
+        u = place.fields.u + time * velocity
+        overlap = self.problem.heights + u < 0.0
+        if overlap.any() or place.held.any() or place.age >= _RENEW:
+            return self.place(u)
+        # K_c W π = π - m W π, but for the mean mode
+        mean = (self.mean_stiffness - self.mean_mass + self.mass) * float(velocity.mean())
+        change = momentum - self.mass * velocity + mean
+        return self._place(u, place.fields.elastic + time * change, place.age + 1)
+
+    def slowing(self, place: Place, change: Array) -> float:
+        """Let no node move by more than half the interaction's range, or of its gap where that is larger."""
+        scale = _length(self.problem)
+        largest = float(np.max(np.abs(change) / (scale + np.minimum(place.fields.gap, 1e3 * self.problem.lattice.edge))))
+        return 1.0 if largest <= 0.5 else 0.5 / largest
+
+    def energy(self, place: Place) -> float:
+        """The energy that the motion minimises, less a constant: elastic, interaction, and work of what is held."""
+        f = place.fields
+        total = 0.5 * float(np.vdot(f.u, f.elastic + self.base)) + float(f.energy.sum())
+        return self.problem.lattice.node_area * total
+
+    def ending(self, place: Place, velocity: Array) -> Ending | None:
+        """Interrupted on request, or pulled apart by a load that nothing further out can balance."""
+        if self.until is not None and self.until(place):
+            return Ending.INTERRUPTED
+        load = place.fields.load
+        if self.mean_stiffness > 0.0 or load > 0.0 or place.held.any() or float(velocity.mean()) <= 0.0:
+            return None
+        strongest = self.problem.lattice.node_area * float(self._attraction(place.fields.gap).sum())
+        return Ending.ESCAPED if strongest <= -0.9 * load else None
+
+    def _attraction(self, gap: Array) -> Array:
+        """The strongest attraction at these gaps or larger ones."""
+        law = self.problem.law
+        if law is None:
+            return np.zeros_like(gap)
+        gaps = _length(self.problem) * np.geomspace(1e-3, 1e6, 3000)
+        pull = np.maximum.accumulate(np.maximum(-self.problem.respond(gaps)[1], 0.0)[::-1])[::-1]
+        return np.asarray(pull[np.clip(np.searchsorted(gaps, gap) - 1, 0, None)])
+
+
+def stiffest_interaction(problem: GridProblem) -> float:
+    """Largest v'' at any gap, 0 at least."""
+    gaps = np.concatenate([[0.0], _length(problem) * np.geomspace(1e-2, 1e3, 1000)])
+    return max(0.0, float(problem.respond(gaps)[2].max()))
+
+
+def _length(problem: GridProblem) -> float:
+    """Shortest length on which the interaction changes; the cell's edge without one."""
+    if problem.law is None:
+        return problem.lattice.edge
+    return min(min(term.range for term in problem.law.terms), 0.25 * problem.law.wave)
+
+
+def relax(
+    problem: GridProblem,
+    u: Array,
+    load: float,
+    hold: Hold,
+    method: Method = "gfmd",
+    settings: MotionSettings = MotionSettings(),
+    mass: float | None = None,
+) -> Equilibrium:
+    """Relax."""
+    mass = max(2.0 / problem.lattice.edge, stiffest_interaction(problem)) if mass is None else mass
+    before = problem.counter.equilibrium
+    system = LatticeMotion(problem, hold, mass)
+    minimise = gfmd
+    place, steps, ending = minimise(system, system.place(u), settings)
+    print(ending)
+    f = place.fields
+    return Equilibrium(f, place.held, place.residual, problem.displacement(f.u, f.load), ending is Ending.CONVERGED, steps, problem.counter.equilibrium-before)
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values * values)))
