@@ -19,14 +19,14 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from .motion import Ending, MotionSettings, Place, Relaxed, System
+from .motion import DEFAULT, Ending, MotionSettings, Place, Relaxed, System, curvature, ending_of
 
 __all__ = ["gfmd"]
 
 Array = NDArray[np.float64]
 
 
-def gfmd(system: System[Place], place: Place, settings: MotionSettings = MotionSettings()) -> Relaxed[Place]:
+def gfmd(system: System[Place], place: Place, settings: MotionSettings = DEFAULT) -> Relaxed[Place]:
     """Relax from rest until the residual asked for is reached.
 
     Parameters
@@ -47,7 +47,7 @@ def gfmd(system: System[Place], place: Place, settings: MotionSettings = MotionS
     time = 2.0 * settings.safety / math.sqrt(stiffest)
     frequency = 0.0
     for step in range(settings.steps + 1):
-        ending = _ending(system, place, velocity, settings.tolerance)
+        ending = ending_of(system, place, velocity, settings.tolerance)
         if ending is not None or step == settings.steps:
             return Relaxed(place, step, ending or Ending.STEPS)
         momentum = system.confine(place, momentum)
@@ -64,18 +64,9 @@ def gfmd(system: System[Place], place: Place, settings: MotionSettings = MotionS
         before = force
         place = system.move(place, momentum, velocity, time)
         force = system.force(place)
-        moved = (before != 0.0) & (force != 0.0)
-        kinetic = float(np.vdot(momentum, velocity))
-        curvature = float(np.vdot(velocity, (before - force) * moved)) / (time * kinetic) if kinetic > 0.0 else 0.0
-        if curvature > stiffest:
-            stiffest = curvature
+        steep = curvature(before, force, momentum, velocity, time)
+        if steep > stiffest:
+            stiffest = steep
             time = 2.0 * settings.safety / math.sqrt(stiffest)
-        frequency = math.sqrt(max(curvature, 0.0))
+        frequency = math.sqrt(max(steep, 0.0))
     raise AssertionError("unreachable")
-
-
-def _ending(system: System[Place], place: Place, velocity: Array, tolerance: float) -> Ending | None:
-    residual = system.residual(place)
-    if not math.isfinite(residual):
-        return Ending.DIVERGED
-    return Ending.CONVERGED if residual <= tolerance else system.ending(place, velocity)

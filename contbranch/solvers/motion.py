@@ -11,13 +11,14 @@ A mobility that resembles the inverse of the energy's second variation makes all
 from __future__ import annotations
 
 import enum
+import math
 from dataclasses import dataclass
 from typing import Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Ending", "MotionSettings", "Relaxed", "System"]
+__all__ = ["DEFAULT", "Ending", "MotionSettings", "Relaxed", "System", "curvature", "ending_of"]
 
 Array = NDArray[np.float64]
 Place = TypeVar("Place")
@@ -52,17 +53,16 @@ class MotionSettings:
     safety: float = 0.8
 
 
-class System(Protocol[Place]):
-    """A problem as dynamics see it; a Place is one with everything known there.
+DEFAULT = MotionSettings()
 
-    Attributes
-    ----------
-    stiffest : float
-        Estimate of the largest eigenvalue of W · (second variation): steps are corrected should it be too low.
-    """
+
+class System(Protocol[Place]):
+    """A problem as dynamics see it; a Place is one with everything known there."""
 
     @property
-    def stiffest(self) -> float: ...
+    def stiffest(self) -> float:
+        """Estimate of the largest eigenvalue of W · (second variation); should it be too low, steps are corrected."""
+        ...
 
     def force(self, place: Place) -> Array:
         """f, zero where nothing can move."""
@@ -99,3 +99,23 @@ class Relaxed(NamedTuple, Generic[Place]):
     place: Place
     steps: int
     ending: Ending
+
+
+def ending_of(system: System[Place], place: Place, velocity: Array, tolerance: float) -> Ending | None:
+    """Whether the motion ends here, and why."""
+    residual = system.residual(place)
+    if not math.isfinite(residual):
+        return Ending.DIVERGED
+    return Ending.CONVERGED if residual <= tolerance else system.ending(place, velocity)
+
+
+def curvature(before: Array, after: Array, momentum: Array, velocity: Array, time: float) -> float:
+    """Rayleigh's quotient v·Hv / v·π along the last step, from the forces before and after it; a squared frequency.
+
+    What is held at either end is left out.
+    """
+    kinetic = float(np.vdot(momentum, velocity))
+    if kinetic <= 0.0:
+        return 0.0
+    moved = (before != 0.0) & (after != 0.0)
+    return float(np.vdot(velocity, (before - after) * moved)) / (time * kinetic)

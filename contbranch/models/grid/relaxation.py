@@ -15,25 +15,28 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal, NamedTuple
+from typing import Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contbranch.errors import InputError
+from contbranch.solvers.fire import fire
 from contbranch.solvers.gfmd import gfmd
-from contbranch.solvers.motion import Ending, MotionSettings
+from contbranch.solvers.motion import DEFAULT, Ending, MotionSettings
 
 from .newton import Equilibrium, Hold
 from .problem import Fields, GridProblem
 
-__all__ = ["LatticeMotion", "Method", "relax"]
+__all__ = ["LatticeMotion", "Method", "Place", "equilibrium", "minimisers", "relax", "stiffest_interaction"]
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Method = Literal["gfmd", "fire"]
+
+minimisers: Final = {"gfmd": gfmd, "fire": fire}
 
 # Steps after which K u, kept up to date without transforms, is computed anew.
 _RENEW = 50
@@ -58,8 +61,8 @@ class LatticeMotion:
     problem : GridProblem
     hold : Hold
         Load, displacement or spring.
-    mass : float
-        m.
+    until : callable, optional
+        Interrupt the motion where this is true.
 
     Raises
     ------
@@ -69,9 +72,7 @@ class LatticeMotion:
 
     problem: GridProblem
     hold: Hold
-    mass: float
     until: Callable[[Place], bool] | None = None
-    _renewed: int = field(default=0, init=False)
 
     def __post_init__(self) -> None:
         row = self.hold.row
@@ -86,8 +87,14 @@ class LatticeMotion:
     @cached_property
     def mean_stiffness(self) -> float:
         """K̂(0)."""
-        row = 0.0 if self.hold.row is None else float(self.hold.row)  # type: ignore[arg-type]
+        row = 0.0 if self.hold.row is None else float(self.hold.row)
         return -row * self.problem.lattice.size**2 / (self.hold.load_weight * self.problem.lattice.area)
+
+    @cached_property
+    def mass(self) -> float:
+        """m: between the softest mode of the cell, 2/L, and the stiffest interaction, which takes the fewest steps."""
+        softest = 2.0 / self.problem.lattice.edge
+        return max(softest, math.sqrt(softest * stiffest_interaction(self.problem)))
 
     @cached_property
     def mean_mass(self) -> float:
@@ -155,8 +162,35 @@ class LatticeMotion:
     def slowing(self, place: Place, change: Array) -> float:
         """Let no node move by more than half the interaction's range, or of its gap where that is larger."""
         scale = _length(self.problem)
-        largest = float(np.max(np.abs(change) / (scale + np.minimum(place.fields.gap, 1e3 * self.problem.lattice.edge))))
+        largest = float(np.max(np.abs(change) / (scale + place.fields.gap)))
         return 1.0 if largest <= 0.5 else 0.5 / largest
+
+    def variation(self, place: Place, velocity: Array) -> Array:
+        """R (K_c + v'') v, the second variation of the energy along a velocity; one pair."""
+        change = self.problem.stiffness(velocity)
+        change += place.fields.stiffness * velocity + self.mean_stiffness * float(velocity.mean())
+        change[place.held] = 0.0
+        return change
+
+    def leads_to(self, place: Place, u: Array) -> bool:
+        """Whether the energy falls on the straight line to a state as it does towards a minimum nearby.
+
+        Its slope is that of a parabola at three points, but for a third: forces (less the wall's) work along the
+        change, half as much on half the way, and no more at its end. One pair.
+        """
+        change = u - place.fields.u
+        start = float(np.vdot(place.force, change))
+        if not np.any(change):
+            return True
+        middle = self.place(place.fields.u + 0.5 * change)
+        half = float(np.vdot(np.where(place.held, 0.0, middle.force), change))
+        return start > 0.0 and abs(half / start - 0.5) < 0.3
+
+    def push(self, place: Place, seed: int) -> Array:
+        """A small change of u at random, at most a tenth of the interaction's range; one pair."""
+        noise = self.confine(place, np.random.default_rng(seed).standard_normal(self.problem.shape))
+        change = self.mobility(place, noise)
+        return np.asarray(0.1 * _length(self.problem) / float(np.abs(change).max()) * change)
 
     def energy(self, place: Place) -> float:
         """The energy that the motion minimises, less a constant: elastic, interaction, and work of what is held."""
@@ -203,18 +237,47 @@ def relax(
     load: float,
     hold: Hold,
     method: Method = "gfmd",
-    settings: MotionSettings = MotionSettings(),
-    mass: float | None = None,
+    settings: MotionSettings = DEFAULT,
 ) -> Equilibrium:
-    """Relax."""
-    mass = max(2.0 / problem.lattice.edge, stiffest_interaction(problem)) if mass is None else mass
+    """Relax a trial state from rest, to the residual asked for.
+
+    Parameters
+    ----------
+    problem : GridProblem
+    u : array
+        Trial field; what overlaps with the wall is moved out of it.
+    load : float
+        Not used, as it follows from the field and what is held.
+    hold : Hold
+        Load, displacement or spring (`hold_control`).
+    method : {"gfmd", "fire"}
+    settings : MotionSettings
+
+    Returns
+    -------
+    Equilibrium
+        With ``converged`` False and a reason if the residual was not reached.
+
+    Raises
+    ------
+    InputError
+        If what is held is something else.
+    """
     before = problem.counter.equilibrium
-    system = LatticeMotion(problem, hold, mass)
-    minimise = gfmd
-    place, steps, ending = minimise(system, system.place(u), settings)
-    print(ending)
-    f = place.fields
-    return Equilibrium(f, place.held, place.residual, problem.displacement(f.u, f.load), ending is Ending.CONVERGED, steps, problem.counter.equilibrium-before)
+    motion = LatticeMotion(problem, hold)
+    place, steps, ending = minimisers[method](motion, motion.place(u), settings)
+    return equilibrium(motion, place, steps, problem.counter.equilibrium - before, ending)
+
+
+def equilibrium(motion: LatticeMotion, place: Place, steps: int, pairs: int, ending: Ending) -> Equilibrium:
+    """The outcome of a motion as that of a solver."""
+    fields = place.fields
+    displacement = motion.problem.displacement(fields.u, fields.load)
+    converged = ending is Ending.CONVERGED
+    reason = "" if converged else ending.value
+    return Equilibrium(
+        fields, place.held, place.residual, displacement, converged, steps, pairs, place.residual, reason
+    )
 
 
 def _rms(values: Array) -> float:
