@@ -15,6 +15,10 @@ __all__ = ["Lowest", "lowest"]
 Array = NDArray[np.float64]
 
 
+# Steps in which the value must not have decreased any more.
+_STEADY = 6
+
+
 class Lowest(NamedTuple):
     """The lowest Ritz value, an upper bound of the eigenvalue, its distance to an eigenvalue at most, and the steps."""
 
@@ -32,9 +36,10 @@ def lowest(
 ) -> Lowest:
     """Lanczos' iteration for W H, symmetric in the product x·Wy.
 
-    It ends as soon as the sign is certain: with a negative value, or when the error is below ``accuracy`` of a
-    positive one. Vectors are not orthogonalised again: that repeats eigenvalues, but adds none, and only a few
-    vectors are kept.
+    It ends with a negative value, which is proof of a negative eigenvalue, or when a positive value has both an error
+    and a decrease in the last steps below ``accuracy``, relatively. (The error alone is the distance to some
+    eigenvalue, maybe not to the lowest one, if the start has little of its eigenvector.) Vectors are not
+    orthogonalised again: that repeats eigenvalues, but adds none, and only a few vectors are kept.
 
     Parameters
     ----------
@@ -43,6 +48,7 @@ def lowest(
     start : array
         Any vector, with a component along the eigenvector.
     accuracy : float
+        Relative.
     limit : int
         Steps at most.
 
@@ -56,6 +62,7 @@ def lowest(
     before, link = np.zeros_like(y), 0.0
     diagonal: list[float] = []
     off: list[float] = []
+    history: list[float] = []
     while True:
         w = operator(v) - link * before
         diagonal.append(float(np.vdot(v, w)))
@@ -65,7 +72,9 @@ def lowest(
         values, vectors = eigh_tridiagonal(diagonal, off, select="i", select_range=(0, 0))
         value, error = float(values[0]), link * abs(float(vectors[-1, 0]))
         exhausted = link <= 1e-14 * max(abs(x) for x in (*diagonal, *off, 1e-300))
-        if value < 0.0 or error <= accuracy * value or exhausted or len(diagonal) == limit:
+        history.append(value)
+        settled = len(history) > _STEADY and history[-1 - _STEADY] - value <= accuracy * value
+        if value < 0.0 or (settled and error <= accuracy * value) or exhausted or len(diagonal) == limit:
             return Lowest(value, error, len(diagonal))
         off.append(link)
         before, y, v = y, w / link, u / link

@@ -30,7 +30,7 @@ class Ending(enum.StrEnum):
     CONVERGED = "the residual asked for was reached"
     STEPS = "the number of steps allowed was reached before the residual asked for"
     INTERRUPTED = "interrupted on request before the residual asked for was reached"
-    ESCAPED = "no stable state: the surfaces are pulled apart beyond the interaction's reach"
+    ESCAPED = "no stable state is reached: the load pulls the surfaces apart, and nothing further out can hold them"
     DIVERGED = "the force is not finite"
 
 

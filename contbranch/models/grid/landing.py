@@ -101,7 +101,10 @@ def softest(problem: GridProblem, fields: Equilibrium, hold: Hold) -> Lowest:
 
 
 def _softest(motion: LatticeMotion, place: Place) -> Lowest:
-    start = np.random.default_rng(0).standard_normal(motion.problem.shape)
+    # Modes of negative curvature live where the interaction softens.
+    noise = np.random.default_rng(0).standard_normal(motion.problem.shape)
+    stiffness = np.abs(place.fields.stiffness)
+    start = stiffness * (1.0 + 0.5 * noise) + 1e-3 * (1.0 + float(stiffness.max())) * (1.0 + noise)
     return lowest(
         lambda velocity: motion.variation(place, velocity),
         lambda momentum: motion.mobility(place, momentum),
@@ -143,7 +146,14 @@ def _descend(
         place, more, ending = minimisers[method](motion, place, MotionSettings(tolerance, steps - used))
         used += more
         if ending is Ending.INTERRUPTED:
-            state = newton(problem, place.fields.u, place.fields.load, hold, place.held, Settings(tolerance, steps=12))
+            state = newton(
+                problem,
+                place.fields.u,
+                place.fields.load,
+                hold,
+                place.held,
+                Settings(tolerance, steps=8, inner=100, growth=2.0),
+            )
             if state.converged and motion.leads_to(place, state.u) and softest(problem, state, hold).value > _NEGATIVE:
                 return replace(state, steps=used + state.steps, pairs=problem.counter.equilibrium - before)
             goal = _CLOSER * min(goal, place.residual)

@@ -205,17 +205,22 @@ class LatticeMotion:
         load = place.fields.load
         if self.mean_stiffness > 0.0 or load > 0.0 or place.held.any() or float(velocity.mean()) <= 0.0:
             return None
-        strongest = self.problem.lattice.node_area * float(self._attraction(place.fields.gap).sum())
-        return Ending.ESCAPED if strongest <= -0.9 * load else None
+        gaps, pull, softening = self._outwards
+        at = np.clip(np.searchsorted(gaps, place.fields.gap) - 1, 0, None)
+        # Nothing snaps in on the way, as no elastic mode is as soft as the interaction
+        rigid = float(softening[at].max()) < 1.0 / self.problem.lattice.edge
+        strongest = self.problem.lattice.node_area * float(pull[at].sum())
+        return Ending.ESCAPED if rigid and strongest <= -0.9 * load else None
 
-    def _attraction(self, gap: Array) -> Array:
-        """The strongest attraction at these gaps or larger ones."""
-        law = self.problem.law
-        if law is None:
-            return np.zeros_like(gap)
-        gaps = _length(self.problem) * np.geomspace(1e-3, 1e6, 3000)
-        pull = np.maximum.accumulate(np.maximum(-self.problem.respond(gaps)[1], 0.0)[::-1])[::-1]
-        return np.asarray(pull[np.clip(np.searchsorted(gaps, gap) - 1, 0, None)])
+    @cached_property
+    def _outwards(self) -> tuple[Array, Array, Array]:
+        """Gaps, and the largest attraction and the largest -v'' at these or larger ones."""
+        gaps = _length(self.problem) * np.concatenate([[0.0], np.geomspace(1e-3, 1e6, 3000), [np.inf]])
+        _, pressure, stiffness = self.problem.respond(gaps)
+        pull, softening = (
+            np.maximum.accumulate(np.maximum(-values, 0.0)[::-1])[::-1] for values in (pressure, stiffness)
+        )
+        return gaps, pull, softening
 
 
 def stiffest_interaction(problem: GridProblem) -> float:
