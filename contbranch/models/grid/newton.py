@@ -116,7 +116,9 @@ class Equilibrium:
     displacement : float
     converged : bool
     steps, pairs : int
-        Newton steps and pairs of transforms spent.
+        Steps and pairs of transforms spent.
+    reason : str
+        Why it has not converged, where that is known.
     """
 
     fields: Fields
@@ -127,6 +129,7 @@ class Equilibrium:
     steps: int = 0
     pairs: int = 0
     first: float = 0.0
+    reason: str = ""
 
     @property
     def load(self) -> float:
