@@ -27,7 +27,9 @@ from contbranch.loop import Hysteresis
 from contbranch.models import find_all, follow, hysteresis, phase_diagram, solve, trace
 from contbranch.models.axisymmetric import Axisymmetric
 from contbranch.models.exact import Exact
+from contbranch.models.grid import FreeSpace, GridWarning, Periodic
 from contbranch.phase import PhaseDiagram
+from contbranch.profile import CellFields
 from contbranch.store import load
 from contbranch.tips import (
     Cone,
@@ -47,6 +49,7 @@ __all__ = [
     "Axisymmetric",
     "Barrier",
     "Branch",
+    "CellFields",
     "Cone",
     "Contact",
     "Diagram",
@@ -58,7 +61,9 @@ __all__ = [
     "Exponential",
     "Followed",
     "FollowedPoint",
+    "FreeSpace",
     "Gauss",
+    "GridWarning",
     "HeightMap",
     "Hysteresis",
     "InputError",
@@ -69,6 +74,7 @@ __all__ = [
     "MaugisDugdale",
     "ModelError",
     "Parabola",
+    "Periodic",
     "PhaseDiagram",
     "PowerLaw",
     "Profile",

@@ -14,12 +14,14 @@ from numpy.typing import NDArray
 from contbranch.contact import Contact
 from contbranch.control import Control
 from contbranch.errors import InputError
+from contbranch.profile import CellFields, ModeShape, Profile
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 __all__ = [
     "Branch",
+    "CellFields",
     "Cost",
     "Diagram",
     "Event",
@@ -37,45 +39,6 @@ Array = NDArray[np.float64]
 EventKind = Literal["fold", "touch", "topology", "symmetry", "inadmissible", "end"]
 
 OBSERVABLES = ("load", "displacement", "contact_radius", "central_gap")
-
-
-@dataclass(frozen=True)
-class Profile:
-    """Fields of one state as functions of the radius, in the contact's units.
-
-    Attributes
-    ----------
-    r, gap, pressure, wall_pressure : array (M,)
-        Radius (increasing, from the centre), gap, total pressure and the wall's share of it (zero outside the contact).
-    """
-
-    r: Array
-    gap: Array
-    pressure: Array
-    wall_pressure: Array
-
-
-@dataclass(frozen=True)
-class ModeShape:
-    """A variation ``cos(mode · θ)`` of an axisymmetric state, as a function of the radius.
-
-    Attributes
-    ----------
-    mode : int
-        Number of periods around the axis.
-    r : array (M,)
-        Radius, increasing, in the contact's unit of length.
-    gap : array (M,)
-        Change of the gap, scaled so that the largest is 1; zero inside the contact.
-    pressure : array (M,)
-        Change of the total pressure for that change of the gap: in the unit of pressure over that of the gap. Inside
-        the contact it grows without bound towards the rim, which shifts.
-    """
-
-    mode: int
-    r: Array
-    gap: Array
-    pressure: Array
 
 
 @dataclass(frozen=True)
@@ -99,6 +62,8 @@ class State:
         They do not depend on the control. Modes up to m = 32 are counted (a trace: up to its `modes`).
     mean_gap : float or None
         Mean of the gap over the cell, of grid models.
+    in_cell : CellFields, callable or None
+        Fields on the nodes of the cell, or what computes them: ask for them as ``state.cell``.
     """
 
     load: float
@@ -114,6 +79,22 @@ class State:
     unstable_spring: int | None = None
     unstable_azimuthal: int = 0
     mean_gap: float | None = None
+    in_cell: CellFields | Callable[[], CellFields] | None = field(default=None, repr=False, compare=False)
+
+    @cached_property
+    def cell(self) -> CellFields:
+        """Gap and pressures on the nodes of the cell, of grid models.
+
+        Raises
+        ------
+        InputError
+            For a state of another model, or one whose fields were not kept.
+        """
+        if self.in_cell is None:
+            raise InputError(
+                "state: it has no fields on a cell; solve with model=cb.Periodic(...) or cb.FreeSpace(...)"
+            )
+        return self.in_cell() if callable(self.in_cell) else self.in_cell
 
     @property
     def r(self) -> Array:

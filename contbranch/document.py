@@ -146,7 +146,12 @@ def _model(model: ModelChoice) -> dict[str, Any]:
 
 
 def _cost(cost: Cost) -> dict[str, Any]:
-    return {"wall_s": _number(cost.wall_s), "newton": cost.newton, "fft_pairs": cost.fft_pairs, "stability_pairs": cost.stability_pairs}
+    return {
+        "wall_s": _number(cost.wall_s),
+        "newton": cost.newton,
+        "fft_pairs": cost.fft_pairs,
+        "stability_pairs": cost.stability_pairs,
+    }
 
 
 def _branch(branch: Branch) -> dict[str, list[Any]]:

@@ -51,7 +51,7 @@ _LOCAL: Final = ("excess", "order_parameter", "kappa", "error")
 _SHAPE: Final = ("r", "gap", "pressure")
 _WINDOW: Final = ("start", "stop", "kappa", "kappa_error", "prefactor")
 _INTEGERS: Final = ("branch", "mode")
-_TEXTS: Final = ("kind", "control", "name", "message", "order_parameter")
+_TEXTS: Final = ("kind", "control", "name", "message", "verdict", "order_parameter")
 _UNIT: Final = {  # where it is not the unit of the same name
     "load_error": "load",
     "displacement_error": "displacement",
@@ -295,6 +295,7 @@ def _event_row(event: Event) -> dict[str, Any]:
         **{f"window_{name}": getattr(window, name) for name in _WINDOW},
         "stiffness": _or_nan(event.stiffness),
         "mode": event.mode or 0,
+        "verdict": event.verdict or "",
         "branch": event.branch,
         "position": event.position,
     }
@@ -330,7 +331,9 @@ def _read(file: h5py.File) -> Diagram:
         events=events,
         thresholds={key: float(value) for key, value in file["thresholds"].attrs.items()},
         model=ModelChoice(kind=model["kind"], why=model["why"], unknowns=int(model["unknowns"])),
-        cost=Cost(float(cost["wall_s"]), int(cost["newton"]), int(cost["fft_pairs"]), int(cost.get("stability_pairs", 0))),
+        cost=Cost(
+            float(cost["wall_s"]), int(cost["newton"]), int(cost["fft_pairs"]), int(cost.get("stability_pairs", 0))
+        ),
         control=file.attrs["control"],
         stiffness=float(file.attrs["stiffness"]) if "stiffness" in file.attrs else None,
         accuracy=float(file.attrs["accuracy"]),
@@ -362,7 +365,9 @@ def _read_branch(group: h5py.Group) -> Branch:
 
 
 def _read_events(group: h5py.Group, shapes: Mapping[str, h5py.Group]) -> tuple[Event, ...]:
-    names = [name for name in _event_row(_BLANK) if name != "mode" or name in group]  # early files have no modes
+    names = [
+        name for name in _event_row(_BLANK) if name not in ("mode", "verdict") or name in group
+    ]  # early files lack them
     columns = {name: group[name].asstr()[()] if name in _TEXTS else group[name][()] for name in names}
     rows = [{name: column[i] for name, column in columns.items()} for i in range(len(columns["kind"]))]
     return tuple(_event(row, shapes.get(str(i))) for i, row in enumerate(rows))
@@ -391,6 +396,7 @@ def _event(row: Mapping[str, Any], shape: h5py.Group | None) -> Event:
         branch=int(row["branch"]),
         position=float(row["position"]),
         mode=int(row.get("mode", 0)) or None,
+        verdict=row.get("verdict") or None,
         mode_shape=None if shape is None else ModeShape(int(shape.attrs["mode"]), *_arrays(shape, _SHAPE)),
     )
 

@@ -14,6 +14,7 @@ from contbranch.contact import Contact
 from contbranch.control import Control
 from contbranch.diagram import (
     Branch,
+    CellFields,
     Cost,
     Diagram,
     Event,
@@ -138,6 +139,15 @@ class _Scaling:
             profile.gap * self.normal,
             profile.pressure * self.pressure,
             profile.wall_pressure * self.pressure,
+        )
+
+    def cell(self, fields: CellFields) -> CellFields:
+        return CellFields(
+            fields.x * self.in_plane,
+            fields.y * self.in_plane,
+            fields.gap * self.normal,
+            fields.pressure * self.pressure,
+            fields.wall_pressure * self.pressure,
         )
 
     def mode_shape(self, shape: ModeShape) -> ModeShape:
@@ -281,4 +291,5 @@ def state_in_units(contact: Contact, state: State) -> State:
         state.unstable_spring,
         state.unstable_azimuthal,
         None if state.mean_gap is None else state.mean_gap * scaling.normal,
+        None if state.in_cell is None else lambda: scaling.cell(state.cell),
     )

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .newton import Equilibrium, Hold, Settings, newton
-from .reading import Reading, read
+from .reading import read
 from .setup import Setup, coarsened
 from .walk import Direction, Measure
 
@@ -33,9 +33,7 @@ class Comparison:
         return self.load, self.displacement, self.contact_radius, self.central_gap
 
 
-def compared(
-    setup: Setup, before: Equilibrium, state: Equilibrium, settings: Settings
-) -> Comparison | None:
+def compared(setup: Setup, before: Equilibrium, state: Equilibrium, settings: Settings) -> Comparison | None:
     """Compare a state of a curve with the coarser lattice's, in the plane across the curve; None if that has none.
 
     Parameters
@@ -70,11 +68,6 @@ def _difference(setup: Setup, state: Equilibrium, hold: Hold, settings: Settings
     found = newton(problem, np.where(contact, -problem.heights, u), state.load, hold, contact, settings)
     if not found.converged:
         return None
-    one, other = read(setup.problem, state), read(problem, found)
+    one, other = read(setup, state), read(coarse, found)
     values = [abs(a - b) for a, b in zip((*one.four, one.energy), (*other.four, other.energy), strict=True)]
     return Comparison(*values)
-
-
-def zero() -> Reading:
-    """A reading of nothing."""
-    return Reading(0.0, 0.0, 0.0, 0.0, 0.0)

@@ -258,6 +258,7 @@ def newton(
         if settings.wall:
             contact = contact | (problem.heights + u < 0.0)
         steady = bool((contact == before_step).all())
+        problem.counter.newton += 1
         np.copyto(u, -problem.heights, where=contact)
         if operator.bordered:
             load = load + operator.column_scale * float(change[-1])

@@ -38,9 +38,7 @@ class Sketch:
     contact: Mask
 
 
-def relatives(
-    contact: Contact, field: str, value: float, control: Control = LOAD
-) -> tuple[list[State], bool]:
+def relatives(contact: Contact, field: str, value: float, control: Control = LOAD) -> tuple[list[State], bool]:
     """Equilibria of the axisymmetric model at a load or displacement, with their profiles.
 
     Returns

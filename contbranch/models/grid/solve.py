@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.diagram import Cost, State
-from contbranch.errors import InputError
+from contbranch.errors import InputError, ModelError
 from contbranch.models.outcome import RawCurve
 
 from .accuracy import Comparison, held
 from .newton import Equilibrium, Hold, Settings, hold_control, newton
+from .observables import cell_fields, mean_gap, profile
 from .problem import GridProblem
 from .reading import read
 from .resolution import Resolution, border_message
@@ -74,6 +75,8 @@ def solve_all(
             found = reached(setup, sketch, hold, settings)
             if found is not None and not any(_same(setup, found, other) for other in equilibria):
                 equilibria.append(found)
+        if not equilibria:
+            raise _unreached(setup, field, value, bool(related))
         states = tuple(state_of(setup, found, hold, settings, control) for found in equilibria)
     for found in equilibria[:1]:
         notes.append("" if setup.crowded else border_message(setup.problem, found))
@@ -84,6 +87,16 @@ def solve_all(
         notes.insert(0, "Whether other equilibria exist has not been searched.")
     message = " ".join(note for note in notes if note)
     return Found(states, message, _curve(setup, states, message, time.perf_counter() - began))
+
+
+def _unreached(setup: Setup, field: str, value: float, known: bool) -> InputError | ModelError:
+    """The error where no start led to an equilibrium; the value is in reduced units."""
+    if setup.contact.tip.is_axisymmetric and not known:
+        return InputError(f"{field}: {value:g} (reduced) cannot be reached; the axisymmetric model has no state there")
+    return ModelError(
+        f"{field}: no equilibrium was found at {value:g} (reduced) on the grid of {setup.grid} nodes in a cell of "
+        f"{setup.edge:g}; trace the curve to see what exists, or try a finer grid"
+    )
 
 
 def reached(setup: Setup, sketch: Sketch, hold: Hold, settings: Settings) -> Equilibrium | None:
@@ -121,36 +134,41 @@ def state_of(
     setup: Setup, found: Equilibrium, hold: Hold, settings: Settings, control: Control, compare: bool = True
 ) -> State:
     """An equilibrium as a state, with error estimates from the coarser lattice and its Morse indices."""
-    from .observables import mean_gap, profile
-
     problem = setup.problem
-    reading = read(problem, found)
+    reading = read(setup, found)
     difference = held(setup, found, hold, settings) if compare else None
     unknown = Comparison(*[np.inf] * 5)
     differences = (difference or unknown).four
     least = settings.tolerance
     names = ("load", "displacement", "contact_radius", "central_gap")
     error = {
-        name: estimate + least * max(1.0, abs(own)) for name, estimate, own in zip(names, differences, reading.four, strict=True)
+        name: estimate + least * max(1.0, abs(own))
+        for name, estimate, own in zip(names, differences, reading.four, strict=True)
     }
     error["contact_radius"] = 0.0 if reading.contact_radius == 0.0 else error["contact_radius"] + reading.radius_error
     if reading.contact_radius > 0.0:
         error["central_gap"] = 0.0
     indices = morse(problem, found)
     spring = control.spring_stiffness
+
+    def index(stiffness: float) -> int:
+        return indices.symmetric + int(indices.slope + stiffness < 0.0)
+
     return State(
         load=reading.load,
         displacement=reading.displacement,
         contact_radius=reading.contact_radius,
         central_gap=reading.central_gap,
         energy=reading.energy,
-        unstable_load=indices.load,
-        unstable_displacement=indices.displacement,
+        unstable_load=index(0.0),
+        unstable_displacement=indices.symmetric,
         residual=found.residual,
         error=error,
         profile=profile(problem, found),
-        unstable_spring=None if spring is None else indices.spring(spring),
+        unstable_spring=None if spring is None else index(spring),
+        unstable_azimuthal=indices.breaking,
         mean_gap=mean_gap(problem, found),
+        in_cell=lambda: cell_fields(problem, found),
     )
 
 
@@ -225,16 +243,23 @@ def _state(problem: GridProblem, row: Row) -> Equilibrium:
 
 def _curve(setup: Setup, states: Sequence[State], message: str, wall: float) -> RawCurve:
     """The states as a raw result, for messages and costs."""
-    columns = [np.array([getattr(s, name) for s in states]) for name in ("load", "displacement", "contact_radius", "central_gap", "energy")]
     nothing = np.zeros(len(states))
     counts = np.zeros(len(states), dtype=np.int64)
     counter = setup.counter
     return RawCurve(
-        *columns, counts, counts, nothing, nothing, [], [], bool(states), message,
-        Cost(wall, counter.newton, counter.equilibrium, counter.stability), setup.lattice.size**2,
+        load=np.array([state.load for state in states]),
+        displacement=np.array([state.displacement for state in states]),
+        contact_radius=np.array([state.contact_radius for state in states]),
+        central_gap=np.array([state.central_gap for state in states]),
+        energy=np.array([state.energy for state in states]),
+        unstable_load=counts,
+        unstable_displacement=counts,
+        load_error=nothing,
+        displacement_error=nothing,
+        profiles=[],
+        events=[],
+        complete=bool(states),
+        message=message,
+        cost=Cost(wall, counter.newton, counter.equilibrium, counter.stability),
+        unknowns=setup.lattice.size**2,
     )
-
-
-def bare(setup: Setup) -> Setup:
-    """The setup with a counter of its own."""
-    return replace(setup, counter=type(setup.counter)())

@@ -239,7 +239,8 @@ class Stability:
         variation = self.variation(equilibrium, EVEN if lattice.quarter else None)
         column = variation.mask / (lattice.compliance * lattice.area)
         with _counted(self.problem):
-            found = gmres(variation.preconditioned, column, tolerance)
+            # The product is that of an operator with its preconditioner inside: nothing is to be kept beside it.
+            found = gmres(lambda x: (variation.preconditioned(x), x), column, tolerance)
             y, elastic = variation.response(found.x)
         rest = column - elastic - variation.softening * y
         # y·(column + rest) is the stationary value of 2 column·y - y·(K_d + v'')y up to rest², and mean(y) ∝ column·y.

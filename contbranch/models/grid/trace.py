@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Literal
 
@@ -20,6 +19,8 @@ from contbranch.models.outcome import RawCurve, RawEvent
 from .accuracy import Comparison, compared
 from .folds import Refined, locate_fold, locate_touch, refine_fold
 from .newton import Equilibrium, Hold, Settings, newton
+from .observables import interpolate
+from .problem import Fields
 from .reading import Reading, read
 from .resolution import Resolution, border_energy, border_message
 from .setup import Setup
@@ -137,7 +138,7 @@ class _Tracer:
 
     def _add(self, point: Point, mark: Mark | None = None) -> None:
         state = point.state
-        row = Row(point.arc, read(self.problem, state), state.pairs, state.load, mark=mark)
+        row = Row(point.arc, read(self.setup, state), state.pairs, state.load, mark=mark)
         size = state.u.nbytes + state.contact.nbytes
         if self.kept + size <= KEPT_BYTES:
             row.u, row.contact = state.u, state.contact
@@ -211,8 +212,8 @@ class _Tracer:
         if self.verdicts and self.setup.lattice.size <= LARGEST_REFINED and examined < MOST_REFINED:
             mark.refined = refine_fold(self.setup, (before.state, found, points[-1].state), control, self.settings)
             if mark.refined.state is not None:
-                fine = self.setup.on(2 * self.setup.grid).problem
-                mark.shift = _difference(read(fine, mark.refined.state), read(self.problem, found))
+                fine = self.setup.on(2 * self.setup.grid)
+                mark.shift = _difference(read(fine, mark.refined.state), read(self.setup, found))
         self._add(Point(min(arc, points[-1].arc), found), mark)
 
     def _touch(self, points: list[Point]) -> None:
@@ -244,13 +245,13 @@ class _Tracer:
         folds = [(k, mark.control.kind) for k, mark in marks if mark.kind == "fold" and mark.control is not None]
         load_error, displacement_error, radius_error, gap_error = self._errors(arcs, columns)
         indices = _indices(columns, folds, self.controls)
-        border = max(rows, key=lambda row: row.load, default=None)
         events = [
-            _event(k, mark, rows[k].reading, (load_error[k], displacement_error[k], radius_error[k], gap_error[k]), indices)
+            _event(
+                k, mark, rows[k].reading, (load_error[k], displacement_error[k], radius_error[k], gap_error[k]), indices
+            )
             for k, mark in marks
         ]
-        del border
-        cost = Cost(wall, 0, self.setup.counter.equilibrium, self.setup.counter.stability)
+        cost = Cost(wall, self.setup.counter.newton, self.setup.counter.equilibrium, self.setup.counter.stability)
         curve = RawCurve(
             load=columns["load"],
             displacement=columns["displacement"],
@@ -286,7 +287,7 @@ class _Tracer:
         load = load + tolerance * np.maximum(1.0, np.abs(columns["load"]))
         displacement = displacement + tolerance * np.maximum(1.0, np.abs(columns["displacement"]))
         radius = np.where(columns["contact_radius"] > 0.0, radius + columns["radius_error"], 0.0)
-        gap = np.where(columns["central_gap"] > 0.0, gap + tolerance, 0.0)
+        gap = np.where(columns["central_gap"] > 0.0, gap + columns["gap_error"] + tolerance, 0.0)
         return load, displacement, radius, gap
 
 
@@ -338,23 +339,24 @@ def _reaching(tracer: _Tracer) -> str:
     return worst[1]
 
 
-def _only_gap(row: Row, gap: Array):  # type: ignore[no-untyped-def]
-    from .problem import Fields
-
+def _only_gap(row: Row, gap: Array) -> Fields:
     assert row.u is not None
     return Fields(row.u, row.load, row.u, gap, row.u, row.u, row.u)
 
 
 def clearance(setup: Setup, state: Equilibrium) -> float:
-    """The gap that closes at first touch: the smallest of the nodes' and that at the apex."""
-    return float(state.fields.gap.min())
+    """The gap that closes at first touch: that at the apex, or the smallest of the nodes."""
+    smallest = float(state.fields.gap.min())
+    if setup.crowded:
+        return smallest
+    return min(smallest, interpolate(setup.lattice, state.u, 0.0, 0.0))
 
 
 def _difference(one: Reading, other: Reading) -> tuple[float, float, float, float]:
     return tuple(a - b for a, b in zip(one.four, other.four, strict=True))  # type: ignore[return-value]
 
 
-def _indices(columns: dict[str, Array], folds: list[tuple[int, str]], controls: Sequence[Control]) -> Indices:
+def _indices(columns: dict[str, Array], folds: Sequence[tuple[int, str]], controls: Sequence[Control]) -> Indices:
     count = len(columns["load"])
     if count < 2:
         return morse_indices(count, [], 1, 1)
