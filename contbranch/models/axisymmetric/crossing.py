@@ -104,7 +104,10 @@ def _state(crossing: Crossing, unstable: tuple[int, int, int | None], given: dic
     energy, potential_error = energy_at(crossing)
     errors["energy"] = potential_error + abs(values.load) * values.error[1]
     return State(
-        **numbers,
+        load=numbers["load"],
+        displacement=numbers["displacement"],
+        contact_radius=numbers["contact_radius"],
+        central_gap=numbers["central_gap"],
         energy=energy,
         unstable_load=unstable[0],
         unstable_displacement=unstable[1],

@@ -32,7 +32,7 @@ Array = NDArray[np.float64]
 Kind = Literal["periodic", "free"]
 
 # Σ over the periodic images of a point force on a square lattice of edge 1, less the mean: minus the Madelung constant
-# of a square lattice of charges in a neutralising plane, 3.900264920001955 (Bonsall & Maradudin, Phys. Rev. B 15, 1959).
+# of a square lattice of charges in a neutralising plane (Bonsall & Maradudin, Phys. Rev. B 15, 1959, 1977).
 IMAGE_SUM = 3.900264920001955
 
 
@@ -98,7 +98,7 @@ class Lattice:
     def axis(self) -> Array:
         """Coordinates of the nodes along one side, from the middle of the cell; padding too, (size,)."""
         nodes = (np.arange(self.size) + 0.5) * self.spacing
-        return nodes if self.quarter else nodes - 0.5 * self.edge
+        return np.asarray(nodes if self.quarter else nodes - 0.5 * self.edge)
 
     def fill(self, values: Array) -> Array:
         """Heights of the cell, (inside, inside), on the whole array: there is no tip on the padding."""

@@ -59,7 +59,7 @@ def wavenumbers(nodes: int, spacing: float, parity: tuple[Parity, Parity] | None
             2.0 * np.pi * np.fft.rfftfreq(nodes, spacing)[None, :],
         )
     first, second = (np.pi * (np.arange(nodes) + (p == "odd")) / (nodes * spacing) for p in parity)
-    return np.hypot(first[:, None], second[None, :])
+    return np.asarray(np.hypot(first[:, None], second[None, :]))
 
 
 @dataclass
@@ -116,7 +116,7 @@ class Transform:
         self._inverse()
         self.counter.add()
         if out is None:
-            return self._space.copy()
+            return np.array(self._space)
         out[...] = self._space
         return out
 
