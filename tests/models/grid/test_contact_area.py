@@ -12,7 +12,8 @@ from scipy.special import ellipe, ellipk
 
 import contbranch as cb
 from contbranch.models.grid.contact_area import contact_area
-from contbranch.models.grid.observables import image_curvature
+from contbranch.models.grid.newton import Equilibrium
+from contbranch.models.grid.observables import central_gap, image_curvature
 
 
 def hertz(spacings, grid, kind="free"):
@@ -26,7 +27,7 @@ def test_radius_of_hertz(spacings):
     # F = 4a³/3: radius 1. A quarter of 0.1 % at 32 spacings; 16.94 and 32.0 are the worst of places for the rim.
     measured = contact_area(*hertz(spacings, 128 if spacings < 20 else 224))
     assert abs(measured.radius - 1.0) < 8e-3 / spacings
-    assert abs(measured.radius - 1.0) < 1.3 * measured.radius_error < 0.02 / spacings
+    assert abs(measured.radius - 1.0) < measured.radius_error < 0.02 / spacings
 
 
 def test_three_estimates_agree():
@@ -48,8 +49,7 @@ def test_few_nodes_are_monotonic_and_known_to_be_rough():
     errors = np.array([m.radius_error for m in measured])
     assert measured[0].nodes == 4
     assert (np.diff(values) > 0.0).all()
-    assert (np.abs(values - radii) < errors).mean() > 0.9
-    assert (np.abs(values - radii) < 1.3 * errors).all()
+    assert (np.abs(values - radii) < errors).all()
     assert errors[0] > 0.1
 
 
@@ -73,7 +73,7 @@ def test_radius_with_interaction(law, tabor, sign, load, edge):
     measured = contact_area(problem, equilibrium)
     spacing = problem.lattice.spacing
     assert abs(measured.radius - state.contact_radius) < 0.08 * spacing
-    assert abs(measured.radius - state.contact_radius) < 1.5 * measured.radius_error
+    assert abs(measured.radius - state.contact_radius) < measured.radius_error
     assert 0.002 * spacing < measured.radius_error < 0.3 * spacing
 
 
@@ -104,7 +104,7 @@ def test_area_of_an_ellipse():
         measured = contact_area(problem, solved(problem, 1.7))
         exact = hertz_ellipse(ratio, 1.7)
         assert abs(measured.area / exact - 1.0) < 1.5e-3
-        assert abs(measured.area - exact) < 1.3 * measured.area_error
+        assert abs(measured.area - exact) < measured.area_error
 
 
 def test_place_in_the_cell_does_not_matter():
@@ -143,3 +143,22 @@ def test_no_contact_and_full_contact():
     wavy.heights = wave[:, None] + wave[None, :]
     full = contact_area(wavy, solved(wavy, 1.05 * 25.0 * 2.0 * 0.1 * math.pi / 5.0))
     assert full.area == pytest.approx(25.0, rel=1e-14)
+
+
+@pytest.mark.parametrize("quarter", [True, False])
+def test_contact_between_the_nodes(quarter):
+    # A paraboloid's gap r²/2 + c has with c < 0 a contact of radius √(-2c): no node, at r > 0.7 spacings and more,
+    # sees it.
+    problem = paraboloid("periodic", 4.0, 32, quarter=quarter)
+    spacing = problem.lattice.spacing
+    for height in (-0.2 * spacing**2, 0.1 * spacing**2):
+        fields = problem.fields(np.full(problem.shape, height), 0.0)
+        state = Equilibrium(fields, np.zeros(problem.shape, dtype=bool), 0.0, 0.0, True)
+        gap = central_gap(problem, state)
+        assert gap.value == pytest.approx(max(height, 0.0), abs=1e-14)
+        measured = contact_area(problem, state)
+        assert measured.radius == 0.0
+        if height < 0.0:
+            assert math.sqrt(-2.0 * height) < measured.radius_error < spacing
+        else:
+            assert measured.radius_error == 0.0
