@@ -27,9 +27,21 @@ from contbranch.loop import Hysteresis
 from contbranch.models import find_all, follow, hysteresis, phase_diagram, solve, trace
 from contbranch.models.axisymmetric import Axisymmetric
 from contbranch.models.exact import Exact
+from contbranch.models.grid import FreeSpace, GridWarning, Periodic
 from contbranch.phase import PhaseDiagram
+from contbranch.profile import CellFields
 from contbranch.store import load
-from contbranch.tips import Cone, Parabola, PowerLaw, Profile, SphericalCap, Tip
+from contbranch.tips import (
+    Cone,
+    EllipticParaboloid,
+    HeightMap,
+    Parabola,
+    PowerLaw,
+    Profile,
+    SphericalCap,
+    Tip,
+    TipShape,
+)
 
 __version__ = "0.1.0"
 
@@ -37,9 +49,11 @@ __all__ = [
     "Axisymmetric",
     "Barrier",
     "Branch",
+    "CellFields",
     "Cone",
     "Contact",
     "Diagram",
+    "EllipticParaboloid",
     "Equilibria",
     "Event",
     "Exact",
@@ -47,7 +61,10 @@ __all__ = [
     "Exponential",
     "Followed",
     "FollowedPoint",
+    "FreeSpace",
     "Gauss",
+    "GridWarning",
+    "HeightMap",
     "Hysteresis",
     "InputError",
     "Interaction",
@@ -57,6 +74,7 @@ __all__ = [
     "MaugisDugdale",
     "ModelError",
     "Parabola",
+    "Periodic",
     "PhaseDiagram",
     "PowerLaw",
     "Profile",
@@ -69,6 +87,7 @@ __all__ = [
     "Sum",
     "Tabulated",
     "Tip",
+    "TipShape",
     "VanDerWaals",
     "Window",
     "find_all",

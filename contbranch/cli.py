@@ -278,7 +278,7 @@ def _with_progress(name: str, request: Request, **options: Any) -> Any:
     import contbranch
 
     compute = getattr(contbranch, name)
-    settings: dict[str, Any] = {"control": request.control, "accuracy": request.accuracy, "model": request.model}
+    settings: dict[str, Any] = {"control": request.control, "accuracy": request.accuracy, "model": request.chosen_model}
     settings |= options
     if not sys.stderr.isatty():
         return compute(request.contact, **settings)

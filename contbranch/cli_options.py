@@ -29,11 +29,14 @@ Accuracy = Annotated[
     str | None, typer.Option(metavar="X", help="Error allowed to events and thresholds.  [default: 1e-6]")
 ]
 Model = Annotated[
-    str | None, typer.Option(metavar="auto|exact|axisymmetric", help="Model of the contact.  [default: auto]")
+    str | None,
+    typer.Option(metavar="auto|exact|axisymmetric|periodic|free", help="Model of the contact.  [default: auto]"),
 ]
 MaxLoad = Annotated[str | None, typer.Option(metavar="F", help="Largest load.  [default: beyond all events]")]
-Cell = Annotated[str | None, typer.Option(metavar="L", hidden=True)]
-Grid = Annotated[str | None, typer.Option(metavar="N", hidden=True)]
+Cell = Annotated[
+    str | None, typer.Option(metavar="L", help="Edge of a periodic or free cell.  [default: by the accuracy]")
+]
+Grid = Annotated[str | None, typer.Option(metavar="N", help="Nodes along it, even.  [default: by the accuracy]")]
 Json = Annotated[str | None, typer.Option("--json", metavar="FILE", help="Write JSON; - for standard output.")]
 Output = Annotated[str | None, typer.Option("-o", "--output", metavar="FILE.h5", help="Save arrays and profiles.")]
 Plot = Annotated[str | None, typer.Option(metavar="FILE", help="Draw to a .png, .pdf or .svg file.")]

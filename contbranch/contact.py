@@ -13,7 +13,7 @@ import numpy as np
 
 from contbranch.errors import InputError
 from contbranch.interactions import INTERACTIONS, Interaction
-from contbranch.tips import TIPS, Parabola, Tip
+from contbranch.tips import TIPS, HeightMap, Parabola, Tip, TipShape
 from contbranch.units import PHYSICAL, REDUCED, Scales, Units, parse, positive_number
 
 __all__ = ["Contact", "dimensions", "look_up", "make", "nearest"]
@@ -32,12 +32,12 @@ def look_up(name: object, known: Mapping[str, Any], field: str) -> Any:
     raise InputError(f"{field}: {name!r}; must be one of {', '.join(known)}{nearest(name, known)}")
 
 
-def dimensions(kind: type[Tip] | type[Interaction]) -> dict[str, str]:
+def dimensions(kind: type[TipShape] | type[Interaction]) -> dict[str, str]:
     """Return the dimension of every parameter of a tip or law, by name; dimensionless where the class says nothing."""
     return {item.name: kind.dimensions.get(item.name, "dimensionless") for item in fields(kind) if item.init}
 
 
-def make(kind: type[Tip] | type[Interaction], values: Mapping[str, object], prefix: str = "") -> Any:
+def make(kind: type[TipShape] | type[Interaction], values: Mapping[str, object], prefix: str = "") -> Any:
     """Return the tip or law of that kind with the parameters `values`.
 
     Raises
@@ -73,10 +73,11 @@ def _plain(value: object) -> object:
     return value if value is None or isinstance(value, bool | int | float | str) else repr(value)
 
 
-def _description(part: Tip | Interaction, known: Mapping[str, Any], key: str) -> dict[str, object]:
+def _description(part: TipShape | Interaction, known: Mapping[str, Any], key: str) -> dict[str, object]:
     """Return the parameters of a tip or law under its name; under its class and marked if the user has written it."""
     kind = type(part)
-    parameters = {name: _plain(value) for name, value in part.parameters().items() if value is not None}
+    values = part.described() if isinstance(part, TipShape) else part.parameters()
+    parameters = {name: _plain(value) for name, value in values.items() if value is not None}
     if known.get(part.name) is kind:
         return {key: part.name, **parameters}
     return {key: f"{kind.__module__}.{kind.__qualname__}", "user_defined": True, **parameters}
@@ -89,7 +90,8 @@ def _rebuilt(description: Mapping[str, object], known: Mapping[str, Any], key: s
             f"{field}: {description.get(key)!r} is not part of contbranch; make the contact with that class"
         )
     kind = look_up(description.get(key), known, f"{field}.{key}")
-    return make(kind, {name: value for name, value in description.items() if name != key}, f"{field}.")
+    values = {name: value for name, value in description.items() if name != key}
+    return HeightMap.restored(values, field) if kind is HeightMap else make(kind, values, f"{field}.")
 
 
 @dataclass(frozen=True)
@@ -108,13 +110,13 @@ class Contact:
         `REDUCED` or `PHYSICAL` (nN and nm): what the numbers of tip, law and modulus mean.
     """
 
-    tip: Tip
+    tip: TipShape
     interaction: Interaction | None = None
     modulus: float = 1.0
     units: Units = REDUCED
 
     def __post_init__(self) -> None:
-        if not isinstance(self.tip, Tip):
+        if not isinstance(self.tip, TipShape):
             raise InputError(f"tip: {type(self.tip).__name__}; must be a tip such as Parabola(radius=1.0)")
         if self.interaction is not None and not isinstance(self.interaction, Interaction):
             kind = type(self.interaction).__name__
@@ -155,7 +157,7 @@ class Contact:
     def physical(
         *,
         modulus: object,
-        tip: str | Tip = "parabola",
+        tip: str | TipShape = "parabola",
         interaction: str | type[Interaction] | Interaction | None = None,
         **quantities: object,
     ) -> Contact:
@@ -211,7 +213,8 @@ class Contact:
         Raises
         ------
         InputError
-            If the tip or a law is a class of the user's, of which a description holds only name and parameters.
+            If the tip or a law is a class of the user's, of which a description holds only name and parameters, or a
+            height map that is not from a file or whose file has changed.
         """
         units = Units(description.get("units", "reduced"))
         tip = _rebuilt(description.get("tip", {}), TIPS, "shape", "tip")
@@ -230,6 +233,20 @@ class Contact:
             "interaction": [_description(law, INTERACTIONS, "law") for law in laws],
             "tabor": self.tabor,
         }
+
+    @property
+    def axisymmetric_tip(self) -> Tip:
+        """The tip as one with a profile and its transform.
+
+        Raises
+        ------
+        InputError
+            If it is not axisymmetric.
+        """
+        tip = self.tip.axisymmetric
+        if tip is None:
+            raise InputError(f"tip: {self.tip.name or type(self.tip).__name__}; must be axisymmetric")
+        return tip
 
     @cached_property
     def scales(self) -> Scales:

@@ -3,7 +3,7 @@
 ::
 
     [tip]
-    shape = "parabola"              # parabola, cone, power-law, spherical-cap, profile
+    shape = "parabola"              # parabola, cone, power-law, spherical-cap, profile, elliptic-paraboloid, height-map
     radius = "1 um"
     [material]
     modulus = "5 GPa"               # effective modulus
@@ -15,17 +15,24 @@
     control = "load"                # load, displacement, "spring:0.1 N/m"
     accuracy = 1e-6
     max_load = "500 nN"
+    model = "periodic"              # auto, exact, axisymmetric, periodic, free
+    cell = "2 um"                   # edge of the cell of a periodic or free one
+    grid = 256                      # nodes along it
 
 Numbers with units are physical, bare numbers are reduced: all or none. Exponents, slopes and phases are bare in both.
 The parameters of a shape or law are the fields of its class in `tips` and `interactions`. Tables of numbers:
 
 - ``shape = "profile"``: ``file = "tip.csv"`` with the columns radius and height, or the lists ``radii`` and
   ``heights``; ``length_unit = "nm"`` makes them physical; ``apex = "sharp"`` if the tip ends in a point.
+- ``shape = "height-map"``: ``file = "heights.npy"`` (or an HDF5 file, with ``dataset = "name"`` if it holds more than
+  one array) with (N, N) heights, and ``cell = "1 um"``, the edge of the square that they cover; ``unit = "nm"`` is that
+  of the heights and makes them physical. ``peaks = true`` if the peaks of the map point to the wall; ``radius`` sets
+  the scales.
 - ``law = "tabulated"``: ``file = "law.csv"`` with the columns gap and energy per area (``quantity = "energy"``, the
   default) or gap and pressure (``quantity = "pressure"``), or the lists ``gaps`` and ``energies`` or ``pressures``;
   ``length_unit = "nm"`` and ``energy_unit = "mJ/m^2"`` or ``pressure_unit = "MPa"`` make them physical.
 
-A file of numbers is searched beside the contact file. It has two columns, separated by commas, semicolons or blanks;
+A file is searched beside the contact file. One of numbers has two columns, separated by commas, semicolons or blanks;
 text after # and a first line of names are skipped.
 """
 
@@ -39,15 +46,18 @@ from typing import Any, Final
 
 from contbranch.contact import Contact, dimensions, look_up, make, nearest
 from contbranch.errors import InputError
+from contbranch.grid_size import MODELS, grid_points
+from contbranch.height_map import HeightMap
 from contbranch.interactions import INTERACTIONS, Interaction, Tabulated
 from contbranch.tip_profile import Profile
-from contbranch.tips import TIPS, Tip
+from contbranch.tips import TIPS, TipShape
 from contbranch.units import PHYSICAL, REDUCED, Units, finite_number, parse, positive_number
 
 __all__ = ["parse_control", "read_contact"]
 
 _TABLES: Final = ("tip", "material", "interaction", "trace")
-_TRACE: Final = ("control", "accuracy", "max_load")
+_TRACE: Final = ("control", "accuracy", "max_load", "model", "cell", "grid")
+_HEIGHT_MAP: Final = ("file", "dataset", "cell", "unit", "peaks", "radius")
 
 
 def read_contact(path: str | Path) -> tuple[Contact, dict[str, Any]]:
@@ -62,7 +72,7 @@ def read_contact(path: str | Path) -> tuple[Contact, dict[str, Any]]:
     -------
     contact, options
         `options` holds what the file gives of ``control`` ("load", "displacement" or the stiffness of a spring, a
-        number), ``accuracy`` and ``max_load``, in the contact's units.
+        number), ``accuracy``, ``max_load``, ``model``, ``cell`` and ``grid``, in the contact's units.
 
     Raises
     ------
@@ -169,21 +179,42 @@ class _Reader:
             self._note(has_unit, field, "drop the unit" if has_unit else "add the unit")
         return number
 
-    def tip(self, table: dict[str, Any]) -> Tip:
+    def tip(self, table: dict[str, Any]) -> TipShape:
         """Return the tip of the table [tip]."""
         if "shape" not in table:
             raise InputError(f"tip.shape: missing; must be one of {', '.join(TIPS)}")
         kind = look_up(table.pop("shape"), TIPS, "tip.shape")
+        if kind is HeightMap:
+            return self._height_map(table)
         if kind is not Profile:
-            tip: Tip = make(kind, self._parameters(kind, table, "tip."), "tip.")
+            tip: TipShape = make(kind, self._parameters(kind, table, "tip."), "tip.")
             return tip
         _refuse_unknown(table, ("file", "radii", "heights", "length_unit", "apex"), "tip.")
         self._columns(table, "tip", ("radii", "heights"))
         factor = self._unit(table, "length", "tip", "radii")
         apex = {"apex": table["apex"]} if "apex" in table else {}
         values = {name: _multiplied(table[name], factor, f"tip.{name}") for name in ("radii", "heights")}
-        profile: Tip = make(Profile, {**values, **apex}, "tip.")
+        profile: TipShape = make(Profile, {**values, **apex}, "tip.")
         return profile
+
+    def _height_map(self, table: dict[str, Any]) -> HeightMap:
+        """Return the height map of the table [tip]."""
+        _refuse_unknown(table, _HEIGHT_MAP, "tip.")
+        for name in ("file", "cell"):
+            if name not in table:
+                raise InputError(f"tip.{name}: missing; a height map needs a file with its heights and its cell")
+        for name, example in (("file", '"heights.npy"'), ("dataset", '"heights"'), ("peaks", "true")):
+            if name in table and not isinstance(table[name], bool if name == "peaks" else str):
+                raise InputError(f"tip.{name}: {table[name]!r}; write for example {name} = {example}")
+        keywords: dict[str, Any] = {name: table[name] for name in ("dataset", "peaks") if name in table}
+        for name in ("cell", "radius"):
+            if name in table:
+                keywords[name] = self.number(table[name], "length", f"tip.{name}")
+        keywords["unit"] = self._unit(table, "length", "tip", "file", "unit")
+        try:
+            return HeightMap.from_file(self._folder / table["file"], **keywords)
+        except InputError as error:
+            raise InputError(f"tip.{error}") from None
 
     def law(self, table: dict[str, Any], field: str) -> Interaction:
         """Return the law of a table [[interaction]]."""
@@ -218,9 +249,17 @@ class _Reader:
                 raise InputError(f"trace.accuracy: {options['accuracy']:g}; must be between 0 and 1, for example 1e-6")
         if "max_load" in table:
             options["max_load"] = self.number(table["max_load"], "force", "trace.max_load")
+        if "model" in table:
+            options["model"] = look_up(table["model"], {name: name for name in MODELS}, "trace.model")
+        if "cell" in table:
+            options["cell"] = positive_number(self.number(table["cell"], "length", "trace.cell"), "trace.cell")
+        if "grid" in table:
+            options["grid"] = grid_points(table["grid"], "trace.grid")
         return options
 
-    def _parameters(self, kind: type[Tip] | type[Interaction], table: dict[str, Any], prefix: str) -> dict[str, Any]:
+    def _parameters(
+        self, kind: type[TipShape] | type[Interaction], table: dict[str, Any], prefix: str
+    ) -> dict[str, Any]:
         """Return the values of a table whose keys are parameters of `kind`; others are left to `make` to refuse."""
         known = dimensions(kind)
         _refuse_unknown(table, known, prefix)
@@ -239,9 +278,9 @@ class _Reader:
             if name not in table:
                 raise InputError(f"{field}.{name}: missing; give the lists {' and '.join(names)}, or a file")
 
-    def _unit(self, table: dict[str, Any], dimension: str, field: str, name: str) -> float:
+    def _unit(self, table: dict[str, Any], dimension: str, field: str, name: str, key: str = "") -> float:
         """Return what a number of the list `name` is worth: of the table's unit of that dimension, or 1 without."""
-        key = {"length": "length_unit", "pressure": "pressure_unit", "energy per area": "energy_unit"}[dimension]
+        key = key or {"length": "length_unit", "pressure": "pressure_unit", "energy per area": "energy_unit"}[dimension]
         unit = table.get(key)
         if unit is None:
             self._note(False, f"{field}.{name}", f"state {key}")

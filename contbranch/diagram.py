@@ -14,12 +14,14 @@ from numpy.typing import NDArray
 from contbranch.contact import Contact
 from contbranch.control import Control
 from contbranch.errors import InputError
+from contbranch.profile import CellFields, ModeShape, Profile
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 __all__ = [
     "Branch",
+    "CellFields",
     "Cost",
     "Diagram",
     "Event",
@@ -37,45 +39,6 @@ Array = NDArray[np.float64]
 EventKind = Literal["fold", "touch", "topology", "symmetry", "inadmissible", "end"]
 
 OBSERVABLES = ("load", "displacement", "contact_radius", "central_gap")
-
-
-@dataclass(frozen=True)
-class Profile:
-    """Fields of one state as functions of the radius, in the contact's units.
-
-    Attributes
-    ----------
-    r, gap, pressure, wall_pressure : array (M,)
-        Radius (increasing, from the centre), gap, total pressure and the wall's share of it (zero outside the contact).
-    """
-
-    r: Array
-    gap: Array
-    pressure: Array
-    wall_pressure: Array
-
-
-@dataclass(frozen=True)
-class ModeShape:
-    """A variation ``cos(mode · θ)`` of an axisymmetric state, as a function of the radius.
-
-    Attributes
-    ----------
-    mode : int
-        Number of periods around the axis.
-    r : array (M,)
-        Radius, increasing, in the contact's unit of length.
-    gap : array (M,)
-        Change of the gap, scaled so that the largest is 1; zero inside the contact.
-    pressure : array (M,)
-        Change of the total pressure for that change of the gap: in the unit of pressure over that of the gap. Inside
-        the contact it grows without bound towards the rim, which shifts.
-    """
-
-    mode: int
-    r: Array
-    gap: Array
-    pressure: Array
 
 
 @dataclass(frozen=True)
@@ -97,6 +60,10 @@ class State:
     unstable_azimuthal : int
         Number of unstable modes that break the axial symmetry, cos mθ and sin mθ of each m ≥ 1 together counted as one.
         They do not depend on the control. Modes up to m = 32 are counted (a trace: up to its `modes`).
+    mean_gap : float or None
+        Mean of the gap over the cell, of grid models.
+    in_cell : CellFields, callable or None
+        Fields on the nodes of the cell, or what computes them: ask for them as ``state.cell``.
     """
 
     load: float
@@ -111,6 +78,23 @@ class State:
     profile: Profile | None = None
     unstable_spring: int | None = None
     unstable_azimuthal: int = 0
+    mean_gap: float | None = None
+    in_cell: CellFields | Callable[[], CellFields] | None = field(default=None, repr=False, compare=False)
+
+    @cached_property
+    def cell(self) -> CellFields:
+        """Gap and pressures on the nodes of the cell, of grid models.
+
+        Raises
+        ------
+        InputError
+            For a state of another model, or one whose fields were not kept.
+        """
+        if self.in_cell is None:
+            raise InputError(
+                "state: it has no fields on a cell; solve with model=cb.Periodic(...) or cb.FreeSpace(...)"
+            )
+        return self.in_cell() if callable(self.in_cell) else self.in_cell
 
     @property
     def r(self) -> Array:
@@ -245,6 +229,9 @@ class Event:
         Number m of the azimuthal mode that changes stability (symmetry).
     mode_shape : ModeShape or None
         Gap and pressure of that mode.
+    verdict : str or None
+        Of a fold on a grid: ``"stays"``, ``"moves"`` or ``"vanishes"`` on the grid with twice the nodes a side, where
+        that was examined. One that vanishes is the lattice's own and bears no name.
     origin : object or None
         What `contbranch.follow` needs to follow the event; None for events read from a file.
     """
@@ -265,6 +252,7 @@ class Event:
     origin: Any = field(default=None, repr=False, compare=False)
     mode: int | None = None
     mode_shape: ModeShape | None = field(default=None, repr=False, compare=False)
+    verdict: str | None = None
 
     @cached_property
     def exponent(self) -> Exponent | None:
@@ -290,6 +278,8 @@ class Branch:
         `unstable_displacement` does; None where it has not been examined.
     critical : array (M,), callable or None
         The critical eigenvalue, or what computes it: ask for it as ``branch.critical_eigenvalue``.
+    fft_pairs : integer array (M,) or None
+        Pairs of transforms spent on each point by a grid model.
     """
 
     load: Array
@@ -305,6 +295,7 @@ class Branch:
     unstable_spring: NDArray[np.int64] | None = None
     unstable_azimuthal: NDArray[np.int64] | None = None
     critical: Array | Callable[[], Array] | None = field(default=None, repr=False)
+    fft_pairs: NDArray[np.int64] | None = None
 
     def __len__(self) -> int:
         return len(self.load)
@@ -379,11 +370,12 @@ class ModelChoice:
 
 @dataclass(frozen=True)
 class Cost:
-    """Wall time in seconds, Newton iterations and pairs of transforms."""
+    """Wall time in seconds, Newton iterations and pairs of transforms (those spent on stability apart)."""
 
     wall_s: float
     newton: int
     fft_pairs: int = 0
+    stability_pairs: int = 0
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ VERSION: Final = 1
 
 _OBSERVABLES: Final = ("load", "displacement", "contact_radius", "central_gap")
 _INDICES: Final = ("unstable_load", "unstable_displacement")
-_OPTIONAL: Final = ("unstable_spring", "unstable_azimuthal")
+_OPTIONAL: Final = ("unstable_spring", "unstable_azimuthal", "fft_pairs")
 _COLUMNS: Final = (*_OBSERVABLES, "energy", *_INDICES, "load_error", "displacement_error")
 
 
@@ -146,7 +146,12 @@ def _model(model: ModelChoice) -> dict[str, Any]:
 
 
 def _cost(cost: Cost) -> dict[str, Any]:
-    return {"wall_s": _number(cost.wall_s), "newton": cost.newton, "fft_pairs": cost.fft_pairs}
+    return {
+        "wall_s": _number(cost.wall_s),
+        "newton": cost.newton,
+        "fft_pairs": cost.fft_pairs,
+        "stability_pairs": cost.stability_pairs,
+    }
 
 
 def _branch(branch: Branch) -> dict[str, list[Any]]:
@@ -170,6 +175,7 @@ def _event(event: Event) -> dict[str, Any]:
         "exponent": _exponent(event.exponent),
         "stiffness": _number(event.stiffness),
         "mode": event.mode,
+        "verdict": event.verdict,
         "message": event.message,
         "branch": event.branch,
         "position": _number(event.position),
@@ -209,4 +215,5 @@ def _state(state: State) -> dict[str, Any]:
         **({} if state.unstable_spring is None else {"unstable_spring": int(state.unstable_spring)}),
         "unstable_azimuthal": int(state.unstable_azimuthal),
         "residual": _number(state.residual),
+        **({} if state.mean_gap is None else {"mean_gap": _number(state.mean_gap)}),
     }

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any
 
 from contbranch.contact import Contact
 from contbranch.control import Spring
 from contbranch.errors import InputError
+from contbranch.grid_size import GRID_MODELS, MODELS, grid_points
 from contbranch.units import positive_number
 
-__all__ = ["Request", "make_request"]
+if TYPE_CHECKING:
+    from contbranch.models.grid import FreeSpace, Periodic
 
-_MODELS: Final = ("auto", "exact", "axisymmetric")
+__all__ = ["Request", "grid_model", "make_request"]
 
 
 @dataclass(frozen=True)
@@ -25,6 +27,13 @@ class Request:
     model: str
     max_load: float | None
     controlled: bool = True
+    cell: float | None = None
+    grid: int | None = None
+
+    @property
+    def chosen_model(self) -> str | Periodic | FreeSpace:
+        """The model as the functions of the package take it: its name, or a grid model with its cell and grid."""
+        return grid_model(self.model, self.cell, self.grid) if self.model in GRID_MODELS else self.model
 
     def quantity(self, text: str, dimension: str, option: str) -> float:
         """Return the value of an option: a bare number in the contact's units, or a quantity of a physical contact."""
@@ -50,19 +59,52 @@ def make_request(
         If neither or both of a contact file and a law are given, or any value is wrong.
     """
     contact, settings = _contact(path, law, tabor, repulsive)
-    for option, value in (("--cell", cell), ("--grid", grid)):
-        if value is not None:
-            raise InputError(f"{option}: the models {' and '.join(_MODELS[1:])} have none; leave it out")
     given = {"control": control, "accuracy": None if accuracy is None else _bare(accuracy), "model": model}
     chosen = settings | {name: value for name, value in given.items() if value is not None}
+    name = _choice(chosen.get("model", "auto"), MODELS, "--model")
+    if cell is not None:
+        _needs_grid(name, "--cell", "add --model")
+        chosen["cell"] = positive_number(contact.units.read(_bare(cell), "length", "--cell"), "--cell")
+    if grid is not None:
+        _needs_grid(name, "--grid", "add --model")
+        chosen["grid"] = grid_points(grid, "--grid")
+    if model is not None and name not in GRID_MODELS:  # the option has put the file's model aside, with its cell
+        chosen = {key: value for key, value in chosen.items() if key not in ("cell", "grid")}
+    for key in ("cell", "grid"):
+        if key in chosen:
+            _needs_grid(name, f"trace.{key}", "write model =")
     return Request(
         contact=contact,
         control=_control(chosen.get("control", "load"), contact),
         accuracy=positive_number(_number(chosen.get("accuracy", 1e-6), "--accuracy"), "--accuracy"),
-        model=_choice(chosen.get("model", "auto"), _MODELS, "--model"),
+        model=name,
         max_load=settings.get("max_load"),
         controlled="control" in chosen,
+        cell=chosen.get("cell"),
+        grid=chosen.get("grid"),
     )
+
+
+def grid_model(name: str, cell: float | None, grid: int | None) -> Periodic | FreeSpace:
+    """Return the model of a cell called ``"periodic"`` or ``"free"``.
+
+    Parameters
+    ----------
+    name
+        ``"periodic"`` or ``"free"``.
+    cell
+        Edge of the cell in the contact's unit of length; None: chosen from the accuracy.
+    grid
+        Nodes along it; None: chosen from the accuracy.
+    """
+    from contbranch.models.grid import FreeSpace, Periodic  # heavy, and only for these models
+
+    return (Periodic if name == "periodic" else FreeSpace)(cell=cell, grid=grid)
+
+
+def _needs_grid(model: str, field: str, remedy: str) -> None:
+    if model not in GRID_MODELS:
+        raise InputError(f"{field}: the model {model} has none; {remedy} {' or '.join(GRID_MODELS)}, or leave it out")
 
 
 def _contact(path: str | None, law: str | None, tabor: str | None, repulsive: bool) -> tuple[Contact, dict[str, Any]]:

@@ -30,6 +30,7 @@ from contbranch.diagram import (
     Window,
 )
 from contbranch.errors import InputError, ModelError
+from contbranch.height_map import HeightMap
 
 if TYPE_CHECKING:
     import h5py
@@ -44,13 +45,13 @@ VERSION: Final = 1
 _CURVE: Final = (*OBSERVABLES, "energy", "load_error", "displacement_error")
 _INDICES: Final = ("unstable_load", "unstable_displacement")
 _CRITICAL: Final = "critical_eigenvalue"
-_OPTIONAL: Final = ("unstable_spring", "unstable_azimuthal")
+_OPTIONAL: Final = ("unstable_spring", "unstable_azimuthal", "fft_pairs")
 _PROFILE: Final = ("r", "gap", "pressure", "wall_pressure")
 _LOCAL: Final = ("excess", "order_parameter", "kappa", "error")
 _SHAPE: Final = ("r", "gap", "pressure")
 _WINDOW: Final = ("start", "stop", "kappa", "kappa_error", "prefactor")
 _INTEGERS: Final = ("branch", "mode")
-_TEXTS: Final = ("kind", "control", "name", "message", "order_parameter")
+_TEXTS: Final = ("kind", "control", "name", "message", "verdict", "order_parameter")
 _UNIT: Final = {  # where it is not the unit of the same name
     "load_error": "load",
     "displacement_error": "displacement",
@@ -217,6 +218,9 @@ def _write(file: h5py.File, diagram: Diagram) -> None:
         file.attrs["stiffness"] = diagram.stiffness
     file["unit_names"] = json.dumps(names, ensure_ascii=False)
     file["contact"] = json.dumps(head["contact"], ensure_ascii=False)  # no attribute: a tabulated law may be long
+    tip = None if diagram.contact is None else diagram.contact.tip
+    if isinstance(tip, HeightMap):  # of which the description has only a digest
+        _write_arrays(file.create_group("tip"), tip, ("heights",), {"heights": names.get("gap", "")})
     file.create_group("model").attrs.update(asdict(diagram.model))
     file.create_group("cost").attrs.update(asdict(diagram.cost))
     thresholds = file.create_group("thresholds")
@@ -291,6 +295,7 @@ def _event_row(event: Event) -> dict[str, Any]:
         **{f"window_{name}": getattr(window, name) for name in _WINDOW},
         "stiffness": _or_nan(event.stiffness),
         "mode": event.mode or 0,
+        "verdict": event.verdict or "",
         "branch": event.branch,
         "position": event.position,
     }
@@ -321,12 +326,14 @@ def _read(file: h5py.File) -> Diagram:
     model, cost = file["model"].attrs, file["cost"].attrs
     events = _read_events(file["events"], file.get("mode_shapes", {}))
     return Diagram(
-        contact=_rebuilt(description),
+        contact=_rebuilt(description, file.get("tip")),
         branches=tuple(_read_branch(file["branches"][str(i)]) for i in range(len(file["branches"]))),
         events=events,
         thresholds={key: float(value) for key, value in file["thresholds"].attrs.items()},
         model=ModelChoice(kind=model["kind"], why=model["why"], unknowns=int(model["unknowns"])),
-        cost=Cost(float(cost["wall_s"]), int(cost["newton"]), int(cost["fft_pairs"])),
+        cost=Cost(
+            float(cost["wall_s"]), int(cost["newton"]), int(cost["fft_pairs"]), int(cost.get("stability_pairs", 0))
+        ),
         control=file.attrs["control"],
         stiffness=float(file.attrs["stiffness"]) if "stiffness" in file.attrs else None,
         accuracy=float(file.attrs["accuracy"]),
@@ -358,7 +365,9 @@ def _read_branch(group: h5py.Group) -> Branch:
 
 
 def _read_events(group: h5py.Group, shapes: Mapping[str, h5py.Group]) -> tuple[Event, ...]:
-    names = [name for name in _event_row(_BLANK) if name != "mode" or name in group]  # early files have no modes
+    names = [
+        name for name in _event_row(_BLANK) if name not in ("mode", "verdict") or name in group
+    ]  # early files lack them
     columns = {name: group[name].asstr()[()] if name in _TEXTS else group[name][()] for name in names}
     rows = [{name: column[i] for name, column in columns.items()} for i in range(len(columns["kind"]))]
     return tuple(_event(row, shapes.get(str(i))) for i, row in enumerate(rows))
@@ -387,6 +396,7 @@ def _event(row: Mapping[str, Any], shape: h5py.Group | None) -> Event:
         branch=int(row["branch"]),
         position=float(row["position"]),
         mode=int(row.get("mode", 0)) or None,
+        verdict=row.get("verdict") or None,
         mode_shape=None if shape is None else ModeShape(int(shape.attrs["mode"]), *_arrays(shape, _SHAPE)),
     )
 
@@ -395,10 +405,16 @@ def _or_none(value: float) -> float | None:
     return None if np.isnan(value) else float(value)
 
 
-def _rebuilt(description: Mapping[str, Any]) -> Contact | None:
-    """Return the contact of a description, or None if the package does not know its tip or one of its laws."""
+def _rebuilt(description: Mapping[str, Any], tip: h5py.Group | None) -> Contact | None:
+    """Return the contact of a description, or None if the package does not know its tip or one of its laws.
+
+    A height map has its heights in the group `tip`.
+    """
     from contbranch.contact import Contact
 
+    if tip is not None:
+        heights = np.asarray(tip["heights"][()], dtype=np.float64)
+        description = {**description, "tip": {**description["tip"], "heights": heights}}
     try:
         return Contact.from_description(description)
     except InputError:

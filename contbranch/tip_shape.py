@@ -1,6 +1,7 @@
-"""What a tip shape is: a profile and its Abel transform, with the integrals of it that contact needs.
+"""What a tip is: a surface above the plane (`TipShape`); if axisymmetric, a profile with its Abel transform (`Tip`).
 
-The shapes themselves are in `tips`. Heights and lengths are in the contact's own units.
+The axisymmetric shapes are in `tips`, the others in `tip_surface` and `height_map`. Heights and lengths are in the
+contact's own units.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Tip"]
+__all__ = ["Tip", "TipShape"]
 
 FloatArray = NDArray[np.float64]
 
@@ -29,7 +30,76 @@ def gauss_rule(order: int = _ORDER) -> tuple[FloatArray, FloatArray]:
 
 
 @dataclass(frozen=True)
-class Tip:
+class TipShape:
+    """A rigid tip of any shape: what a contact, and a model on a grid, need of it.
+
+    A new shape without axial symmetry writes `natural_length`, `surface`, `reduced_scales` and `scaled`; an
+    axisymmetric one is a `Tip`.
+    """
+
+    name: ClassVar[str] = ""
+    dimensions: ClassVar[Mapping[str, str]] = {}
+
+    @property
+    def axisymmetric(self) -> Tip | None:
+        """The same tip as one with a profile and its transform, if it is axisymmetric; otherwise None."""
+        return None
+
+    @property
+    def is_axisymmetric(self) -> bool:
+        """Whether the height depends on the distance from the apex alone."""
+        return self.axisymmetric is not None
+
+    @property
+    def mirror_symmetric(self) -> bool:
+        """Whether the surface is the same under x → -x and under y → -y."""
+        return self.is_axisymmetric
+
+    @property
+    def natural_length(self) -> float:
+        """A length of the tip itself, which sets the scales where no interaction does."""
+        raise NotImplementedError(f"{type(self).__name__} must define natural_length")
+
+    def surface(self, x: ArrayLike, y: ArrayLike) -> FloatArray:
+        """Return the height above the point that is first to touch, at places in the plane.
+
+        Parameters
+        ----------
+        x, y
+            Coordinates of any shapes that fit each other; where the tip has one apex, it is at x = y = 0.
+
+        Returns
+        -------
+        heights
+            Of the common shape, 0 where the tip is lowest; infinite beyond a tip of finite extent.
+        """
+        raise NotImplementedError(f"{type(self).__name__} must define surface(x, y)")
+
+    def reduced_scales(self, adhesion_length: float) -> tuple[float, float]:
+        """Return the units (X, Z) in plane and along the normal with Z² = L X, as in (23), (24).
+
+        Parameters
+        ----------
+        adhesion_length
+            L = |Δγ|/E.
+        """
+        raise NotImplementedError(f"{type(self).__name__} must define reduced_scales(adhesion_length)")
+
+    def scaled(self, in_plane: float, normal: float) -> TipShape:
+        """Return the tip in other units, worth `in_plane` (lengths in the plane) and `normal` (heights) of these."""
+        raise NotImplementedError(f"{type(self).__name__} must define scaled(in_plane, normal)")
+
+    def parameters(self) -> dict[str, Any]:
+        """Return the fields from which the tip can be made again, by name."""
+        return {item.name: getattr(self, item.name) for item in fields(self) if item.init}
+
+    def described(self) -> dict[str, Any]:
+        """Return what a description in JSON says of the tip: its parameters, unless these are too long."""
+        return self.parameters()
+
+
+@dataclass(frozen=True)
+class Tip(TipShape):
     """A rigid tip with the axisymmetric profile z(r), z(0) = 0. All functions of radii take and return any shape.
 
     A new shape writes `natural_length`, `height`, `height_derivative`, `transform`, `transform_derivative`,
@@ -37,8 +107,10 @@ class Tip:
     to rounding where the transform is analytic.
     """
 
-    name: ClassVar[str] = ""
-    dimensions: ClassVar[Mapping[str, str]] = {}
+    @property
+    def axisymmetric(self) -> Tip:
+        """The tip itself."""
+        return self
 
     @property
     def extent(self) -> float:
@@ -50,10 +122,9 @@ class Tip:
         """The exponent n with which the profile starts, z ∝ r^n."""
         return 2.0
 
-    @property
-    def natural_length(self) -> float:
-        """A length of the tip itself, which sets the scales where no interaction does."""
-        raise NotImplementedError(f"{type(self).__name__} must define natural_length")
+    def surface(self, x: ArrayLike, y: ArrayLike) -> FloatArray:
+        """Return z(√(x² + y²))."""
+        return self.height(np.hypot(x, y))
 
     def height(self, r: ArrayLike) -> FloatArray:
         """Return the profile z(r)."""
@@ -155,23 +226,9 @@ class Tip:
         """Return ζ(t) - ζ(a) for t² = a² + τ²; shapes override it that have it without cancellation."""
         return self.transform(t) - float(self.transform(a))
 
-    def reduced_scales(self, adhesion_length: float) -> tuple[float, float]:
-        """Return the units (X, Z) in plane and along the normal with Z² = L X, as in (23), (24).
-
-        Parameters
-        ----------
-        adhesion_length
-            L = |Δγ|/E.
-        """
-        raise NotImplementedError(f"{type(self).__name__} must define reduced_scales(adhesion_length)")
-
     def scaled(self, in_plane: float, normal: float) -> Tip:
         """Return the tip in other units, worth `in_plane` (radii) and `normal` (heights) of the present ones."""
         raise NotImplementedError(f"{type(self).__name__} must define scaled(in_plane, normal)")
-
-    def parameters(self) -> dict[str, Any]:
-        """Return the fields from which the tip can be made again, by name."""
-        return {item.name: getattr(self, item.name) for item in fields(self) if item.init}
 
 
 def parabolic_scales(radius: float, adhesion_length: float) -> tuple[float, float]:

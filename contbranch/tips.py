@@ -1,4 +1,4 @@
-"""Tip shapes with their Abel transforms ζ(t) = t ∫_0^t z'(r)/√(t²-r²) dr in closed form.
+"""Axisymmetric tip shapes with their Abel transforms ζ(t) = t ∫_0^t z'(r)/√(t²-r²) dr in closed form.
 
 ζ(a) is the displacement at which the tip alone, without adhesion, makes a contact of radius a.
 """
@@ -15,11 +15,24 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.special import beta, betainc
 
 from contbranch.errors import InputError
+from contbranch.height_map import HeightMap
 from contbranch.tip_profile import Profile
-from contbranch.tip_shape import Tip, gauss_rule, parabolic_scales
+from contbranch.tip_shape import Tip, TipShape, gauss_rule, parabolic_scales
+from contbranch.tip_surface import EllipticParaboloid
 from contbranch.units import positive_number
 
-__all__ = ["TIPS", "Cone", "Parabola", "PowerLaw", "Profile", "SphericalCap", "Tip"]
+__all__ = [
+    "TIPS",
+    "Cone",
+    "EllipticParaboloid",
+    "HeightMap",
+    "Parabola",
+    "PowerLaw",
+    "Profile",
+    "SphericalCap",
+    "Tip",
+    "TipShape",
+]
 
 FloatArray = NDArray[np.float64]
 
@@ -417,4 +430,13 @@ def _root(square: FloatArray) -> FloatArray:
     return np.asarray(np.sqrt(np.maximum(1.0 - square, 0.0)))
 
 
-TIPS: Final[Mapping[str, type[Tip]]] = {tip.name: tip for tip in (Parabola, Cone, PowerLaw, SphericalCap, Profile)}
+_SHAPES: Final[tuple[type[TipShape], ...]] = (
+    Parabola,
+    Cone,
+    PowerLaw,
+    SphericalCap,
+    Profile,
+    EllipticParaboloid,
+    HeightMap,
+)
+TIPS: Final[Mapping[str, type[TipShape]]] = {shape.name: shape for shape in _SHAPES}

@@ -121,6 +121,39 @@ def test_quantities_and_bare_numbers(calls: list, contact: str) -> None:
     assert calls[3]["displacement"] == -2.0
 
 
+def test_models_of_a_cell(calls: list, contact: str) -> None:
+    from contbranch.models.grid import FreeSpace, Periodic
+
+    assert main(["trace", contact, "--model", "periodic", "--cell", "2 um", "--grid", "256"]) == 0
+    assert main(["solve", contact, "--load", "5", "--model", "free"]) == 0
+    assert main(["trace", *GAUSS, "--model", "free", "--cell", "8"]) == 0
+    wanted = [Periodic(cell=2000.0, grid=256), FreeSpace(), FreeSpace(cell=8.0)]
+    assert [call["model"] for call in calls] == wanted
+
+
+def test_cell_and_grid_of_the_contact_file(calls: list, contact: str, capsys: Capture) -> None:
+    from contbranch.models.grid import FreeSpace, Periodic
+
+    Path(contact).write_text(CONTACT + '[trace]\nmodel = "periodic"\ncell = "2 um"\ngrid = 128\n')
+    assert main(["trace", contact]) == 0
+    assert main(["trace", contact, "--grid", "64"]) == 0
+    assert main(["trace", contact, "--model", "free", "--cell", "3 um"]) == 0
+    assert main(["trace", contact, "--model", "exact"]) == 0  # puts the file's model aside, and its cell with it
+    wanted = [
+        Periodic(cell=2000.0, grid=128),
+        Periodic(cell=2000.0, grid=64),
+        FreeSpace(cell=3000.0, grid=128),
+        "exact",
+    ]
+    assert [call["model"] for call in calls] == wanted
+    Path(contact).write_text(CONTACT + "[trace]\ngrid = 128\n")
+    capsys.readouterr()
+    assert main(["trace", contact]) == 2
+    assert capsys.readouterr().err == (
+        "contbranch: trace.grid: the model auto has none; write model = periodic or free, or leave it out\n"
+    )
+
+
 def test_options_win_over_the_contact_file(calls: list, contact: str) -> None:
     Path(contact).write_text(CONTACT + '[trace]\ncontrol = "displacement"\naccuracy = 1e-7\nmax_load = "30 nN"\n')
     assert main(["trace", contact]) == 0
@@ -188,11 +221,19 @@ WRONG = [
     (["trace", "FILE", "--control", "force"], "--control: 'force'; must be load, displacement or spring:0.1 N/m"),
     (["trace", "FILE", "--control", "spring:0.1 nm"], "--control: '0.1 nm'"),
     (
-        ["trace", "FILE", "--model", "periodic"],
-        "--model: 'periodic' is not available; choose auto, exact or axisymmetric",
+        ["trace", "FILE", "--model", "grid"],
+        "--model: 'grid' is not available; choose auto, exact, axisymmetric, periodic or free",
     ),
-    (["trace", "FILE", "--cell", "8"], "--cell:"),
-    (["trace", "FILE", "--grid", "128"], "--grid:"),
+    (
+        ["trace", "FILE", "--cell", "8"],
+        "--cell: the model auto has none; add --model periodic or free, or leave it out",
+    ),
+    (["trace", "FILE", "--grid", "128", "--model", "exact"], "--grid: the model exact has none"),
+    (["trace", "FILE", "--cell", "0 nm", "--model", "free"], "--cell: 0; must be greater than zero"),
+    (["trace", "FILE", "--cell", "1 nN", "--model", "free"], "--cell: '1 nN': 'nN' is not a unit of length"),
+    (["trace", *GAUSS, "--cell", "1 nm", "--model", "free"], "--cell: '1 nm'; the contact is in reduced units"),
+    (["trace", "FILE", "--grid", "127", "--model", "periodic"], "--grid: 127; must be a whole and even number"),
+    (["trace", "FILE", "--grid", "fine", "--model", "periodic"], "--grid: 'fine'; must be a whole number"),
     (["trace", "FILE", "--plot", "x.gif"], "--plot: 'x.gif' has no known suffix; must end in .pdf, .png or .svg"),
     (["trace", "FILE", "--plot", "no/x.png"], "--plot: the folder"),
     (["trace", "FILE", "--json", "no/x.json"], "--json: the folder"),
@@ -277,6 +318,7 @@ def test_help_names_every_option(capsys: Capture) -> None:
     assert main(["trace", "--help"]) == 0
     text = capsys.readouterr().out
     options = ["--interaction", "--tabor", "--repulsive", "--control", "--accuracy", "--model", "--max-load", "--json"]
+    options += ["--cell", "--grid"]
     assert [option for option in [*options, "--plot", "-o"] if option not in text] == []
     assert "╭" not in text
 

@@ -2,6 +2,7 @@
 
 import math
 
+import h5py
 import numpy as np
 import pytest
 
@@ -9,7 +10,7 @@ from contbranch.contact import Contact
 from contbranch.contact_file import parse_control, read_contact
 from contbranch.errors import InputError
 from contbranch.interactions import Exponential, Gauss, Layered, Tabulated, VanDerWaals
-from contbranch.tips import Cone, Parabola, PowerLaw, Profile, SphericalCap
+from contbranch.tips import Cone, EllipticParaboloid, HeightMap, Parabola, PowerLaw, Profile, SphericalCap
 from contbranch.units import PHYSICAL, REDUCED
 
 PHYSICAL_FILE = """
@@ -83,6 +84,58 @@ def test_every_shape(write, lines, tip):
     assert contact.units == PHYSICAL
     r = np.array([0.05, 0.2])
     np.testing.assert_allclose(contact.tip.height(r), tip.height(r), rtol=1e-12)
+
+
+def test_elliptic_paraboloid(write):
+    tip = 'shape = "elliptic-paraboloid"\nradius_x = "1 um"\nradius_y = "20 nm"'
+    contact, _ = read_contact(write(f'[tip]\n{tip}\n[material]\nmodulus = "1 GPa"'))
+    assert contact.tip == EllipticParaboloid(1000.0, 20.0)
+
+
+class TestHeightMap:
+    heights = np.random.default_rng(0).normal(size=(8, 8))
+    head = '[tip]\nshape = "height-map"\n'
+    material = '\n[material]\nmodulus = "1 GPa"'
+
+    def test_npy_beside_the_contact_file(self, write, tmp_path):
+        np.save(tmp_path / "h.npy", self.heights)
+        keys = 'file = "h.npy"\ncell = "1 um"\nunit = "angstrom"\npeaks = true\nradius = "50 nm"'
+        contact, _ = read_contact(write(self.head + keys + self.material))
+        assert contact.tip == HeightMap(self.heights, 1000.0, 50.0, peaks=True, unit=0.1)
+        assert contact.units == PHYSICAL
+        assert Contact.from_description(contact.describe()) == contact
+
+    def test_hdf5_in_reduced_units(self, write, tmp_path):
+        with h5py.File(tmp_path / "h.h5", "w") as file:
+            file["a"] = self.heights[::-1]
+            file["b"] = self.heights
+        keys = 'file = "h.h5"\ndataset = "b"\ncell = 4.0'
+        contact, _ = read_contact(write(self.head + keys + "\n[material]\nmodulus = 1"))
+        assert contact.tip == HeightMap(self.heights, 4.0)
+        assert contact.units == REDUCED
+
+    @pytest.mark.parametrize(
+        ("keys", "message"),
+        [
+            ('cell = "1 um"', "tip.file: missing; a height map needs a file"),
+            ('file = "h.npy"', "tip.cell: missing; a height map needs a file"),
+            ('file = "h.npy"\ncell = "1 um"', "tip.file: has no unit, tip.cell has one; state unit"),
+            ('file = "h.npy"\ncell = "1 um"\nunit = "GPa"', "tip.unit: '1 GPa': 'GPa' is not a unit of length"),
+            ('file = "h.npy"\ncell = "1 um"\nunit = 3', "tip.unit: 3; must be a unit, for example 'nm'"),
+            ('file = "no.npy"\ncell = "1 um"\nunit = "nm"', "tip.file: '.*no.npy': no such file"),
+            ('file = "h.npy"\ncell = "-1 um"\nunit = "nm"', "tip.cell: -1000; must be greater than zero"),
+            ('file = 3\ncell = "1 um"\nunit = "nm"', 'tip.file: 3; write for example file = "heights.npy"'),
+            ('file = "h.npy"\ncell = "1 um"\nunit = "nm"\npeaks = 1', "tip.peaks: 1; write for example peaks = true"),
+            ('file = "h.npy"\ncell = "1 um"\nheights = [1]', "tip.heights: not known; must be one of file, dataset"),
+            ('file = "nan.npy"\ncell = "1 um"\nunit = "nm"', "tip.heights: 1 of 64 are not finite"),
+        ],
+    )
+    def test_wrong(self, write, tmp_path, keys, message):
+        np.save(tmp_path / "h.npy", self.heights)
+        np.save(tmp_path / "nan.npy", np.where(self.heights.max() == self.heights, np.nan, self.heights))
+        with pytest.raises(InputError, match=f"^{message}") as error:
+            read_contact(write(self.head + keys + self.material))
+        assert "\n" not in str(error.value)
 
 
 def test_sums_and_layers(write):
@@ -215,6 +268,8 @@ def test_options_of_the_trace(write):
         "control": 2.0,
         "max_load": 50.0,
     }
+    cell = '[trace]\nmodel = "free"\ncell = "2 um"\ngrid = 128'
+    assert read_contact(write(PHYSICAL_FILE + cell))[1] == {"model": "free", "cell": 2000.0, "grid": 128}
 
 
 @pytest.mark.parametrize(
@@ -304,6 +359,14 @@ WRONG = {
         r"^trace.precision: not known; must be one of control",
     ),
     "wrong accuracy": (REDUCED_FILE + "[trace]\naccuracy = -1e-3", r"^trace.accuracy: -0.001; must be between 0 and 1"),
+    "wrong model": (
+        REDUCED_FILE + '[trace]\nmodel = "periodical"',
+        r"^trace.model: 'periodical'; must be one of auto, .*; did you mean 'periodic'\?",
+    ),
+    "model is no text": (REDUCED_FILE + "[trace]\nmodel = 3", r"^trace.model: 3; must be one of auto"),
+    "wrong cell": (REDUCED_FILE + "[trace]\ncell = 0", r"^trace.cell: 0; must be greater than zero"),
+    "cell without unit": (PHYSICAL_FILE + "[trace]\ncell = 5", r"^trace.cell: has no unit, tip.radius has one"),
+    "wrong grid": (REDUCED_FILE + "[trace]\ngrid = 127", r"^trace.grid: 127; must be a whole and even .* 128$"),
     "wrong control": (REDUCED_FILE + '[trace]\ncontrol = "force"', r"^trace.control: 'force'; must be load"),
     "phase": (
         _with("range = 0.25", "range = 0.25\nwavelength = 1\nphase = 1.5707963267948966", REDUCED_FILE).replace(

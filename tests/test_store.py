@@ -9,9 +9,13 @@ import h5py
 import numpy as np
 import pytest
 
+from contbranch.contact import Contact
 from contbranch.diagram import Cost, Diagram, LocalExponent, ModelChoice, Solution
 from contbranch.errors import InputError, ModelError
+from contbranch.interactions import Gauss
 from contbranch.store import load, save, save_document, save_solution
+from contbranch.tips import HeightMap
+from contbranch.units import PHYSICAL
 
 COLUMNS = ("load", "displacement", "contact_radius", "central_gap", "energy", "load_error", "displacement_error")
 INDICES = ("unstable_load", "unstable_displacement")
@@ -90,6 +94,28 @@ def test_contact_of_an_unknown_law_is_none_but_described(broken: Diagram, tmp_pa
     np.testing.assert_array_equal(found.branches[0].load, broken.branches[0].load)
     save(found, tmp_path / "y.h5")
     assert load(tmp_path / "y.h5").unit_names == broken.unit_names
+
+
+def test_heights_of_a_map_are_kept(repulsion: Diagram, tmp_path: Path) -> None:
+    heights = np.random.default_rng(0).normal(size=(16, 16))
+    tip = HeightMap(heights, 3.0, unit=1.7)  # from an array: a description alone could not bring it back
+    contact = Contact(tip, Gauss(1.0, 0.5))
+    save(replace(repulsion, contact=contact, description=contact.describe()), tmp_path / "x.h5")
+    found = load(tmp_path / "x.h5")
+    assert found.contact == contact
+    np.testing.assert_array_equal(found.contact.tip.heights, tip.heights)
+    save(found, tmp_path / "y.h5")
+    assert load(tmp_path / "y.h5").contact == contact
+    np.save(tmp_path / "h.npy", heights)
+    from_file = Contact(HeightMap.from_file(tmp_path / "h.npy", cell=3.0, unit=1.7), Gauss(1.0, 0.5), 1.0, PHYSICAL)
+    (tmp_path / "h.npy").unlink()
+    traced = replace(repulsion, contact=from_file, description=from_file.describe(), unit_names=PHYSICAL.names)
+    save(traced, tmp_path / "z.h5")
+    assert load(tmp_path / "z.h5").contact.describe() == from_file.describe()
+    with h5py.File(tmp_path / "z.h5", "a") as file:
+        assert file["tip/heights"].attrs["unit"] == "nm"
+        file["tip/heights"][0, 0] += 1.0
+    assert load(tmp_path / "z.h5").contact is None  # no longer what was described
 
 
 def test_layout_is_the_documented_one(attraction: Diagram, tmp_path: Path) -> None:

@@ -378,5 +378,7 @@ def test_tips_are_immutable_values():
 
 
 def test_every_shape_is_found_by_its_name():
-    assert set(TIPS) == {"parabola", "cone", "power-law", "spherical-cap", "profile"}
+    axisymmetric = {"parabola", "cone", "power-law", "spherical-cap", "profile"}
+    assert set(TIPS) == {*axisymmetric, "elliptic-paraboloid", "height-map"}
+    assert {name for name in TIPS if issubclass(TIPS[name], Tip)} == axisymmetric
     assert all(TIPS[name].name == name for name in TIPS)

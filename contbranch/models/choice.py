@@ -4,19 +4,23 @@ from __future__ import annotations
 
 from contbranch.contact import Contact
 from contbranch.errors import InputError
+from contbranch.height_map import HeightMap
 
 from .axisymmetric import Axisymmetric
 from .exact import Exact
+from .grid import FreeSpace, Periodic
 from .rings import Rings
 
 __all__ = ["Model", "choose"]
 
-Model = Exact | Axisymmetric | Rings
-MODELS: dict[str, type[Exact] | type[Axisymmetric]] = {"exact": Exact, "axisymmetric": Axisymmetric}
+Model = Exact | Axisymmetric | Rings | Periodic | FreeSpace
+NAMED: dict[str, type[Exact | Axisymmetric | Periodic | FreeSpace]] = {
+    model.name: model for model in (Exact, Axisymmetric, Periodic, FreeSpace)
+}
 
 
 def choose(contact: Contact, model: str | Model = "auto") -> tuple[Model, str]:
-    """The model for a contact and the reason, a sentence.
+    """The model for a contact and the reason, a sentence; the cell of a grid model is turned into reduced units.
 
     Parameters
     ----------
@@ -29,16 +33,19 @@ def choose(contact: Contact, model: str | Model = "auto") -> tuple[Model, str]:
     InputError
         If the model is not known, or does not represent the contact: the message says why.
     """
-    if isinstance(model, Exact | Axisymmetric | Rings):
+    if isinstance(model, Exact | Axisymmetric | Rings | Periodic | FreeSpace):
         chosen: Model = model
+    elif model == "auto" and not contact.tip.is_axisymmetric:
+        grid, why = _grid_for(contact)
+        return _scaled(grid, contact), why
     elif model == "auto":
         if Exact().obstacle(contact) is None:
             return Exact(), "A parabola with Maugis-Dugdale attraction is known in closed form."
         chosen = Axisymmetric()
-    elif model in MODELS:
-        chosen = MODELS[model]()
+    elif model in NAMED:
+        chosen = NAMED[model]()
     else:
-        raise InputError(f"model: {model!r}; must be one of auto, {', '.join(MODELS)}")
+        raise InputError(f"model: {model!r}; must be one of auto, {', '.join(NAMED)}")
     obstacle = chosen.obstacle(contact)
     if isinstance(chosen, Axisymmetric) and obstacle is not None and Rings().obstacle(contact) is None:
         # Laws whose pressure jumps: the same model with free boundaries as unknowns.
@@ -46,6 +53,24 @@ def choose(contact: Contact, model: str | Model = "auto") -> tuple[Model, str]:
         return Rings(), why if model == "auto" else "Asked for."
     if obstacle is not None:
         raise InputError(f"model: {chosen.name} does not represent this contact: {obstacle}")
+    chosen = _scaled(chosen, contact)
     if model == "auto":
         return chosen, "Tip and interaction are axisymmetric; elasticity is then local in the Abel transform."
     return chosen, "Asked for."
+
+
+def _scaled(model: Model, contact: Contact) -> Model:
+    return model.scaled(contact.scales.in_plane) if isinstance(model, Periodic | FreeSpace) else model
+
+
+def _grid_for(contact: Contact) -> tuple[Periodic | FreeSpace, str]:
+    """The grid model for a tip without axial symmetry."""
+    if isinstance(contact.tip, HeightMap):
+        chosen: Periodic | FreeSpace = Periodic()
+        why = "A map of heights has no axial symmetry: a grid, periodic as the map."
+    else:
+        chosen, why = FreeSpace(), "The tip has no axial symmetry: a grid, in free space."
+    obstacle = chosen.obstacle(contact)
+    if obstacle is not None:
+        raise InputError(f"model: {chosen.name} does not represent this contact: {obstacle}")
+    return chosen, why

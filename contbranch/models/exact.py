@@ -23,8 +23,9 @@ class Exact:
 
     def obstacle(self, contact: Contact) -> str | None:
         """Return why the model does not represent a contact, as the end of a sentence, or None if it does."""
-        if not isinstance(contact.tip, Parabola):
-            return f"the closed form holds for a parabola, not for a tip of the shape {contact.tip.name}"
+        if not isinstance(contact.tip.axisymmetric, Parabola):
+            shape = contact.tip.name or type(contact.tip).__name__
+            return f"the closed form holds for a parabola, not for a tip of the shape {shape}"
         if not isinstance(contact.interaction, MaugisDugdale):
             law = "no interaction" if contact.interaction is None else contact.interaction.name or "another law"
             return f"the closed form holds for the law maugis-dugdale alone, not for {law}"

@@ -16,7 +16,7 @@ from contbranch.contact import Contact, dimensions, make, nearest
 from contbranch.control import Control
 from contbranch.errors import InputError
 from contbranch.interactions import Interaction, Sum
-from contbranch.tips import Tip
+from contbranch.tips import Tip, TipShape
 from contbranch.units import Scales, finite_number, positive_number
 
 __all__ = ["Family", "Vary", "family_of"]
@@ -102,7 +102,7 @@ class Family:
         scales = self.scales(contact)
         law = contact.interaction
         scaled = None if law is None else law.scaled(scales.normal, scales.energy_per_area)
-        return contact.tip.scaled(scales.in_plane, scales.normal), scaled, scales
+        return contact.axisymmetric_tip.scaled(scales.in_plane, scales.normal), scaled, scales
 
 
 def family_of(
@@ -252,7 +252,7 @@ def _named(contact: Contact, vary: str) -> tuple[float, Callable[[float], Contac
     return number, member, match[2] in _ABSOLUTE
 
 
-def _number(part: Tip | Interaction, name: str, vary: str) -> float:
+def _number(part: TipShape | Interaction, name: str, vary: str) -> float:
     """Present value of a parameter of a tip or law."""
     known = part.parameters()
     numeric = [key for key, value in known.items() if isinstance(value, int | float) and not isinstance(value, bool)]

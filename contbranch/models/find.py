@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 
 from contbranch.contact import Contact
 from contbranch.control import Control, Spring, as_control
-from contbranch.diagram import Cost, ModelChoice, Solution, State
+from contbranch.diagram import ModelChoice, Solution, State
 from contbranch.equilibria import Barrier, Equilibria
 from contbranch.errors import InputError
 from contbranch.units import finite_number
@@ -100,7 +100,7 @@ def find_all(
         control=driven.kind,
         stiffness=driven.spring_stiffness,
         model=ModelChoice(chosen.name, why, raw.unknowns),  # type: ignore[arg-type]
-        cost=Cost(time.perf_counter() - began, raw.cost.newton),
+        cost=replace(raw.cost, wall_s=time.perf_counter() - began),
         status="complete" if raw.complete else "incomplete",
         message=_message(states, connected, driven, isinstance(chosen, Exact), raw),
         contact=contact,
@@ -150,7 +150,9 @@ def _message(states: Sequence[State], connected: Sequence[bool], control: Contro
     )
     if exact:
         return f"{words}; all there are, by the closed form."
-    if raw.extra.get("free_boundaries"):
+    if raw.fft_pairs is not None:
+        words += "; others were not looked for off the curve."
+    elif raw.extra.get("free_boundaries"):
         words += "; others were not looked for off the curve, whose contact set is not a disc everywhere."
     else:
         words += f"; {apart} not connected to the curve." if apart else "; the search off the curve found no other."

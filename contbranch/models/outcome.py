@@ -14,6 +14,7 @@ from contbranch.contact import Contact
 from contbranch.control import Control
 from contbranch.diagram import (
     Branch,
+    CellFields,
     Cost,
     Diagram,
     Event,
@@ -59,6 +60,8 @@ class RawEvent:
         The point of the curve, where the model has it but cannot follow it.
     exponent, local_exponent : callable
         Deferred, since they cost further solutions.
+    verdict : str or None
+        Of a fold on a grid: ``"stays"``, ``"moves"`` or ``"vanishes"`` when the grid is refined.
     """
 
     kind: str
@@ -80,6 +83,7 @@ class RawEvent:
     mode_shape: ModeShape | None = None
     exponent: Callable[[], Exponent | None] | None = None
     local_exponent: Callable[[], LocalExponent] | None = None
+    verdict: str | None = None
 
 
 @dataclass(frozen=True)
@@ -104,6 +108,7 @@ class RawCurve:
     unstable_spring: Integers | None = None
     unstable_azimuthal: Integers | None = None
     critical: Callable[[], Array] | None = None
+    fft_pairs: Integers | None = None
     extra: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -134,6 +139,15 @@ class _Scaling:
             profile.gap * self.normal,
             profile.pressure * self.pressure,
             profile.wall_pressure * self.pressure,
+        )
+
+    def cell(self, fields: CellFields) -> CellFields:
+        return CellFields(
+            fields.x * self.in_plane,
+            fields.y * self.in_plane,
+            fields.gap * self.normal,
+            fields.pressure * self.pressure,
+            fields.wall_pressure * self.pressure,
         )
 
     def mode_shape(self, shape: ModeShape) -> ModeShape:
@@ -171,7 +185,8 @@ def _names(contact: Contact, events: Sequence[RawEvent]) -> list[str | None]:
     names = []
     for raw in events:
         name = raw.name
-        if raw.kind == "fold" and name is None and min(raw.before, raw.after) == 0:
+        artefact = raw.verdict == "vanishes"
+        if raw.kind == "fold" and name is None and min(raw.before, raw.after) == 0 and not artefact:
             name = fold_name(contact.interaction, raw.control, raw.values[0], raw.maximum)
         names.append(name)
     return number_layers(names, [raw.control for raw in events], contact.interaction)
@@ -194,6 +209,7 @@ def _event(contact: Contact, scaling: _Scaling, raw: RawEvent, name: str | None)
         stiffness=None if raw.stiffness is None else raw.stiffness * scaling.stiffness,
         position=float(raw.row) if raw.position is None else raw.position,
         mode=raw.mode,
+        verdict=raw.verdict,
         mode_shape=None if raw.mode_shape is None else scaling.mode_shape(raw.mode_shape),
         origin=None if raw.place is None else Origin(contact, raw),
         critical=None if source is None else one_thread(lambda: scaling.exponent(source(), raw.control)),
@@ -219,6 +235,7 @@ def assemble(contact: Contact, curve: RawCurve, choice: ModelChoice, control: Co
         curve.unstable_spring,
         curve.unstable_azimuthal,
         curve.critical,
+        curve.fft_pairs,
     )
     terms = contact.interaction.terms if contact.interaction is not None else ()
     repulsive = bool(terms) and all(term.work_of_adhesion < 0 for term in terms)
@@ -273,4 +290,6 @@ def state_in_units(contact: Contact, state: State) -> State:
         None if state.profile is None else scaling.profile(state.profile),
         state.unstable_spring,
         state.unstable_azimuthal,
+        None if state.mean_gap is None else state.mean_gap * scaling.normal,
+        None if state.in_cell is None else lambda: scaling.cell(state.cell),
     )

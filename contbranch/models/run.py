@@ -16,6 +16,7 @@ from contbranch.units import finite_number, positive_number
 from .choice import Model, choose
 from .exact import Exact
 from .exact_outcome import exact_outcome, exact_state
+from .grid import FreeSpace, Periodic
 from .outcome import RawCurve, assemble, state_in_units
 from .threads import one_thread
 
@@ -50,7 +51,8 @@ def trace(
         Load (in the contact's units) at which the curve ends; default: in contact, at 1.4 times the largest load of any
         event, and at least 10 in reduced units.
     model : str or model object
-        ``"auto"``, ``"exact"``, ``"axisymmetric"``, or an object such as ``cb.Exact()``.
+        ``"auto"``, ``"exact"``, ``"axisymmetric"``, ``"periodic"``, ``"free"``, or an object such as ``cb.Exact()`` or
+        ``cb.Periodic(cell=10.0, grid=256)``. ``"auto"`` takes a grid only for tips without axial symmetry.
     progress : callable, optional
         Called as ``progress(fraction, text)`` now and then.
     modes : int
@@ -142,7 +144,11 @@ def solve(
         raise InputError(f"{field}: {value:g} cannot be reached; {_reachable(raw, field, unit)}")
     states = tuple(state_in_units(contact, state) for state in found)
     best, message = _best(states, driven, near)
-    cost = Cost(time.perf_counter() - began, raw.cost.newton)
+    if isinstance(chosen, Periodic | FreeSpace):
+        unstable = "" if any(state.stable(driven) for state in states) else " None of those found is stable."
+        message = raw.message + unstable
+    spent = raw.cost
+    cost = Cost(time.perf_counter() - began, spent.newton, spent.fft_pairs, spent.stability_pairs)
     values = {item.name: getattr(best, item.name) for item in dataclass_fields(State)}
     return Solution(
         **values,

@@ -24,18 +24,19 @@ class Krylov(NamedTuple):
 
 
 def gmres(
-    apply: Callable[[Array], Array],
+    apply: Callable[[Array], tuple[Array, Array]],
     right_side: Array,
     tolerance: float,
     limit: int = 200,
     restart: int = 60,
 ) -> Krylov:
-    """Solve A x = b with the smallest residual ‖b - A x‖ in each Krylov space.
+    """Solve A x = b with the smallest residual ‖b - A x‖ in each Krylov space of A M⁻¹.
 
     Parameters
     ----------
     apply : callable
-        A, with its right preconditioner if it has one; (n,) to (n,), a new array.
+        From y, (n,), to A M⁻¹ y and M⁻¹ y, both (n,) and new arrays: a preconditioner's products are kept, so that the
+        solution costs no further one.
     right_side : array (n,)
     tolerance : float
         Residual to reach, relative to the right side's.
@@ -52,31 +53,32 @@ def gmres(
         return Krylov(x, 0, 0.0 if total == 0.0 else math.inf)
     residual, norm, used = right_side, total, 0
     while True:
-        step, iterations, norm = _cycle(apply, residual, norm, tolerance * total, min(restart, limit - used))
+        step, image, iterations, norm = _cycle(apply, residual, norm, tolerance * total, min(restart, limit - used))
         x += step
         used += iterations
         if norm <= tolerance * total or used >= limit or iterations == 0:
             return Krylov(x, used, norm / total)
-        residual = right_side - apply(x)
+        residual = residual - image
         norm = float(np.linalg.norm(residual))
 
 
 def _cycle(
-    apply: Callable[[Array], Array],
+    apply: Callable[[Array], tuple[Array, Array]],
     residual: Array,
     norm: float,
     goal: float,
     size: int,
-) -> tuple[Array, int, float]:
-    """One cycle: the correction, its iterations, and the norm of the residual that is left."""
-    basis = [residual / norm]
+) -> tuple[Array, Array, int, float]:
+    """One cycle: the correction, A times it, its iterations, and the norm of the residual that is left."""
+    basis, smoothed = [residual / norm], list[Array]()
     triangle = np.zeros((size, size))
     rotations: list[tuple[float, float]] = []
     rest = np.zeros(size + 1)
     rest[0] = norm
     count = 0
     for k in range(size):
-        w = apply(basis[k])
+        w, smooth = apply(basis[k])
+        smoothed.append(smooth)
         before = float(np.linalg.norm(w))
         column = np.array([v @ w for v in basis])
         for v, h in zip(basis, column, strict=True):
@@ -103,12 +105,26 @@ def _cycle(
         count = k + 1
         if abs(rest[k + 1]) <= goal or length <= 1e-14 * before:
             break
-        if count < size:
-            basis.append(w / length)
+        basis.append(w / length)
     if count == 0:
-        return np.zeros_like(residual), 0, norm
+        return np.zeros_like(residual), np.zeros_like(residual), 0, norm
     weights = solve_triangular(triangle[:count, :count], rest[:count])
-    combined = weights[0] * basis[0]
-    for weight, v in zip(weights[1:], basis[1:count], strict=True):
-        combined += weight * v
-    return combined, count, abs(float(rest[count]))
+    left = _combined(basis[: count + 1], _remainder(rest[count], rotations)) if len(basis) > count else 0.0 * residual
+    return _combined(smoothed[:count], weights), residual - left, count, abs(float(rest[count]))
+
+
+def _remainder(size: float, rotations: list[tuple[float, float]]) -> Array:
+    """The residual's coefficients in the basis: the last unit vector, rotated back."""
+    vector = np.zeros(len(rotations) + 1)
+    vector[-1] = size
+    for k in range(len(rotations) - 1, -1, -1):
+        c, s = rotations[k]
+        vector[k], vector[k + 1] = c * vector[k] - s * vector[k + 1], s * vector[k] + c * vector[k + 1]
+    return vector
+
+
+def _combined(vectors: list[Array], weights: Array) -> Array:
+    total = weights[0] * vectors[0]
+    for weight, vector in zip(weights[1:], vectors[1:], strict=True):
+        total += weight * vector
+    return np.asarray(total)

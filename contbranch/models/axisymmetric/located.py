@@ -235,7 +235,7 @@ class Located:
 
     def _end_of_tip(self, contact: Contact) -> str:
         """A sentence if the interaction has come to the end of a tip of finite extent."""
-        if not (self.points and math.isfinite(contact.tip.extent)):
+        if not (self.points and math.isfinite(contact.axisymmetric_tip.extent)):
             return ""
         point = self.points[-1]
         problem = point.problem
@@ -243,7 +243,7 @@ class Located:
         fields = problem.fields(point.x, point.parameter)
         r = np.hypot(problem.equations.mesh.nodes, fields.rim.radius)
         felt = r[np.abs(fields.pressure) > 1e-3 * np.abs(fields.pressure).max()]
-        if max(fields.rim.radius, float(felt.max(initial=0.0))) < 0.9 * contact.tip.extent:
+        if max(fields.rim.radius, float(felt.max(initial=0.0))) < 0.9 * contact.axisymmetric_tip.extent:
             return ""
         return "The contact, or the interaction around it, has reached the end of the tip."
 

@@ -126,7 +126,7 @@ def crossings(
     InputError
         If the value is out of range whatever the curve does.
     """
-    if field == "contact_radius" and not 0 < value < contact.tip.extent:
+    if field == "contact_radius" and not 0 < value < contact.axisymmetric_tip.extent:
         raise InputError(f"contact_radius: {value:g}; must be greater than zero (and within the tip)")
     traced = trace(contact, accuracy, Target(), progress, events=False, control=control)
     reached = getattr(traced.curve, field)
@@ -169,6 +169,6 @@ def _target(contact: Contact, field: str, value: float, traced: Traced) -> Targe
         return Target(value * (1 + 1e-9))
     if field == "displacement":
         return Target(value + 1e-9 * abs(value), DISPLACEMENT)
-    a = np.float64(value)
-    hertz = 2 * float(a * contact.tip.transform(a) - contact.tip.transform_integral(a))
+    a, tip = np.float64(value), contact.axisymmetric_tip
+    hertz = 2 * float(a * tip.transform(a) - tip.transform_integral(a))
     return Target(1.2 * (hertz + float(traced.curve.load[-1]) + 2 * math.pi))

@@ -99,7 +99,7 @@ def start_problem(
 
     With a spring, the interaction is also softer than the spring there.
     """
-    tip, law = contact.tip, contact.interaction
+    tip, law = contact.axisymmetric_tip, contact.interaction
     coordinate = ContactCoordinate(tip, min(tip.apex_exponent, 2.0))
     resolution = Resolution(tolerance, order_for(tolerance))
     if law is None:
@@ -119,13 +119,14 @@ def start_problem(
 
 def _radius_at(contact: Contact, height: float) -> float:
     """Radius at which the tip's profile has a height."""
+    tip = contact.axisymmetric_tip
     low, high = 0.0, 1.0
-    while high < contact.tip.extent and float(contact.tip.height(np.float64(high))) < height:
+    while high < tip.extent and float(tip.height(np.float64(high))) < height:
         low, high = high, 2 * high
-    high = min(high, contact.tip.extent)
+    high = min(high, tip.extent)
     for _ in range(40):
         middle = (low + high) / 2
-        low, high = (middle, high) if float(contact.tip.height(np.float64(middle))) < height else (low, middle)
+        low, high = (middle, high) if float(tip.height(np.float64(middle))) < height else (low, middle)
     return high
 
 

@@ -1,1 +1,6 @@
 """Elastic contact on square lattices with fast transforms: a periodic cell, or a cell alone in free space."""
+
+from .model import FreeSpace, Periodic
+from .resolution import GridWarning
+
+__all__ = ["FreeSpace", "GridWarning", "Periodic"]

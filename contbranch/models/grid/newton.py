@@ -40,11 +40,19 @@ class Hold:
         ω.
     row : array, float or None
         c, a field or one number for all nodes; None for a load alone.
+    slack : float, optional
+        How far an equilibrium may be from the value; default: rounding.
     """
 
     value: float
     load_weight: float = 1.0
     row: Array | float | None = None
+    slack: float | None = None
+
+    @property
+    def allowed(self) -> float:
+        """How far an equilibrium may be from what is held."""
+        return 1e-11 * max(1.0, abs(self.value)) if self.slack is None else self.slack
 
     def excess(self, u: Array, load: float) -> float:
         """How far a trial state is from what is held."""
@@ -82,13 +90,16 @@ class Settings:
         Loosest inner tolerance.
     growth : float
         Growth of the residual that is taken as failure.
+    wall : bool
+        Whether gaps must not be negative; without the wall there is no contact.
     """
 
     tolerance: float = 1e-8
     steps: int = 30
     inner: int = 200
-    forcing: float = 0.1
+    forcing: float = 0.03
     growth: float = 1e3
+    wall: bool = True
 
 
 @dataclass(frozen=True)
@@ -105,7 +116,9 @@ class Equilibrium:
     displacement : float
     converged : bool
     steps, pairs : int
-        Newton steps and pairs of transforms spent.
+        Steps and pairs of transforms spent.
+    reason : str
+        Why it has not converged, where that is known.
     """
 
     fields: Fields
@@ -116,6 +129,7 @@ class Equilibrium:
     steps: int = 0
     pairs: int = 0
     first: float = 0.0
+    reason: str = ""
 
     @property
     def load(self) -> float:
@@ -153,13 +167,13 @@ class Linearised:
             self.row, self.column = row * self.row_scale, column * self.column_scale
             self.corner = hold.load_weight * self.row_scale * self.column_scale
 
-    def product(self, y: Array) -> Array:
-        """A M⁻¹ y."""
+    def product(self, y: Array) -> tuple[Array, Array]:
+        """A M⁻¹ y and M⁻¹ y."""
         shape = self.mask.shape
         given = y[: self.nodes].reshape(shape)
-        result = np.empty_like(y)
-        field = result[: self.nodes].reshape(shape)
-        smooth = self.problem.transform.filter(self.smoother, given)
+        image, smoothed = np.empty_like(y), np.empty_like(y)
+        field, smooth = (vector[: self.nodes].reshape(shape) for vector in (image, smoothed))
+        self.problem.transform.filter(self.smoother, given, smooth)
         if self.unrestricted:
             np.multiply(self.diagonal - self.shift, smooth, out=field)
             field += given
@@ -169,19 +183,10 @@ class Linearised:
             field *= self.mask
             field += self.diagonal * smooth
         if self.bordered:
-            result[:-1] += y[-1] * self.column
-            result[-1] = self.row @ smooth.ravel() + self.corner * y[-1]
-        return result
-
-    def solution(self, y: Array) -> Array:
-        """M⁻¹ y."""
-        result = np.empty_like(y)
-        field = result[: self.nodes].reshape(self.mask.shape)
-        self.problem.transform.filter(self.smoother, y[: self.nodes].reshape(self.mask.shape), field)
-        field *= self.mask
-        if self.bordered:
-            result[-1] = y[-1]
-        return result
+            smoothed[-1] = y[-1]
+            image[:-1] += y[-1] * self.column
+            image[-1] = self.row @ smoothed[:-1] + self.corner * y[-1]
+        return image, smoothed
 
 
 def newton(
@@ -213,13 +218,14 @@ def newton(
         With ``converged`` False if the iteration failed, and the last state.
     """
     before = problem.counter.equilibrium
-    shift = 2.0 / problem.lattice.edge if shift is None else shift
-    if contact is None:
-        contact = problem.heights + u <= 0.0
+    shift = 0.8 / problem.lattice.edge if shift is None else shift
+    if contact is None or not settings.wall:
+        contact = (problem.heights + u <= 0.0) & settings.wall
     u = np.where(contact, -problem.heights, u)
     if hold.row is None:
         load = hold.value / hold.load_weight
-    best = older = math.inf
+    best = math.inf
+    steady = False
     first = None
     step = 0
     while True:
@@ -228,7 +234,7 @@ def newton(
         violated = np.where(contact, np.minimum(excess, 0.0), excess)
         residual = _rms(violated) / (_rms(fields.elastic) or 1.0)
         held = hold.excess(u, load)
-        settled = abs(held) <= 1e-11 * max(1.0, abs(hold.value))
+        settled = abs(held) <= hold.allowed
         if first is None:
             first = residual
         done = residual <= settings.tolerance and settled
@@ -238,32 +244,30 @@ def newton(
             pairs = problem.counter.equilibrium - before
             return Equilibrium(fields, contact, residual, displacement, done, step, pairs, first)
         best = min(best, residual)
+        before_step = contact
         contact = contact & (excess > 0.0)
         free = ~contact
         operator = Linearised(problem, fields.stiffness, free, hold, shift)
         vector = (-excess * free).ravel()
         if operator.bordered:
             vector = np.append(vector, -operator.row_scale * held)
-        forcing = _forcing(residual, older, settings)
-        y = gmres(operator.product, vector, forcing, settings.inner).x
-        change = operator.solution(y)
+        forcing = _forcing(residual, steady, settings)
+        change = gmres(operator.product, vector, forcing, settings.inner).x
         u = u + change[: free.size].reshape(free.shape)
         # What overlaps after the step joins the contact at once.
-        contact = contact | (problem.heights + u < 0.0)
+        if settings.wall:
+            contact = contact | (problem.heights + u < 0.0)
+        steady = bool((contact == before_step).all())
+        problem.counter.newton += 1
         np.copyto(u, -problem.heights, where=contact)
         if operator.bordered:
             load = load + operator.column_scale * float(change[-1])
-        older = residual
         step += 1
 
 
-def _forcing(residual: float, older: float, settings: Settings) -> float:
-    """Inner tolerance: no tighter than what the step can use, nor than what is asked for in the end."""
-    wanted = settings.forcing
-    if older < math.inf:
-        wanted = min(wanted, 0.9 * (residual / older) ** 2)
-    if residual < 1e-3:
-        wanted = min(wanted, 0.3 * math.sqrt(residual))
+def _forcing(residual: float, steady: bool, settings: Settings) -> float:
+    """Inner tolerance: no tighter than a step can use while the contact set changes, nor than is asked for at last."""
+    wanted = min(settings.forcing, 0.3 * math.sqrt(residual)) if steady else settings.forcing
     return min(max(wanted, 0.3 * settings.tolerance / residual), settings.forcing)
 
 

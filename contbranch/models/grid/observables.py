@@ -12,21 +12,21 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from contbranch.diagram import Profile
+from contbranch.profile import CellFields, Profile
 
 from .lattice import Lattice
 from .newton import Equilibrium
 from .problem import GridProblem
 
 __all__ = [
+    "CellFields",
     "CentralGap",
     "FarField",
-    "LatticeFields",
+    "cell_fields",
     "central_gap",
     "far_field",
     "image_curvature",
     "interpolate",
-    "lattice_fields",
     "mean_gap",
     "profile",
     "smallest_gap",
@@ -78,25 +78,6 @@ class FarField:
     from_points_error: float | None = None
     rounded: float | None = None
     rounded_error: float | None = None
-
-
-@dataclass(frozen=True)
-class LatticeFields:
-    """Fields on the nodes of the whole cell, (N, N), first index along x.
-
-    Attributes
-    ----------
-    x, y : array (N,)
-        Coordinates from the middle of the cell.
-    gap, pressure, wall_pressure : array (N, N)
-        Gap, total pressure, and the wall's share of it (zero outside the contact).
-    """
-
-    x: Array
-    y: Array
-    gap: Array
-    pressure: Array
-    wall_pressure: Array
 
 
 def interpolate(lattice: Lattice, values: Array, x: float, y: float) -> float:
@@ -181,12 +162,12 @@ def image_curvature(problem: GridProblem, equilibrium: Equilibrium) -> float:
     return _CUBES * equilibrium.load / (2.0 * math.pi * lattice.edge**3) if lattice.kind == "periodic" else 0.0
 
 
-def lattice_fields(problem: GridProblem, equilibrium: Equilibrium) -> LatticeFields:
+def cell_fields(problem: GridProblem, equilibrium: Equilibrium) -> CellFields:
     """Unfold gap and pressures on the nodes of the whole cell."""
     lattice = problem.lattice
     axis = lattice.whole().axis[: lattice.grid]
     gap, pressure, wall = _observed(equilibrium)
-    return LatticeFields(axis, axis.copy(), lattice.unfold(gap), lattice.unfold(pressure), lattice.unfold(wall))
+    return CellFields(axis, axis.copy(), lattice.unfold(gap), lattice.unfold(pressure), lattice.unfold(wall))
 
 
 def profile(problem: GridProblem, equilibrium: Equilibrium, points: int = 2000) -> Profile:
@@ -194,7 +175,7 @@ def profile(problem: GridProblem, equilibrium: Equilibrium, points: int = 2000) 
 
     Nodes at equal distance are averaged, and where there are more than `points` distances, those within bins of equal
     width: for an axisymmetric tip, what the anisotropy of lattice and cell leaves is averaged out. For other tips these
-    are means over circles; use `lattice_fields` for the fields themselves.
+    are means over circles; use `cell_fields` for the fields themselves.
     """
     lattice = problem.lattice
     inside = lattice.inside

@@ -29,6 +29,8 @@ class Rings:
 
     def obstacle(self, contact: Contact) -> str | None:
         """Return why the model does not represent a contact, as the end of a sentence, or None if it does."""
+        if not contact.tip.is_axisymmetric:
+            return f"a tip of the shape {contact.tip.name or type(contact.tip).__name__} is not axisymmetric"
         laws = contact.interaction.terms if contact.interaction is not None else ()
         if any(isinstance(law, MaugisDugdale) and law.work_of_adhesion > 0 for law in laws):
             return (

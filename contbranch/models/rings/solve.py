@@ -68,7 +68,7 @@ def solve_all(
     InputError
         If the value is out of range whatever the curve does.
     """
-    if field == "contact_radius" and not 0 < value < contact.tip.extent:
+    if field == "contact_radius" and not 0 < value < contact.axisymmetric_tip.extent:
         raise InputError(f"contact_radius: {value:g}; must be greater than zero (and within the tip)")
     beyond = value + 1e-9 * abs(value)
     own = {"load": LOAD, "displacement": DISPLACEMENT}.get(field)
@@ -98,7 +98,7 @@ def _without_forces(contact: Contact, traced: Traced, displacement: float | None
     first = float(traced.curve.displacement[0])
     d = first if displacement is None else displacement
     scale = math.sqrt(abs(d)) if d else 1.0
-    r = scale * RADII[scale * RADII < contact.tip.extent]
+    r = scale * RADII[scale * RADII < contact.axisymmetric_tip.extent]
     none = np.zeros_like(r)
     load = abs(float(traced.curve.load[0]))
     error = {"load": load, "displacement": 0.0 if field == "displacement" else load, "contact_radius": 0.0}
@@ -112,7 +112,7 @@ def _without_forces(contact: Contact, traced: Traced, displacement: float | None
         unstable_displacement=0,
         residual=0.0,
         error={**error, "central_gap": load},
-        profile=Profile(r, contact.tip.height(r) - d, none, none),
+        profile=Profile(r, contact.axisymmetric_tip.height(r) - d, none, none),
     )
 
 

@@ -64,7 +64,7 @@ def trace(
         A spring (reduced units), whose folds are located besides those of load and displacement.
     """
     began = time.perf_counter()
-    setting = Setting(contact.tip, BandedLaw(contact.interaction), min(TRACE_TOLERANCE, 10 * accuracy))
+    setting = Setting(contact.axisymmetric_tip, BandedLaw(contact.interaction), min(TRACE_TOLERANCE, 10 * accuracy))
     controls = (LOAD, DISPLACEMENT, *((control,) if control.kind == "spring" else ()))
     journey = Journey(target, controls, progress=progress)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):

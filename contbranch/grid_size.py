@@ -1,0 +1,62 @@
+"""Numbers of nodes along the edge of a cell: which are possible, and which are fast to transform."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from contbranch.errors import InputError
+
+__all__ = ["GRID_MODELS", "LEAST_GRID", "MODELS", "grid_points", "nearest_fast"]
+
+LEAST_GRID: Final = 8
+GRID_MODELS: Final = ("periodic", "free")
+MODELS: Final = ("auto", "exact", "axisymmetric", *GRID_MODELS)
+
+
+def nearest_fast(n: float) -> int:
+    """Return the even number without prime factors above 7, at least 8, that is nearest to `n`; of two the larger."""
+    start = max(LEAST_GRID, 2 * round(n / 2))
+    for distance in range(0, start, 2):
+        for candidate in (start + distance, start - distance):
+            if candidate >= LEAST_GRID and _fast(candidate):
+                return candidate
+    return LEAST_GRID
+
+
+def _fast(n: int) -> bool:
+    for prime in (2, 3, 5, 7):
+        while n % prime == 0:
+            n //= prime
+    return n == 1
+
+
+def grid_points(value: object, field: str) -> int:
+    """Return a number of nodes: whole, even and at least 8; a transform is fast if its prime factors are small.
+
+    Parameters
+    ----------
+    value
+        A number, or the text of one.
+    field
+        The name of the field, for messages.
+
+    Raises
+    ------
+    InputError
+        If it is none; the message suggests the nearest number that is fast to transform.
+    """
+    if isinstance(value, str):
+        try:
+            value = float(value)
+        except ValueError:
+            raise InputError(f"{field}: {value!r}; must be a whole number of nodes, for example 256") from None
+    if isinstance(value, bool) or not isinstance(value, int | float | np.integer) or not np.isfinite(value):
+        raise InputError(f"{field}: {value!r}; must be a whole number of nodes, for example 256")
+    if value != int(value) or value < LEAST_GRID or int(value) % 2:
+        raise InputError(
+            f"{field}: {value:g}; must be a whole and even number of nodes, at least {LEAST_GRID}, best without prime "
+            f"factors above 7: for example {nearest_fast(float(value))}"
+        )
+    return int(value)

@@ -1,0 +1,196 @@
+"""Locating folds and first touch on a lattice, and what becomes of a fold on a finer lattice.
+
+A fold of a control is an extremum of its value along the curve. On a lattice it can lie within a smooth piece or at a
+kink, so that it is found as the extremum of a function of one variable, the progress along a fixed direction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq, minimize_scalar
+
+from contbranch.control import Control
+
+from .newton import Equilibrium, Settings, newton
+from .problem import GridProblem
+from .setup import Setup, refined, refined_mask
+from .walk import Direction, Measure, Point, between
+
+__all__ = ["Refined", "locate_fold", "locate_touch", "refine_fold"]
+
+Array = NDArray[np.float64]
+
+# Bracket of a fold at the end of its search, as a part of the bracket between rows: the value of the control is known
+# to the square of it.
+NARROW = 1e-5
+
+
+@dataclass(frozen=True)
+class Refined:
+    """What became of a fold on the lattice with twice the nodes a side.
+
+    Attributes
+    ----------
+    verdict : {"found", "vanished", "unknown"}
+    state : Equilibrium or None
+        The fold there.
+    """
+
+    verdict: Literal["found", "vanished", "unknown"]
+    state: Equilibrium | None = None
+
+
+class _Track:
+    """Equilibria by their progress along a direction, each new one interpolated from those known."""
+
+    def __init__(self, problem: GridProblem, points: list[Point], direction: Direction, settings: Settings) -> None:
+        self.problem, self.points, self.direction, self.settings = problem, list(points), direction, settings
+
+    def progress(self, state: Equilibrium) -> float:
+        return self.direction.value(state.u, state.load)
+
+    def at(self, value: float) -> Equilibrium | None:
+        """The equilibrium at a progress; None if it is not found."""
+        found = between(self.problem, self.points, self.direction, value, self.settings)
+        if found.converged:
+            self.points.append(Point(0.0, found))
+            return found
+        return None
+
+    def extremum(self, control: Control, sign: float, low: float, high: float) -> Equilibrium | None:
+        """The state with the largest ``sign · control`` between two values of the progress."""
+        best: list[Equilibrium] = []
+
+        def height(value: float) -> float:
+            state = self.at(value)
+            if state is None:
+                return np.inf
+            best.append(state)
+            return -sign * control.value(state.load, state.displacement)
+
+        minimize_scalar(height, bounds=(low, high), method="bounded", options={"xatol": NARROW * (high - low)})
+        if not best:
+            return None
+        return max(best, key=lambda state: sign * control.value(state.load, state.displacement))
+
+
+def locate_fold(problem: GridProblem, points: list[Point], control: Control, settings: Settings) -> Equilibrium | None:
+    """The extremum of a control between the first and the last of three consecutive points.
+
+    Parameters
+    ----------
+    points : list of Point
+        The last three are those around the fold; earlier ones help to predict.
+    """
+    before, middle, after = (point.state for point in points[-3:])
+    direction = Direction.along(Measure.at(middle, 1.0), after.u - before.u, after.load - before.load)
+    value = [control.value(state.load, state.displacement) for state in (before, middle, after)]
+    track = _Track(problem, points, direction, replace(settings, tolerance=min(settings.tolerance, 1e-8)))
+    return track.extremum(control, float(np.sign(value[1] - value[0])), track.progress(before), track.progress(after))
+
+
+def refine_fold(
+    setup: Setup, states: tuple[Equilibrium, Equilibrium, Equilibrium], control: Control, settings: Settings
+) -> Refined:
+    """Look for a fold on the lattice with twice the nodes a side.
+
+    Parameters
+    ----------
+    setup : Setup
+        With the lattice on which the fold was found.
+    states : three Equilibrium
+        Before the fold, at the fold, and after it.
+    """
+    fine = setup.on(2 * setup.grid)
+    problem = fine.problem
+    raised = [refined(state.u, setup.lattice, setup.centred) for state in states]
+    value = [control.value(state.load, state.displacement) for state in states]
+    sign = 1.0 if value[1] >= max(value[0], value[2]) else -1.0
+    contact = refined_mask(states[1].contact)
+    guess = np.where(contact, -problem.heights, raised[1])
+    sketch = problem.fields(guess, states[1].load)
+    middle = Equilibrium(sketch, contact, 0.0, problem.displacement(guess, states[1].load), False)
+    measure = Measure.at(middle, setup.length)
+    direction = Direction.along(measure, raised[2] - raised[0], states[2].load - states[0].load)
+
+    def solved(u: Array, load: float, contact: NDArray[np.bool_]) -> Equilibrium | None:
+        slack = 1e-6 * abs(direction.value(raised[2] - raised[0], states[2].load - states[0].load))
+        start = np.where(contact, -problem.heights, u)
+        found = newton(problem, start, load, direction.hold(direction.value(u, load), slack), contact, settings)
+        return found if found.converged else None
+
+    first = solved(raised[1], states[1].load, contact)
+    if first is None:
+        return Refined("unknown")
+    moved, load_moved = first.u - raised[1], first.load - states[1].load
+    known = [Point(0.0, first)]
+    for k in (0, 2):
+        found = solved(raised[k] + moved, states[k].load + load_moved, refined_mask(states[k].contact))
+        if found is None:
+            return Refined("unknown")
+        known.append(Point(0.0, found))
+    track = _Track(problem, known, direction, settings)
+
+    def height(state: Equilibrium) -> float:
+        return sign * control.value(state.load, state.displacement)
+
+    left, centre, right = known[1].state, known[0].state, known[2].state
+    for _ in range(5):
+        if height(centre) >= max(height(left), height(right)):
+            found = track.extremum(control, sign, track.progress(left), track.progress(right))
+            return Refined("unknown") if found is None else Refined("found", found)
+        width = track.progress(right) - track.progress(left)
+        outwards = 1.0 if height(right) > height(left) else -1.0
+        edge = right if outwards > 0 else left
+        beyond = track.at(track.progress(edge) + outwards * width)
+        if beyond is None:
+            return Refined("unknown")
+        left, centre, right = (left, right, beyond) if outwards > 0 else (beyond, left, right)
+    return Refined("vanished")
+
+
+def locate_touch(
+    problem: GridProblem, points: list[Point], clearance: Callable[[Equilibrium], float], settings: Settings
+) -> Equilibrium | None:
+    """The state without contact whose clearance is zero, as if the wall were not there.
+
+    Parameters
+    ----------
+    points : list of Point
+        The last is the first with contact (or the last with it, if the contact is lost); those before it without.
+    clearance : callable
+        Of a state without contact: the gap that closes.
+    """
+    free = [point for point in points if not point.state.contact.any()][-3:]
+    closed = next((point for point in reversed(points) if point.state.contact.any()), None)
+    if len(free) < 2 or closed is None:
+        return None
+    ends = free[-1].state, closed.state
+    direction = Direction.along(Measure.at(ends[0], 1.0), ends[1].u - ends[0].u, ends[1].load - ends[0].load)
+    track = _Track(problem, free, direction, replace(settings, wall=False, tolerance=min(settings.tolerance, 1e-8)))
+    low, high = track.progress(ends[0]), track.progress(ends[1])
+    states: dict[float, Equilibrium] = {low: ends[0]}
+
+    def gap(value: float) -> float:
+        if value not in states:
+            state = track.at(value)
+            if state is None:
+                raise ValueError("no state without contact")
+            states[value] = state
+        return clearance(states[value])
+
+    try:
+        if gap(low) <= 0.0:
+            return ends[0]
+        if gap(high) > 0.0:
+            return None
+        root = float(brentq(gap, low, high, xtol=1e-9 * (high - low)))
+        gap(root)
+    except ValueError:
+        return None
+    return states[root]

@@ -1,0 +1,166 @@
+"""Where a tip on a lattice ends up: dynamics to the neighbourhood of a stable state, Newton's method to its place.
+
+Newton's method alone ends in any equilibrium, or in none; dynamics alone are slow in the end. A state found by Newton's
+method from where the motion has come to is taken only if it is the one that the motion was about to reach: the energy's
+slope on the straight line to it decreases to zero, by about half on half the way, and its second variation is positive.
+Otherwise the motion goes on, until it has converged by itself.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbranch.solvers.lowest import Lowest, lowest
+from contbranch.solvers.motion import Ending, MotionSettings
+
+from .newton import Equilibrium, Hold, Settings, newton
+from .problem import GridProblem
+from .relaxation import LatticeMotion, Method, Place, equilibrium, minimisers
+
+__all__ = ["land", "settle", "softest"]
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+# Steps for which the contact must have stayed as it is before Newton's method is tried.
+_STEADY = 3
+# Each further attempt is made when the residual has fallen by this factor.
+_CLOSER = 0.03
+# A second variation is called negative from here on, relative to the masses: rounding is well below.
+_NEGATIVE = -1e-9
+_KICKS = 5
+
+
+def land(
+    problem: GridProblem,
+    u: Array,
+    load: float,
+    hold: Hold,
+    tolerance: float = 1e-8,
+    method: Method = "gfmd",
+    steps: int = 5000,
+) -> Equilibrium:
+    """Follow the dynamics from a state that is none any more, as beyond a fold, to the stable state where they end.
+
+    Parameters
+    ----------
+    problem : GridProblem
+    u, load : array, float
+        Start: the last state before the jump.
+    hold : Hold
+        Load, displacement or spring after the jump.
+    tolerance : float
+        Residual to reach.
+    method : {"gfmd", "fire"}
+    steps : int
+        Steps of the dynamics at most, in all.
+
+    Returns
+    -------
+    Equilibrium
+        Not converged, with a reason, if there is no stable state to be reached.
+
+    Raises
+    ------
+    InputError
+        If what is held is no load, displacement or spring.
+    """
+    return _descend(problem, u, load, hold, tolerance, method, steps, first=1e-3)
+
+
+def settle(
+    problem: GridProblem,
+    u: Array,
+    load: float,
+    hold: Hold,
+    tolerance: float = 1e-8,
+    method: Method = "gfmd",
+    steps: int = 5000,
+) -> Equilibrium:
+    """Find a stable state from any start, however bad; as `land`, with a first attempt of Newton's method soon.
+
+    Parameters and result are those of `land`.
+    """
+    return _descend(problem, u, load, hold, tolerance, method, steps, first=0.03)
+
+
+def softest(problem: GridProblem, fields: Equilibrium, hold: Hold) -> Lowest:
+    """Lowest eigenvalue of the second variation under what is held, relative to the masses of the dynamics.
+
+    Only fields with the symmetry of the lattice are asked. Pairs are counted as those of stability.
+    """
+    motion = LatticeMotion(problem, hold)
+    target, problem.counter.target = problem.counter.target, "stability"
+    try:
+        return _softest(motion, motion.place(fields.u))
+    finally:
+        problem.counter.target = target
+
+
+def _softest(motion: LatticeMotion, place: Place) -> Lowest:
+    # Modes of negative curvature live where the interaction softens.
+    noise = np.random.default_rng(0).standard_normal(motion.problem.shape)
+    stiffness = np.abs(place.fields.stiffness)
+    start = stiffness * (1.0 + 0.5 * noise) + 1e-3 * (1.0 + float(stiffness.max())) * (1.0 + noise)
+    return lowest(
+        lambda velocity: motion.variation(place, velocity),
+        lambda momentum: motion.mobility(place, momentum),
+        motion.confine(place, start),
+    )
+
+
+@dataclass
+class _Near:
+    """Whether the motion is where Newton's method is worth an attempt."""
+
+    residual: float
+    held: Mask | None = None
+    steady: int = 0
+
+    def __call__(self, place: Place) -> bool:
+        same = self.held is not None and np.array_equal(place.held, self.held)
+        self.steady = self.steady + 1 if same else 0
+        self.held = place.held
+        return self.steady >= _STEADY and place.residual <= self.residual
+
+
+def _descend(
+    problem: GridProblem,
+    u: Array,
+    load: float,
+    hold: Hold,
+    tolerance: float,
+    method: Method,
+    steps: int,
+    first: float,
+) -> Equilibrium:
+    before = problem.counter.equilibrium
+    motion = LatticeMotion(problem, hold)
+    place = motion.place(u)
+    goal, used, kicks = first, 0, 0
+    while True:
+        motion.until = _Near(goal) if goal > tolerance else None
+        place, more, ending = minimisers[method](motion, place, MotionSettings(tolerance, steps - used))
+        used += more
+        if ending is Ending.INTERRUPTED:
+            state = newton(
+                problem,
+                place.fields.u,
+                place.fields.load,
+                hold,
+                place.held,
+                Settings(tolerance, steps=8, inner=100, growth=2.0),
+            )
+            if state.converged and motion.leads_to(place, state.u) and softest(problem, state, hold).value > _NEGATIVE:
+                return replace(state, steps=used + state.steps, pairs=problem.counter.equilibrium - before)
+            goal = _CLOSER * min(goal, place.residual)
+            continue
+        state = equilibrium(motion, place, used, problem.counter.equilibrium - before, ending)
+        if not state.converged or kicks == _KICKS or softest(problem, state, hold).value > _NEGATIVE:
+            return state
+        # A start on an unstable state: the motion leaves it only if pushed.
+        kicks, goal = kicks + 1, first
+        place = motion.place(place.fields.u + motion.push(place, seed=kicks))

@@ -1,0 +1,149 @@
+"""The grid models: a periodic cell, and a cell in free space, for any tip and every law with a continuous pressure."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import ClassVar, Self
+
+from contbranch.contact import Contact
+from contbranch.control import LOAD, Control
+from contbranch.diagram import State
+from contbranch.errors import InputError
+from contbranch.grid_size import grid_points
+from contbranch.height_map import HeightMap
+from contbranch.interactions import MaugisDugdale
+from contbranch.models.outcome import RawCurve
+from contbranch.units import positive_number
+
+from .lattice import Kind
+from .setup import Setup
+from .size import chosen_size
+from .solve import find_all, solve_all
+from .trace import trace
+
+__all__ = ["FreeSpace", "Periodic"]
+
+Progress = Callable[[float, str], None]
+
+
+@dataclass(frozen=True)
+class _Cell:
+    """What both models have in common.
+
+    Attributes
+    ----------
+    cell : float, optional
+        Edge of the square cell, in the contact's unit of length; default: that of a height map, or large enough for
+        what interacts.
+    grid : int, optional
+        Nodes along the edge, even and at least 8, best without prime factors above 7; default: those of a height map,
+        or chosen from the accuracy asked for.
+    threads : int
+        Of the transforms.
+
+    Raises
+    ------
+    InputError
+        For a cell, grid or number of threads that cannot be used.
+    """
+
+    name: ClassVar[Kind]
+
+    cell: float | None = None
+    grid: int | None = None
+    threads: int = 1
+
+    def __post_init__(self) -> None:
+        if self.cell is not None:
+            object.__setattr__(self, "cell", positive_number(self.cell, "cell"))
+        if self.grid is not None:
+            object.__setattr__(self, "grid", grid_points(self.grid, "grid"))
+        if isinstance(self.threads, bool) or not isinstance(self.threads, int) or self.threads < 1:
+            raise InputError(f"threads: {self.threads!r}; must be a whole number, 1 at least")
+
+    def scaled(self, in_plane: float) -> Self:
+        """Return the model with its cell in a unit worth `in_plane` of the present one."""
+        return self if self.cell is None else replace(self, cell=self.cell / in_plane)
+
+    def obstacle(self, contact: Contact) -> str | None:
+        """Return why the model does not represent a contact, as the end of a sentence, or None if it does."""
+        law = contact.interaction
+        if any(isinstance(term, MaugisDugdale) for term in (law.terms if law is not None else ())):
+            return (
+                "the pressure of the maugis-dugdale law jumps at the end of its range, which nodes cannot represent; use "
+                "a law with a continuous pressure, or for an axisymmetric tip leave the model out"
+            )
+        return None
+
+    def setup(self, contact: Contact, field: str | None, value: float | None, accuracy: float) -> Setup:
+        """The lattice for a reduced contact: as given, and what is not given chosen for a load or displacement."""
+        cell, grid = self.cell, self.grid
+        tip = contact.tip
+        if isinstance(tip, HeightMap):
+            cell = tip.cell if cell is None else cell
+            grid = (tip.points if tip.points % 2 == 0 else 2 * tip.points) if grid is None else grid
+        if cell is None or grid is None:
+            cell, grid = chosen_size(contact, self.name, cell, grid, field, value, accuracy)
+        return Setup(contact, self.name, cell, grid, threads=self.threads)
+
+    def trace(
+        self,
+        contact: Contact,
+        accuracy: float,
+        max_load: float | None,
+        progress: Progress | None = None,
+        control: Control = LOAD,
+        modes: int = 0,
+    ) -> RawCurve:
+        """The whole curve of a reduced contact."""
+        setup = self.setup(contact, None, max_load, accuracy)
+        return trace(setup, accuracy, max_load, control, progress).curve
+
+    def solve(
+        self,
+        contact: Contact,
+        field: str,
+        value: float,
+        accuracy: float,
+        progress: Progress | None = None,
+        control: Control = LOAD,
+    ) -> tuple[list[State], RawCurve]:
+        """Equilibria of a reduced contact with a given load or displacement, one for every start that leads to one."""
+        found = solve_all(self.setup(contact, field, value, accuracy), field, value, accuracy, progress, control)
+        return list(found.states), found.curve
+
+    def find_all(
+        self,
+        contact: Contact,
+        field: str,
+        value: float,
+        accuracy: float,
+        window: tuple[float, float] | None,
+        progress: Progress | None = None,
+        control: Control = LOAD,
+    ) -> tuple[list[State], list[bool], tuple[float, float], RawCurve]:
+        """The equilibria on the traced curve with a value, in a window of displacements; others are not looked for."""
+        setup = self.setup(contact, field, value, accuracy)
+        states, used, curve = find_all(setup, field, value, accuracy, window, progress, control)
+        return states, [True] * len(states), used, curve
+
+
+@dataclass(frozen=True)
+class Periodic(_Cell):
+    """A periodic cell: a square array of tips, or a surface that repeats.
+
+    The displacement is that of the far field of a single tip: the cell's finite-size shift is applied.
+    """
+
+    name: ClassVar[Kind] = "periodic"
+
+
+@dataclass(frozen=True)
+class FreeSpace(_Cell):
+    """A cell alone on the half space: pressures act through 1/(πEr), without images.
+
+    What interacts must lie within the disc inscribed in the cell.
+    """
+
+    name: ClassVar[Kind] = "free"

@@ -1,0 +1,147 @@
+"""Whether a lattice can represent a contact: checked before anything is solved, and once a state is known.
+
+- The law must not be stiffer than elasticity is on the scale of a few nodes, or a node at the rim snaps in by itself:
+  the lattice's curve grows folds of its own (lattice trapping), and contact radii depend on the path. A wave over eight
+  nodes has the stiffness E q/2 with q = 2π/(8 Δ), a quarter of the stiffest one along an axis: this must exceed the
+  largest -v''.
+- The cell must hold what interacts: at its border the law must have decayed.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from dataclasses import dataclass
+
+import numpy as np
+
+from contbranch.grid_size import nearest_fast
+from contbranch.interactions import Interaction
+
+from .lattice import Lattice
+from .newton import Equilibrium
+from .problem import GridProblem
+
+__all__ = ["GridWarning", "Resolution", "border_energy", "needed_grid", "warn"]
+
+# Nodes in the shortest wave that must be stiffer than the law.
+WAVE = 8.0
+# What the law may still have at the border of the cell, as a part of its reference work.
+DECAYED = 1e-3
+
+
+class GridWarning(UserWarning):
+    """A lattice is too coarse or a cell too small for the digits that are given; the message names the remedy."""
+
+
+@dataclass(frozen=True)
+class Resolution:
+    """The law's stiffness against the lattice's.
+
+    Attributes
+    ----------
+    law, lattice : float
+        Largest -v'' of the law, and E q/2 of the wave over eight nodes.
+    grid : int
+        Nodes a side with which the two are equal in this cell.
+    """
+
+    law: float
+    lattice: float
+    grid: int
+
+    @property
+    def ratio(self) -> float:
+        """Above 1 folds can be the lattice's own."""
+        return self.law / self.lattice
+
+    @property
+    def message(self) -> str:
+        """A sentence, empty if the lattice is fine enough."""
+        if self.ratio <= 1.0:
+            return ""
+        return (
+            f"The grid is too coarse for the interaction: its stiffness |v''| = {self.law:.3g} exceeds {self.lattice:.3g} "
+            f"of a wave over {WAVE:.0f} nodes, and folds may be the lattice's own; use a grid of at least {self.grid}."
+        )
+
+    @staticmethod
+    def of(lattice: Lattice, law: Interaction | None) -> Resolution:
+        """Compare a law with a lattice."""
+        softest = concavity(law)
+        stiffness = math.pi / (WAVE * lattice.spacing)
+        return Resolution(softest, stiffness, needed_grid(lattice.edge, law))
+
+
+def concavity(law: Interaction | None) -> float:
+    """The largest -v'' of a law at gaps from zero on."""
+    if law is None:
+        return 0.0
+    gaps = np.concatenate([np.linspace(0.0, 10.0, 2001), np.geomspace(10.0, 1e3, 200)])
+    ranges = [term.range for term in law.terms]
+    sampled = [law.evaluate(gaps * length).stiffness for length in ranges]
+    return max(0.0, *(float(-np.nanmin(np.where(np.isfinite(values), values, 0.0))) for values in sampled))
+
+
+def needed_grid(edge: float, law: Interaction | None) -> int:
+    """The smallest fast grid in a cell of an edge that is fine enough for a law."""
+    return _fast_above(WAVE * edge * concavity(law) / math.pi)
+
+
+def _fast_above(nodes: float) -> int:
+    guess = max(8.0, math.ceil(nodes))
+    found = nearest_fast(guess)
+    while found < nodes:
+        guess += 2.0
+        found = nearest_fast(guess)
+    return found
+
+
+def border_gap(problem: GridProblem, state: Equilibrium) -> float:
+    """The smallest gap on the border of the cell."""
+    lattice = problem.lattice
+    last = lattice.inside - 1
+    gap = state.fields.gap[: lattice.inside, : lattice.inside]
+    edges = [gap[last, :], gap[:, last]]
+    if not lattice.quarter:
+        edges += [gap[0, :], gap[:, 0]]
+    return float(min(edge.min() for edge in edges))
+
+
+def border_energy(problem: GridProblem, state: Equilibrium) -> float:
+    """|v| at the border of the cell, relative to the law's reference work."""
+    law = problem.law
+    if law is None:
+        return 0.0
+    gap = border_gap(problem, state)
+    return float(abs(law.evaluate(np.array([max(gap, 0.0)])).energy[0])) / law.reference_work
+
+
+def border_message(problem: GridProblem, state: Equilibrium) -> str:
+    """A sentence if the interaction reaches the border of the cell, empty if it has decayed."""
+    law = problem.law
+    if law is None:
+        return ""
+    share = border_energy(problem, state)
+    if share <= DECAYED:
+        return ""
+    gap, wanted = border_gap(problem, state), law.reach(DECAYED)
+    inside = problem.heights[: problem.lattice.inside, : problem.lattice.inside]
+    height = float(min(inside[-1, :].min(), inside[:, -1].min()))
+    # Heights grow at least with the distance's square; what is missing at the border is gained in proportion.
+    factor = math.sqrt((height + wanted - gap) / height) if height > 0 else 2.0
+    return (
+        f"The cell is too small: the interaction reaches its border with {share:.2g} of its strength at load "
+        f"{state.load:.6g}; use a cell of about {_up(problem.lattice.edge * factor)} or more."
+    )
+
+
+def _up(value: float) -> str:
+    digits = 10.0 ** (math.floor(math.log10(value)) - 1)
+    return f"{math.ceil(value / digits) * digits:.6g}"
+
+
+def warn(message: str) -> None:
+    """Issue a warning about a grid, if there is anything to say."""
+    if message:
+        warnings.warn(message, GridWarning, stacklevel=2)

@@ -1,0 +1,102 @@
+"""Cell and grid for a contact, where they are not given: as small as what interacts and the accuracy allow."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from contbranch.contact import Contact
+from contbranch.errors import InputError, ModelError
+from contbranch.grid_size import nearest_fast
+from contbranch.models.axisymmetric import Axisymmetric
+from contbranch.tips import Parabola
+
+from .lattice import Kind
+from .resolution import DECAYED, needed_grid
+from .sketch import relatives
+
+__all__ = ["chosen_size"]
+
+# Edge of the cell over the radius at which the interaction has decayed; images of a periodic cell act from far away.
+ROOM = {"free": 2.3, "periodic": 4.0}
+# Nodes a side at least and at most, where they are chosen.
+LEAST, MOST = 64, 512
+# Relative error of loads and radii with a spacing as long as the shortest length of the contact, and its order in the
+# spacing: measured on folds of the repulsive and the attractive Gauss and exponential laws in free space.
+COARSE_ERROR, ORDER = 0.02, 1.5
+
+
+def chosen_size(
+    contact: Contact,
+    kind: Kind,
+    cell: float | None,
+    grid: int | None,
+    field: str | None,
+    value: float | None,
+    accuracy: float,
+) -> tuple[float, int]:
+    """Edge and nodes for a reduced contact; what is given stays.
+
+    Parameters
+    ----------
+    field, value
+        A load or displacement that must fit, or ``None`` and the largest load of a trace (``None``: its default).
+    """
+    depth, radius = _extent(contact, field, value)
+    if cell is None:
+        cell = ROOM[kind] * _radius_at(contact, depth + _reach(contact))
+    if grid is None:
+        law = contact.interaction
+        lengths = [] if law is None else [law.range]
+        if radius > 0.0:
+            lengths.append(radius)
+        shortest = min(lengths, default=0.1 * cell)
+        spacing = shortest * min(1.0, (accuracy / COARSE_ERROR) ** (1.0 / ORDER))
+        wanted = max(LEAST, min(MOST, cell / spacing), needed_grid(cell, law))
+        grid = max(LEAST, 4 * math.ceil(nearest_fast(wanted) / 4))
+    return cell, grid
+
+
+def _reach(contact: Contact) -> float:
+    return 0.0 if contact.interaction is None else contact.interaction.reach(DECAYED)
+
+
+def _radius_at(contact: Contact, height: float) -> float:
+    """The largest distance from the apex at which the tip is no higher than that, along the axes."""
+    surface = contact.tip.surface
+    high = contact.tip.natural_length
+    along = ((1.0, 0.0), (0.0, 1.0))
+
+    def height_at(distance: float) -> float:
+        return min(float(np.asarray(surface(np.array(distance * x), np.array(distance * y)))) for x, y in along)
+
+    while height_at(high) < height:
+        high *= 2.0
+        if high > 1e8:
+            raise InputError("cell: the tip is flat; give the edge of the cell")
+    low = 0.0
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if height_at(middle) < height else (low, middle)
+    return high
+
+
+def _extent(contact: Contact, field: str | None, value: float | None) -> tuple[float, float]:
+    """Largest displacement, and smallest radius of contact at a fold, of the axisymmetric model or its likeness."""
+    likeness = contact if contact.tip.is_axisymmetric else replace(contact, tip=Parabola(1.0))
+    if field is not None and value is not None:
+        states, _ = relatives(contact, field, value)
+        if states:
+            radii = [state.contact_radius for state in states if state.contact_radius > 0.0]
+            return max(state.displacement for state in states), min(radii, default=0.0)
+        return max(value, 1.0), 0.0
+    model = Axisymmetric()
+    if model.obstacle(likeness) is None:
+        try:
+            curve = model.trace(likeness, 1e-4, value, modes=0)
+            return float(curve.displacement.max(initial=1.0)), 0.0
+        except ModelError:
+            pass
+    return 10.0, 0.0

@@ -1,0 +1,80 @@
+"""Trial states for a lattice from the axisymmetric model: of the tip itself, or of the parabola most like it.
+
+Heights tell which radius of a parabola a node corresponds to, r = √(2 R z) with R = 1 in reduced units: exact for a
+parabola, and a fair start for any tip with one round summit. Where the tip is axisymmetric its own profile is used.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbranch.contact import Contact
+from contbranch.control import LOAD, Control
+from contbranch.diagram import State
+from contbranch.errors import InputError, ModelError
+from contbranch.height_map import HeightMap
+from contbranch.models.axisymmetric import Axisymmetric
+from contbranch.models.rings import Rings
+from contbranch.tips import Parabola
+
+from .setup import Setup
+
+__all__ = ["Sketch", "drawn", "relatives"]
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Sketch:
+    """A trial state: the field u, the load, the contact."""
+
+    u: Array
+    load: float
+    contact: Mask
+
+
+def relatives(contact: Contact, field: str, value: float, control: Control = LOAD) -> tuple[list[State], bool]:
+    """Equilibria of the axisymmetric model at a load or displacement, with their profiles.
+
+    Returns
+    -------
+    states : list of State
+        Empty where the model has none, or does not represent tip or law.
+    own : bool
+        Whether they are of this contact, not of a parabola in place of its tip.
+    """
+    own = contact.tip.is_axisymmetric
+    if isinstance(contact.tip, HeightMap):
+        return [], False
+    likeness = contact if own else replace(contact, tip=Parabola(1.0))
+    for model in (Axisymmetric(), Rings()):
+        if model.obstacle(likeness) is not None:
+            continue
+        try:
+            states, _ = model.solve(likeness, field, value, 1e-6, None, control)
+        except (InputError, ModelError):
+            return [], own
+        return states, own
+    return [], own
+
+
+def drawn(setup: Setup, state: State) -> Sketch:
+    """A state of the axisymmetric model on a lattice: its gap, and outside its profile the field of a point force."""
+    lattice, problem = setup.lattice, setup.problem
+    x, y = lattice.axis[:, None], lattice.axis[None, :]
+    distance = np.hypot(x, y)
+    heights = problem.heights
+    inside = np.isfinite(heights)
+    likeness = distance if setup.contact.tip.is_axisymmetric else np.sqrt(2.0 * np.where(inside, heights, np.inf))
+    gap = np.interp(likeness, state.r, state.gap, right=np.inf)
+    known = inside & np.isfinite(gap)
+    with np.errstate(invalid="ignore"):
+        far = -state.displacement + state.load / (math.pi * np.maximum(distance, lattice.spacing))
+        u = np.where(known, gap - heights, far)
+    contact = inside & (likeness < state.contact_radius)
+    return Sketch(np.where(contact, -heights, u), state.load, contact)

@@ -1,0 +1,265 @@
+"""Single equilibria on a lattice: at a load, a displacement or with a spring, from the sketches there are."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from contbranch.control import DISPLACEMENT, LOAD, Control
+from contbranch.diagram import Cost, State
+from contbranch.errors import InputError, ModelError
+from contbranch.models.outcome import RawCurve
+
+from .accuracy import Comparison, held
+from .newton import Equilibrium, Hold, Settings, hold_control, newton
+from .observables import cell_fields, mean_gap, profile
+from .problem import GridProblem
+from .reading import read
+from .resolution import Resolution, border_message
+from .setup import Setup
+from .sketch import Sketch, drawn, relatives
+from .stability import morse
+from .trace import Row, trace
+from .walk import Direction, Measure, Point, between
+
+__all__ = ["Found", "find_all", "solve_all"]
+
+Progress = Callable[[float, str], None]
+
+# Two states are one if their fields differ by less than this part of the law's range.
+SAME = 1e-3
+
+
+@dataclass(frozen=True)
+class Found:
+    """States on a lattice, and what is known of their number."""
+
+    states: tuple[State, ...]
+    message: str
+    curve: RawCurve
+
+
+def keep(problem: GridProblem, field: str, value: float) -> Hold:
+    """What is held for a load or displacement."""
+    return hold_control(problem, 0.0, 1.0, value) if field == "displacement" else Hold(value)
+
+
+def solve_all(
+    setup: Setup,
+    field: str,
+    value: float,
+    accuracy: float,
+    progress: Progress | None = None,
+    control: Control = LOAD,
+) -> Found:
+    """Equilibria with a load or displacement on a lattice: one for every sketch that leads to one.
+
+    Raises
+    ------
+    InputError
+        For a contact radius, which a lattice cannot hold.
+    """
+    if field == "contact_radius":
+        raise InputError("contact_radius: a lattice cannot hold it; give a load or a displacement")
+    began = time.perf_counter()
+    settings = Settings(tolerance=min(max(1e-2 * accuracy, 1e-10), 1e-8))
+    related, own = relatives(setup.contact, field, value)
+    hold = keep(setup.problem, field, value)
+    equilibria: list[Equilibrium] = []
+    notes = [Resolution.of(setup.lattice, setup.contact.interaction).message]
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        for sketch in [drawn(setup, state) for state in related] or trials(setup, field, value):
+            found = reached(setup, sketch, hold, settings)
+            if found is not None and not any(_same(setup, found, other) for other in equilibria):
+                equilibria.append(found)
+        if not equilibria:
+            raise _unreached(setup, field, value, bool(related))
+        states = tuple(state_of(setup, found, hold, settings, control) for found in equilibria)
+    for found in equilibria[:1]:
+        notes.append("" if setup.crowded else border_message(setup.problem, found))
+    if own and related:
+        count = len(related)
+        notes.insert(0, f"The axisymmetric model has {count} equilibri{'um' if count == 1 else 'a'} here.")
+    else:
+        notes.insert(0, "Whether other equilibria exist has not been searched.")
+    message = " ".join(note for note in notes if note)
+    return Found(states, message, _curve(setup, states, message, time.perf_counter() - began))
+
+
+def _unreached(setup: Setup, field: str, value: float, known: bool) -> InputError | ModelError:
+    """The error where no start led to an equilibrium; the value is in reduced units."""
+    if setup.contact.tip.is_axisymmetric and not known:
+        return InputError(f"{field}: {value:g} (reduced) cannot be reached; the axisymmetric model has no state there")
+    return ModelError(
+        f"{field}: no equilibrium was found at {value:g} (reduced) on the grid of {setup.grid} nodes in a cell of "
+        f"{setup.edge:g}; trace the curve to see what exists, or try a finer grid"
+    )
+
+
+def reached(setup: Setup, sketch: Sketch, hold: Hold, settings: Settings) -> Equilibrium | None:
+    """The equilibrium next to a sketch, by Newton's method; where that fails, the stable one that dynamics reach."""
+    from .landing import settle
+
+    problem = setup.problem
+    found = newton(problem, sketch.u, sketch.load, hold, sketch.contact, settings)
+    if not found.converged:
+        found = settle(problem, sketch.u, sketch.load, hold, settings.tolerance)
+    return found if found.converged else None
+
+
+def trials(setup: Setup, field: str, value: float) -> list[Sketch]:
+    """Two starts for dynamics, for a tip without likeness: undeformed, just apart, and pressed flat by the load."""
+    problem = setup.problem
+    heights = np.where(np.isfinite(problem.heights), problem.heights, 0.0)
+    apart = setup.length
+    # Pressed flat: as if every height below the mean pressure's work were in contact.
+    depth = float(np.quantile(heights[: setup.lattice.inside, : setup.lattice.inside], 0.3))
+    nothing = np.zeros(problem.shape, dtype=bool)
+    flat = -np.minimum(heights, depth)
+    load = value if field == "load" else 0.0
+    return [
+        Sketch(flat, load, np.isfinite(problem.heights) & (problem.heights + flat <= 0.0)),
+        Sketch(np.full(problem.shape, apart), load, nothing),
+    ]
+
+
+def _same(setup: Setup, one: Equilibrium, other: Equilibrium) -> bool:
+    return float(np.abs(one.u - other.u).max()) < SAME * setup.length
+
+
+def state_of(
+    setup: Setup, found: Equilibrium, hold: Hold, settings: Settings, control: Control, compare: bool = True
+) -> State:
+    """An equilibrium as a state, with error estimates from the coarser lattice and its Morse indices."""
+    problem = setup.problem
+    reading = read(setup, found)
+    difference = held(setup, found, hold, settings) if compare else None
+    unknown = Comparison(*[np.inf] * 5)
+    differences = (difference or unknown).four
+    least = settings.tolerance
+    names = ("load", "displacement", "contact_radius", "central_gap")
+    error = {
+        name: estimate + least * max(1.0, abs(own))
+        for name, estimate, own in zip(names, differences, reading.four, strict=True)
+    }
+    error["contact_radius"] = 0.0 if reading.contact_radius == 0.0 else error["contact_radius"] + reading.radius_error
+    if reading.contact_radius > 0.0:
+        error["central_gap"] = 0.0
+    indices = morse(problem, found)
+    spring = control.spring_stiffness
+
+    def index(stiffness: float) -> int:
+        return indices.symmetric + int(indices.slope + stiffness < 0.0)
+
+    return State(
+        load=reading.load,
+        displacement=reading.displacement,
+        contact_radius=reading.contact_radius,
+        central_gap=reading.central_gap,
+        energy=reading.energy,
+        unstable_load=index(0.0),
+        unstable_displacement=indices.symmetric,
+        residual=found.residual,
+        error=error,
+        profile=profile(problem, found),
+        unstable_spring=None if spring is None else index(spring),
+        unstable_azimuthal=indices.breaking,
+        mean_gap=mean_gap(problem, found),
+        in_cell=lambda: cell_fields(problem, found),
+    )
+
+
+def find_all(
+    setup: Setup,
+    field: str,
+    value: float,
+    accuracy: float,
+    window: tuple[float, float] | None,
+    progress: Progress | None = None,
+    control: Control = LOAD,
+) -> tuple[list[State], tuple[float, float], RawCurve]:
+    """Every equilibrium with a value on the traced curve of the lattice, within a window of displacements."""
+    limit = max(value, 0.0) * 1.1 + 1.0 if field == "load" else None
+    traced = trace(setup, accuracy, limit, control, progress, verdicts=False)
+    settings = Settings(tolerance=min(max(1e-2 * accuracy, 1e-10), 1e-8))
+    driven = LOAD if field == "load" else DISPLACEMENT
+    hold = keep(setup.problem, field, value)
+    rows = [row for row in traced.rows if row.u is not None]
+    states: list[State] = []
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        for first, second in zip(rows[:-1], rows[1:], strict=True):
+            low, high = (driven.value(row.load, row.reading.displacement) - value for row in (first, second))
+            if low * high < 0.0 or high == 0.0:
+                found = _crossing(setup, first, second, driven, value, hold, settings)
+                if found is not None:
+                    states.append(state_of(setup, found, hold, settings, control))
+    reach = traced.curve.displacement
+    own = [value] if field == "displacement" else []
+    used = window or (min([float(reach.min()), *own]), max([float(reach.max()), *own]))
+    return [state for state in states if used[0] <= state.displacement <= used[1]], used, traced.curve
+
+
+def _crossing(
+    setup: Setup, first: Row, second: Row, control: Control, value: float, hold: Hold, settings: Settings
+) -> Equilibrium | None:
+    """The equilibrium between two rows at a value of the control: from the nearer end, within the bracket."""
+    problem = setup.problem
+    ends = [_state(problem, row) for row in (first, second)]
+    points = [Point(row.arc, state) for row, state in zip((first, second), ends, strict=True)]
+    values = [control.value(state.load, state.displacement) for state in ends]
+    share = (value - values[0]) / (values[1] - values[0])
+    u = ends[0].u + share * (ends[1].u - ends[0].u)
+    load = ends[0].load + share * (ends[1].load - ends[0].load)
+    contact = ends[0].contact if share < 0.5 else ends[1].contact
+    found = newton(problem, np.where(contact, -problem.heights, u), load, hold, contact, settings)
+    middle = Direction.along(Measure.at(ends[0], setup.length), ends[1].u - ends[0].u, ends[1].load - ends[0].load)
+    bounds = [middle.value(state.u, state.load) for state in ends]
+    if found.converged and min(bounds) <= middle.value(found.u, found.load) <= max(bounds):
+        return found
+    # Next to a fold Newton's method leaves the bracket: halve it along the curve.
+    for _ in range(40):
+        goal = 0.5 * (bounds[0] + bounds[1])
+        state = between(problem, points, middle, goal, settings)
+        if not state.converged:
+            return None
+        points.append(Point(0.0, state))
+        here = control.value(state.load, state.displacement)
+        side = 0 if (here - value) * (values[0] - value) > 0 else 1
+        bounds[side], values[side] = middle.value(state.u, state.load), here
+        found = newton(problem, state.u, state.load, hold, state.contact, settings)
+        if found.converged and min(bounds) <= middle.value(found.u, found.load) <= max(bounds):
+            return found
+    return None
+
+
+def _state(problem: GridProblem, row: Row) -> Equilibrium:
+    assert row.u is not None and row.contact is not None
+    fields = problem.fields(row.u, row.load)
+    return Equilibrium(fields, row.contact, 0.0, row.reading.displacement, True)
+
+
+def _curve(setup: Setup, states: Sequence[State], message: str, wall: float) -> RawCurve:
+    """The states as a raw result, for messages and costs."""
+    nothing = np.zeros(len(states))
+    counts = np.zeros(len(states), dtype=np.int64)
+    counter = setup.counter
+    return RawCurve(
+        load=np.array([state.load for state in states]),
+        displacement=np.array([state.displacement for state in states]),
+        contact_radius=np.array([state.contact_radius for state in states]),
+        central_gap=np.array([state.central_gap for state in states]),
+        energy=np.array([state.energy for state in states]),
+        unstable_load=counts,
+        unstable_displacement=counts,
+        load_error=nothing,
+        displacement_error=nothing,
+        profiles=[],
+        events=[],
+        complete=bool(states),
+        message=message,
+        cost=Cost(wall, counter.newton, counter.equilibrium, counter.stability),
+        unknowns=setup.lattice.size**2,
+    )

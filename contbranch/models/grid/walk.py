@@ -1,0 +1,281 @@
+"""Following the curve of equilibria of a lattice problem through folds and changes of the contact set.
+
+A point is predicted by the polynomial through the last points in the arclength s, and corrected by Newton's method in
+the plane through the prediction normal to the predicted direction. Arclength is measured in displacements where the
+surfaces interact, and in the load:
+
+    ds² = Σ W du² / ℓ² + (dF/F*)²,     W ∝ (1 + (g/2ℓ)²)⁻², Σ W = 1,
+
+so that it does not depend on the lattice, and a change of the film's shape at nearly constant load and displacement
+counts as much as one of these. The contact set changes node by node: the curve has a small kink at every change, which
+the steps pass over, and a correction of the contact set belongs to every Newton step.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .newton import Equilibrium, Hold, Settings, newton
+from .problem import GridProblem
+
+__all__ = ["Direction", "Measure", "Point", "WalkOptions", "Walker", "between"]
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class WalkOptions:
+    """How a curve is followed.
+
+    Attributes
+    ----------
+    tolerance : float
+        Residual of every point, relative.
+    first, least, most : float
+        Steps in s: the first, and the limits.
+    curvature : float
+        Part of a step by which a prediction may miss, as goal of the step control.
+    noise : float
+        Distance by which it may miss at any rate: changes of the contact set make predictions no better.
+    angle : float
+        Least cosine between the predicted direction and the step.
+    order : int
+        Degree of the predicting polynomial.
+    points : int
+        Points at most.
+    """
+
+    tolerance: float = 1e-7
+    first: float = 0.05
+    least: float = 2e-4
+    most: float = 0.5
+    curvature: float = 0.02
+    noise: float = 1e-3
+    angle: float = 0.9
+    order: int = 2
+    points: int = 2000
+
+
+@dataclass(frozen=True)
+class Point:
+    """An equilibrium with its arclength."""
+
+    arc: float
+    state: Equilibrium
+
+    @property
+    def load(self) -> float:
+        """F."""
+        return self.state.load
+
+    @property
+    def displacement(self) -> float:
+        """Displacement of the far field d."""
+        return self.state.displacement
+
+
+@dataclass(frozen=True)
+class Measure:
+    """The inner product of steps at one state: weights of the field and of the load."""
+
+    weights: Array
+    load_weight: float
+
+    @staticmethod
+    def at(state: Equilibrium, length: float) -> Measure:
+        """The measure at a state for a law of a range."""
+        ratio = np.minimum(state.fields.gap / (2.0 * length), 1e6)
+        weights = (1.0 + ratio * ratio) ** -2
+        scale = length + 0.5 * max(float(state.fields.gap.min()), 0.0)
+        weights /= float(weights.sum()) * scale**2
+        return Measure(weights, 1.0 / (3.0 + 0.3 * abs(state.load)) ** 2)
+
+    def product(self, u: Array, load: float, v: Array, other: float) -> float:
+        """Inner product of two steps."""
+        return float(np.einsum("ij,ij,ij->", self.weights, u, v)) + self.load_weight * load * other
+
+    def norm(self, u: Array, load: float) -> float:
+        """Length of a step."""
+        return math.sqrt(self.product(u, load, u, load))
+
+
+@dataclass(frozen=True)
+class Direction:
+    """A covector (row, load weight) that measures progress along a piece of the curve."""
+
+    row: Array
+    load_weight: float
+
+    @staticmethod
+    def along(measure: Measure, u: Array, load: float) -> Direction:
+        """The covector of a step."""
+        return Direction(measure.weights * u, measure.load_weight * load)
+
+    def value(self, u: Array, load: float) -> float:
+        """Progress at a state."""
+        return float(np.vdot(self.row, u)) + self.load_weight * load
+
+    def hold(self, value: float, slack: float) -> Hold:
+        """What Newton's method keeps for a given progress."""
+        return Hold(value, self.load_weight, self.row, slack)
+
+
+def lagrange(nodes: list[float], at: float) -> tuple[list[float], list[float]]:
+    """Weights of the values at the nodes in the interpolating polynomial at a place, and in its derivative."""
+    weights, slopes = [], []
+    for i, own in enumerate(nodes):
+        others = [other for j, other in enumerate(nodes) if j != i]
+        scale = math.prod(own - other for other in others)
+        weights.append(math.prod(at - other for other in others) / scale)
+        slope = sum(math.prod(at - other for k, other in enumerate(others) if k != left) for left in range(len(others)))
+        slopes.append(slope / scale)
+    return weights, slopes
+
+
+def combined(weights: list[float], fields: list[Array]) -> Array:
+    """Σ weights · fields."""
+    total = weights[0] * fields[0]
+    for weight, values in zip(weights[1:], fields[1:], strict=True):
+        total += weight * values
+    return np.asarray(total)
+
+
+def wall_function(state: Equilibrium) -> Array:
+    """The wall's pressure in contact, minus the gap outside: positive where a node belongs to the contact."""
+    return np.where(state.contact, state.fields.excess, -np.minimum(state.fields.gap, 1e3))
+
+
+@dataclass
+class Walker:
+    """A walk along a curve.
+
+    Attributes
+    ----------
+    problem : GridProblem
+    length : float
+        ℓ, the range of the law.
+    options : WalkOptions
+    points : list of Point
+        The last that were accepted; whoever walks may delete all but the last few.
+    message : str
+        Why the walk could not go on; empty as long as it can.
+    """
+
+    problem: GridProblem
+    length: float
+    options: WalkOptions = field(default_factory=WalkOptions)
+    points: list[Point] = field(default_factory=list)
+    message: str = ""
+    failures: int = 0
+
+    def __post_init__(self) -> None:
+        self.step_size = self.options.first
+        self._usable = 0
+
+    @property
+    def settings(self) -> Settings:
+        """Tolerances of the corrections."""
+        return Settings(tolerance=self.options.tolerance)
+
+    def begin(self, start: Equilibrium, onward: Equilibrium) -> None:
+        """Set out from one equilibrium towards another close to it."""
+        distance = Measure.at(start, self.length).norm(onward.u - start.u, onward.load - start.load)
+        self.points = [Point(0.0, start), Point(distance, onward)]
+        self._usable = 2
+        self.step_size = min(self.options.first, 2.0 * distance)
+
+    def step(self) -> bool:
+        """Go one step on; False, and a message, if that is not possible."""
+        options = self.options
+        while self.step_size >= options.least:
+            accepted = self._attempt(self.step_size, options.order, options.angle, 0.15)
+            if accepted is not None:
+                point, miss, failed = accepted
+                self._accept(point)
+                goal = max(options.curvature * self.step_size, options.noise)
+                growth = math.sqrt(goal / max(miss, 1e-12))
+                self.step_size = min(options.most, self.step_size * min(1.6 if not failed else 1.0, max(0.5, growth)))
+                return True
+            self.failures += 1
+            self.step_size *= 0.5
+        return self._leap()
+
+    def _leap(self) -> bool:
+        """Pass a corner of the lattice's curve: longer steps along the secant, with less asked of the direction."""
+        for factor in (4.0, 16.0, 64.0, 256.0, 1.0):
+            accepted = self._attempt(self.options.least * factor, 1, 0.3, 2.0)
+            if accepted is not None:
+                self._accept(accepted[0])
+                self._usable = 2
+                self.step_size = max(self.options.least * factor, 2.0 * self.options.least)
+                return True
+        last = self.points[-1]
+        self.message = (
+            f"The curve could not be followed beyond load {last.load:.6g}, displacement {last.displacement:.6g}: "
+            "no equilibrium was found within the smallest step"
+        )
+        return False
+
+    def _accept(self, point: Point) -> None:
+        self.points.append(point)
+        self._usable += 1
+
+    def recent(self, count: int) -> list[Point]:
+        """The last points on the smooth piece, at most `count`."""
+        return self.points[-min(count, max(self._usable, 2)) :]
+
+    def _attempt(self, size: float, order: int, angle: float, loose: float) -> tuple[Point, float, bool] | None:
+        """A step of a given size: the point, by how much the prediction missed, and whether that was much."""
+        past = self.recent(order + 1)
+        last = past[-1].state
+        arcs = [point.arc for point in past]
+        weights, slopes = lagrange(arcs, arcs[-1] + size)
+        u = combined(weights, [point.state.u for point in past])
+        load = math.fsum(w * point.load for w, point in zip(weights, past, strict=True))
+        rate = combined(slopes, [point.state.u for point in past])
+        load_rate = math.fsum(w * point.load for w, point in zip(slopes, past, strict=True))
+        contact = combined(weights, [wall_function(point.state) for point in past]) > 0.0
+        np.copyto(u, -self.problem.heights, where=contact)
+        measure = Measure.at(last, self.length)
+        direction = Direction.along(measure, rate, load_rate)
+        slack = 1e-3 * size * measure.product(rate, load_rate, rate, load_rate)
+        found = newton(self.problem, u, load, direction.hold(direction.value(u, load), slack), contact, self.settings)
+        if not found.converged:
+            return None
+        miss = measure.norm(found.u - u, found.load - load)
+        change, load_change = found.u - last.u, found.load - last.load
+        distance = measure.norm(change, load_change)
+        progress = direction.value(change, load_change)
+        cosine = progress / (distance * measure.norm(rate, load_rate)) if distance > 0 else 0.0
+        allowed = max(loose * size, 4.0 * self.options.noise)
+        if cosine < angle or miss > allowed or distance > 4.0 * size or found.steps > 12:
+            return None
+        return Point(past[-1].arc + distance, found), miss, miss > 0.5 * allowed
+
+
+def between(
+    problem: GridProblem, points: list[Point], direction: Direction, value: float, settings: Settings
+) -> Equilibrium:
+    """The equilibrium with a given progress along a direction, interpolated between points and corrected.
+
+    Parameters
+    ----------
+    points : list of Point
+        At least two around the place, at most four are used, those nearest in progress.
+    """
+    progress = [direction.value(point.state.u, point.load) for point in points]
+    nearest = sorted(sorted(range(len(points)), key=lambda k: abs(progress[k] - value))[:4])
+    chosen = [points[k] for k in nearest]
+    progress = [progress[k] for k in nearest]
+    weights, _ = lagrange(progress, value)
+    u = combined(weights, [point.state.u for point in chosen])
+    load = math.fsum(w * point.load for w, point in zip(weights, chosen, strict=True))
+    contact = (combined(weights, [wall_function(point.state) for point in chosen]) > 0.0) & settings.wall
+    np.copyto(u, -problem.heights, where=contact)
+    slack = 1e-3 * (max(progress) - min(progress))
+    return newton(problem, u, load, direction.hold(value, slack), contact, settings)

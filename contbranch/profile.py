@@ -1,0 +1,70 @@
+"""Fields of a state, as functions of the radius or on the nodes of a cell. Plain data."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["CellFields", "ModeShape", "Profile"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Profile:
+    """Fields of one state as functions of the radius, in the contact's units.
+
+    Attributes
+    ----------
+    r, gap, pressure, wall_pressure : array (M,)
+        Radius (increasing, from the centre), gap, total pressure and the wall's share of it (zero outside the contact).
+    """
+
+    r: Array
+    gap: Array
+    pressure: Array
+    wall_pressure: Array
+
+
+@dataclass(frozen=True)
+class ModeShape:
+    """A variation ``cos(mode · θ)`` of an axisymmetric state, as a function of the radius.
+
+    Attributes
+    ----------
+    mode : int
+        Number of periods around the axis.
+    r : array (M,)
+        Radius, increasing, in the contact's unit of length.
+    gap : array (M,)
+        Change of the gap, scaled so that the largest is 1; zero inside the contact.
+    pressure : array (M,)
+        Change of the total pressure for that change of the gap: in the unit of pressure over that of the gap. Inside
+        the contact it grows without bound towards the rim, which shifts.
+    """
+
+    mode: int
+    r: Array
+    gap: Array
+    pressure: Array
+
+
+@dataclass(frozen=True)
+class CellFields:
+    """Fields on the nodes of a square cell, in the contact's units; the tip's middle is at x = y = 0.
+
+    Attributes
+    ----------
+    x, y : array (N,)
+        Coordinates of the nodes along the first and the second index.
+    gap, pressure, wall_pressure : array (N, N)
+        Gap, total pressure, and the wall's share of it (zero outside the contact).
+    """
+
+    x: Array
+    y: Array
+    gap: Array
+    pressure: Array
+    wall_pressure: Array

@@ -1,0 +1,334 @@
+"""Height maps: their numbers, scales and grids against formulas of waves and paraboloids; files; what is refused."""
+
+import copy
+import dataclasses
+import json
+import math
+import pickle
+from types import SimpleNamespace
+
+import h5py
+import numpy as np
+import pytest
+
+import contbranch as cb
+
+CELL, N = 2.0, 16
+NODES = np.arange(N) * CELL / N
+Q = 2.0 * math.pi / CELL
+
+
+def egg_box(x, y, amplitude=0.1):
+    return amplitude * (1.0 - np.cos(Q * x) * np.cos(Q * y))
+
+
+def waves(x, y):
+    """A trigonometric polynomial of waves that 16 nodes resolve, the shortest along x and y among them."""
+    return (
+        0.3 * np.cos(Q * x)
+        + 0.2 * np.sin(3 * Q * x - 2 * Q * y)
+        + 0.1 * np.cos(7 * Q * y + 1.0)
+        + 0.05 * np.cos(8 * Q * x)
+        + 0.04 * np.cos(8 * Q * x) * np.cos(8 * Q * y)
+    )
+
+
+def sampled(surface, n=N):
+    nodes = np.arange(n) * CELL / n
+    return surface(nodes[:, None], nodes)
+
+
+RANDOM = np.random.default_rng(0).normal(size=(N, N))
+
+
+def test_heights_are_those_above_the_point_that_touches_first():
+    tip = cb.HeightMap(RANDOM, CELL)
+    np.testing.assert_allclose(tip.heights, RANDOM - RANDOM.min(), rtol=1e-15)
+    peaks = cb.HeightMap(RANDOM, CELL, peaks=True)
+    np.testing.assert_allclose(peaks.heights, RANDOM.max() - RANDOM, rtol=1e-15)
+    assert tip.heights.min() == peaks.heights.min() == 0.0
+    assert cb.HeightMap(RANDOM, CELL, unit=2.5).heights.max() == pytest.approx(2.5 * np.ptp(RANDOM))
+    assert not tip.is_axisymmetric
+    whole = cb.HeightMap(np.arange(64).reshape(8, 8), CELL)
+    assert whole.heights.dtype == np.float64
+    assert tip.points == N
+
+
+def test_the_array_is_copied_and_cannot_be_changed():
+    heights = RANDOM - RANDOM.min()
+    tip = cb.HeightMap(heights, CELL)
+    heights[0, 0] = 77.0
+    assert tip.heights.max() < 10.0
+    for one in (tip, copy.deepcopy(tip), pickle.loads(pickle.dumps(tip)), tip.scaled(2.0, 3.0)):
+        with pytest.raises(ValueError, match="read-only"):
+            one.heights[0, 0] = 1.0
+        with pytest.raises(dataclasses.FrozenInstanceError):
+            one.cell = 1.0
+
+
+def test_maps_are_values():
+    tip = cb.HeightMap(RANDOM, CELL)
+    for other in (
+        copy.deepcopy(tip),
+        pickle.loads(pickle.dumps(tip)),
+        dataclasses.replace(tip),
+        cb.HeightMap(**tip.parameters()),
+        cb.HeightMap(RANDOM + 0.0, CELL),
+    ):
+        assert other == tip
+        assert hash(other) == hash(tip)
+    changed = RANDOM.copy()
+    changed[3, 4] += 1e-12
+    different = [cb.HeightMap(changed, CELL), cb.HeightMap(RANDOM, 3.0), cb.HeightMap(RANDOM, CELL, 1.0), cb.Cone(1.0)]
+    assert len({tip, *different}) == 5
+    assert len(repr(tip)) < 200
+
+
+class TestScales:
+    def test_egg_box(self):
+        # √⟨cos² cos²⟩ = 1/2, √⟨|∇|²⟩ = q/√2; the curvature of the summits is A q²
+        tip = cb.HeightMap(sampled(egg_box), CELL)
+        assert tip.rms_height == pytest.approx(0.05, rel=1e-13)
+        assert tip.rms_slope == pytest.approx(0.1 * Q / math.sqrt(2.0), rel=1e-13)
+        assert tip.natural_length == pytest.approx(1.0 / (0.1 * Q * Q), rel=1e-13)
+
+    def test_they_do_not_depend_on_the_grid(self):
+        tip = cb.HeightMap(sampled(waves), CELL)
+        finer = cb.HeightMap(tip.on_grid(CELL, 4 * N), CELL)
+        assert finer.rms_height == pytest.approx(tip.rms_height, rel=1e-12)
+        assert finer.rms_slope == pytest.approx(tip.rms_slope, rel=1e-12)
+
+    @pytest.mark.parametrize("n", [64, 256])
+    def test_paraboloid_that_ends_in_a_kink(self, n):
+        # on a square of edge L: ⟨z²⟩ - ⟨z⟩² = L⁴/(360 R²), ⟨|∇z|²⟩ = L²/(6 R²), so R is multiplied by 6/√360
+        x = (np.arange(n) - n / 2) * CELL / n
+        tip = cb.HeightMap((x[:, None] ** 2 + x**2) / (2 * 5.0), CELL)
+        assert tip.natural_length == pytest.approx(5.0 * 6.0 / math.sqrt(360.0), rel=2.0 / n)
+
+    def test_radius_given(self):
+        # (23), (24) for R = 1000 nm, |Δγ| = 0.04 nN/nm, E = 5 nN/nm²: X = 20 nm, Z = 0.4 nm
+        tip = cb.HeightMap(10.0 * RANDOM, 300.0, radius=1000.0)
+        contact = cb.Contact.physical(tip=tip, modulus="5 GPa", interaction=cb.Gauss(0.04, 1.0))
+        assert (contact.scales.in_plane, contact.scales.normal) == (pytest.approx(20.0), pytest.approx(0.4))
+        assert contact.tabor == pytest.approx(0.4)
+
+    @pytest.mark.parametrize("radius", [None, 30.0])
+    @pytest.mark.parametrize("heights", [RANDOM, np.zeros((8, 8))], ids=["rough", "flat"])
+    @pytest.mark.parametrize("law", [cb.Gauss(0.04, 1.0), None], ids=["gauss", "none"])
+    def test_reduced(self, radius, heights, law):
+        contact = cb.Contact(cb.HeightMap(heights, CELL, radius), law, 5.0)
+        reduced, scales = contact.to_reduced(), contact.scales
+        np.testing.assert_allclose(reduced.tip.heights * scales.normal, contact.tip.heights, rtol=1e-14)
+        assert reduced.tip.cell * scales.in_plane == pytest.approx(CELL)
+        assert reduced.tip.natural_length == pytest.approx(1.0, rel=1e-12)  # R = 1
+        assert (reduced.scales.in_plane, reduced.scales.normal) == (pytest.approx(1.0), pytest.approx(1.0))
+        assert reduced.tabor == (None if law is None else pytest.approx(contact.tabor, rel=1e-12))
+
+    def test_flat(self):
+        tip = cb.HeightMap(np.full((8, 8), 3.0), CELL)
+        assert tip.heights.max() == 0.0
+        assert tip.rms_slope == 0.0
+        assert tip.natural_length == CELL
+
+
+class TestGrids:
+    tip = cb.HeightMap(sampled(waves), CELL)
+    least = sampled(waves).min()
+
+    @pytest.mark.parametrize("n", [32, 64])
+    def test_finer(self, n):
+        np.testing.assert_allclose(self.tip.on_grid(CELL, n), sampled(waves, n) - self.least, atol=1e-14)
+
+    def test_odd_map(self):
+        nodes = np.arange(9) * CELL / 9
+        tip = cb.HeightMap(egg_box(nodes[:, None], nodes), CELL)
+        np.testing.assert_allclose(tip.on_grid(CELL, 36), sampled(egg_box, 36), atol=1e-15)
+
+    def test_coarser_and_the_same(self):
+        assert self.tip.on_grid(CELL * (1 + 1e-12), N) is self.tip.heights
+        np.testing.assert_allclose(self.tip.on_grid(CELL, 8), sampled(waves, 8) - self.least, atol=1e-15)
+
+    @pytest.mark.parametrize("n", [0, 12, 24, 48, 17])
+    def test_grids_that_do_not_fit(self, n):
+        with pytest.raises(cb.InputError, match=f"^grid: {n} does not fit the 16 x 16 .*: 8, 16, 32, 64$"):
+            self.tip.on_grid(CELL, n)
+
+    def test_another_cell(self):
+        with pytest.raises(cb.InputError, match=r"^cell: 2.1; the height map has the cell 2: "):
+            self.tip.on_grid(2.1, N)
+
+    def test_surface_at_any_place(self):
+        np.testing.assert_allclose(self.tip.surface(NODES[:, None], NODES), self.tip.heights, atol=1e-13)
+        np.testing.assert_allclose(self.tip.surface(NODES - CELL, 3 * CELL), self.tip.heights[:, 0], atol=1e-13)
+        x, y = np.random.default_rng(1).uniform(-3.0, 3.0, (2, 50))
+
+        def error(n):
+            return np.abs(cb.HeightMap(sampled(egg_box, n), CELL).surface(x, y) - egg_box(x, y)).max()
+
+        assert error(64) < error(16) / 4**3.5  # cubic splines: 4⁴ asymptotically
+
+    def test_mirror_symmetry(self):
+        assert cb.HeightMap(sampled(egg_box), CELL).mirror_symmetric
+        middle = (np.arange(N) - N / 2) ** 2
+        assert cb.HeightMap(middle[:, None] + 3 * middle, CELL).mirror_symmetric
+        assert not cb.HeightMap(RANDOM, CELL).mirror_symmetric
+        for shift in ((1, 0), (0, 1)):  # symmetric about another node, or about one axis alone
+            assert not cb.HeightMap(np.roll(sampled(egg_box), shift, (0, 1)), CELL).mirror_symmetric
+
+
+class TestFiles:
+    def test_npy(self, tmp_path):
+        np.save(tmp_path / "a.npy", RANDOM)
+        tip = cb.HeightMap.from_file(tmp_path / "a.npy", cell=CELL)
+        assert tip == cb.HeightMap(RANDOM, CELL) == cb.HeightMap(str(tmp_path / "a.npy"), CELL)
+        assert tip.source.file == str(tmp_path / "a.npy")
+        options = {"cell": CELL, "unit": 3.0, "peaks": True, "radius": 2.0}
+        assert cb.HeightMap.from_file(tmp_path / "a.npy", **options) == cb.HeightMap(
+            RANDOM, CELL, 2.0, peaks=True, unit=3.0
+        )
+
+    def test_hdf5(self, tmp_path):
+        path = tmp_path / "a.h5"
+        with h5py.File(path, "w") as file:
+            file["scan/heights"] = RANDOM
+            file["x"] = np.arange(3)
+        assert cb.HeightMap.from_file(path, cell=CELL).source.dataset == "scan/heights"
+        assert cb.HeightMap.from_file(path, cell=CELL, dataset="/scan/heights") == cb.HeightMap(RANDOM, CELL)
+        with h5py.File(path, "a") as file:
+            file["other"] = RANDOM
+        for dataset, message in (
+            (None, "dataset: missing; .* has 2 arrays of two dimensions: name one of other, scan/heights, x"),
+            ("heights", "dataset: 'heights' is not in .*; must be one of other, scan/heights, x"),
+            ("scan", "dataset: 'scan' is not in"),
+            ("x", r"heights: shape \(3,\); must be \(N, N\)"),
+        ):
+            with pytest.raises(cb.InputError, match=f"^{message}") as error:
+                cb.HeightMap.from_file(path, cell=CELL, dataset=dataset)
+            assert "\n" not in str(error.value)
+
+    def test_wrong_files(self, tmp_path):
+        with pytest.raises(cb.InputError, match=r"^file: '.*no.npy': no such file; give the path"):
+            cb.HeightMap.from_file(tmp_path / "no.npy", cell=CELL)
+        (tmp_path / "text.npy").write_text("1 2 3")
+        np.save(tmp_path / "objects.npy", np.array([{}, None]), allow_pickle=True)
+        (tmp_path / "broken.h5").write_bytes(b"\x89HDF\r\n\x1a\n" + b"\x00" * 50)
+        for name in ("text.npy", "objects.npy", "broken.h5"):
+            with pytest.raises(cb.InputError, match=rf"^file: '.*{name}' cannot be read; must be") as error:
+                cb.HeightMap.from_file(tmp_path / name, cell=CELL)
+            assert "\n" not in str(error.value)
+        np.save(tmp_path / "a.npy", RANDOM)
+        with pytest.raises(cb.InputError, match=r"^dataset: 'x'; .* is not an HDF5 file"):
+            cb.HeightMap.from_file(tmp_path / "a.npy", cell=CELL, dataset="x")
+
+    def test_description_names_the_file_or_only_the_digest(self, tmp_path):
+        np.save(tmp_path / "a.npy", RANDOM)
+        law = cb.Gauss(1.0, 0.5)
+        from_file = cb.Contact(cb.HeightMap.from_file(tmp_path / "a.npy", cell=CELL, unit=2.0, peaks=True), law)
+        description = json.loads(json.dumps(from_file.describe(), allow_nan=False))
+        assert description["tip"]["file"] == str(tmp_path / "a.npy")
+        assert len(json.dumps(description)) < 800
+        again = cb.Contact.from_description(description)
+        assert again == from_file
+        assert again.describe() == from_file.describe()
+        np.save(tmp_path / "a.npy", RANDOM + np.eye(N))
+        with pytest.raises(cb.InputError, match=r"^tip: the heights are not those that were described"):
+            cb.Contact.from_description(description)
+        (tmp_path / "a.npy").unlink()
+        with pytest.raises(cb.InputError, match=r"^tip: the heights cannot be read again: file: .* no such file"):
+            cb.Contact.from_description(description)
+        plain = cb.Contact(cb.HeightMap(RANDOM, CELL), law).describe()
+        assert plain["tip"] == {
+            "shape": "height-map",
+            "points": N,
+            "cell": CELL,
+            "rms_height": pytest.approx(np.std(RANDOM), rel=0.05),  # but for the shortest waves
+            "rms_slope": cb.HeightMap(RANDOM, CELL).rms_slope,
+            "sha256": cb.HeightMap(RANDOM, CELL).digest,
+        }
+        with pytest.raises(cb.InputError, match=r"^tip.heights: the description has only their SHA-256; make the"):
+            cb.Contact.from_description(plain)
+
+
+def topography(values, sizes, points=None):
+    return SimpleNamespace(heights=lambda: values, physical_sizes=sizes, nb_grid_pts=points or np.shape(values))
+
+
+class TestTopography:
+    def test_brings_its_cell_and_points_its_peaks_to_the_wall(self):
+        tip = cb.HeightMap(topography(RANDOM, (CELL, CELL)))
+        assert tip == cb.HeightMap(RANDOM, CELL, peaks=True)
+        assert cb.HeightMap(topography(RANDOM, (CELL, CELL)), peaks=False) == cb.HeightMap(RANDOM, CELL)
+        assert cb.HeightMap(topography(RANDOM, (CELL, CELL)), unit=2.0) == cb.HeightMap(
+            RANDOM, 2.0 * CELL, peaks=True, unit=2.0
+        )
+
+    @pytest.mark.parametrize(
+        ("given", "cell", "message"),
+        [
+            (
+                topography(RANDOM, (1.0, 2.0)),
+                None,
+                r"heights: a topography with the edges \(1.0, 2.0\); must be a square",
+            ),
+            (topography(RANDOM[0], (1.0,)), None, r"heights: a topography with the edges \(1.0,\)"),
+            (topography(RANDOM, None), None, r"heights: a topography with the edges \(\)"),
+            (topography(RANDOM, (1.0, 1.0)), 2.0, "cell: 2, but the topography has the edge 1; leave cell out"),
+            (topography(RANDOM, (1.0, 1.0), (8, 8)), None, r"heights: shape \(16, 16\) of a topography with the grid"),
+            (topography(np.ma.masked_greater(RANDOM, 2.0), (1.0, 1.0)), None, r"heights: \d+ of 256 are not finite"),
+        ],
+    )
+    def test_wrong(self, given, cell, message):
+        with pytest.raises(cb.InputError, match=f"^{message}"):
+            cb.HeightMap(given, cell)
+
+
+def holed(*places):
+    heights = RANDOM.copy()
+    for place in places:
+        heights[place] = math.nan
+    return heights
+
+
+@pytest.mark.parametrize(
+    ("heights", "message"),
+    [
+        (holed((3, 4), (5, 0)), r"2 of 256 are not finite, the first is nan at \[3, 4\]; fill them in"),
+        (np.where(RANDOM.max() == RANDOM, np.inf, RANDOM), r"1 of 256 are not finite, the first is inf at"),
+        (RANDOM[0], r"shape \(16,\); must be \(N, N\) with N at least 8"),
+        (RANDOM[:8], r"shape \(8, 16\); must be \(N, N\)"),
+        (RANDOM[:7, :7], r"shape \(7, 7\); must be \(N, N\) with N at least 8"),
+        (RANDOM[None], r"shape \(1, 16, 16\); must be"),
+        (RANDOM + 0j, "dtype complex128; must be an array of real numbers"),
+        (RANDOM > 0, "dtype bool; must be an array of real numbers"),
+        (RANDOM.astype(str), "dtype <U32; must be"),
+        (None, "dtype object; must be"),
+        (3.0, r"shape \(\); must be"),
+    ],
+)
+def test_wrong_heights(heights, message):
+    with pytest.raises(cb.InputError, match=f"^heights: {message}") as error:
+        cb.HeightMap(heights, CELL)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("keywords", "message"),
+    [
+        ({"cell": 0.0}, "cell: 0; must be greater than zero"),
+        ({"cell": math.nan}, "cell: nan; must be a finite number"),
+        ({}, "cell: missing; give the edge of the cell"),
+        ({"cell": 1.0, "radius": -1.0}, "radius: -1; must be greater than zero"),
+        ({"cell": 1.0, "unit": 0.0}, "unit: 0; must be greater than zero"),
+        ({"cell": 1.0, "dataset": "x"}, "dataset: 'x'; only a file has data sets"),
+    ],
+)
+def test_wrong_settings(keywords, message):
+    with pytest.raises(cb.InputError, match=f"^{message}"):
+        cb.HeightMap(RANDOM, **keywords)
+
+
+def test_by_name():
+    contact = cb.Contact.physical(tip="height-map", heights=RANDOM, cell="1 um", modulus="1 GPa")
+    assert contact.tip == cb.HeightMap(RANDOM, 1000.0)
+    with pytest.raises(cb.InputError, match=r"^heights: missing; HeightMap needs it"):
+        cb.Contact.physical(tip="height-map", cell="1 um", modulus="1 GPa")
