@@ -161,7 +161,7 @@ def test_profile_and_fields():
     assert (found.wall_pressure[inside] > 0.0).all()
     assert (found.wall_pressure[found.r > state.contact_radius + 0.2] == 0.0).all()
 
-    fields = observables.lattice_fields(problem, equilibrium)
+    fields = observables.cell_fields(problem, equilibrium)
     assert fields.gap.shape == (128, 128)
     assert fields.x[0] == pytest.approx(-8.0 + 0.5 * problem.lattice.spacing)
     assert problem.lattice.spacing**2 * fields.pressure.sum() == pytest.approx(3.0, abs=1e-6)
