@@ -27,7 +27,7 @@ def test_radius_of_hertz(spacings):
     # F = 4a³/3: radius 1. A quarter of 0.1 % at 32 spacings; 16.94 and 32.0 are the worst of places for the rim.
     measured = contact_area(*hertz(spacings, 128 if spacings < 20 else 224))
     assert abs(measured.radius - 1.0) < 8e-3 / spacings
-    assert abs(measured.radius - 1.0) < measured.radius_error < 0.02 / spacings
+    assert abs(measured.radius - 1.0) < measured.radius_error < 0.025 / spacings
 
 
 def test_three_estimates_agree():
