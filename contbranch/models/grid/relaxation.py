@@ -148,16 +148,20 @@ class LatticeMotion:
         velocity[place.held] = 0.0
         return velocity
 
-    def move(self, place: Place, momentum: Array, velocity: Array, time: float) -> Place:
+    def move(self, place: Place, momentum: Array | None, velocity: Array, time: float) -> Place:
         """Follow the velocity; one pair if the wall is met or has been recently, otherwise none."""
         u = place.fields.u + time * velocity
         overlap = self.problem.heights + u < 0.0
-        if overlap.any() or place.held.any() or place.age >= _RENEW:
+        if momentum is None or overlap.any() or place.held.any() or place.age >= _RENEW:
             return self.place(u)
         # K_c W π = π - m W π, but for the mean mode
         mean = (self.mean_stiffness - self.mean_mass + self.mass) * float(velocity.mean())
         change = momentum - self.mass * velocity + mean
         return self._place(u, place.fields.elastic + time * change, place.age + 1)
+
+    def change(self, before: Place, after: Place) -> Array:
+        """The change of u."""
+        return after.fields.u - before.fields.u
 
     def slowing(self, place: Place, change: Array) -> float:
         """Let no node move by more than half the interaction's range, or of its gap where that is larger."""
