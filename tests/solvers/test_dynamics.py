@@ -117,7 +117,9 @@ def test_rayleigh_quotient_of_a_mode():
     velocity = vectors[:, 3]
     before, time = np.full(60, 7.0), 0.1  # forces anywhere but zero
     after = before - time * (stiffness @ velocity)
-    assert curvature(before, after, time * velocity, masses @ velocity, velocity, time) == pytest.approx(values[3], rel=1e-10)
+    assert curvature(before, after, time * velocity, masses @ velocity, velocity, time) == pytest.approx(
+        values[3], rel=1e-10
+    )
 
 
 @pytest.mark.parametrize("shift", [0.0, 0.3])

@@ -42,6 +42,10 @@ minimisers: Final = {"gfmd": gfmd, "fire": fire}
 _RENEW = 50
 
 
+# Change of gaps, relative to the interaction's range plus the gap, up to which two states are near each other.
+_CLOSE = 0.1
+
+
 class Place(NamedTuple):
     """A trial state: fields, the nodes that the wall holds, the force, the residual, and the age of K u."""
 
@@ -163,11 +167,14 @@ class LatticeMotion:
         """The change of u."""
         return after.fields.u - before.fields.u
 
+    def extent(self, place: Place, change: Array) -> float:
+        """Largest change of a gap, relative to the interaction's range plus the gap."""
+        return float(np.max(np.abs(change) / (_length(self.problem) + place.fields.gap)))
+
     def slowing(self, place: Place, change: Array) -> float:
-        """Let no node move by more than half the interaction's range, or of its gap where that is larger."""
-        scale = _length(self.problem)
-        largest = float(np.max(np.abs(change) / (scale + place.fields.gap)))
-        return 1.0 if largest <= 0.5 else 0.5 / largest
+        """Go no further in a step than to what is near: with longer ones the first may leap into another state."""
+        largest = self.extent(place, change)
+        return 1.0 if largest <= _CLOSE else _CLOSE / largest
 
     def variation(self, place: Place, velocity: Array) -> Array:
         """R (K_c + v'') v, the second variation of the energy along a velocity; one pair."""
@@ -177,12 +184,15 @@ class LatticeMotion:
         return change
 
     def leads_to(self, place: Place, u: Array) -> bool:
-        """Whether the energy falls on the straight line to a state as it does towards a minimum nearby.
+        """Whether a state is near, and the energy falls on the straight line to it as it does towards a minimum.
 
-        Its slope is that of a parabola at three points, but for a third: forces (less the wall's) work along the
-        change, half as much on half the way, and no more at its end. One pair.
+        Near means that gaps change by less than the interaction notices. The slope of the energy must be that of a
+        parabola at three points, but for a third: forces (less the wall's) work along the change, half as much on half
+        the way, and no more at its end. One pair.
         """
         change = u - place.fields.u
+        if self.extent(place, change) > _CLOSE:
+            return False
         start = float(np.vdot(place.force, change))
         if not np.any(change):
             return True
