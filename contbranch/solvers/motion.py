@@ -31,6 +31,7 @@ class Ending(enum.StrEnum):
     STEPS = "the number of steps allowed was reached before the residual asked for"
     INTERRUPTED = "interrupted on request before the residual asked for was reached"
     ESCAPED = "no stable state is reached: the load pulls the surfaces apart, and nothing further out can hold them"
+    UNSTABLE = "the state reached is unstable, and the motion comes back to it whenever it is pushed"
     DIVERGED = "the force is not finite"
 
 

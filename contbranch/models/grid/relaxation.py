@@ -67,6 +67,8 @@ class LatticeMotion:
         Load, displacement or spring.
     until : callable, optional
         Interrupt the motion where this is true.
+    stride : float
+        Largest change of a gap in one step, relative to the interaction's range plus the gap.
 
     Raises
     ------
@@ -77,6 +79,7 @@ class LatticeMotion:
     problem: GridProblem
     hold: Hold
     until: Callable[[Place], bool] | None = None
+    stride: float = 0.1
 
     def __post_init__(self) -> None:
         row = self.hold.row
@@ -172,9 +175,9 @@ class LatticeMotion:
         return float(np.max(np.abs(change) / (_length(self.problem) + place.fields.gap)))
 
     def slowing(self, place: Place, change: Array) -> float:
-        """Go no further in a step than to what is near: with longer ones the first may leap into another state."""
+        """Keep to the stride: the first steps, if long, may leap into another state than the one that is near."""
         largest = self.extent(place, change)
-        return 1.0 if largest <= _CLOSE else _CLOSE / largest
+        return 1.0 if largest <= self.stride else self.stride / largest
 
     def variation(self, place: Place, velocity: Array) -> Array:
         """R (K_c + v'') v, the second variation of the energy along a velocity; one pair."""
