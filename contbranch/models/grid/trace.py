@@ -17,7 +17,7 @@ from contbranch.diagram import Cost, Profile
 from contbranch.models.outcome import RawCurve, RawEvent
 
 from .accuracy import Comparison, compared
-from .folds import Refined, locate_fold, locate_touch, refine_fold
+from .folds import Refined, coarser_touch, locate_fold, locate_touch, refine_fold
 from .newton import Equilibrium, Hold, Settings, newton
 from .observables import interpolate
 from .problem import Fields
@@ -225,7 +225,12 @@ class _Tracer:
         measure = Measure.at(free.state, self.setup.length)
         way = measure.norm(found.u - free.state.u, found.load - free.load)
         arc = free.arc + (way if free.arc < points[-1].arc else -way)
-        self._add(Point(arc, found), Mark("touch"))
+        mark = Mark("touch")
+        around = [point for point in points if not point.state.contact.any()][-2:]
+        coarse = coarser_touch(self.setup, [*around, Point(arc, found)], clearance, self.settings)
+        if coarse is not None:
+            mark.shift = _difference(read(self.setup.on(self.setup.grid // 2), coarse), read(self.setup, found))
+        self._add(Point(arc, found), mark)
 
     # Accuracy
 
@@ -380,6 +385,9 @@ def _indices(columns: dict[str, Array], folds: Sequence[tuple[int, str]], contro
 def _event(
     setup: Setup, row: int, mark: Mark, reading: Reading, error: tuple[float, float, float, float], indices: Indices
 ) -> RawEvent:
+    if mark.kind == "touch" and mark.shift is not None:
+        # From N/2 to N: at least the error that is left.
+        error = error[0] + abs(mark.shift[0]), error[1] + abs(mark.shift[1]), 0.0, 0.0
     if mark.kind != "fold" or mark.control is None:
         return RawEvent(mark.kind, row, reading.four, error, message=mark.message)
     pieces, _ = indices.pieces(mark.control.kind)
