@@ -39,10 +39,13 @@ class Refined:
     verdict : {"found", "vanished", "unknown"}
     state : Equilibrium or None
         The fold there.
+    moved : float
+        By how much it has moved along the curve, in arclength.
     """
 
     verdict: Literal["found", "vanished", "unknown"]
     state: Equilibrium | None = None
+    moved: float = 0.0
 
 
 class _Track:
@@ -143,7 +146,9 @@ def refine_fold(
     for _ in range(5):
         if height(centre) >= max(height(left), height(right)):
             found = track.extremum(control, sign, track.progress(left), track.progress(right))
-            return Refined("unknown") if found is None else Refined("found", found)
+            if found is None:
+                return Refined("unknown")
+            return Refined("found", found, measure.norm(found.u - first.u, found.load - first.load))
         width = track.progress(right) - track.progress(left)
         outwards = 1.0 if height(right) > height(left) else -1.0
         edge = right if outwards > 0 else left
