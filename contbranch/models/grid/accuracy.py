@@ -68,6 +68,6 @@ def _difference(setup: Setup, state: Equilibrium, hold: Hold, settings: Settings
     found = newton(problem, np.where(contact, -problem.heights, u), state.load, hold, contact, settings)
     if not found.converged:
         return None
-    one, other = read(setup, state), read(coarse, found)
+    one, other = read(setup, state, cell=False), read(coarse, found, cell=False)
     values = [abs(a - b) for a, b in zip((*one.four, one.energy), (*other.four, other.energy), strict=True)]
     return Comparison(*values)

@@ -23,7 +23,7 @@ from .newton import Equilibrium
 from .problem import GridProblem
 from .setup import Setup
 
-__all__ = ["GridWarning", "Resolution", "border_energy", "needed_grid", "warn"]
+__all__ = ["GridWarning", "Resolution", "border_energy", "border_message", "needed_grid", "tail_force", "warn"]
 
 # Nodes in the shortest wave that must be stiffer than the law.
 WAVE = 8.0
@@ -116,6 +116,23 @@ def border_energy(problem: GridProblem, state: Equilibrium) -> float:
         return 0.0
     gap = border_gap(problem, state)
     return float(abs(law.evaluate(np.array([max(gap, 0.0)])).energy[0])) / law.reference_work
+
+
+def tail_force(setup: Setup, state: Equilibrium) -> float:
+    """Force of the interaction outside a free cell, which the cell leaves out: ∫ p_fr d²r = 2π r |v|/(dg/dr).
+
+    The gap beyond the border is continued with its slope there, as for a tip that steepens; an estimate from above.
+    """
+    lattice, law = setup.lattice, setup.law
+    if law is None or setup.crowded or lattice.kind == "periodic":
+        return 0.0
+    last, middle = lattice.inside - 1, 0 if lattice.quarter else lattice.grid // 2
+    gap = state.fields.gap
+    outer, inner = (min(float(gap[k, middle]), float(gap[middle, k])) for k in (last, last - 1))
+    if not (math.isfinite(outer) and outer > inner):
+        return 0.0
+    energy = abs(float(law.evaluate(np.array([max(outer, 0.0)])).energy[0]))
+    return math.pi * lattice.edge * energy * lattice.spacing / (outer - inner)
 
 
 def border_message(setup: Setup, state: Equilibrium) -> str:

@@ -158,6 +158,8 @@ def state_of(
         name: estimate + least * max(1.0, abs(own))
         for name, estimate, own in zip(names, differences, reading.four, strict=True)
     }
+    error["load"] += reading.load_error
+    error["displacement"] += reading.displacement_error
     error["contact_radius"] = 0.0 if reading.contact_radius == 0.0 else error["contact_radius"] + reading.radius_error
     if reading.contact_radius > 0.0:
         error["central_gap"] = 0.0

@@ -351,8 +351,9 @@ class _Tracer:
         upper[0], upper[-1] = table[:2].max(axis=0), table[-2:].max(axis=0)
         load, displacement, radius, gap = (np.interp(arcs, places, upper[:, k]) for k in range(4))
         tolerance = self.settings.tolerance
-        load = load + tolerance * np.maximum(1.0, np.abs(columns["load"]))
-        displacement = displacement + tolerance * np.maximum(1.0, np.abs(columns["displacement"]))
+        load = load + columns["load_error"] + tolerance * np.maximum(1.0, np.abs(columns["load"]))
+        displacement = displacement + columns["displacement_error"]
+        displacement += tolerance * np.maximum(1.0, np.abs(columns["displacement"]))
         radius = np.where(columns["contact_radius"] > 0.0, radius + columns["radius_error"], 0.0)
         gap = np.where(columns["central_gap"] > 0.0, gap + columns["gap_error"] + tolerance, 0.0)
         return load, displacement, radius, gap
@@ -443,7 +444,9 @@ def _event(
 ) -> RawEvent:
     if mark.kind == "touch" and mark.shift is not None:
         # From N/2 to N: at least the error that is left.
-        error = abs(mark.shift[0]) + FLOOR * max(1.0, abs(reading.load)), abs(mark.shift[1]) + FLOOR, 0.0, 0.0
+        size = FLOOR * max(1.0, abs(reading.load), abs(reading.displacement))
+        load, displacement = abs(mark.shift[0]) + reading.load_error, abs(mark.shift[1]) + reading.displacement_error
+        error = load + size, displacement + size, 0.0, 0.0
     if mark.kind != "fold" or mark.control is None:
         return RawEvent(mark.kind, row, reading.four, error, message=mark.message)
     pieces, _ = indices.pieces(mark.control.kind)
@@ -455,7 +458,12 @@ def _event(
         share = 0.5 if reading.contact_radius > 0.0 else 0.0
         parts = zip(mark.shift, error, reading.four, strict=True)
         found = [max(2.0 * abs(s), share * e) + FLOOR * max(1.0, abs(v)) for s, e, v in parts]
-        error = found[0], found[1], found[2] if reading.contact_radius > 0.0 else 0.0, found[3]
+        error = (
+            found[0] + reading.load_error,
+            found[1] + reading.displacement_error,
+            found[2] if reading.contact_radius > 0.0 else 0.0,
+            found[3],
+        )
     return RawEvent(
         "fold",
         row,
