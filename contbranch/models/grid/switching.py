@@ -31,11 +31,13 @@ Array = NDArray[np.float64]
 
 # Amplitude, relative to the length over which the interaction decays.
 AMPLITUDE = 0.03
+# Factor of it where an eigenvalue jumps as the contact changes by a node: many have to change.
+MANY = 4.0
 # Amplitudes are halved so often until both states are found, and the load changes like that of a pitchfork.
 HALVINGS = 4
 # How far F₂ from the first state may be from the extrapolated one, relative.
 SHARE = 0.2
-SETTINGS = Settings(tolerance=1e-9, steps=10)
+SETTINGS = Settings(tolerance=1e-9, steps=20)
 
 
 @dataclass(frozen=True)
@@ -144,12 +146,12 @@ def switch(problem: GridProblem, event: Breaking, amplitude: float | None = None
         on_whole(lattice, state.contact.astype(np.float64)) > 0.5,
         Settings(tolerance=max(SETTINGS.tolerance, 2.0 * state.residual), steps=0),
     )
-    epsilon = _amplitude(origin) if amplitude is None else amplitude
+    epsilon = amplitude if amplitude is not None else _amplitude(origin) * (MANY if event.jump else 1.0)
     best: Switched | None = None
     for _ in range(HALVINGS + 1):
         found = _pair(whole, origin, direction, epsilon, event)
         best = found or best
-        if found is not None and abs(_near(found) - found.curvature) <= SHARE * abs(found.curvature):
+        if found is not None and (event.jump or abs(_near(found) - found.curvature) <= SHARE * abs(found.curvature)):
             break
         epsilon *= 0.5
     return best

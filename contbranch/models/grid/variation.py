@@ -1,9 +1,10 @@
 """The second variation of an equilibrium on a lattice, and its lowest eigenvalues.
 
 Eigenvalues are those of ``(K_d + v'')_II x = λ (K_d)_II x`` (see `stability`), by a block Davidson iteration: each step
-adds K_d⁻¹ r, for every pair whose residual r is not small, to the space in which Ritz values are formed. Without contact
-these are the vectors of a block Krylov space of K_d⁻¹ v''. Ritz values lie above the eigenvalues, so negative ones are
-never counted in excess, and an eigenvalue lies within √(r·K_d⁻¹r) of a Ritz value, since ((K_d)_II)⁻¹ ≤ (K_d⁻¹)_II.
+adds K_d⁻¹ r, for every pair whose residual r is not small, to the space in which Ritz values are formed. Without
+contact these are the vectors of a block Krylov space of K_d⁻¹ v''. Ritz values lie above the eigenvalues, so negative
+ones are never counted in excess, and an eigenvalue lies within √(r·K_d⁻¹r) of a Ritz value, since
+((K_d)_II)⁻¹ ≤ (K_d⁻¹)_II.
 """
 
 from __future__ import annotations
@@ -21,8 +22,10 @@ __all__ = ["Precision", "Variation", "lowest"]
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-# Rounding of an eigenvalue.
+# Rounding of an eigenvalue, relative to the largest.
 ROUNDING = 1e-13
+# Square of the norm, relative, below which what orthogonalisation leaves of a vector is no new direction.
+DEPENDENT = 1e-8
 # Memory for a basis, bytes, and vectors that it holds in any case.
 MEMORY = 2**29
 LEAST = 12
@@ -43,7 +46,7 @@ class Precision:
     limit : int
         Iterations at most.
     basis : int
-        Vectors kept at most, twice (the vector, and K_d times it).
+        Vectors kept, twice (the vector, and K_d times it), before a restart; more where many pairs are negative.
     """
 
     tolerance: float = 1e-3
@@ -122,7 +125,7 @@ class _Basis:
             x -= parts @ self.vectors[:n]
             elastic -= parts @ self.elastic[:n]
         norm = float(x @ elastic)
-        if norm <= 1e-16 * before:
+        if norm <= DEPENDENT * before:
             return False
         self.vectors[n], self.elastic[n] = x / np.sqrt(norm), elastic / np.sqrt(norm)
         self.count = n + 1
@@ -138,6 +141,13 @@ class _Basis:
     def pair(self, coefficients: Array) -> tuple[Array, Array]:
         """A vector of the span, and K_d times it."""
         return coefficients @ self.vectors[: self.count], coefficients @ self.elastic[: self.count]
+
+    def grow(self, room: int) -> None:
+        """Make room for more vectors."""
+        missing = room - len(self.vectors)
+        self.vectors = np.concatenate([self.vectors, np.empty((missing, self.variation.size))])
+        self.elastic = np.concatenate([self.elastic, np.empty((missing, self.variation.size))])
+        self.matrix = np.pad(self.matrix, (0, missing))
 
     def restart(self, values: Array, coefficients: Array) -> None:
         """Keep the span of some Ritz vectors only."""
@@ -167,7 +177,8 @@ def lowest(
     vectors : array (k, size)
     complete : bool
     """
-    room = max(LEAST, min(precision.basis, MEMORY // (16 * variation.size)))
+    most = max(LEAST, MEMORY // (16 * variation.size))
+    room = min(precision.basis, most)
     basis = _Basis(variation, room)
     for guess in start:
         x = guess.ravel() * variation.mask
@@ -189,7 +200,10 @@ def lowest(
                 steps.append((step, residual))
         if not steps or iteration == precision.limit:
             break
-        if basis.count + len(steps) > room:
+        if basis.count + len(steps) > room and 3 * wanted > room and 2 * room <= most:
+            room *= 2
+            basis.grow(room)
+        elif basis.count + len(steps) > room:
             kept = min(wanted + 2, room // 2)
             basis.restart(values[:kept], coefficients[:, :kept])
         added = [
@@ -204,11 +218,14 @@ def lowest(
 
 
 def _errors(values: Array, bounds: Array) -> Array:
-    """Errors of Ritz values: the norm of the residual, or its square over the distance of the next eigenvalue."""
+    """Errors of Ritz values: the norm of the residual, or its square over the distance of the next eigenvalue.
+
+    The next one may be 1, where eigenvalues gather, even if no Ritz value says so.
+    """
     errors = np.array(bounds)
     for j, bound in enumerate(bounds):
-        others = np.abs(np.delete(values, j) - values[j])
-        gap = (float(others.min()) if others.size else 0.0) - bound
+        others = np.append(np.delete(values, j), 1.0)
+        gap = float(np.abs(others - values[j]).min()) - bound
         if gap > 0.0:
             errors[j] = min(bound, bound**2 / gap)
-    return errors + ROUNDING * np.maximum(1.0, np.abs(values[: bounds.size]))
+    return errors + ROUNDING * max(1.0, float(np.abs(values).max()))
