@@ -43,6 +43,8 @@ SPACING = 6
 MOST_REFINED, LARGEST_REFINED = 12, 1024
 # A fold that moves by less, relative to max(1, |value|), is said to stay.
 STAYS = 1e-3
+# To what a fold is located on either lattice, relative to max(1, |value|).
+LOCATED = 1e-8
 
 
 @dataclass
@@ -379,7 +381,10 @@ def _event(
     verdict, message = _verdict(mark, reading)
     if mark.shift is not None:
         # From N to 2N the error falls at least by half: it is at most twice the shift.
-        error = tuple(2.0 * abs(shift) + 1e-9 for shift in mark.shift)  # type: ignore[assignment]
+        error = tuple(  # type: ignore[assignment]
+            2.0 * abs(shift) + LOCATED * max(1.0, abs(value))
+            for shift, value in zip(mark.shift, reading.four, strict=True)
+        )
     return RawEvent(
         "fold",
         row,
