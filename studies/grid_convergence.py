@@ -4,7 +4,7 @@
     python studies/grid_convergence.py --finest 512         # minutes
     python studies/grid_convergence.py --large              # costs at 2048² with their memory, too
 
-Every contact has an axisymmetric tip, so that the axisymmetric model, which has no grid, gives the values without error.
+Every tip is axisymmetric, so that the axisymmetric model, which has no grid, gives the values without error.
 Times are those of one thread if the environment says so: OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1.
 """
 
@@ -22,6 +22,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -448,7 +449,7 @@ def _draw_errors(axes: Axes, results: dict[str, list[Trace]], against: str) -> N
             known = [(x, error / max(1.0, abs(exact_thresholds(case)[name]))) for x, error in rows if error is not None]
             if known:
                 law = f"{case.law}, $\\mu_T = {case.tabor:g}$: {name.removesuffix('_load').replace('_', '-')}"
-                style = {"marker": MARKERS[case.name], "markersize": 4.0, "linewidth": 1.0}
+                style: dict[str, Any] = {"marker": MARKERS[case.name], "markersize": 4.0, "linewidth": 1.0}
                 axes.plot(*zip(*known, strict=True), color=colour, label=law, **style)
     axes.set(xscale="log", yscale="log", ylabel="Relative error of the load")
     axes.set_xlabel("Spacing of the nodes" if against == "spacing" else "Time of the whole trace (s)")
@@ -465,7 +466,7 @@ def _draw_cells(axes: Axes, rows: Sequence[CellRow]) -> None:
     inverse = np.array([row.edge**-3 for row in rows]) * 1e3
     for name, marker in (("squeeze_out_load", "o"), ("wetting_load", "D")):
         values = np.array([row.values[name] for row in rows])
-        style = {"color": COLOURS[name], "markersize": 4.0}
+        style: dict[str, Any] = {"color": COLOURS[name], "markersize": 4.0}
         axes.plot(
             inverse,
             values,

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -109,7 +110,12 @@ def draw_figure_3(pair: Sequence[Collapse]) -> Figure:
             label = f"$w = {item.scale:g}$"
             for axes, (radius, gap) in ((raw, (item.radius, item.gap)), (scaled, item.scaled())):
                 chosen = np.unique(np.searchsorted(radius, np.linspace(0.0, 5.5 * radius[-1] / 12.5, 26)))
-                style = {"marker": marker, "markersize": 4.0, "linestyle": "none", "markerfacecolor": "none"}
+                style: dict[str, Any] = {
+                    "marker": marker,
+                    "markersize": 4.0,
+                    "linestyle": "none",
+                    "markerfacecolor": "none",
+                }
                 axes.plot(radius[chosen], gap[chosen], color=colour, label=label, **style)
         line = pair[0].scaled()
         scaled.plot(*line, color=GREY, linewidth=0.7, linestyle=":", zorder=0)
@@ -244,7 +250,13 @@ def draw_figure_4(cells: Sequence[FarDisplacement]) -> Figure:
                 axes.plot(cell.radius, cell.displacement, color=colour, linewidth=1.0, label=f"$L = {cell.edge:.2f}$")
             axes.set_xlabel("$r$")
         for cell, colour in zip(cells, (BLUE, ORANGE, GREEN), strict=True):
-            style = {"color": colour, "markersize": 4.5, "linestyle": "none", "clip_on": False, "zorder": 4}
+            style: dict[str, Any] = {
+                "color": colour,
+                "markersize": 4.5,
+                "linestyle": "none",
+                "clip_on": False,
+                "zorder": 4,
+            }
             panels[1].plot([cell.radius[-1]], [cell.far.rounded], marker="s", markerfacecolor="none", **style)
             panels[1].plot([cell.radius[-1]], [cell.far.displacement], marker="o", **style)
         panels[1].plot([], [], color="0.3", marker="s", markerfacecolor="none", linestyle="none", label="$6u_X - 5u_M$")
