@@ -21,7 +21,7 @@ from .problem import GridProblem
 from .setup import Setup, refined, refined_mask
 from .walk import Direction, Measure, Point, between
 
-__all__ = ["Refined", "locate_fold", "locate_touch", "refine_fold"]
+__all__ = ["Refined", "locate_fold", "locate_touch", "refine_fold", "touches"]
 
 Array = NDArray[np.float64]
 
@@ -154,6 +154,11 @@ def refine_fold(
     return Refined("vanished")
 
 
+def touches(state: Equilibrium, clearance: Callable[[Equilibrium], float]) -> bool:
+    """Whether nodes are in contact, or the gap has closed between them."""
+    return bool(state.contact.any()) or clearance(state) <= 0.0
+
+
 def locate_touch(
     problem: GridProblem, points: list[Point], clearance: Callable[[Equilibrium], float], settings: Settings
 ) -> Equilibrium | None:
@@ -162,12 +167,13 @@ def locate_touch(
     Parameters
     ----------
     points : list of Point
-        The last is the first with contact (or the last with it, if the contact is lost); those before it without.
+        The last is the first that touches (or the last that does, if the contact is lost); those before it do not.
     clearance : callable
-        Of a state without contact: the gap that closes.
+        The gap that closes, of a state without contact.
     """
-    free = [point for point in points if not point.state.contact.any()][-3:]
-    closed = next((point for point in reversed(points) if point.state.contact.any()), None)
+    touching = [touches(point.state, clearance) for point in points]
+    free = [point for point, closed in zip(points, touching, strict=True) if not closed][-3:]
+    closed = next((point for point, closed in zip(points[::-1], touching[::-1], strict=True) if closed), None)
     if len(free) < 2 or closed is None:
         return None
     ends = free[-1].state, closed.state
@@ -185,8 +191,6 @@ def locate_touch(
         return clearance(states[value])
 
     try:
-        if gap(low) <= 0.0:
-            return ends[0]
         if gap(high) > 0.0:
             return None
         root = float(brentq(gap, low, high, xtol=1e-9 * (high - low)))

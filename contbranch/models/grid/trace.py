@@ -16,8 +16,8 @@ from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.diagram import Cost, Profile
 from contbranch.models.outcome import RawCurve, RawEvent
 
-from .accuracy import Comparison, compared
-from .folds import Refined, locate_fold, locate_touch, refine_fold
+from .accuracy import Comparison, compared, touched
+from .folds import Refined, locate_fold, locate_touch, refine_fold, touches
 from .newton import Equilibrium, Hold, Settings, newton
 from .observables import interpolate
 from .problem import Fields
@@ -69,6 +69,8 @@ class Mark:
     maximum: bool = False
     refined: Refined | None = None
     shift: tuple[float, float, float, float] | None = None
+    other: Comparison | None = None
+    finer: bool = False
     message: str = ""
 
     @property
@@ -198,8 +200,8 @@ class _Tracer:
             tiny = 1e-9 * max(1.0, abs(b))
             if (b - a) * (c - b) < 0.0 and max(abs(b - a), abs(c - b)) > tiny:
                 self._fold(list(points), control, b > a)
-        touched = [bool(point.state.contact.any()) for point in points[-2:]]
-        if touched[0] != touched[1]:
+        closed = [touches(point.state, partial(clearance, self.setup)) for point in points[-2:]]
+        if closed[0] != closed[1]:
             self._touch(list(points))
 
     def _fold(self, points: list[Point], control: Control, maximum: bool) -> None:
@@ -219,14 +221,17 @@ class _Tracer:
         self._add(Point(min(arc, points[-1].arc), found), mark)
 
     def _touch(self, points: list[Point]) -> None:
-        found = locate_touch(self.problem, points, partial(clearance, self.setup), self.settings)
+        gap = partial(clearance, self.setup)
+        found = locate_touch(self.problem, points, gap, self.settings)
         if found is None:
             return
-        free = next(point for point in reversed(points) if not point.state.contact.any())
+        free = next(point for point in reversed(points) if not touches(point.state, gap))
         measure = Measure.at(free.state, self.setup.length)
         way = measure.norm(found.u - free.state.u, found.load - free.load)
         arc = free.arc + (way if free.arc < points[-1].arc else -way)
-        self._add(Point(arc, found), Mark("touch"))
+        finer = self.verdicts and self.setup.lattice.size <= LARGEST_REFINED
+        other = touched(self.setup, found, self.settings, finer)
+        self._add(Point(arc, found), Mark("touch", other=other, finer=finer))
 
     # Accuracy
 
@@ -375,6 +380,13 @@ def _event(
     row: int, mark: Mark, reading: Reading, error: tuple[float, float, float, float], indices: Indices
 ) -> RawEvent:
     if mark.kind != "fold" or mark.control is None:
+        if mark.other is not None:
+            factor = 2.0 if mark.finer else 1.0
+            load, displacement = (
+                factor * shift + LOCATED * max(1.0, abs(value))
+                for shift, value in zip(mark.other.four[:2], reading.four[:2], strict=True)
+            )
+            error = (load, displacement, *error[2:])
         return RawEvent(mark.kind, row, reading.four, error, message=mark.message)
     pieces, _ = indices.pieces(mark.control.kind)
     before, after = max(row - 1, 0), min(row, len(pieces) - 1)
