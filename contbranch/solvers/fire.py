@@ -46,7 +46,7 @@ def fire(system: System[Place], place: Place, settings: MotionSettings = DEFAULT
     """
     force = system.force(place)
     momentum = np.zeros_like(force)
-    velocity = momentum
+    velocity = change = momentum
     stiffest = system.stiffest
     longest = 2.0 * settings.safety / math.sqrt(stiffest)
     time, steering, along = 0.5 * longest, _STEERING, 0
@@ -55,11 +55,12 @@ def fire(system: System[Place], place: Place, settings: MotionSettings = DEFAULT
         if ending is not None or step == settings.steps:
             return Relaxed(place, step, ending or Ending.STEPS)
         momentum = system.confine(place, momentum)
-        if float(np.vdot(force, velocity)) < 0.0:
-            place = system.move(place, -0.5 * momentum, -0.5 * velocity, time)
+        if float(np.vdot(force, change)) < 0.0:
+            # What is held stays: taken back, it would be held again at once, and nothing would have moved.
+            place = system.move(place, None, system.confine(place, change), -0.5)
             force = system.force(place)
             momentum = np.zeros_like(force)
-            time, steering, along = max(_SHRINKING * time, 0.1 * longest), _STEERING, 0
+            time, steering, along = max(_SHRINKING * time, 0.02 * longest), _STEERING, 0
         else:
             along += 1
             if along > _DELAY:
@@ -73,10 +74,10 @@ def fire(system: System[Place], place: Place, settings: MotionSettings = DEFAULT
         slowing = system.slowing(place, time * velocity)
         if slowing < 1.0:
             momentum, velocity = slowing * momentum, slowing * velocity
-        before = force
+        before, start = force, place
         place = system.move(place, momentum, velocity, time)
-        force = system.force(place)
-        steep = curvature(before, force, momentum, velocity, time)
+        force, change = system.force(place), system.change(start, place)
+        steep = curvature(before, force, change, momentum, velocity, time)
         if steep > stiffest:
             stiffest = steep
             longest = 2.0 * settings.safety / math.sqrt(stiffest)

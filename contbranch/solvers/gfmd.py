@@ -42,7 +42,7 @@ def gfmd(system: System[Place], place: Place, settings: MotionSettings = DEFAULT
     """
     force = system.force(place)
     momentum = np.zeros_like(force)
-    velocity = momentum
+    velocity = change = momentum
     stiffest = system.stiffest
     time = 2.0 * settings.safety / math.sqrt(stiffest)
     frequency = 0.0
@@ -51,7 +51,7 @@ def gfmd(system: System[Place], place: Place, settings: MotionSettings = DEFAULT
         if ending is not None or step == settings.steps:
             return Relaxed(place, step, ending or Ending.STEPS)
         momentum = system.confine(place, momentum)
-        if float(np.vdot(force, velocity)) < 0.0:
+        if float(np.vdot(force, change)) < 0.0:
             momentum[...] = 0.0
         damping = min(frequency * time, 1.0)
         momentum *= (1.0 - damping) / (1.0 + damping)
@@ -61,10 +61,10 @@ def gfmd(system: System[Place], place: Place, settings: MotionSettings = DEFAULT
         if slowing < 1.0:
             momentum *= slowing
             velocity = slowing * velocity
-        before = force
+        before, start = force, place
         place = system.move(place, momentum, velocity, time)
-        force = system.force(place)
-        steep = curvature(before, force, momentum, velocity, time)
+        force, change = system.force(place), system.change(start, place)
+        steep = curvature(before, force, change, momentum, velocity, time)
         if steep > stiffest:
             stiffest = steep
             time = 2.0 * settings.safety / math.sqrt(stiffest)

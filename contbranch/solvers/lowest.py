@@ -55,9 +55,12 @@ def lowest(
     Returns
     -------
     Lowest
+        Infinite if the mobility of the start vanishes.
     """
     y, v = start, mobility(start)
     norm = math.sqrt(float(np.vdot(y, v)))
+    if norm == 0.0:
+        return Lowest(math.inf, 0.0, 0)
     y, v = y / norm, v / norm
     before, link = np.zeros_like(y), 0.0
     diagonal: list[float] = []

@@ -31,6 +31,7 @@ class Ending(enum.StrEnum):
     STEPS = "the number of steps allowed was reached before the residual asked for"
     INTERRUPTED = "interrupted on request before the residual asked for was reached"
     ESCAPED = "no stable state is reached: the load pulls the surfaces apart, and nothing further out can hold them"
+    UNSTABLE = "the state reached is unstable, and the motion comes back to it whenever it is pushed"
     DIVERGED = "the force is not finite"
 
 
@@ -80,8 +81,12 @@ class System(Protocol[Place]):
         """W π."""
         ...
 
-    def move(self, place: Place, momentum: Array, velocity: Array, time: float) -> Place:
-        """The place reached, made admissible; ``velocity`` is W π."""
+    def move(self, place: Place, momentum: Array | None, velocity: Array, time: float) -> Place:
+        """The place reached, made admissible; ``velocity`` is W π, unless no momentum is given."""
+        ...
+
+    def change(self, before: Place, after: Place) -> Array:
+        """The change of u from one place to another: not that of the velocity where it had to be made admissible."""
         ...
 
     def slowing(self, place: Place, change: Array) -> float:
@@ -109,13 +114,14 @@ def ending_of(system: System[Place], place: Place, velocity: Array, tolerance: f
     return Ending.CONVERGED if residual <= tolerance else system.ending(place, velocity)
 
 
-def curvature(before: Array, after: Array, momentum: Array, velocity: Array, time: float) -> float:
+def curvature(before: Array, after: Array, change: Array, momentum: Array, velocity: Array, time: float) -> float:
     """Rayleigh's quotient v·Hv / v·π along the last step, from the forces before and after it; a squared frequency.
 
-    What is held at either end is left out.
+    What is held at either end is left out, and so is what the velocity would have done but for inequalities: then it is
+    an underestimate.
     """
     kinetic = float(np.vdot(momentum, velocity))
     if kinetic <= 0.0:
         return 0.0
     moved = (before != 0.0) & (after != 0.0)
-    return float(np.vdot(velocity, (before - after) * moved)) / (time * kinetic)
+    return float(np.vdot(change, (before - after) * moved)) / (time * time * kinetic)

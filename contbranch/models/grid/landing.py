@@ -68,7 +68,7 @@ def land(
     InputError
         If what is held is no load, displacement or spring.
     """
-    return _descend(problem, u, load, hold, tolerance, method, steps, first=1e-3)
+    return _descend(problem, u, load, hold, tolerance, method, steps, first=1e-3, stride=0.1)
 
 
 def settle(
@@ -80,14 +80,14 @@ def settle(
     method: Method = "gfmd",
     steps: int = 5000,
 ) -> Equilibrium:
-    """Find a stable state from any start, however bad; as `land`, with a first attempt of Newton's method soon.
+    """Find a stable state from any start, however bad; as `land`, with longer steps and Newton's method tried sooner.
 
     Parameters and result are those of `land`.
     """
-    return _descend(problem, u, load, hold, tolerance, method, steps, first=0.03)
+    return _descend(problem, u, load, hold, tolerance, method, steps, first=0.03, stride=0.25)
 
 
-def softest(problem: GridProblem, fields: Equilibrium, hold: Hold) -> Lowest:
+def softest(problem: GridProblem, state: Equilibrium, hold: Hold) -> Lowest:
     """Lowest eigenvalue of the second variation under what is held, relative to the masses of the dynamics.
 
     Only fields with the symmetry of the lattice are asked. Pairs are counted as those of stability.
@@ -95,7 +95,7 @@ def softest(problem: GridProblem, fields: Equilibrium, hold: Hold) -> Lowest:
     motion = LatticeMotion(problem, hold)
     target, problem.counter.target = problem.counter.target, "stability"
     try:
-        return _softest(motion, motion.place(fields.u))
+        return _softest(motion, motion.place(state.u))
     finally:
         problem.counter.target = target
 
@@ -136,9 +136,10 @@ def _descend(
     method: Method,
     steps: int,
     first: float,
+    stride: float,
 ) -> Equilibrium:
     before = problem.counter.equilibrium
-    motion = LatticeMotion(problem, hold)
+    motion = LatticeMotion(problem, hold, stride=stride)
     place = motion.place(u)
     goal, used, kicks = first, 0, 0
     while True:
@@ -159,8 +160,10 @@ def _descend(
             goal = _CLOSER * min(goal, place.residual)
             continue
         state = equilibrium(motion, place, used, problem.counter.equilibrium - before, ending)
-        if not state.converged or kicks == _KICKS or softest(problem, state, hold).value > _NEGATIVE:
+        if not state.converged or softest(problem, state, hold).value > _NEGATIVE:
             return state
+        if kicks == _KICKS:
+            return replace(state, converged=False, reason=Ending.UNSTABLE.value)
         # A start on an unstable state: the motion leaves it only if pushed.
         kicks, goal = kicks + 1, first
         place = motion.place(place.fields.u + motion.push(place, seed=kicks))

@@ -90,6 +90,8 @@ class Settings:
         Loosest inner tolerance.
     growth : float
         Growth of the residual that is taken as failure.
+    patience : int
+        Steps after which the residual must have fallen to half of what it was, or the iteration has failed.
     wall : bool
         Whether gaps must not be negative; without the wall there is no contact.
     """
@@ -99,6 +101,7 @@ class Settings:
     inner: int = 200
     forcing: float = 0.03
     growth: float = 1e3
+    patience: int = 30
     wall: bool = True
 
 
@@ -162,7 +165,7 @@ class Linearised:
             # Row and column are scaled to the size of the field's entries.
             row, column = (hold.row * self.mask).ravel(), self.mask.ravel() / problem.lattice.area
             self.column_scale = 1.0 / float(np.linalg.norm(column))
-            norm = max(float(np.linalg.norm(row)), 1e-6 * abs(hold.load_weight) * self.column_scale)
+            norm = max(float(np.linalg.norm(row)), 1e-6 * abs(hold.load_weight) * self.column_scale) or 1.0
             self.row_scale = 1.0 / norm
             self.row, self.column = row * self.row_scale, column * self.column_scale
             self.corner = hold.load_weight * self.row_scale * self.column_scale
@@ -224,7 +227,7 @@ def newton(
     u = np.where(contact, -problem.heights, u)
     if hold.row is None:
         load = hold.value / hold.load_weight
-    best = math.inf
+    best, waited = math.inf, 0
     steady = False
     first = None
     step = 0
@@ -239,11 +242,13 @@ def newton(
             first = residual
         done = residual <= settings.tolerance and settled
         failed = not math.isfinite(residual) or residual > settings.growth * max(best, 1e-3)
-        if done or failed or step == settings.steps:
+        if done or failed or step == settings.steps or waited > settings.patience:
             displacement = problem.displacement(u, load)
             pairs = problem.counter.equilibrium - before
             return Equilibrium(fields, contact, residual, displacement, done, step, pairs, first)
-        best = min(best, residual)
+        if residual <= 0.5 * best:
+            best, waited = residual, 0
+        waited += 1
         before_step = contact
         contact = contact & (excess > 0.0)
         free = ~contact

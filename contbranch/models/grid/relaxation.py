@@ -42,6 +42,10 @@ minimisers: Final = {"gfmd": gfmd, "fire": fire}
 _RENEW = 50
 
 
+# Change of gaps, relative to the interaction's range plus the gap, up to which two states are near each other.
+_CLOSE = 0.1
+
+
 class Place(NamedTuple):
     """A trial state: fields, the nodes that the wall holds, the force, the residual, and the age of K u."""
 
@@ -63,6 +67,8 @@ class LatticeMotion:
         Load, displacement or spring.
     until : callable, optional
         Interrupt the motion where this is true.
+    stride : float
+        Largest change of a gap in one step, relative to the interaction's range plus the gap.
 
     Raises
     ------
@@ -73,6 +79,7 @@ class LatticeMotion:
     problem: GridProblem
     hold: Hold
     until: Callable[[Place], bool] | None = None
+    stride: float = 0.1
 
     def __post_init__(self) -> None:
         row = self.hold.row
@@ -148,22 +155,29 @@ class LatticeMotion:
         velocity[place.held] = 0.0
         return velocity
 
-    def move(self, place: Place, momentum: Array, velocity: Array, time: float) -> Place:
+    def move(self, place: Place, momentum: Array | None, velocity: Array, time: float) -> Place:
         """Follow the velocity; one pair if the wall is met or has been recently, otherwise none."""
         u = place.fields.u + time * velocity
         overlap = self.problem.heights + u < 0.0
-        if overlap.any() or place.held.any() or place.age >= _RENEW:
+        if momentum is None or overlap.any() or place.held.any() or place.age >= _RENEW:
             return self.place(u)
         # K_c W π = π - m W π, but for the mean mode
         mean = (self.mean_stiffness - self.mean_mass + self.mass) * float(velocity.mean())
         change = momentum - self.mass * velocity + mean
         return self._place(u, place.fields.elastic + time * change, place.age + 1)
 
+    def change(self, before: Place, after: Place) -> Array:
+        """The change of u."""
+        return after.fields.u - before.fields.u
+
+    def extent(self, place: Place, change: Array) -> float:
+        """Largest change of a gap, relative to the interaction's range plus the gap."""
+        return float(np.max(np.abs(change) / (_length(self.problem) + place.fields.gap)))
+
     def slowing(self, place: Place, change: Array) -> float:
-        """Let no node move by more than half the interaction's range, or of its gap where that is larger."""
-        scale = _length(self.problem)
-        largest = float(np.max(np.abs(change) / (scale + place.fields.gap)))
-        return 1.0 if largest <= 0.5 else 0.5 / largest
+        """Keep to the stride: the first steps, if long, may leap into another state than the one that is near."""
+        largest = self.extent(place, change)
+        return 1.0 if largest <= self.stride else self.stride / largest
 
     def variation(self, place: Place, velocity: Array) -> Array:
         """R (K_c + v'') v, the second variation of the energy along a velocity; one pair."""
@@ -173,12 +187,15 @@ class LatticeMotion:
         return change
 
     def leads_to(self, place: Place, u: Array) -> bool:
-        """Whether the energy falls on the straight line to a state as it does towards a minimum nearby.
+        """Whether a state is near, and the energy falls on the straight line to it as it does towards a minimum.
 
-        Its slope is that of a parabola at three points, but for a third: forces (less the wall's) work along the
-        change, half as much on half the way, and no more at its end. One pair.
+        Near means that gaps change by less than the interaction notices. The slope of the energy must be that of a
+        parabola at three points, but for a third: forces (less the wall's) work along the change, half as much on half
+        the way, and no more at its end. One pair.
         """
         change = u - place.fields.u
+        if self.extent(place, change) > _CLOSE:
+            return False
         start = float(np.vdot(place.force, change))
         if not np.any(change):
             return True

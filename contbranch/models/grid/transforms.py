@@ -53,13 +53,15 @@ def wavenumbers(nodes: int, spacing: float, parity: tuple[Parity, Parity] | None
     parity : (str, str) or None
         Of the two directions; None: the whole lattice.
     """
+    # From whole numbers, so that a quarter and the whole lattice have the same digits.
     if parity is None:
-        return np.hypot(
-            2.0 * np.pi * np.fft.fftfreq(nodes, spacing)[:, None],
-            2.0 * np.pi * np.fft.rfftfreq(nodes, spacing)[None, :],
-        )
-    first, second = (np.pi * (np.arange(nodes) + (p == "odd")) / (nodes * spacing) for p in parity)
-    return np.asarray(np.hypot(first[:, None], second[None, :]))
+        unit = 2.0 * np.pi / (nodes * spacing)
+        rows, columns = np.fft.fftfreq(nodes, 1.0 / nodes), np.fft.rfftfreq(nodes, 1.0 / nodes)
+    else:
+        unit = np.pi / (nodes * spacing)
+        rows, columns = (np.arange(nodes) + float(p == "odd") for p in parity)
+    squares = np.rint(rows[:, None] ** 2 + columns[None, :] ** 2)
+    return np.asarray(unit * np.sqrt(squares))
 
 
 @dataclass

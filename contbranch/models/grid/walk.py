@@ -180,7 +180,7 @@ class Walker:
     @property
     def settings(self) -> Settings:
         """Tolerances of the corrections."""
-        return Settings(tolerance=self.options.tolerance)
+        return Settings(tolerance=self.options.tolerance, steps=12, inner=80, growth=10.0, patience=3)
 
     def begin(self, start: Equilibrium, onward: Equilibrium) -> None:
         """Set out from one equilibrium towards another close to it."""
