@@ -235,12 +235,13 @@ def newton(
         fields = problem.fields(u, load)
         excess = fields.excess
         violated = np.where(contact, np.minimum(excess, 0.0), excess)
-        residual = _rms(violated) / (_rms(fields.elastic) or 1.0)
+        size = _rms(fields.elastic) or 1.0
+        residual = _rms(violated) / size
         held = hold.excess(u, load)
         settled = abs(held) <= hold.allowed
         if first is None:
             first = residual
-        done = residual <= settings.tolerance and settled
+        done = residual <= max(settings.tolerance, problem.rounding(u) / size) and settled
         failed = not math.isfinite(residual) or residual > settings.growth * max(best, 1e-3)
         if done or failed or step == settings.steps or waited > settings.patience:
             displacement = problem.displacement(u, load)
