@@ -394,8 +394,10 @@ def _event(
     if mark.shift is not None:
         # From N to 2N the error falls at least by half: it is at most twice the shift.
         error = tuple(  # type: ignore[assignment]
-            2.0 * abs(shift) + LOCATED * max(1.0, abs(value))
-            for shift, value in zip(mark.shift, reading.four, strict=True)
+            2.0 * abs(shift) + LOCATED * max(1.0, abs(value)) + read_off
+            for shift, value, read_off in zip(
+                mark.shift, reading.four, (0.0, 0.0, reading.radius_error, reading.gap_error), strict=True
+            )
         )
     return RawEvent(
         "fold",
