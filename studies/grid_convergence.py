@@ -30,6 +30,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 
 import contbranch as cb
 from contbranch.models.grid.setup import Setup
@@ -191,6 +192,26 @@ def traced(case: Case, model: Model) -> Trace:
     return Trace(model.grid, model.cell / model.grid, cost.wall_s, cost.fft_pairs, points, diagram.status, tuple(found))
 
 
+def without_grid(case: Case, accuracies: Sequence[float] = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7)) -> list[Trace]:
+    """The same by the axisymmetric model at several accuracies, for comparison; of three times the best."""
+    rows = []
+    for accuracy in accuracies:
+        seconds = []
+        for _ in range(3):
+            began = time.perf_counter()
+            diagram = cb.trace(
+                case.contact, accuracy=accuracy, max_load=case.max_load, model=cb.Axisymmetric(), modes=0
+            )
+            seconds.append(time.perf_counter() - began)
+        found = []
+        for name, exact in exact_thresholds(case).items():
+            event, attribute = bearer(diagram, name)
+            found.append(Threshold(name, diagram.thresholds[name], exact, float(event.error[attribute]), None))
+        points = sum(len(branch) for branch in diagram.branches)
+        rows.append(Trace(0, 0.0, min(seconds), 0, points, diagram.status, tuple(found)))
+    return rows
+
+
 def grids(case: Case, finest: int) -> tuple[int, ...]:
     """Grids on which a case is traced: what cannot resolve the interaction at all is left out."""
     coarsest = 32 * max(1, round(case.tabor))
@@ -315,7 +336,6 @@ def cost(case: Case, edge: float, grid: int) -> Cost:
     away = [min((abs(k - mark) for mark in marks), default=9) > 2 for k in range(len(result.rows))]
     pairs = np.array([row.pairs for row in result.rows])
     ordinary, others = pairs[np.array(away)], pairs[~np.array(away)]
-    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (2**30 if sys.platform == "darwin" else 2**20)
     return Cost(
         grid,
         len(pairs),
@@ -323,8 +343,16 @@ def cost(case: Case, edge: float, grid: int) -> Cost:
         float(ordinary.max()),
         float(np.median(others)),
         seconds,
-        memory,
+        largest_memory(),
     )
+
+
+def largest_memory() -> float:
+    """Largest memory of this process so far, in GiB."""
+    status = Path("/proc/self/status")
+    if status.exists():  # unlike getrusage it does not count what the parent process had
+        return next(int(line.split()[1]) / 2**20 for line in status.read_text().splitlines() if "VmHWM" in line)
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (2**30 if sys.platform == "darwin" else 2**20)
 
 
 def costs(case: Case, edge: float, sizes: Iterable[int]) -> list[Cost]:
@@ -428,14 +456,30 @@ COLOURS = {"squeeze_out_load": BLUE, "wetting_load": ORANGE, "pull_off_load": GR
 MARKERS = dict(zip((case.name for case in CASES), "oDs", strict=True))
 
 
-def draw(results: dict[str, list[Trace]], cells: Sequence[CellRow], spent: Sequence[Cost]) -> Figure:
-    """Errors against spacing and time, thresholds against the periodic cell, pairs against the grid."""
+def draw(
+    results: dict[str, list[Trace]],
+    plain: dict[str, list[Trace]],
+    cells: Sequence[CellRow],
+    spent: Sequence[Cost],
+) -> Figure:
+    """Errors against spacing and time, thresholds against the periodic cell, pairs against the grid.
+
+    Parameters
+    ----------
+    results, plain : dict
+        Traces of every case on grids and by the axisymmetric model.
+    """
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(2 * WIDTH, 4.9), layout="constrained")
         FigureCanvasAgg(figure)
         panels = figure.subplots(2, 2)
         _draw_errors(panels[0, 0], results, "spacing")
+        _draw_errors(panels[0, 1], plain, "seconds", markerfacecolor="white", linestyle=":")
         _draw_errors(panels[0, 1], results, "seconds")
+        kinds: dict[str, dict[str, Any]] = {"grid": {}, "axisymmetric": {"markerfacecolor": "white", "linestyle": ":"}}
+        for kind, look in kinds.items():
+            panels[0, 1].plot([], [], color="0.3", marker="o", markersize=4.0, linewidth=1.0, label=kind, **look)
+        panels[0, 1].legend(*(items[-2:] for items in panels[0, 1].get_legend_handles_labels()))
         _draw_cells(panels[1, 0], cells)
         _draw_costs(panels[1, 1], spent)
         for axes, letter in zip(panels.flat, "abcd", strict=True):
@@ -443,21 +487,24 @@ def draw(results: dict[str, list[Trace]], cells: Sequence[CellRow], spent: Seque
     return figure
 
 
-def _draw_errors(axes: Axes, results: dict[str, list[Trace]], against: str) -> None:
+def _draw_errors(axes: Axes, results: dict[str, list[Trace]], against: str, **look: Any) -> None:
     for case in CASES:
         for name, colour in COLOURS.items():
             rows = [(getattr(row, against), row.error(name)) for row in results[case.name]]
             known = [(x, error / max(1.0, abs(exact_thresholds(case)[name]))) for x, error in rows if error is not None]
             if known:
                 law = f"{case.law}, $\\mu_T = {case.tabor:g}$: {name.removesuffix('_load').replace('_', '-')}"
-                style: dict[str, Any] = {"marker": MARKERS[case.name], "markersize": 4.0, "linewidth": 1.0}
+                style: dict[str, Any] = {"marker": MARKERS[case.name], "markersize": 4.0, "linewidth": 1.0, **look}
                 axes.plot(*zip(*known, strict=True), color=colour, label=law, **style)
     axes.set(xscale="log", yscale="log", ylabel="Relative error of the load")
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if against == "spacing" else (1.0,)))
+    axes.xaxis.set_major_formatter(FormatStrFormatter("%g"))
+    axes.xaxis.set_minor_formatter(NullFormatter())
     axes.set_xlabel("Spacing of the nodes" if against == "spacing" else "Time of the whole trace (s)")
     if against == "spacing":
         low, high = axes.get_xlim()
-        line = np.array([low, high])
-        axes.plot(line, 1e-2 * (line / high) ** 2, color=GREY, linewidth=0.7, linestyle=":", label="second order")
+        line = np.array([0.02, 0.4])
+        axes.plot(line, 1e-2 * (line / line[-1]) ** 2, color=GREY, linewidth=0.7, linestyle=":", label="second order")
         axes.set_xlim(low, high)
         axes.legend(fontsize=5.5)
 
@@ -541,7 +588,8 @@ def main() -> None:
     print(report_cells(GAUSS, cells), end="\n\n", flush=True)
     spent = costs(GAUSS, 10.0, (128, 256, 512, 1024, 2048) if given.large else (64, 128, 256, 512))
     print(report_costs(spent))
-    draw(results, cells, spent).savefig(given.figure, dpi=200)
+    plain = {case.name: without_grid(case) if results[case.name] else [] for case in CASES}
+    draw(results, plain, cells, spent).savefig(given.figure, dpi=200)
     if given.json:
         numbers = {
             "machine": dict(machine()),

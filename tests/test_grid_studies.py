@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from pathlib import Path
 
@@ -89,6 +90,19 @@ def test_images_of_hertz():
     assert row.corrected < 1e-3 < row.fitted + 5e-4
 
 
+def test_example_of_the_page(capsys):
+    """docs/grid.md: its code runs, and its folds are those of the axisymmetric model (8.37705 and 8.00651)."""
+    page = (ROOT / "docs" / "grid.md").read_text(encoding="utf-8")
+    (example,) = re.findall(r"^```python\n(.*?)^```", page, flags=re.DOTALL | re.MULTILINE)
+    exec(compile(example, "grid.md", "exec"), {"__name__": "__main__"})
+    lines = capsys.readouterr().out.splitlines()
+    for line, (name, exact) in zip(lines[:2], (("squeeze-out", 8.3770514), ("wetting", 8.0065114)), strict=True):
+        words = line.split()
+        assert words[0] == name
+        assert abs(float(words[1]) - exact) <= float(words[2]) < 5e-3
+        assert words[3] == "stays"
+
+
 # Convergence, estimates and costs
 
 
@@ -164,7 +178,10 @@ def test_chart_of_convergence(traces, tmp_path):
     cases = grid_convergence.CASES
     cells = [grid_convergence.CellRow(edge, {"squeeze_out_load": 8.4, "wetting_load": 8.0}) for edge in (8.0, 10.0)]
     spent = [grid_convergence.Cost(grid, 50, 15.0, 30.0, 20.0, 1.0, 0.2) for grid in (64, 128)]
-    figure = grid_convergence.draw({case.name: traces if case is cases[0] else [] for case in cases}, cells, spent)
+    results = {case.name: traces if case is cases[0] else [] for case in cases}
+    plain = {case.name: grid_convergence.without_grid(case, (1e-4,)) if case is cases[0] else [] for case in cases}
+    assert max(item.error for item in plain[cases[0].name][0].thresholds) < 1e-3
+    figure = grid_convergence.draw(results, plain, cells, spent)
     assert len(figure.axes) == 4
     assert figure.axes[0].get_yscale() == figure.axes[1].get_xscale() == "log"
     figure.savefig(tmp_path / "chart.png")
