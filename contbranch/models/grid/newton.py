@@ -23,6 +23,9 @@ from contbranch.solvers.gmres import gmres
 
 from .problem import Fields, GridProblem
 
+# Shortest part of a step that is tried when the residual grows.
+SHORTEST = 0.125
+
 __all__ = ["Equilibrium", "Hold", "Settings", "newton"]
 
 Array = NDArray[np.float64]
@@ -224,51 +227,82 @@ def newton(
     shift = 0.8 / problem.lattice.edge if shift is None else shift
     if contact is None or not settings.wall:
         contact = (problem.heights + u <= 0.0) & settings.wall
-    u = np.where(contact, -problem.heights, u)
     if hold.row is None:
         load = hold.value / hold.load_weight
-    best, waited = math.inf, 0
-    steady = False
-    first = None
-    step = 0
+    trial = _Trial.at(problem, np.where(contact, -problem.heights, u), load, contact)
+    first = best = trial.residual
+    steady, waited, step = False, 0, 0
     while True:
+        held = hold.excess(trial.fields.u, trial.fields.load)
+        done = trial.residual <= max(settings.tolerance, trial.rounding) and abs(held) <= hold.allowed
+        failed = not math.isfinite(trial.residual) or trial.residual > settings.growth * max(best, 1e-3)
+        if done or failed or step == settings.steps or waited > settings.patience:
+            displacement = problem.displacement(trial.fields.u, trial.fields.load)
+            pairs = problem.counter.equilibrium - before
+            return Equilibrium(trial.fields, trial.contact, trial.residual, displacement, done, step, pairs, first)
+        older = trial
+        kept = older.contact & (older.fields.excess > 0.0)
+        change, load_change = _newton_step(problem, older, kept, hold, held, steady, settings, shift)
+        length = 1.0
+        while True:
+            trial = older.moved(problem, length * change, length * load_change, kept, settings.wall)
+            # Where the law softens, nodes that leave the wall together can overshoot. The first step may well come from
+            # an equilibrium that is not where it is to be held.
+            if step == 0 or trial.residual <= max(1.2 * older.residual, settings.tolerance) or length <= SHORTEST:
+                break
+            length *= 0.5
+        steady = length == 1.0 and bool((trial.contact == older.contact).all())
+        step += 1
+        problem.counter.newton += 1
+        waited += 1
+        if trial.residual <= 0.5 * best:
+            best, waited = trial.residual, 0
+
+
+@dataclass(frozen=True)
+class _Trial:
+    """A trial state, with its residual and what rounding leaves in that."""
+
+    fields: Fields
+    contact: Mask
+    residual: float
+    rounding: float
+
+    @staticmethod
+    def at(problem: GridProblem, u: Array, load: float, contact: Mask) -> _Trial:
         fields = problem.fields(u, load)
         excess = fields.excess
         violated = np.where(contact, np.minimum(excess, 0.0), excess)
         size = _rms(fields.elastic) or 1.0
-        residual = _rms(violated) / size
-        held = hold.excess(u, load)
-        settled = abs(held) <= hold.allowed
-        if first is None:
-            first = residual
-        done = residual <= max(settings.tolerance, problem.rounding(u) / size) and settled
-        failed = not math.isfinite(residual) or residual > settings.growth * max(best, 1e-3)
-        if done or failed or step == settings.steps or waited > settings.patience:
-            displacement = problem.displacement(u, load)
-            pairs = problem.counter.equilibrium - before
-            return Equilibrium(fields, contact, residual, displacement, done, step, pairs, first)
-        if residual <= 0.5 * best:
-            best, waited = residual, 0
-        waited += 1
-        before_step = contact
-        contact = contact & (excess > 0.0)
-        free = ~contact
-        operator = Linearised(problem, fields.stiffness, free, hold, shift)
-        vector = (-excess * free).ravel()
-        if operator.bordered:
-            vector = np.append(vector, -operator.row_scale * held)
-        forcing = _forcing(residual, steady, settings)
-        change = gmres(operator.product, vector, forcing, settings.inner).x
-        u = u + change[: free.size].reshape(free.shape)
-        # What overlaps after the step joins the contact at once.
-        if settings.wall:
-            contact = contact | (problem.heights + u < 0.0)
-        steady = bool((contact == before_step).all())
-        problem.counter.newton += 1
+        return _Trial(fields, contact, _rms(violated) / size, problem.rounding(u) / size)
+
+    def moved(self, problem: GridProblem, change: Array, load_change: float, kept: Mask, wall: bool) -> _Trial:
+        """The trial state after a step; what overlaps then joins the contact at once."""
+        u = self.fields.u + change
+        contact = kept | (problem.heights + u < 0.0) if wall else kept
         np.copyto(u, -problem.heights, where=contact)
-        if operator.bordered:
-            load = load + operator.column_scale * float(change[-1])
-        step += 1
+        return _Trial.at(problem, u, self.fields.load + load_change, contact)
+
+
+def _newton_step(
+    problem: GridProblem,
+    trial: _Trial,
+    contact: Mask,
+    hold: Hold,
+    held: float,
+    steady: bool,
+    settings: Settings,
+    shift: float,
+) -> tuple[Array, float]:
+    """Newton's step for a contact set: the changes of the field and of the load."""
+    free = ~contact
+    operator = Linearised(problem, trial.fields.stiffness, free, hold, shift)
+    vector = (-trial.fields.excess * free).ravel()
+    if operator.bordered:
+        vector = np.append(vector, -operator.row_scale * held)
+    found = gmres(operator.product, vector, _forcing(trial.residual, steady, settings), settings.inner).x
+    change = found[: free.size].reshape(free.shape)
+    return change, operator.column_scale * float(found[-1]) if operator.bordered else 0.0
 
 
 def _forcing(residual: float, steady: bool, settings: Settings) -> float:

@@ -107,9 +107,10 @@ class _Tracer:
     def __post_init__(self) -> None:
         self.problem = self.setup.problem
         tolerance = min(max(self.accuracy, 1e-10), 1e-6)
-        noise = max(1e-3, 0.05 * self.setup.lattice.spacing / self.setup.length)
-        self.options = WalkOptions(tolerance=tolerance, noise=noise)
+        period = self.setup.lattice.spacing / self.setup.length
+        self.options = WalkOptions(tolerance=tolerance, period=period, noise=max(1e-3, 0.05 * period))
         self.settings = Settings(tolerance=tolerance)
+        self.history = 5 if self.setup.lattice.size > 1024 else 12
 
     # The walk
 
@@ -137,7 +138,7 @@ class _Tracer:
                 return reason
             if len(self.rows) >= self.options.points:
                 return f"The curve has more than {self.options.points} points; ask for a smaller range"
-            del points[:-5]
+            del points[: -self.history]
             self._report(points[-1])
 
     def _add(self, point: Point, mark: Mark | None = None) -> None:

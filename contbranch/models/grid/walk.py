@@ -40,6 +40,8 @@ class WalkOptions:
         Steps in s: the first, and the limits.
     curvature : float
         Part of a step by which a prediction may miss, as goal of the step control.
+    period : float
+        Length of the curve over which the contact moves by one row of nodes.
     noise : float
         Distance by which it may miss at any rate: changes of the contact set make predictions no better.
     angle : float
@@ -55,6 +57,7 @@ class WalkOptions:
     least: float = 2e-4
     most: float = 0.5
     curvature: float = 0.02
+    period: float = 0.02
     noise: float = 1e-3
     angle: float = 0.9
     order: int = 2
@@ -175,45 +178,38 @@ class Walker:
 
     def __post_init__(self) -> None:
         self.step_size = self.options.first
-        self._usable = 0
 
     @property
     def settings(self) -> Settings:
         """Tolerances of the corrections."""
-        return Settings(tolerance=self.options.tolerance, steps=12, inner=80, growth=10.0, patience=3)
+        return Settings(tolerance=self.options.tolerance, steps=15, inner=80, growth=30.0, patience=4)
 
     def begin(self, start: Equilibrium, onward: Equilibrium) -> None:
         """Set out from one equilibrium towards another close to it."""
         distance = Measure.at(start, self.length).norm(onward.u - start.u, onward.load - start.load)
         self.points = [Point(0.0, start), Point(distance, onward)]
-        self._usable = 2
         self.step_size = min(self.options.first, 2.0 * distance)
 
     def step(self) -> bool:
         """Go one step on; False, and a message, if that is not possible."""
         options = self.options
+        hopped = False
         while self.step_size >= options.least:
-            accepted = self._attempt(self.step_size, options.order, options.angle, 0.15)
+            if not hopped and self.step_size < 0.25 * options.period:
+                if self._hop():
+                    return True
+                hopped = True
+            angle = options.angle if self.step_size > options.period else 0.5
+            accepted = self._attempt(self.step_size, options.order, angle, 0.15)
             if accepted is not None:
                 point, miss, failed = accepted
-                self._accept(point)
+                self.points.append(point)
                 goal = max(options.curvature * self.step_size, options.noise)
                 growth = math.sqrt(goal / max(miss, 1e-12))
                 self.step_size = min(options.most, self.step_size * min(1.6 if not failed else 1.0, max(0.5, growth)))
                 return True
             self.failures += 1
             self.step_size *= 0.5
-        return self._leap()
-
-    def _leap(self) -> bool:
-        """Pass a corner of the lattice's curve: longer steps along the secant, with less asked of the direction."""
-        for factor in (4.0, 16.0, 64.0, 256.0, 1.0):
-            accepted = self._attempt(self.options.least * factor, 1, 0.3, 2.0)
-            if accepted is not None:
-                self._accept(accepted[0])
-                self._usable = 2
-                self.step_size = max(self.options.least * factor, 2.0 * self.options.least)
-                return True
         last = self.points[-1]
         self.message = (
             f"The curve could not be followed beyond load {last.load:.6g}, displacement {last.displacement:.6g}: "
@@ -221,17 +217,42 @@ class Walker:
         )
         return False
 
-    def _accept(self, point: Point) -> None:
-        self.points.append(point)
-        self._usable += 1
+    def _hop(self) -> bool:
+        """Pass corners of the lattice's own, which are a period apart, by a longer step along the mean direction."""
+        if not self.points[-1].state.contact.any():
+            return False
+        for factor in (1.0, 2.0, 0.5, 4.0):
+            size = factor * self.options.period
+            accepted = self._attempt(size, 1, 0.5, 0.8)
+            if accepted is not None:
+                self.points.append(accepted[0])
+                self.step_size = size
+                return True
+        return False
 
-    def recent(self, count: int) -> list[Point]:
-        """The last points on the smooth piece, at most `count`."""
-        return self.points[-min(count, max(self._usable, 2)) :]
+    def recent(self, count: int, size: float) -> list[Point]:
+        """The last point and earlier ones at distances that suit a step: kinks of the lattice lie closer."""
+        chosen = [self.points[-1]]
+        for point in reversed(self.points[:-1]):
+            if chosen[-1].arc - point.arc >= 0.5 * size:
+                chosen.append(point)
+            if len(chosen) == count:
+                break
+        if len(chosen) == 1:
+            chosen.append(self.points[0] if len(self.points) < 3 else self.points[-2])
+        return chosen[::-1]
+
+    def _retraced(self, state: Equilibrium, distance: float) -> bool:
+        """Whether a state lies closer to an earlier point than to the last one: the walk has turned round."""
+        for point in self.points[:-1]:
+            other = Measure.at(point.state, self.length)
+            if other.norm(state.u - point.state.u, state.load - point.load) < 0.9 * distance:
+                return True
+        return False
 
     def _attempt(self, size: float, order: int, angle: float, loose: float) -> tuple[Point, float, bool] | None:
         """A step of a given size: the point, by how much the prediction missed, and whether that was much."""
-        past = self.recent(order + 1)
+        past = self.recent(order + 1, size)
         last = past[-1].state
         arcs = [point.arc for point in past]
         weights, slopes = lagrange(arcs, arcs[-1] + size)
@@ -253,7 +274,7 @@ class Walker:
         progress = direction.value(change, load_change)
         cosine = progress / (distance * measure.norm(rate, load_rate)) if distance > 0 else 0.0
         allowed = max(loose * size, 4.0 * self.options.noise)
-        if cosine < angle or miss > allowed or distance > 4.0 * size or found.steps > 12:
+        if cosine < angle or miss > allowed or distance > 4.0 * size or self._retraced(found, distance):
             return None
         return Point(past[-1].arc + distance, found), miss, miss > 0.5 * allowed
 
