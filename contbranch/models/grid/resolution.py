@@ -21,6 +21,7 @@ from contbranch.interactions import Interaction
 from .lattice import Lattice
 from .newton import Equilibrium
 from .problem import GridProblem
+from .setup import Setup
 
 __all__ = ["GridWarning", "Resolution", "border_energy", "needed_grid", "warn"]
 
@@ -117,9 +118,9 @@ def border_energy(problem: GridProblem, state: Equilibrium) -> float:
     return float(abs(law.evaluate(np.array([max(gap, 0.0)])).energy[0])) / law.reference_work
 
 
-def border_message(problem: GridProblem, state: Equilibrium) -> str:
+def border_message(setup: Setup, state: Equilibrium) -> str:
     """A sentence if the interaction reaches the border of the cell, empty if it has decayed."""
-    law = problem.law
+    problem, law = setup.problem, setup.law
     if law is None:
         return ""
     share = border_energy(problem, state)
@@ -130,9 +131,10 @@ def border_message(problem: GridProblem, state: Equilibrium) -> str:
     height = float(min(inside[-1, :].min(), inside[:, -1].min()))
     # Heights grow at least with the distance's square; what is missing at the border is gained in proportion.
     factor = math.sqrt((height + wanted - gap) / height) if height > 0 else 2.0
+    load, edge = state.fields.load * setup.units.load, setup.edge * setup.units.in_plane
     return (
         f"The cell is too small: the interaction reaches its border with {share:.2g} of its strength at load "
-        f"{state.load:.6g}; use a cell of about {_up(problem.lattice.edge * factor)} or more."
+        f"{load:.6g}; use a cell of about {_up(edge * factor)} or more."
     )
 
 

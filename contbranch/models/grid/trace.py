@@ -22,7 +22,7 @@ from .newton import Equilibrium, Hold, Settings, newton
 from .observables import interpolate
 from .problem import Fields
 from .reading import Reading, read
-from .resolution import Resolution, border_energy, border_message
+from .resolution import Resolution, border_energy, border_message, warn
 from .setup import Setup
 from .start import beginning
 from .walk import Measure, Point, Walker, WalkOptions
@@ -119,7 +119,7 @@ class _Tracer:
         began = beginning(self.setup, self.accuracy, self.settings)
         if isinstance(began, str):
             return began
-        walker = Walker(self.problem, self.setup.length, self.options)
+        walker = Walker(self.problem, self.setup.length, self.options, units=self.setup.units)
         walker.begin(*began)
         for point in walker.points:
             self._add(point)
@@ -178,18 +178,18 @@ class _Tracer:
         inner = state.contact[: lattice.inside, : lattice.inside]
         rim = inner[-1, :].any() or inner[:, -1].any()
         if rim and not self.setup.crowded:
-            return f"The contact has reached the border of the cell at load {state.load:.6g}; use a larger cell"
+            return f"The contact has reached the border of the cell at load {state.load * self.setup.units.load:.6g}; use a larger cell"
         return ""
 
     def _stuck(self, message: str) -> str:
-        resolution = Resolution.of(self.setup.lattice, self.setup.contact.interaction)
+        resolution = Resolution.of(self.setup.lattice, self.setup.law)
         remedy = f"; the grid is too coarse for this interaction, use at least {resolution.grid}"
         return message + (remedy if resolution.ratio > 1.0 else "; try a finer grid or a larger cell")
 
     def _report(self, point: Point) -> None:
         if self.progress is not None:
             done = min(0.98, max(0.0, point.load / self._goal()))
-            self.progress(done, f"load {point.load:.4g}, {len(self.rows)} points")
+            self.progress(done, f"load {point.load * self.setup.units.load:.4g}, {len(self.rows)} points")
 
     # Events
 
@@ -255,7 +255,12 @@ class _Tracer:
         indices = _indices(columns, folds, self.controls)
         events = [
             _event(
-                k, mark, rows[k].reading, (load_error[k], displacement_error[k], radius_error[k], gap_error[k]), indices
+                self.setup,
+                k,
+                mark,
+                rows[k].reading,
+                (load_error[k], displacement_error[k], radius_error[k], gap_error[k]),
+                indices,
             )
             for k, mark in marks
         ]
@@ -326,9 +331,11 @@ def trace(
     controls = (LOAD, DISPLACEMENT, *((control,) if control.kind == "spring" else ()))
     tracer = _Tracer(setup, accuracy, limit, controls, verdicts, progress)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        tracer.notes += [Resolution.of(setup.lattice, setup.contact.interaction).message]
+        tracer.notes += [Resolution.of(setup.lattice, setup.law).message]
+        warn(tracer.notes[0])
         message = tracer.run()
         worst = _reaching(tracer)
+        warn(worst)
         tracer.notes = [note for note in (*tracer.notes, worst) if note]
         return tracer.outcome(message, time.perf_counter() - began)
 
@@ -343,7 +350,7 @@ def _reaching(tracer: _Tracer) -> str:
         state = Equilibrium(_only_gap(row, gap), row.contact, 0.0, 0.0, True)
         share = border_energy(tracer.problem, state)
         if share > worst[0] and row.reading.contact_radius > 0.0:
-            worst = share, border_message(tracer.problem, state)
+            worst = share, border_message(tracer.setup, state)
     return worst[1]
 
 
@@ -378,7 +385,7 @@ def _indices(columns: dict[str, Array], folds: Sequence[tuple[int, str]], contro
 
 
 def _event(
-    row: int, mark: Mark, reading: Reading, error: tuple[float, float, float, float], indices: Indices
+    setup: Setup, row: int, mark: Mark, reading: Reading, error: tuple[float, float, float, float], indices: Indices
 ) -> RawEvent:
     if mark.kind != "fold" or mark.control is None:
         if mark.other is not None:
@@ -391,7 +398,7 @@ def _event(
         return RawEvent(mark.kind, row, reading.four, error, message=mark.message)
     pieces, _ = indices.pieces(mark.control.kind)
     before, after = max(row - 1, 0), min(row, len(pieces) - 1)
-    verdict, message = _verdict(mark, reading)
+    verdict, message = _verdict(setup, mark, reading)
     if mark.shift is not None:
         # From N to 2N the error falls at least by half: it is at most twice the shift.
         error = tuple(  # type: ignore[assignment]
@@ -415,7 +422,7 @@ def _event(
     )
 
 
-def _verdict(mark: Mark, reading: Reading) -> tuple[str | None, str]:
+def _verdict(setup: Setup, mark: Mark, reading: Reading) -> tuple[str | None, str]:
     if mark.refined is None or mark.refined.verdict == "unknown" or mark.control is None:
         return None, "Whether it stays on a finer grid was not found."
     if mark.refined.verdict == "vanished" or mark.shift is None:
@@ -424,7 +431,9 @@ def _verdict(mark: Mark, reading: Reading) -> tuple[str | None, str]:
     value = mark.control.value(reading.load, reading.displacement)
     stays = abs(moved) <= STAYS * max(1.0, abs(value))
     words = "stays" if stays else "moves"
-    return words, f"On the grid with twice the nodes it {words}: by {moved:.3g} in what is controlled."
+    unit = setup.units.of(mark.control.kind)
+    what = "the position of the spring" if mark.control.kind == "spring" else mark.control.kind
+    return words, f"On the grid with twice the nodes it {words}: by {moved * unit:.3g} in {what}."
 
 
 def deferred_profile(setup: Setup, row: Row) -> Callable[[], Profile]:

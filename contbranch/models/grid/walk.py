@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from .newton import Equilibrium, Hold, Settings, newton
 from .problem import GridProblem
+from .setup import REDUCED_VALUES, UnitValues
 
 __all__ = ["Direction", "Measure", "Point", "WalkOptions", "Walker", "between"]
 
@@ -167,6 +168,10 @@ class Walker:
         The last that were accepted; whoever walks may delete all but the last few.
     message : str
         Why the walk could not go on; empty as long as it can.
+    failures : int
+        Steps that were refused.
+    units : UnitValues
+        For the message.
     """
 
     problem: GridProblem
@@ -175,6 +180,7 @@ class Walker:
     points: list[Point] = field(default_factory=list)
     message: str = ""
     failures: int = 0
+    units: UnitValues = REDUCED_VALUES
 
     def __post_init__(self) -> None:
         self.step_size = self.options.first
@@ -212,8 +218,8 @@ class Walker:
             self.step_size *= 0.5
         last = self.points[-1]
         self.message = (
-            f"The curve could not be followed beyond load {last.load:.6g}, displacement {last.displacement:.6g}: "
-            "no equilibrium was found within the smallest step"
+            f"The curve could not be followed beyond load {last.load * self.units.load:.6g}, displacement "
+            f"{last.displacement * self.units.normal:.6g}: no equilibrium was found within the smallest step"
         )
         return False
 
