@@ -61,7 +61,7 @@ class RawEvent:
     exponent, local_exponent : callable
         Deferred, since they cost further solutions.
     verdict : str or None
-        Of a fold on a grid: ``"stays"``, ``"moves"`` or ``"vanishes"`` when the grid is refined.
+        Of a fold on a grid, see `Event`.
     """
 
     kind: str
@@ -185,7 +185,7 @@ def _names(contact: Contact, events: Sequence[RawEvent]) -> list[str | None]:
     names = []
     for raw in events:
         name = raw.name
-        artefact = raw.verdict == "vanishes"
+        artefact = raw.verdict in ("vanishes", "unresolved")
         if raw.kind == "fold" and name is None and min(raw.before, raw.after) == 0 and not artefact:
             name = fold_name(contact.interaction, raw.control, raw.values[0], raw.maximum)
         names.append(name)

@@ -14,7 +14,7 @@ restricted to I as preconditioner: indefinite on unstable branches, and not symm
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -136,6 +136,11 @@ class Equilibrium:
     pairs: int = 0
     first: float = 0.0
     reason: str = ""
+
+    def slim(self) -> Equilibrium:
+        """The state with its u, load and contact only; other fields are not to be used."""
+        u = self.fields.u
+        return replace(self, fields=Fields(u, self.fields.load, u, u, u, u, u))
 
     @property
     def load(self) -> float:

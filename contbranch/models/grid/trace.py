@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -17,7 +18,7 @@ from contbranch.diagram import Cost, Profile
 from contbranch.models.outcome import RawCurve, RawEvent
 
 from .accuracy import Comparison, compared, touched
-from .folds import Refined, locate_fold, locate_touch, refine_fold, touches
+from .folds import Refined, coarser_touch, locate_fold, locate_touch, refine_fold, touches
 from .newton import Equilibrium, Hold, Settings, newton
 from .observables import interpolate
 from .problem import Fields
@@ -41,10 +42,10 @@ KEPT_BYTES = 600e6
 SPACING = 6
 # Folds that are looked for on a finer lattice, and the largest array on which they are.
 MOST_REFINED, LARGEST_REFINED = 12, 1024
+# Least error of an event, relative to max(1, |value|).
+FLOOR = 1e-8
 # A fold that moves by less, relative to max(1, |value|), is said to stay.
 STAYS = 1e-3
-# To what a fold is located on either lattice, relative to max(1, |value|).
-LOCATED = 1e-8
 
 
 @dataclass
@@ -69,14 +70,9 @@ class Mark:
     maximum: bool = False
     refined: Refined | None = None
     shift: tuple[float, float, float, float] | None = None
-    other: Comparison | None = None
-    finer: bool = False
     message: str = ""
-
-    @property
-    def artefact(self) -> bool:
-        """Whether it is a fold of the lattice only."""
-        return self.refined is not None and self.refined.verdict == "vanished"
+    around: tuple[Equilibrium, Equilibrium, Equilibrium] | None = field(default=None, repr=False)
+    unresolved: bool = False
 
 
 @dataclass(frozen=True)
@@ -213,12 +209,8 @@ class _Tracer:
         before = points[-3]
         measure = Measure.at(before.state, self.setup.length)
         arc = before.arc + measure.norm(found.u - before.state.u, found.load - before.load)
-        examined = sum(row.mark is not None and row.mark.refined is not None for row in self.rows)
-        if self.verdicts and self.setup.lattice.size <= LARGEST_REFINED and examined < MOST_REFINED:
-            mark.refined = refine_fold(self.setup, (before.state, found, points[-1].state), control, self.settings)
-            if mark.refined.state is not None:
-                fine = self.setup.on(2 * self.setup.grid)
-                mark.shift = _difference(read(fine, mark.refined.state), read(self.setup, found))
+        if self.verdicts:
+            mark.around = points[-3].state.slim(), found.slim(), points[-1].state.slim()
         self._add(Point(min(arc, points[-1].arc), found), mark)
 
     def _touch(self, points: list[Point]) -> None:
@@ -226,13 +218,23 @@ class _Tracer:
         found = locate_touch(self.problem, points, gap, self.settings)
         if found is None:
             return
-        free = next(point for point in reversed(points) if not touches(point.state, gap))
+        open_points = [point for point in points if not touches(point.state, gap)]
+        free = open_points[-1]
         measure = Measure.at(free.state, self.setup.length)
         way = measure.norm(found.u - free.state.u, found.load - free.load)
         arc = free.arc + (way if free.arc < points[-1].arc else -way)
+        mark = Mark("touch")
         finer = self.verdicts and self.setup.lattice.size <= LARGEST_REFINED
-        other = touched(self.setup, found, self.settings, finer)
-        self._add(Point(arc, found), Mark("touch", other=other, finer=finer))
+        other = touched(self.setup, found, self.settings, finer=True) if finer else None
+        coarse = None
+        if other is None:
+            coarse = coarser_touch(self.setup, [*open_points[-2:], Point(arc, found)], clearance, self.settings)
+        if other is not None:
+            # From N to 2N, as for folds.
+            mark.shift = 2.0 * other.load, 2.0 * other.displacement, 0.0, 0.0
+        elif coarse is not None:
+            mark.shift = _difference(read(self.setup.on(self.setup.grid // 2), coarse), read(self.setup, found))
+        self._add(Point(arc, found), mark)
 
     # Accuracy
 
@@ -241,16 +243,76 @@ class _Tracer:
         if found is not None:
             self.comparisons.append((points[-1].arc, found))
 
+    def _judge(self) -> None:
+        """Look for the folds on a finer lattice, and tell pairs that are the lattice's own."""
+        rows = self.rows
+        columns = {name: np.array([getattr(row.reading, name) for row in rows]) for name in Reading._fields}
+        errors = self._errors(np.array([row.arc for row in rows]), columns)
+        folds = [k for k, row in enumerate(rows) if row.mark is not None and row.mark.kind == "fold"]
+        if len(folds) > MOST_REFINED:
+            self._pair(folds, errors)
+        for k in folds:
+            mark = rows[k].mark
+            if mark is None or mark.around is None or mark.control is None:
+                continue
+            if not mark.unresolved and self.setup.lattice.size <= LARGEST_REFINED:
+                mark.refined = refine_fold(self.setup, mark.around, mark.control, self.settings)
+                if mark.refined.state is not None:
+                    fine = self.setup.on(2 * self.setup.grid)
+                    mark.shift = _difference(read(fine, mark.refined.state), rows[k].reading)
+            mark.around = None
+        self._pair(folds, errors)
+
+    def _pair(self, folds: Sequence[int], errors: tuple[Array, Array, Array, Array]) -> None:
+        """Mark neighbouring folds of a control as unresolved that differ by less than the lattice's error.
+
+        Smallest differences first. A pair whose folds have hardly moved along the curve on the finer lattice stays.
+        """
+        for control in self.controls:
+            own = [k for k in folds if (mark := self.rows[k].mark) is not None and mark.control == control]
+            own = [k for k in own if not (mark := self.rows[k].mark) or not mark.unresolved]
+            while len(own) > 1:
+                value = [control.value(self.rows[k].reading.load, self.rows[k].reading.displacement) for k in own]
+                heights = np.abs(np.diff(value))
+                uncertain = np.array([_of(control, errors, k) for k in own])
+                doubtful = heights < np.maximum(uncertain[1:], uncertain[:-1])
+                doubtful &= [not self._steady(first, second) for first, second in pairwise(own)]
+                if not doubtful.any():
+                    break
+                place = int(np.argmin(np.where(doubtful, heights, np.inf)))
+                for k in own[place : place + 2]:
+                    mark = self.rows[k].mark
+                    if mark is not None:
+                        mark.unresolved = True
+                del own[place : place + 2]
+
+    def _steady(self, first: int, second: int) -> bool:
+        """Whether two folds have stayed apart on the finer lattice."""
+        apart = self.rows[second].arc - self.rows[first].arc
+        for k in (first, second):
+            mark = self.rows[k].mark
+            if mark is None or mark.refined is None or mark.refined.verdict != "found":
+                return False
+            if mark.refined.moved > 0.25 * apart:
+                return False
+        return True
+
     # The result
 
     def outcome(self, message: str, wall: float) -> Traced:
         """Rows in order, indices, events."""
         self.rows.sort(key=lambda row: row.arc)
         rows = self.rows
+        self._judge()
         columns = {name: np.array([getattr(row.reading, name) for row in rows]) for name in Reading._fields}
         arcs = np.array([row.arc for row in rows])
         marks = [(k, row.mark) for k, row in enumerate(rows) if row.mark is not None]
-        folds = [(k, mark.control.kind) for k, mark in marks if mark.kind == "fold" and mark.control is not None]
+        # Pairs of folds that are the lattice's own do not count for stability.
+        folds = [
+            (k, mark.control.kind)
+            for k, mark in marks
+            if mark.kind == "fold" and mark.control is not None and not mark.unresolved
+        ]
         load_error, displacement_error, radius_error, gap_error = self._errors(arcs, columns)
         indices = _indices(columns, folds, self.controls)
         events = [
@@ -387,26 +449,22 @@ def _indices(columns: dict[str, Array], folds: Sequence[tuple[int, str]], contro
 def _event(
     setup: Setup, row: int, mark: Mark, reading: Reading, error: tuple[float, float, float, float], indices: Indices
 ) -> RawEvent:
+    if mark.kind == "touch" and mark.shift is not None:
+        # At least the error that is left.
+        error = abs(mark.shift[0]) + FLOOR * max(1.0, abs(reading.load)), abs(mark.shift[1]) + FLOOR, 0.0, 0.0
     if mark.kind != "fold" or mark.control is None:
-        if mark.other is not None:
-            factor = 2.0 if mark.finer else 1.0
-            load, displacement = (
-                factor * shift + LOCATED * max(1.0, abs(value))
-                for shift, value in zip(mark.other.four[:2], reading.four[:2], strict=True)
-            )
-            error = (load, displacement, *error[2:])
         return RawEvent(mark.kind, row, reading.four, error, message=mark.message)
     pieces, _ = indices.pieces(mark.control.kind)
     before, after = max(row - 1, 0), min(row, len(pieces) - 1)
     verdict, message = _verdict(setup, mark, reading)
     if mark.shift is not None:
-        # From N to 2N the error falls at least by half: it is at most twice the shift.
-        error = tuple(  # type: ignore[assignment]
-            2.0 * abs(shift) + LOCATED * max(1.0, abs(value)) + read_off
-            for shift, value, read_off in zip(
-                mark.shift, reading.four, (0.0, 0.0, reading.radius_error, reading.gap_error), strict=True
-            )
-        )
+        # From N to 2N the error falls at least by half: it is at most twice the shift. In contact a shift can be small
+        # by chance, and rows around know better.
+        share = 0.5 if reading.contact_radius > 0.0 else 0.0
+        parts = zip(mark.shift, error, reading.four, strict=True)
+        found = [max(2.0 * abs(s), share * e) + FLOOR * max(1.0, abs(v)) for s, e, v in parts]
+        radius = found[2] + reading.radius_error if reading.contact_radius > 0.0 else 0.0
+        error = found[0], found[1], radius, found[3]
     return RawEvent(
         "fold",
         row,
@@ -423,6 +481,8 @@ def _event(
 
 
 def _verdict(setup: Setup, mark: Mark, reading: Reading) -> tuple[str | None, str]:
+    if mark.unresolved:
+        return "unresolved", "It differs from the fold next to it by less than the lattice's error."
     if mark.refined is None or mark.refined.verdict == "unknown" or mark.control is None:
         return None, "Whether it stays on a finer grid was not found."
     if mark.refined.verdict == "vanished" or mark.shift is None:
@@ -434,6 +494,14 @@ def _verdict(setup: Setup, mark: Mark, reading: Reading) -> tuple[str | None, st
     unit = setup.units.of(mark.control.kind)
     what = "the position of the spring" if mark.control.kind == "spring" else mark.control.kind
     return words, f"On the grid with twice the nodes it {words}: by {moved * unit:.3g} in {what}."
+
+
+def _of(control: Control, errors: tuple[Array, Array, Array, Array], row: int) -> float:
+    """Error of what is controlled at a row."""
+    load, displacement = float(errors[0][row]), float(errors[1][row])
+    if control.kind == "spring":
+        return displacement + load / control.stiffness
+    return load if control.kind == "load" else displacement
 
 
 def deferred_profile(setup: Setup, row: Row) -> Callable[[], Profile]:

@@ -293,10 +293,14 @@ def between(
     Parameters
     ----------
     points : list of Point
-        At least two around the place, at most four are used, those nearest in progress.
+        At least two around the place, at most four are used, those nearest in progress and apart from each other.
     """
     progress = [direction.value(point.state.u, point.load) for point in points]
-    nearest = sorted(sorted(range(len(points)), key=lambda k: abs(progress[k] - value))[:4])
+    apart = 1e-6 * (max(progress) - min(progress))
+    nearest: list[int] = []
+    for k in sorted(range(len(points)), key=lambda k: abs(progress[k] - value)):
+        if len(nearest) < 4 and all(abs(progress[k] - progress[other]) > apart for other in nearest):
+            nearest.append(k)
     chosen = [points[k] for k in nearest]
     progress = [progress[k] for k in nearest]
     weights, _ = lagrange(progress, value)
