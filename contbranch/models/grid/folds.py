@@ -21,7 +21,7 @@ from .problem import GridProblem
 from .setup import Setup, coarsened, refined, refined_mask
 from .walk import Direction, Measure, Point, between
 
-__all__ = ["Refined", "coarser_touch", "locate_fold", "locate_touch", "refine_fold"]
+__all__ = ["Refined", "coarser_touch", "locate_fold", "locate_touch", "refine_fold", "touches"]
 
 Array = NDArray[np.float64]
 
@@ -218,6 +218,11 @@ def _root(track: _Track, function: Callable[[Equilibrium], float], low: float, h
     return states[root]
 
 
+def touches(state: Equilibrium, clearance: Callable[[Equilibrium], float]) -> bool:
+    """Whether nodes are in contact, or the gap has closed between them."""
+    return bool(state.contact.any()) or clearance(state) <= 0.0
+
+
 def locate_touch(
     problem: GridProblem, points: list[Point], clearance: Callable[[Equilibrium], float], settings: Settings
 ) -> Equilibrium | None:
@@ -226,20 +231,19 @@ def locate_touch(
     Parameters
     ----------
     points : list of Point
-        The last is the first with contact (or the last with it, if the contact is lost); those before it without.
+        The last is the first that touches (or the last that does, if the contact is lost); those before it do not.
     clearance : callable
         Of a state without contact: the gap that closes.
     """
-    free = [point for point in points if not point.state.contact.any()][-3:]
-    closed = next((point for point in reversed(points) if point.state.contact.any()), None)
+    touching = [touches(point.state, clearance) for point in points]
+    free = [point for point, closed in zip(points, touching, strict=True) if not closed][-3:]
+    closed = next((point for point, closed in zip(points[::-1], touching[::-1], strict=True) if closed), None)
     if len(free) < 2 or closed is None:
         return None
     ends = free[-1].state, closed.state
     direction = Direction.along(Measure.at(ends[0], 1.0), ends[1].u - ends[0].u, ends[1].load - ends[0].load)
     track = _Track(problem, free, direction, replace(settings, wall=False, tolerance=min(settings.tolerance, 1e-8)))
     low, high = track.progress(ends[0]), track.progress(ends[1])
-    if clearance(ends[0]) <= 0.0:
-        return ends[0]
     beyond = track.at(high)
     if beyond is None or clearance(beyond) > 0.0:
         return None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -205,7 +206,7 @@ def find_all(
     rows = [row for row in traced.rows if row.u is not None]
     states: list[State] = []
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        for first, second in zip(rows[:-1], rows[1:], strict=True):
+        for first, second in pairwise(rows):
             low, high = (driven.value(row.load, row.reading.displacement) - value for row in (first, second))
             if low * high < 0.0 or high == 0.0:
                 found = _crossing(setup, first, second, driven, value, hold, settings)
@@ -251,7 +252,8 @@ def _crossing(
 
 
 def _state(problem: GridProblem, row: Row) -> Equilibrium:
-    assert row.u is not None and row.contact is not None
+    assert row.u is not None
+    assert row.contact is not None
     fields = problem.fields(row.u, row.load)
     return Equilibrium(fields, row.contact, 0.0, row.reading.displacement, True)
 

@@ -17,8 +17,8 @@ from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.diagram import Cost, Profile
 from contbranch.models.outcome import RawCurve, RawEvent
 
-from .accuracy import Comparison, compared
-from .folds import Refined, coarser_touch, locate_fold, locate_touch, refine_fold
+from .accuracy import Comparison, compared, touched
+from .folds import Refined, coarser_touch, locate_fold, locate_touch, refine_fold, touches
 from .newton import Equilibrium, Hold, Settings, newton
 from .observables import interpolate
 from .problem import Fields
@@ -105,7 +105,7 @@ class _Tracer:
         tolerance = min(max(self.accuracy, 1e-10), 1e-6)
         period = self.setup.lattice.spacing / self.setup.length
         self.options = WalkOptions(tolerance=tolerance, period=period, noise=max(1e-3, 0.05 * period))
-        self.settings = Settings(tolerance=tolerance)
+        self.settings = Settings(tolerance=tolerance, steps=20, inner=100, growth=30.0, patience=5)
         self.history = 5 if self.setup.lattice.size > 1024 else 12
 
     # The walk
@@ -197,14 +197,14 @@ class _Tracer:
             tiny = 1e-9 * max(1.0, abs(b))
             if (b - a) * (c - b) < 0.0 and max(abs(b - a), abs(c - b)) > tiny:
                 self._fold(list(points), control, b > a)
-        touched = [bool(point.state.contact.any()) for point in points[-2:]]
-        if touched[0] != touched[1]:
+        closed = [touches(point.state, partial(clearance, self.setup)) for point in points[-2:]]
+        if closed[0] != closed[1]:
             self._touch(list(points))
 
     def _fold(self, points: list[Point], control: Control, maximum: bool) -> None:
         found = locate_fold(self.problem, points[-4:], control, self.settings)
-        if found is None:
-            return
+        if found is None:  # the middle one is close
+            found = points[-2].state
         mark = Mark("fold", control, maximum)
         before = points[-3]
         measure = Measure.at(before.state, self.setup.length)
@@ -214,17 +214,25 @@ class _Tracer:
         self._add(Point(min(arc, points[-1].arc), found), mark)
 
     def _touch(self, points: list[Point]) -> None:
-        found = locate_touch(self.problem, points, partial(clearance, self.setup), self.settings)
+        gap = partial(clearance, self.setup)
+        found = locate_touch(self.problem, points, gap, self.settings)
         if found is None:
             return
-        free = next(point for point in reversed(points) if not point.state.contact.any())
+        open_points = [point for point in points if not touches(point.state, gap)]
+        free = open_points[-1]
         measure = Measure.at(free.state, self.setup.length)
         way = measure.norm(found.u - free.state.u, found.load - free.load)
         arc = free.arc + (way if free.arc < points[-1].arc else -way)
         mark = Mark("touch")
-        around = [point for point in points if not point.state.contact.any()][-2:]
-        coarse = coarser_touch(self.setup, [*around, Point(arc, found)], clearance, self.settings)
-        if coarse is not None:
+        finer = self.verdicts and self.setup.lattice.size <= LARGEST_REFINED
+        other = touched(self.setup, found, self.settings, finer=True) if finer else None
+        coarse = None
+        if other is None:
+            coarse = coarser_touch(self.setup, [*open_points[-2:], Point(arc, found)], clearance, self.settings)
+        if other is not None:
+            # From N to 2N, as for folds.
+            mark.shift = 2.0 * other.load, 2.0 * other.displacement, 0.0, 0.0
+        elif coarse is not None:
             mark.shift = _difference(read(self.setup.on(self.setup.grid // 2), coarse), read(self.setup, found))
         self._add(Point(arc, found), mark)
 
@@ -443,7 +451,7 @@ def _event(
     setup: Setup, row: int, mark: Mark, reading: Reading, error: tuple[float, float, float, float], indices: Indices
 ) -> RawEvent:
     if mark.kind == "touch" and mark.shift is not None:
-        # From N/2 to N: at least the error that is left.
+        # At least the error that is left.
         size = FLOOR * max(1.0, abs(reading.load), abs(reading.displacement))
         load, displacement = abs(mark.shift[0]) + reading.load_error, abs(mark.shift[1]) + reading.displacement_error
         error = load + size, displacement + size, 0.0, 0.0
@@ -461,7 +469,7 @@ def _event(
         error = (
             found[0] + reading.load_error,
             found[1] + reading.displacement_error,
-            found[2] if reading.contact_radius > 0.0 else 0.0,
+            found[2] + reading.radius_error if reading.contact_radius > 0.0 else 0.0,
             found[3],
         )
     return RawEvent(

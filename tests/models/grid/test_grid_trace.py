@@ -89,7 +89,9 @@ def test_energy_is_the_integral_of_the_load() -> None:
         k = np.flatnonzero(branch.contact_radius == 0.0)[:20]
         steps = np.diff(branch.displacement[k])
         work = 0.5 * (branch.load[k][1:] + branch.load[k][:-1]) * steps
-        curvature = np.abs(np.gradient(np.gradient(branch.load[k], branch.displacement[k]), branch.displacement[k])).max()
+        curvature = np.abs(
+            np.gradient(np.gradient(branch.load[k], branch.displacement[k]), branch.displacement[k])
+        ).max()
         assert np.abs(np.diff(branch.energy[k]) - work).max() < curvature * np.abs(steps).max() ** 3 / 6.0 + 1e-6
 
 
