@@ -63,7 +63,8 @@ class Resolution:
             return ""
         return (
             f"The grid is too coarse for the interaction: its stiffness |v''| = {self.law:.3g} exceeds "
-            f"{self.lattice:.3g} of a wave over {WAVE:.0f} nodes, and folds may be the lattice's own; use a grid of at least {self.grid}."
+            f"{self.lattice:.3g} of a wave over {WAVE:.0f} nodes, and folds may be the lattice's own; use a grid of at "
+            f"least {self.grid}."
         )
 
     @staticmethod

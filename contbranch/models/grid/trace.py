@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import pairwise
 from typing import Literal
@@ -43,7 +43,7 @@ SPACING = 6
 # Folds that are looked for on a finer lattice, and the largest array on which they are.
 MOST_REFINED, LARGEST_REFINED = 12, 1024
 # Least error of an event, relative to max(1, |value|).
-FLOOR = 1e-8
+FLOOR = 2e-8
 # A fold that moves by less, relative to max(1, |value|), is said to stay.
 STAYS = 1e-3
 
@@ -172,9 +172,10 @@ class _Tracer:
     def _unrepresentable(self, state: Equilibrium) -> str:
         lattice = self.problem.lattice
         inner = state.contact[: lattice.inside, : lattice.inside]
-        rim = inner[-1, :].any() or inner[:, -1].any()
+        rim = inner[-1, :].any() or inner[:, -1].any() or self.rows[-1].reading.contact_radius > 0.49 * lattice.edge
         if rim and not self.setup.crowded:
-            return f"The contact has reached the border of the cell at load {state.load * self.setup.units.load:.6g}; use a larger cell"
+            load = state.load * self.setup.units.load
+            return f"The contact has reached the border of the cell at load {load:.6g}; use a larger cell"
         return ""
 
     def _stuck(self, message: str) -> str:
@@ -313,18 +314,13 @@ class _Tracer:
             for k, mark in marks
             if mark.kind == "fold" and mark.control is not None and not mark.unresolved
         ]
-        load_error, displacement_error, radius_error, gap_error = self._errors(arcs, columns)
+        errors = self._errors(arcs, columns)
+        load_error, displacement_error = errors[:2]
         indices = _indices(columns, folds, self.controls)
+        events = [_event(self.setup, k, mark, rows[k].reading, _at(errors, k), indices) for k, mark in marks]
         events = [
-            _event(
-                self.setup,
-                k,
-                mark,
-                rows[k].reading,
-                (load_error[k], displacement_error[k], radius_error[k], gap_error[k]),
-                indices,
-            )
-            for k, mark in marks
+            replace(event, error=_along(rows, k, mark, event.error))
+            for event, (k, mark) in zip(events, marks, strict=True)
         ]
         cost = Cost(wall, self.setup.counter.newton, self.setup.counter.equilibrium, self.setup.counter.stability)
         curve = RawCurve(
@@ -501,6 +497,33 @@ def _verdict(setup: Setup, mark: Mark, reading: Reading) -> tuple[str | None, st
     unit = setup.units.of(mark.control.kind)
     what = "the position of the spring" if mark.control.kind == "spring" else mark.control.kind
     return words, f"On the grid with twice the nodes it {words}: by {moved * unit:.3g} in {what}."
+
+
+def _at(errors: tuple[Array, Array, Array, Array], row: int) -> tuple[float, float, float, float]:
+    load, displacement, radius, gap = errors
+    return float(load[row]), float(displacement[row]), float(radius[row]), float(gap[row])
+
+
+def _along(
+    rows: Sequence[Row], row: int, mark: Mark, error: tuple[float, float, float, float]
+) -> tuple[float, float, float, float]:
+    """Add to a fold's errors what an error of its place along the curve makes of the other of load and displacement.
+
+    The place is as uncertain as the contact radius is.
+    """
+    if mark.kind != "fold" or mark.control is None or not 0 < row < len(rows) - 1:
+        return error
+    one, other = rows[row - 1].reading, rows[row + 1].reading
+    change = abs(other.contact_radius - one.contact_radius)
+    if change == 0.0 or rows[row].reading.contact_radius == 0.0:
+        return error
+    load, displacement, radius, gap = error
+    share = 0.5 * min(1.0, radius / change)
+    if mark.control.kind != "load":
+        load = max(load, share * abs(other.load - one.load))
+    if mark.control.kind != "displacement":
+        displacement = max(displacement, share * abs(other.displacement - one.displacement))
+    return load, displacement, radius, gap
 
 
 def _of(control: Control, errors: tuple[Array, Array, Array, Array], row: int) -> float:

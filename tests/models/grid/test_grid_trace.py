@@ -149,7 +149,7 @@ def test_elliptic_paraboloid_through_pull_off() -> None:
     contact = cb.Contact(tip=ellipse, interaction=cb.Gauss(1.0, 1.0))
     diagram = cb.trace(contact, control="displacement", model=cb.FreeSpace(cell=13.0, grid=96))
     assert diagram.status == "complete"
-    # With the long-range law the load is close to that of the parabola with the same Gaussian curvature (DMT: Derjaguin).
+    # With a long-range law the load is close to that of the parabola with the same Gaussian curvature (Derjaguin).
     parabola = exact(cb.Contact.reduced("gauss", tabor=1.0)).thresholds["pull_off_load"]
     assert diagram.thresholds["pull_off_load"] == pytest.approx(parabola, rel=0.02)
     assert diagram.thresholds["pull_off_load"] > parabola
