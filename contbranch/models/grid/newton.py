@@ -23,6 +23,8 @@ from contbranch.solvers.gmres import gmres
 
 from .problem import Fields, GridProblem
 
+# Memory for the basis of the inner iteration.
+BASIS_BYTES = 1e9
 # Shortest part of a step that is tried when the residual grows.
 SHORTEST = 0.125
 
@@ -305,7 +307,9 @@ def _newton_step(
     vector = (-trial.fields.excess * free).ravel()
     if operator.bordered:
         vector = np.append(vector, -operator.row_scale * held)
-    found = gmres(operator.product, vector, _forcing(trial.residual, steady, settings), settings.inner).x
+    restart = int(min(60, max(10, BASIS_BYTES / (2 * vector.nbytes))))
+    forcing = _forcing(trial.residual, steady, settings)
+    found = gmres(operator.product, vector, forcing, settings.inner, restart).x
     change = found[: free.size].reshape(free.shape)
     return change, operator.column_scale * float(found[-1]) if operator.bordered else 0.0
 
