@@ -98,7 +98,7 @@ class _Cell:
     ) -> RawCurve:
         """The whole curve of a reduced contact."""
         setup = self.setup(contact, None, max_load, accuracy)
-        return trace(setup, accuracy, max_load, control, progress).curve
+        return trace(setup, accuracy, max_load, control, progress, modes=modes).curve
 
     def solve(
         self,

@@ -30,7 +30,9 @@ __all__ = [
     "Breaking",
     "Kind",
     "axisymmetric_counts",
+    "counted",
     "distinct",
+    "eigenpair",
     "kinds",
     "located",
     "symmetry_breaking",
@@ -136,7 +138,7 @@ def axisymmetric_counts(problem: GridProblem, equilibrium: Equilibrium, morse: M
     axisymmetric, azimuthal : int
         m = 0, and all m ≥ 1, with cos mθ and sin mθ as one.
     """
-    counts = _counts(problem, equilibrium, morse)
+    counts = counted(problem, equilibrium, morse)
     even = sum(number for kind, number in counts.items() if kind.sector == EVEN)
     return morse.spectra[EVEN].index - even, even + counts[Kind(("odd", "even"))]
 
@@ -187,7 +189,7 @@ def symmetry_breaking(
         Changes that could not be located.
     """
     stability = stability or Stability(problem)
-    counts = [_counts(problem, point, index) for point, index in zip(points, indices, strict=True)]
+    counts = [counted(problem, point, index) for point, index in zip(points, indices, strict=True)]
     events, missed = [], []
     for row in range(len(points) - 1):
         for kind in sorted({*counts[row], *counts[row + 1]}):
@@ -248,7 +250,7 @@ def located(
             near = newton(problem, u, load, Hold(origin + share, 0.0, row), contact, EXACT)
             if not near.converged:
                 return None
-        found = _eigenpair(stability, near, kind, number)
+        found = eigenpair(stability, near, kind, number)
         return None if found is None else _Sample(share, near, *found)
 
     low, high = sample(0.0, begin), sample(1.0, end)
@@ -325,7 +327,7 @@ def _breaking(
     )
 
 
-def _eigenpair(stability: Stability, equilibrium: Equilibrium, kind: Kind, number: int) -> tuple[float, Array] | None:
+def eigenpair(stability: Stability, equilibrium: Equilibrium, kind: Kind, number: int) -> tuple[float, Array] | None:
     """The eigenvalue of that number among those of its kind."""
     count = number + 1
     while count <= FINE.basis // 2:
@@ -340,7 +342,7 @@ def _eigenpair(stability: Stability, equilibrium: Equilibrium, kind: Kind, numbe
     return None
 
 
-def _counts(problem: GridProblem, equilibrium: Equilibrium, morse: Morse) -> Counter[Kind]:
+def counted(problem: GridProblem, equilibrium: Equilibrium, morse: Morse) -> Counter[Kind]:
     """Unstable modes of each kind."""
     counts: Counter[Kind] = Counter()
     for spectrum in morse.spectra.values():

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from contbranch.analysis.stability import Indices, morse_indices
 from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.diagram import Cost, Profile
+from contbranch.models.axisymmetric.symmetry import merged
 from contbranch.models.outcome import RawCurve, RawEvent
 
 from .accuracy import Comparison, compared
@@ -25,6 +26,9 @@ from .reading import Reading, read
 from .resolution import Resolution, border_energy, border_message
 from .setup import Setup
 from .start import beginning
+from .symmetry import Breaking
+from .symmetry_events import symmetry_events
+from .verification import too_coarse, verify_curve
 from .walk import Measure, Point, Walker, WalkOptions
 
 __all__ = ["Row", "Traced", "trace"]
@@ -83,6 +87,7 @@ class Traced:
     rows: tuple[Row, ...]
     curve: RawCurve
     indices: Indices
+    breakings: tuple[Breaking, ...] = ()
 
 
 @dataclass
@@ -236,7 +241,7 @@ class _Tracer:
 
     # The result
 
-    def outcome(self, message: str, wall: float) -> Traced:
+    def outcome(self, message: str, began: float, modes: int) -> Traced:
         """Rows in order, indices, events."""
         self.rows.sort(key=lambda row: row.arc)
         rows = self.rows
@@ -246,12 +251,17 @@ class _Tracer:
         folds = [(k, mark.control.kind) for k, mark in marks if mark.kind == "fold" and mark.control is not None]
         load_error, displacement_error, radius_error, gap_error = self._errors(arcs, columns)
         indices = _indices(columns, folds, self.controls)
+        errors = list(zip(load_error, displacement_error, radius_error, gap_error, strict=True))
+        turning = [row for row, kind in folds if kind != "spring"]
+        checked = verify_curve(self.setup, rows, indices, turning, self.accuracy, modes)
+        # What the lattice is too coarse for, the message names already.
+        complete = not message and (not checked.contradicted or too_coarse(self.setup))
         events = [
-            _event(
-                k, mark, rows[k].reading, (load_error[k], displacement_error[k], radius_error[k], gap_error[k]), indices
-            )
+            _event(k, mark, rows[k].reading, errors[k], indices)
             for k, mark in marks
         ]
+        events = merged(events, symmetry_events(self.setup, rows, checked.breakings, errors, self.settings))
+        wall = time.perf_counter() - began
         cost = Cost(wall, self.setup.counter.newton, self.setup.counter.equilibrium, self.setup.counter.stability)
         curve = RawCurve(
             load=columns["load"],
@@ -265,14 +275,15 @@ class _Tracer:
             displacement_error=displacement_error,
             profiles=[deferred_profile(self.setup, row) for row in rows],
             events=events,
-            complete=not message,
-            message=" ".join([f"{message}." if message else "", *self.notes]).strip(),
+            complete=complete,
+            message=" ".join([f"{message}." if message else "", *self.notes, *checked.notes]).strip(),
             cost=cost,
             unknowns=self.setup.lattice.size**2,
             unstable_spring=indices.spring if any(c.kind == "spring" for c in self.controls) else None,
+            unstable_azimuthal=checked.azimuthal,
             fft_pairs=np.array([row.pairs for row in rows], dtype=np.int64),
         )
-        return Traced(self.setup, tuple(rows), curve, indices)
+        return Traced(self.setup, tuple(rows), curve, indices, checked.breakings)
 
     def _errors(self, arcs: Array, columns: dict[str, Array]) -> tuple[Array, Array, Array, Array]:
         """Error estimates of the rows' observables, interpolated between those rows that were compared."""
@@ -299,6 +310,7 @@ def trace(
     control: Control = LOAD,
     progress: Progress | None = None,
     verdicts: bool = True,
+    modes: int = 1,
 ) -> Traced:
     """Follow a contact's curve on a lattice from far away to a load in contact.
 
@@ -314,6 +326,8 @@ def trace(
     progress : callable, optional
     verdicts : bool
         Whether every fold is looked for on the lattice with twice the nodes a side.
+    modes : int
+        0: modes that break a symmetry of the tip are not examined.
     """
     began = time.perf_counter()
     controls = (LOAD, DISPLACEMENT, *((control,) if control.kind == "spring" else ()))
@@ -323,7 +337,7 @@ def trace(
         message = tracer.run()
         worst = _reaching(tracer)
         tracer.notes = [note for note in (*tracer.notes, worst) if note]
-        return tracer.outcome(message, time.perf_counter() - began)
+        return tracer.outcome(message, began, modes)
 
 
 def _reaching(tracer: _Tracer) -> str:
