@@ -23,7 +23,7 @@ in free space κ are the eigenvalues of the operators T_m of the axisymmetric mo
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
@@ -253,7 +253,13 @@ class Stability:
         mean = float(y @ (column + rest)) * lattice.compliance * lattice.area / variation.size
         return (1.0 - mean) / lattice.compliance
 
-    def morse(self, equilibrium: Equilibrium, slope: float | None = None, all_sectors: bool = False) -> Morse:
+    def morse(
+        self,
+        equilibrium: Equilibrium,
+        slope: float | None = None,
+        all_sectors: bool = False,
+        sectors: Sequence[Sector | None] | None = None,
+    ) -> Morse:
         """Index of a state.
 
         Parameters
@@ -263,17 +269,19 @@ class Stability:
             dF/dd; default: from one linear solve.
         all_sectors : bool
             Whether eigenvalues are found even in sectors that are known to be stable.
+        sectors : sequence, optional
+            Only these, in the order of `sectors`; the index is then that of their variations alone.
         """
         before = self.problem.counter.stability
         slope = self.slope(equilibrium) if slope is None else slope
         # The images in a periodic cell feel a mean displacement: there the order is that of the forms at fixed load.
         ordered = self.problem.lattice.kind == "free" or slope >= 0.0
         spectra: dict[Sector | None, Spectrum] = {}
-        for sector in self.sectors:
-            lower = [spectra[other] for other in _before(sector)]
+        for sector in sectors or self.sectors:
+            lower = [spectra[other] for other in _before(sector) if other in spectra]
             if not all_sectors and ordered and any(_stable(spectrum) for spectrum in lower):
                 spectra[sector] = _settled(sector)
-            elif sector == ("even", "odd") and self.swapped:
+            elif sector == ("even", "odd") and self.swapped and ("odd", "even") in spectra:
                 # The first sector with x and y exchanged.
                 found = spectra["odd", "even"]
                 vectors = np.ascontiguousarray(found.vectors.transpose(0, 2, 1))

@@ -14,7 +14,7 @@ from .newton import Equilibrium, Settings, newton
 from .reading import read
 from .setup import Setup, coarsened
 from .stability import Stability
-from .symmetry import Breaking, distinct, eigenpair
+from .symmetry import Breaking, distinct, eigenpair, located, precision_for
 from .transforms import EVEN
 from .verification import as_stability, state_of
 from .walk import Direction, Measure
@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 __all__ = ["symmetry_events"]
 
 Four = tuple[float, float, float, float]
+
+# With which events on the coarser lattice are located: the difference is an estimate.
+ACCURACY = 1e-5
 
 
 def symmetry_events(
@@ -56,10 +59,13 @@ def symmetry_events(
             least = [max(pair) for pair in zip(errors[event.row], errors[event.row + 1], strict=True)]
             # Where the other lattice does not have it, all that is known is the distance of the rows.
             far = [abs(a - b) for a, b in zip(*(rows[event.row + k].reading.four for k in (0, 1)), strict=True)]
-            error = [
-                one + (max(two, moved) if shift is not None else two + apart)
-                for one, two, moved, apart in zip(own, least, shift or (0.0,) * 4, far, strict=True)
-            ]
+            if shift is None:
+                error = [sum(parts) for parts in zip(own, least, far, strict=True)]
+            elif event.jump:
+                # Nodes join the contact in another order on every lattice: errors fall slower than the spacing.
+                error = [one + two + 4.0 * moved for one, two, moved in zip(own, least, shift, strict=True)]
+            else:
+                error = [one + moved + 1e-9 for one, moved in zip(own, shift, strict=True)]
             error[2] = error[2] if reading.contact_radius > 0.0 else 0.0
             error[3] = error[3] if reading.central_gap > 0.0 else 0.0
             found.append(
@@ -113,7 +119,8 @@ def _shift(
 ) -> Four | None:
     """By how much the event lies elsewhere on the lattice with half the nodes a side; None if it is not known.
 
-    On both lattices the eigenvalue and the observables are taken as linear between the two rows.
+    Where it does not lie between the same two rows there, the eigenvalue and the observables are taken as linear on
+    both lattices.
     """
     if coarse.problem is setup.problem:
         return None
@@ -123,16 +130,22 @@ def _shift(
     ends = [_relative(setup, fine[0], fine[1], k, settings) for k in (0, 1)]
     if ends[0] is None or ends[1] is None:
         return None
-    values = []
-    for one, other, states in ((setup, stability, fine), (_coarse(setup), coarse, ends)):
-        pairs = [eigenpair(other, state, event.kind, event.number) for state in states if state is not None]
-        if pairs[0] is None or pairs[1] is None or pairs[0][0] == pairs[1][0]:
-            return None
-        share = pairs[0][0] / (pairs[0][0] - pairs[1][0])
-        low, high = (np.array(read(one, state).four) for state in states if state is not None)
-        values.append(low + share * (high - low))
-    difference = np.abs(values[0] - values[1])
-    return float(difference[0]), float(difference[1]), float(difference[2]), float(difference[3])
+    other = None if event.jump else located(coarse, ends[0], ends[1], event.kind, event.number, ACCURACY)
+    if other is not None:
+        values = [read(setup, event.equilibrium).four, read(_coarse(setup), other.equilibrium).four]
+    else:
+        values = []
+        for one, spectra, begin, end in ((setup, stability, fine[0], fine[1]), (_coarse(setup), coarse, *ends)):
+            low, high = (
+                eigenpair(spectra, state, event.kind, event.number, precision_for(ACCURACY)) for state in (begin, end)
+            )
+            if low is None or high is None or low[0] == high[0]:
+                return None
+            share = low[0] / (low[0] - high[0])
+            first, second = (np.array(read(one, state).four) for state in (begin, end))
+            values.append(tuple(first + share * (second - first)))
+    load, displacement, radius, gap = (abs(a - b) for a, b in zip(*values, strict=True))
+    return load, displacement, radius, gap
 
 
 def _relative(
