@@ -16,6 +16,7 @@ from contbranch.interactions import MaugisDugdale
 from contbranch.models.outcome import RawCurve
 from contbranch.units import positive_number
 
+from .branches import with_branches
 from .lattice import Kind
 from .setup import Setup
 from .size import chosen_size
@@ -41,6 +42,8 @@ class _Cell:
         or chosen from the accuracy asked for.
     threads : int
         Of the transforms.
+    branches : bool
+        Whether a trace follows the branches of less symmetry that leave the curve, too, on the whole lattice.
 
     Raises
     ------
@@ -53,6 +56,7 @@ class _Cell:
     cell: float | None = None
     grid: int | None = None
     threads: int = 1
+    branches: bool = False
 
     def __post_init__(self) -> None:
         if self.cell is not None:
@@ -98,7 +102,8 @@ class _Cell:
     ) -> RawCurve:
         """The whole curve of a reduced contact."""
         setup = self.setup(contact, None, max_load, accuracy)
-        return trace(setup, accuracy, max_load, control, progress, modes=modes).curve
+        traced = trace(setup, accuracy, max_load, control, progress, modes=modes)
+        return with_branches(setup, traced, accuracy, max_load, control) if self.branches else traced.curve
 
     def solve(
         self,

@@ -28,14 +28,16 @@ from .setup import Setup
 from .start import beginning
 from .symmetry import Breaking
 from .symmetry_events import symmetry_events
-from .verification import too_coarse, verify_curve
+from .verification import first_index, too_coarse, verify_curve
 from .walk import Measure, Point, Walker, WalkOptions
 
-__all__ = ["Row", "Traced", "trace"]
+__all__ = ["Row", "Traced", "followed", "trace"]
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Progress = Callable[[float, str], None]
+# From the last points, the message with which a curve ends and whether the last point lies beyond; None: it goes on.
+Ending = Callable[[Sequence[Point]], tuple[str, bool] | None]
 
 # A trace without a largest load ends at this multiple of the largest load of any event, and at this load at least.
 BEYOND, AT_LEAST = 1.4, 10.0
@@ -99,7 +101,10 @@ class _Tracer:
     limit: float | None
     controls: tuple[Control, ...]
     verdicts: bool
-    progress: Progress | None
+    progress: Progress | None = None
+    start: tuple[Equilibrium, Equilibrium] | None = None
+    ending: Ending | None = None
+    symmetry: Callable[[Array], Array] | None = None
     rows: list[Row] = field(default_factory=list)
     comparisons: list[tuple[float, Comparison]] = field(default_factory=list)
     kept: float = 0.0
@@ -117,7 +122,7 @@ class _Tracer:
 
     def run(self) -> str:
         """Follow the curve to its end; the reason why it ended early, or nothing."""
-        began = beginning(self.setup, self.accuracy, self.settings)
+        began = self.start or beginning(self.setup, self.accuracy, self.settings)
         if isinstance(began, str):
             return began
         walker = Walker(self.problem, self.setup.length, self.options)
@@ -128,10 +133,15 @@ class _Tracer:
             if not walker.step():
                 return self._stuck(walker.message)
             points = walker.points
+            ended = None if self.ending is None else self.ending(points)
+            if ended is not None and ended[1]:
+                return self._end(ended[0])
             self._add(points[-1])
             self._events(points)
             if (len(self.rows) - 1) % SPACING == 0:
                 self._compare(points)
+            if ended is not None:
+                return self._end(ended[0])
             if self._done(points):
                 return ""
             reason = self._unrepresentable(points[-1].state)
@@ -173,6 +183,13 @@ class _Tracer:
                 return True
         self.rows[-1].mark = Mark("end")
         return True
+
+    def _end(self, message: str) -> str:
+        """Let the last row be the end of the curve."""
+        last = max(self.rows, key=lambda row: row.arc)
+        if last.mark is None:
+            last.mark = Mark("end", message=message)
+        return ""
 
     def _unrepresentable(self, state: Equilibrium) -> str:
         lattice = self.problem.lattice
@@ -250,10 +267,11 @@ class _Tracer:
         marks = [(k, row.mark) for k, row in enumerate(rows) if row.mark is not None]
         folds = [(k, mark.control.kind) for k, mark in marks if mark.kind == "fold" and mark.control is not None]
         load_error, displacement_error, radius_error, gap_error = self._errors(arcs, columns)
-        indices = _indices(columns, folds, self.controls)
-        errors = list(zip(load_error, displacement_error, radius_error, gap_error, strict=True))
         turning = [row for row, kind in folds if kind != "spring"]
-        checked = verify_curve(self.setup, rows, indices, turning, self.accuracy, modes)
+        first = 0 if self.symmetry is None else first_index(self.setup, rows, turning, self.symmetry)
+        indices = _indices(columns, folds, self.controls, first)
+        errors = list(zip(load_error, displacement_error, radius_error, gap_error, strict=True))
+        checked = verify_curve(self.setup, rows, indices, turning, self.accuracy, modes, self.symmetry)
         # What the lattice is too coarse for, the message names already.
         complete = not message and (not checked.contradicted or too_coarse(self.setup))
         events = [
@@ -340,6 +358,39 @@ def trace(
         return tracer.outcome(message, began, modes)
 
 
+def followed(
+    setup: Setup,
+    accuracy: float,
+    limit: float | None,
+    controls: tuple[Control, ...],
+    start: tuple[Equilibrium, Equilibrium],
+    ending: Ending,
+    kept: Callable[[Array], Array],
+    modes: int = 1,
+) -> Traced:
+    """Follow a curve from two of its states to where it ends.
+
+    Parameters
+    ----------
+    setup : Setup
+        On the whole lattice.
+    accuracy, limit, controls
+        As for `trace`.
+    start : two Equilibrium
+        The first, and one close to it in the direction in which to go.
+    ending : callable
+    kept : callable
+        The symmetry that the states have: the image of a field.
+    modes : int
+        0: modes that break this symmetry are not examined.
+    """
+    began = time.perf_counter()
+    tracer = _Tracer(setup, accuracy, limit, controls, False, start=start, ending=ending, symmetry=kept)
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        message = tracer.run()
+        return tracer.outcome(message, began, modes)
+
+
 def _reaching(tracer: _Tracer) -> str:
     """Where along the curve the interaction reaches furthest beyond the border of the cell."""
     worst: tuple[float, str] = (0.0, "")
@@ -371,17 +422,19 @@ def _difference(one: Reading, other: Reading) -> tuple[float, float, float, floa
     return tuple(a - b for a, b in zip(one.four, other.four, strict=True))  # type: ignore[return-value]
 
 
-def _indices(columns: dict[str, Array], folds: Sequence[tuple[int, str]], controls: Sequence[Control]) -> Indices:
+def _indices(
+    columns: dict[str, Array], folds: Sequence[tuple[int, str]], controls: Sequence[Control], first: int
+) -> Indices:
     count = len(columns["load"])
     if count < 2:
         return morse_indices(count, [], 1, 1)
-    loading = 1 if columns["load"][1] >= columns["load"][0] else -1
+    loading, approaching = (1 if columns[name][1] >= columns[name][0] else -1 for name in ("load", "displacement"))
     pulling = None
     for control in controls:
         if control.kind == "spring":
             first, second = (control.value(columns["load"][k], columns["displacement"][k]) for k in (0, 1))
             pulling = 1 if second >= first else -1
-    return morse_indices(count, folds, loading, 1, 0, pulling)
+    return morse_indices(count, folds, loading, approaching, first, pulling)
 
 
 def _event(

@@ -15,7 +15,7 @@ stiffens everywhere the energy is convex, and nothing is to be examined.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, NamedTuple
@@ -41,7 +41,9 @@ if TYPE_CHECKING:
 
 __all__ = ["Verification", "pieces", "verify_curve"]
 
+Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
+Image = Callable[[Array], Array]
 
 # Rows from one that is examined for broken symmetry to the next.
 STRIDE = 4
@@ -50,6 +52,10 @@ STRIDE = 4
 SHARE = 1.0
 # In contact no event is better known on a lattice than this, relative to max(1, |value|).
 IN_CONTACT = 1e-4
+# Eigenvalue of the turn around the axis at most: zero, but for the lattice.
+TURN = 0.02
+# What a mode that lacks the symmetry of a branch is counted as.
+WITHOUT = Kind(("odd", "odd"))
 # Rows of a piece that are examined until one confirms the count.
 TRIES = 3
 # Sectors that show all modes of an axisymmetric tip: (odd, odd) has sin mθ, m even, and (even, odd) sin mθ, m odd.
@@ -91,6 +97,7 @@ def verify_curve(
     folds: Sequence[int],
     accuracy: float,
     modes: int = 1,
+    kept: Image | None = None,
 ) -> Verification:
     """Check the counted indices of a curve and find what breaks its symmetry.
 
@@ -107,19 +114,21 @@ def verify_curve(
         Of symmetry events, relative to max(1, |value|).
     modes : int
         0: modes that break a symmetry are not examined.
+    kept : callable, optional
+        On the whole lattice, the symmetry that all states have: the image of a field.
     """
     if len(rows) < 2:
         return Verification()
-    examined = bool(modes) and setup.quarter
+    examined = bool(modes) and (setup.quarter or kept is not None)
     if concavity(setup.problem.law) == 0.0:
         return Verification(np.zeros(len(rows), dtype=np.int64) if examined else None)
-    survey = _Survey(setup, rows, indices, examined)
+    survey = _Survey(setup, rows, indices, examined, kept)
     with as_stability(setup.problem):
         survey.check(folds)
         if not examined:
             return Verification(None, (), tuple(survey.notes), survey.contradicted)
         column = survey.broken(folds)
-        breakings = survey.events(accuracy)
+        breakings = survey.events(accuracy) if kept is None else []
     return Verification(column, tuple(breakings), tuple(survey.notes), survey.contradicted)
 
 
@@ -151,6 +160,7 @@ class _Survey:
     rows: Sequence[Row]
     indices: Indices
     breaking: bool
+    kept: Image | None = None
     notes: list[str] = field(default_factory=list)
     found: dict[int, Morse] = field(default_factory=dict)
     kinds: dict[int, Counter[Kind]] = field(default_factory=dict)
@@ -181,7 +191,7 @@ class _Survey:
         if slope is None:
             slope = -1.0 if self.indices.load[row] > self.indices.displacement[row] else 1.0
         if self.breaking:
-            found = self.stability.morse(state, slope, sectors=ROUND if self.axisymmetric else None)
+            found = self.stability.morse(state, slope, sectors=ROUND if self.axisymmetric and self.setup.quarter else None)
         else:
             sector = self.stability.sectors[0]
             found = Morse({sector: self.stability.spectrum(state, sector)}, slope, swapped=self.stability.swapped)
@@ -251,10 +261,12 @@ class _Survey:
         least = int((own & (spectrum.eigenvalues < -error)).sum())
         most = int((own & (spectrum.eigenvalues < error)).sum())
         # On the whole lattice modes with and without the symmetry of a tip are not told from each other.
-        mixed = not self.setup.quarter and self.setup.contact.tip.mirror_symmetric
+        mixed = not self.setup.quarter and self.kept is None and self.setup.contact.tip.mirror_symmetric
         return (0 if mixed else least), (most if spectrum.complete else most + 1)
 
     def _own(self, state: Equilibrium, spectrum: Spectrum) -> NDArray[np.bool_]:
+        if self.kept is not None:
+            return has_symmetry(spectrum, self.kept)
         if spectrum.sector is None or not self.axisymmetric or not spectrum.index:
             return np.ones(len(spectrum.eigenvalues), dtype=bool)
         return np.array([kind is None for kind in kinds(self.setup.problem, state, spectrum)], dtype=bool)
@@ -278,12 +290,12 @@ class _Survey:
     def broken(self, folds: Sequence[int]) -> Integers:
         """Number of unstable modes without the symmetry of the tip at every row."""
         column = np.zeros(len(self.rows), dtype=np.int64)
-        suspected = self.indices.displacement > 0
+        suspected = self.indices.displacement > (0 if self.kept is None else -1)
         for first, last in pieces(len(self.rows), folds):
             known = [row for row in self.found if first <= row <= last]
             if any(self.counts(row).total() for row in known):
                 suspected[first : last + 1] = True
-        if self._blunt() and not any(self.counts(row).total() for row in self.found):
+        if self.kept is None and self._blunt() and not any(self.counts(row).total() for row in self.found):
             return column
         unknown = 0
         for first, last in _runs(suspected):
@@ -312,11 +324,21 @@ class _Survey:
 
     def counts(self, row: int) -> Counter[Kind]:
         """Unstable modes of every kind that breaks the symmetry of the tip."""
-        if row not in self.kinds:
+        if row not in self.kinds and self.kept is not None:
+            self.kinds[row] = Counter({WITHOUT: self._lacking(self.found[row].spectra[None])})
+        elif row not in self.kinds:
             morse = self.found[row]
             state = self.state(row) if morse.displacement else None
             self.kinds[row] = Counter() if state is None else counted(self.setup.problem, state, self._odd(morse))
         return self.kinds[row]
+
+    def _lacking(self, spectrum: Spectrum) -> int:
+        """Unstable modes without the symmetry that a branch keeps, the turn of an axisymmetric tip left out."""
+        assert self.kept is not None
+        values = spectrum.eigenvalues[~has_symmetry(spectrum, self.kept)]
+        if self.axisymmetric and values.size and float(np.abs(values).min()) < TURN:
+            values = np.delete(values, np.abs(values).argmin())
+        return int((values < -ZERO).sum())
 
     def number(self, row: int) -> int:
         """Their number, those of an axisymmetric tip that differ by a turn as one."""
@@ -372,6 +394,25 @@ class _Survey:
             inside = self.indices.displacement[there] > 0
             return not inside and counts[0] != counts[1]
         return counts[0] != counts[1]
+
+
+def has_symmetry(spectrum: Spectrum, kept: Image) -> NDArray[np.bool_]:
+    """Which variations are rather even than odd under a symmetry of the whole lattice."""
+    return np.array([float(np.vdot(vector, kept(vector))) > 0.0 for vector in spectrum.vectors], dtype=bool)
+
+
+def first_index(setup: Setup, rows: Sequence[Row], folds: Sequence[int], kept: Image) -> int:
+    """Index under displacement control with which a branch begins: by eigenvalues, at a row well inside the first piece.
+
+    At its very beginning an eigenvalue is all but zero.
+    """
+    last = min([*folds, len(rows) - 1])
+    state = state_of(setup.problem, rows[(last + 1) // 2]) if rows else None
+    if state is None:
+        return 0
+    stability = Stability(setup.problem)
+    spectrum = stability.spectrum(state, None)
+    return int((has_symmetry(spectrum, kept) & (spectrum.eigenvalues < 0.0)).sum())
 
 
 def state_of(problem: GridProblem, row: Row) -> Equilibrium | None:
