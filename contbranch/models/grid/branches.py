@@ -37,8 +37,9 @@ Image = Callable[[Array], Array]
 
 # Points of a branch at most.
 POINTS = 60
-# Two events are one if load and displacement differ by less than this part of max(1, |value|).
-SAME = 0.02
+# A branch has come back if its asymmetry has fallen to this part of the largest, and it has come back to an event if load
+# and displacement differ by less than this part of max(1, |value|): steps are not small there.
+BACK, SAME = 0.3, 0.05
 
 
 def kept_symmetry(lattice: Lattice, sector: Sector, swapped: bool) -> Image:
@@ -81,7 +82,7 @@ def follow_branch(
     accuracy: float,
     limit: float | None = None,
     control: Control = LOAD,
-    points: int = POINTS,
+    points: int | None = None,
     modes: int = 1,
 ) -> Traced | str:
     """Follow the branch that leaves a curve at a symmetry event; the reason, a sentence, if none was found.
@@ -96,8 +97,8 @@ def follow_branch(
         Load at which the branch ends, in contact.
     control : Control
         A spring (reduced units), whose folds are located besides those of load and displacement.
-    points : int
-        The branch ends after so many, if it has not come back to the symmetric curve before.
+    points : int, optional
+        The branch ends after so many (default: `POINTS`), if it has not come back to the symmetric curve before.
     modes : int
         0: modes that break the symmetry of the branch are not counted.
     """
@@ -114,12 +115,17 @@ def follow_branch(
     swapped = bool(np.allclose(heights, heights.T, rtol=1e-12, atol=0.0))
     kept = kept_symmetry(whole.lattice, sector, swapped)
     controls = (LOAD, DISPLACEMENT, *((control,) if control.kind == "spring" else ()))
-    ending = _Ending(switched, points)
+    ending = _Ending(switched, POINTS if points is None else points)
     return followed(whole, accuracy, limit, controls, switched.states, ending, kept, modes)
 
 
 def follow_branches(
-    setup: Setup, traced: Traced, accuracy: float, limit: float | None, control: Control = LOAD, points: int = POINTS
+    setup: Setup,
+    traced: Traced,
+    accuracy: float,
+    limit: float | None,
+    control: Control = LOAD,
+    points: int | None = None,
 ) -> tuple[list[Traced], list[str]]:
     """Every branch that leaves a traced curve, and why some were not followed.
 
@@ -127,23 +133,32 @@ def follow_branches(
     """
     events = distinct(traced.breakings) if setup.contact.tip.is_axisymmetric else list(traced.breakings)
     branches: list[Traced] = []
+    origins: list[Breaking] = []
     notes: list[str] = []
     top = float(traced.curve.load.max()) if limit is None and len(traced.curve.load) else limit
     for event in events:
-        if any(_ends_at(branch, event) for branch in branches):
+        if any(_ends_at(branch, origin, event) for branch, origin in zip(branches, origins, strict=True)):
             continue
         found = follow_branch(setup, event, accuracy, top, control, points)
         if isinstance(found, str):
             notes.append(found)
         else:
             branches.append(found)
+            origins.append(event)
     return branches, notes
 
 
-def _ends_at(branch: Traced, event: Breaking) -> bool:
+def _ends_at(branch: Traced, origin: Breaking, event: Breaking) -> bool:
+    """Whether a branch that left at one event has come back at another."""
+    if event.kind.sector != origin.kind.sector or event.mode != origin.mode:
+        return False
+    fields = [row.u for row in branch.rows if row.u is not None]
+    lattice, sector = branch.setup.lattice, origin.kind.sector
+    sizes = [float(np.abs(u - mirrored(lattice, u, sector)).max()) for u in fields]
     last, state = branch.rows[-1].reading, event.equilibrium
     pairs = ((last.load, state.load), (last.displacement, state.displacement))
-    return all(abs(one - other) <= SAME * max(1.0, abs(other)) for one, other in pairs)
+    close = all(abs(one - other) <= SAME * max(1.0, abs(other)) for one, other in pairs)
+    return close and bool(sizes) and sizes[-1] < BACK * max(sizes)
 
 
 def with_branches(

@@ -148,9 +148,7 @@ def _shift(
     return load, displacement, radius, gap
 
 
-def _relative(
-    setup: Setup, begin: Equilibrium, end: Equilibrium, which: int, settings: Settings
-) -> Equilibrium | None:
+def _relative(setup: Setup, begin: Equilibrium, end: Equilibrium, which: int, settings: Settings) -> Equilibrium | None:
     """The coarse lattice's state in the plane through one of two states of the curve and across the way between them."""
     coarse = _coarse(setup)
     problem = coarse.problem

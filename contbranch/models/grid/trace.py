@@ -274,10 +274,7 @@ class _Tracer:
         checked = verify_curve(self.setup, rows, indices, turning, self.accuracy, modes, self.symmetry)
         # What the lattice is too coarse for, the message names already.
         complete = not message and (not checked.contradicted or too_coarse(self.setup))
-        events = [
-            _event(k, mark, rows[k].reading, errors[k], indices)
-            for k, mark in marks
-        ]
+        events = [_event(k, mark, rows[k].reading, errors[k], indices) for k, mark in marks]
         events = merged(events, symmetry_events(self.setup, rows, checked.breakings, errors, self.settings))
         wall = time.perf_counter() - began
         cost = Cost(wall, self.setup.counter.newton, self.setup.counter.equilibrium, self.setup.counter.stability)

@@ -191,7 +191,9 @@ class _Survey:
         if slope is None:
             slope = -1.0 if self.indices.load[row] > self.indices.displacement[row] else 1.0
         if self.breaking:
-            found = self.stability.morse(state, slope, sectors=ROUND if self.axisymmetric and self.setup.quarter else None)
+            found = self.stability.morse(
+                state, slope, sectors=ROUND if self.axisymmetric and self.setup.quarter else None
+            )
         else:
             sector = self.stability.sectors[0]
             found = Morse({sector: self.stability.spectrum(state, sector)}, slope, swapped=self.stability.swapped)
@@ -215,15 +217,16 @@ class _Survey:
                     break
             if tried and not self._agrees(tried[-1]):
                 # Between two corners of the lattice the slope can have another sign than across them.
-                own = self._index_agrees(tried[0]) and self.rows[tried[0].row].reading.contact_radius > 0.0
-                (corners if own else wrong).append(tried[0])
+                (corners if self._at_a_corner(tried[0]) else wrong).append(tried[0])
             elif len(tried) > 1:
                 corners.append(tried[0])
         if wrong:
             self.contradicted = True
             self.notes.append(f"{self._disagreement(wrong)}: a fold was missed, or is none.")
         if corners:
-            self.notes.append(f"{self._disagreement(corners)}: folds of the lattice's own, at a few nodes of the contact.")
+            self.notes.append(
+                f"{self._disagreement(corners)}: folds of the lattice's own, at a few nodes of the contact."
+            )
         if unknown:
             self.notes.append(f"The indices of {unknown} pieces of the curve were not checked: memory was short.")
 
@@ -249,6 +252,13 @@ class _Survey:
 
     def _index_agrees(self, found: _Found) -> bool:
         return found.least <= int(self.indices.displacement[found.row]) <= found.most
+
+    def _at_a_corner(self, found: _Found) -> bool:
+        """Whether nothing but the slope of the smooth piece disagrees, with contact, and not that of the rows."""
+        reading = self.rows[found.row].reading
+        near = [self.rows[k].reading for k in (max(found.row - 1, 0), min(found.row + 1, len(self.rows) - 1))]
+        rising = (near[1].load - near[0].load) * (near[1].displacement - near[0].displacement) > 0.0
+        return self._index_agrees(found) and reading.contact_radius > 0.0 and rising != self._softens(found.row)
 
     def _agrees(self, found: _Found) -> bool:
         return self._index_agrees(found) and self._softens(found.row) == (found.slope < 0.0)
