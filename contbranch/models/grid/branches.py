@@ -11,7 +11,7 @@ The branch with the opposite amplitude is the image of this one and is not follo
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -21,37 +21,23 @@ from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.diagram import Cost
 from contbranch.models.outcome import RawCurve
 
-from .lattice import Lattice
+from .kept import kept_symmetry
 from .setup import Setup
-from .stability import Sector
 from .switching import Switched, mirrored, switch
 from .symmetry import Breaking, distinct
 from .trace import Traced, followed
 from .transforms import EVEN
 from .walk import Point
 
-__all__ = ["POINTS", "follow_branch", "follow_branches", "kept_symmetry", "with_branches"]
+__all__ = ["POINTS", "follow_branch", "follow_branches", "with_branches"]
 
 Array = NDArray[np.float64]
-Image = Callable[[Array], Array]
 
 # Points of a branch at most.
 POINTS = 60
-# A branch has come back if its asymmetry has fallen to this part of the largest, and it has come back to an event if load
-# and displacement differ by less than this part of max(1, |value|): steps are not small there.
+# A branch has come back if its asymmetry has fallen to this part of the largest, and to an event if load and
+# displacement differ by less than this part of max(1, |value|): steps are not small there.
 BACK, SAME = 0.3, 0.05
-
-
-def kept_symmetry(lattice: Lattice, sector: Sector, swapped: bool) -> Image:
-    """The symmetry of the whole lattice that a branch keeps which breaks those of a sector."""
-    if sector == EVEN:
-        return lambda values: mirrored(lattice, mirrored(lattice, values, ("even", "odd")), ("odd", "even"))
-    if sector == ("odd", "odd"):
-        if swapped:
-            return lambda values: mirrored(lattice, values, EVEN)
-        return lambda values: mirrored(lattice, mirrored(lattice, values, ("even", "odd")), ("odd", "even"))
-    other: Sector = ("even", "odd") if sector[0] == "odd" else ("odd", "even")
-    return lambda values: mirrored(lattice, values, other)
 
 
 @dataclass

@@ -37,7 +37,7 @@ from .problem import GridProblem
 from .transforms import EVEN, Parity, Transform
 from .variation import Precision, Variation, lowest
 
-__all__ = ["SECTORS", "Morse", "Sector", "Spectrum", "Stability", "morse", "verify"]
+__all__ = ["SECTORS", "Morse", "Sector", "Spectrum", "Stability", "as_stability", "morse", "verify"]
 
 Array = NDArray[np.float64]
 Sector = tuple[Parity, Parity]
@@ -214,7 +214,7 @@ class Stability:
         if not count and bool((variation.softening >= 0.0).all()):
             return _settled(sector)
         start = list(self.previous.get(sector, ()))
-        with _counted(self.problem):
+        with as_stability(self.problem):
             values, errors, vectors, complete = lowest(
                 variation, start, self._seeds(equilibrium, sector), precision or self.precision, count
             )
@@ -244,7 +244,7 @@ class Stability:
         lattice = self.problem.lattice
         variation = self.variation(equilibrium, EVEN if lattice.quarter else None)
         column = variation.mask / (lattice.compliance * lattice.area)
-        with _counted(self.problem):
+        with as_stability(self.problem):
             # The product is that of an operator with its preconditioner inside: nothing is to be kept beside it.
             found = gmres(lambda x: (variation.preconditioned(x), x), column, tolerance)
             y, elastic = variation.response(found.x)
@@ -324,8 +324,8 @@ def _before(sector: Sector | None) -> list[Sector]:
 
 
 @contextmanager
-def _counted(problem: GridProblem) -> Iterator[None]:
-    """Count what is spent as work on stability."""
+def as_stability(problem: GridProblem) -> Iterator[None]:
+    """Count all work as that on stability, equilibria included that are found for its sake."""
     before = problem.counter.target
     problem.counter.target = "stability"
     try:

@@ -13,10 +13,9 @@ from .angular import angular_content
 from .newton import Equilibrium, Settings, newton
 from .reading import read
 from .setup import Setup, coarsened
-from .stability import Stability
+from .stability import Stability, as_stability
 from .symmetry import Breaking, distinct, eigenpair, located, precision_for
 from .transforms import EVEN
-from .verification import as_stability, state_of
 from .walk import Direction, Measure
 
 if TYPE_CHECKING:
@@ -124,7 +123,7 @@ def _shift(
     """
     if coarse.problem is setup.problem:
         return None
-    fine = [state_of(setup.problem, rows[event.row + k]) for k in (0, 1)]
+    fine = [rows[event.row + k].state(setup.problem) for k in (0, 1)]
     if fine[0] is None or fine[1] is None:
         return None
     ends = [_relative(setup, fine[0], fine[1], k, settings) for k in (0, 1)]
@@ -135,21 +134,23 @@ def _shift(
         values = [read(setup, event.equilibrium).four, read(_coarse(setup), other.equilibrium).four]
     else:
         values = []
-        for one, spectra, begin, end in ((setup, stability, fine[0], fine[1]), (_coarse(setup), coarse, *ends)):
-            low, high = (
-                eigenpair(spectra, state, event.kind, event.number, precision_for(ACCURACY)) for state in (begin, end)
-            )
+        for one, spectra, pair in (
+            (setup, stability, (fine[0], fine[1])),
+            (_coarse(setup), coarse, (ends[0], ends[1])),
+        ):
+            low, high = (eigenpair(spectra, state, event.kind, event.number, precision_for(ACCURACY)) for state in pair)
             if low is None or high is None or low[0] == high[0]:
                 return None
             share = low[0] / (low[0] - high[0])
-            first, second = (np.array(read(one, state).four) for state in (begin, end))
-            values.append(tuple(first + share * (second - first)))
+            first, second = (read(one, state).four for state in pair)
+            a, b, c, d = (x + share * (y - x) for x, y in zip(first, second, strict=True))
+            values.append((a, b, c, d))
     load, displacement, radius, gap = (abs(a - b) for a, b in zip(*values, strict=True))
     return load, displacement, radius, gap
 
 
 def _relative(setup: Setup, begin: Equilibrium, end: Equilibrium, which: int, settings: Settings) -> Equilibrium | None:
-    """The coarse lattice's state in the plane through one of two states of the curve and across the way between them."""
+    """The coarse lattice's state in the plane through one of two states and across the way between them."""
     coarse = _coarse(setup)
     problem = coarse.problem
     state = (begin, end)[which]

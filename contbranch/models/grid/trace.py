@@ -19,16 +19,17 @@ from contbranch.models.outcome import RawCurve, RawEvent
 
 from .accuracy import Comparison, compared
 from .folds import Refined, locate_fold, locate_touch, refine_fold
+from .kept import first_index
 from .newton import Equilibrium, Hold, Settings, newton
 from .observables import interpolate
-from .problem import Fields
+from .problem import Fields, GridProblem
 from .reading import Reading, read
 from .resolution import Resolution, border_energy, border_message
 from .setup import Setup
 from .start import beginning
 from .symmetry import Breaking
 from .symmetry_events import symmetry_events
-from .verification import first_index, too_coarse, verify_curve
+from .verification import too_coarse, verify_curve
 from .walk import Measure, Point, Walker, WalkOptions
 
 __all__ = ["Row", "Traced", "followed", "trace"]
@@ -62,6 +63,12 @@ class Row:
     u: Array | None = field(default=None, repr=False)
     contact: Mask | None = field(default=None, repr=False)
     mark: Mark | None = None
+
+    def state(self, problem: GridProblem) -> Equilibrium | None:
+        """The equilibrium, if its fields were kept."""
+        if self.u is None or self.contact is None:
+            return None
+        return Equilibrium(problem.fields(self.u, self.load), self.contact, 0.0, self.reading.displacement, True)
 
 
 @dataclass
@@ -420,7 +427,7 @@ def _difference(one: Reading, other: Reading) -> tuple[float, float, float, floa
 
 
 def _indices(
-    columns: dict[str, Array], folds: Sequence[tuple[int, str]], controls: Sequence[Control], first: int
+    columns: dict[str, Array], folds: Sequence[tuple[int, str]], controls: Sequence[Control], start: int
 ) -> Indices:
     count = len(columns["load"])
     if count < 2:
@@ -431,7 +438,7 @@ def _indices(
         if control.kind == "spring":
             first, second = (control.value(columns["load"][k], columns["displacement"][k]) for k in (0, 1))
             pulling = 1 if second >= first else -1
-    return morse_indices(count, folds, loading, approaching, first, pulling)
+    return morse_indices(count, folds, loading, approaching, start, pulling)
 
 
 def _event(

@@ -6,18 +6,18 @@ row, at the last, and at one row well inside every piece between two folds. Piec
 from those on both sides of them.
 
 What breaks the symmetry passes through no fold. It can be unstable only where the displacement is not enough to hold a
-state with the symmetry (see `stability`), so that only rows with an index under displacement control are examined, every
-few of them and, where the numbers differ, all in between. Blunt axisymmetric tips cannot become unstable at all (see
-`contbranch.models.axisymmetric.azimuthal`): there the rows that are checked anyway confirm it. Where the interaction
-stiffens everywhere the energy is convex, and nothing is to be examined.
+state with the symmetry (see `stability`), so that only rows with an index under displacement control are examined,
+every few of them and, where the numbers differ, all in between. Blunt axisymmetric tips cannot become unstable at all
+(see `contbranch.models.axisymmetric.azimuthal`): there the rows that are checked anyway confirm it. Where the
+interaction stiffens everywhere the energy is convex, and nothing is to be examined.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -26,24 +26,20 @@ from numpy.typing import NDArray
 from contbranch.analysis.stability import Indices
 from contbranch.height_map import HeightMap
 
+from .kept import Image, has_symmetry, lacking
 from .newton import Equilibrium
-from .problem import GridProblem
 from .resolution import Resolution, concavity
 from .setup import Setup
-from .stability import ZERO, Morse, Sector, Spectrum, Stability
+from .stability import ZERO, Morse, Sector, Spectrum, Stability, as_stability
 from .symmetry import Breaking, Kind, counted, kinds, symmetry_breaking
 from .transforms import EVEN
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from .trace import Row
 
 __all__ = ["Verification", "pieces", "verify_curve"]
 
-Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
-Image = Callable[[Array], Array]
 
 # Rows from one that is examined for broken symmetry to the next.
 STRIDE = 4
@@ -52,8 +48,6 @@ STRIDE = 4
 SHARE = 1.0
 # In contact no event is better known on a lattice than this, relative to max(1, |value|).
 IN_CONTACT = 1e-4
-# Eigenvalue of the turn around the axis at most: zero, but for the lattice.
-TURN = 0.02
 # What a mode that lacks the symmetry of a branch is counted as.
 WITHOUT = Kind(("odd", "odd"))
 # Rows of a piece that are examined until one confirms the count.
@@ -87,7 +81,7 @@ class Verification:
 def pieces(count: int, folds: Sequence[int]) -> list[tuple[int, int]]:
     """First and last row of the pieces between folds, ends of the curve included."""
     edges = sorted({0, count - 1, *folds})
-    return list(zip(edges[:-1], edges[1:], strict=True))
+    return list(pairwise(edges))
 
 
 def verify_curve(
@@ -132,17 +126,6 @@ def verify_curve(
     return Verification(column, tuple(breakings), tuple(survey.notes), survey.contradicted)
 
 
-@contextmanager
-def as_stability(problem: GridProblem) -> Iterator[None]:
-    """Count all work as that of stability, equilibria included that are found for its sake."""
-    before = problem.counter.target
-    problem.counter.target = "stability"
-    try:
-        yield
-    finally:
-        problem.counter.target = before
-
-
 class _Found(NamedTuple):
     """Fewest and most unstable modes at a row, and dF/dd."""
 
@@ -173,7 +156,7 @@ class _Survey:
 
     def state(self, row: int) -> Equilibrium | None:
         """The equilibrium of a row, if its fields were kept."""
-        return state_of(self.setup.problem, self.rows[row])
+        return self.rows[row].state(self.setup.problem)
 
     @property
     def spent(self) -> bool:
@@ -191,9 +174,8 @@ class _Survey:
         if slope is None:
             slope = -1.0 if self.indices.load[row] > self.indices.displacement[row] else 1.0
         if self.breaking:
-            found = self.stability.morse(
-                state, slope, sectors=ROUND if self.axisymmetric and self.setup.quarter else None
-            )
+            sectors = ROUND if self.axisymmetric and self.setup.quarter else None
+            found = self.stability.morse(state, slope, sectors=sectors)
         else:
             sector = self.stability.sectors[0]
             found = Morse({sector: self.stability.spectrum(state, sector)}, slope, swapped=self.stability.swapped)
@@ -224,9 +206,7 @@ class _Survey:
             self.contradicted = True
             self.notes.append(f"{self._disagreement(wrong)}: a fold was missed, or is none.")
         if corners:
-            self.notes.append(
-                f"{self._disagreement(corners)}: folds of the lattice's own, at a few nodes of the contact."
-            )
+            self.notes.append(f"{self._disagreement(corners)}: folds of the lattice's own, at single nodes.")
         if unknown:
             self.notes.append(f"The indices of {unknown} pieces of the curve were not checked: memory was short.")
 
@@ -312,12 +292,12 @@ class _Survey:
             places = sorted({*range(first, last + 1, STRIDE), last} | {r for r in self.found if first <= r <= last})
             places = [row for row in places if self.morse(row) is not None]
             unknown += not places
-            for one, other in zip(places[:-1], places[1:], strict=True):
+            for one, other in pairwise(places):
                 self._between(one, other)
-        known = np.array(sorted(self.found))
+        all_known = np.array(sorted(self.found))
         for row in np.flatnonzero(suspected):
             # Rows that were not examined lie between two that agree.
-            nearest = int(known[np.argmin(np.abs(known - row))])
+            nearest = int(all_known[np.argmin(np.abs(all_known - row))])
             column[row] = self.number(nearest)
         if unknown:
             self.notes.append("What breaks the symmetry was not examined everywhere: memory was short.")
@@ -335,20 +315,13 @@ class _Survey:
     def counts(self, row: int) -> Counter[Kind]:
         """Unstable modes of every kind that breaks the symmetry of the tip."""
         if row not in self.kinds and self.kept is not None:
-            self.kinds[row] = Counter({WITHOUT: self._lacking(self.found[row].spectra[None])})
+            number = lacking(self.found[row].spectra[None], self.kept, self.axisymmetric)
+            self.kinds[row] = Counter({WITHOUT: number})
         elif row not in self.kinds:
             morse = self.found[row]
             state = self.state(row) if morse.displacement else None
             self.kinds[row] = Counter() if state is None else counted(self.setup.problem, state, self._odd(morse))
         return self.kinds[row]
-
-    def _lacking(self, spectrum: Spectrum) -> int:
-        """Unstable modes without the symmetry that a branch keeps, the turn of an axisymmetric tip left out."""
-        assert self.kept is not None
-        values = spectrum.eigenvalues[~has_symmetry(spectrum, self.kept)]
-        if self.axisymmetric and values.size and float(np.abs(values).min()) < TURN:
-            values = np.delete(values, np.abs(values).argmin())
-        return int((values < -ZERO).sum())
 
     def number(self, row: int) -> int:
         """Their number, those of an axisymmetric tip that differ by a turn as one."""
@@ -404,33 +377,6 @@ class _Survey:
             inside = self.indices.displacement[there] > 0
             return not inside and counts[0] != counts[1]
         return counts[0] != counts[1]
-
-
-def has_symmetry(spectrum: Spectrum, kept: Image) -> NDArray[np.bool_]:
-    """Which variations are rather even than odd under a symmetry of the whole lattice."""
-    return np.array([float(np.vdot(vector, kept(vector))) > 0.0 for vector in spectrum.vectors], dtype=bool)
-
-
-def first_index(setup: Setup, rows: Sequence[Row], folds: Sequence[int], kept: Image) -> int:
-    """Index under displacement control with which a branch begins: by eigenvalues, at a row well inside the first piece.
-
-    At its very beginning an eigenvalue is all but zero.
-    """
-    last = min([*folds, len(rows) - 1])
-    state = state_of(setup.problem, rows[(last + 1) // 2]) if rows else None
-    if state is None:
-        return 0
-    stability = Stability(setup.problem)
-    spectrum = stability.spectrum(state, None)
-    return int((has_symmetry(spectrum, kept) & (spectrum.eigenvalues < 0.0)).sum())
-
-
-def state_of(problem: GridProblem, row: Row) -> Equilibrium | None:
-    """The equilibrium of a row, if its fields were kept."""
-    if row.u is None or row.contact is None:
-        return None
-    fields = problem.fields(row.u, row.load)
-    return Equilibrium(fields, row.contact, 0.0, row.reading.displacement, True)
 
 
 def too_coarse(setup: Setup) -> bool:

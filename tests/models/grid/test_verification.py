@@ -12,7 +12,8 @@ from scipy.interpolate import CubicSpline
 import contbranch as cb
 from contbranch.analysis.stability import morse_indices
 from contbranch.models.grid import branches as branches_module
-from contbranch.models.grid.branches import follow_branch, kept_symmetry
+from contbranch.models.grid.branches import follow_branch
+from contbranch.models.grid.kept import kept_symmetry
 from contbranch.models.grid.newton import Hold, Settings, hold_control, newton
 from contbranch.models.grid.setup import Setup
 from contbranch.models.grid.stability import SECTORS, Stability
