@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -88,7 +88,14 @@ class RawEvent:
 
 @dataclass(frozen=True)
 class RawCurve:
-    """One connected curve in reduced units; arrays over its rows."""
+    """One connected curve in reduced units; arrays over its rows.
+
+    Attributes
+    ----------
+    others : sequence of RawCurve
+        Branches that leave the curve. Their folds bear no names and set no thresholds; their messages and costs are
+        already in those of the curve.
+    """
 
     load: Array
     displacement: Array
@@ -110,6 +117,7 @@ class RawCurve:
     critical: Callable[[], Array] | None = None
     fft_pairs: Integers | None = None
     extra: Mapping[str, Any] = field(default_factory=dict)
+    others: Sequence[RawCurve] = ()
 
 
 @dataclass(frozen=True)
@@ -216,12 +224,8 @@ def _event(contact: Contact, scaling: _Scaling, raw: RawEvent, name: str | None)
     )
 
 
-def assemble(contact: Contact, curve: RawCurve, choice: ModelChoice, control: Control, accuracy: float) -> Diagram:
-    """The diagram of a curve: events named, thresholds collected, everything in the contact's own units."""
-    scaling = _Scaling(contact)
-    names = _names(contact, curve.events)
-    events = tuple(_event(contact, scaling, raw, name) for raw, name in zip(curve.events, names, strict=True))
-    branch = Branch(
+def _branch(scaling: _Scaling, curve: RawCurve) -> Branch:
+    return Branch(
         curve.load * scaling.load,
         curve.displacement * scaling.normal,
         curve.contact_radius * scaling.in_plane,
@@ -237,12 +241,26 @@ def assemble(contact: Contact, curve: RawCurve, choice: ModelChoice, control: Co
         curve.critical,
         curve.fft_pairs,
     )
+
+
+def assemble(contact: Contact, curve: RawCurve, choice: ModelChoice, control: Control, accuracy: float) -> Diagram:
+    """The diagram of a curve: events named, thresholds collected, everything in the contact's own units."""
+    scaling = _Scaling(contact)
+    names = _names(contact, curve.events)
+    events = tuple(_event(contact, scaling, raw, name) for raw, name in zip(curve.events, names, strict=True))
+    raws = [*curve.events]
+    branches = [_branch(scaling, curve)]
+    for number, other in enumerate(curve.others, start=1):
+        branches.append(_branch(scaling, other))
+        raws += other.events
+        others = (_event(contact, scaling, raw, None) for raw in other.events)
+        events += tuple(replace(event, branch=number) for event in others)
     terms = contact.interaction.terms if contact.interaction is not None else ()
     repulsive = bool(terms) and all(term.work_of_adhesion < 0 for term in terms)
 
     @one_thread
     def local_exponents(event: Event) -> LocalExponent:
-        raw = curve.events[events.index(event)]
+        raw = raws[events.index(event)]
         if raw.local_exponent is None:
             raise InputError(f"event: the curve has a corner at this {event.name or event.kind}, and no exponent")
         found = raw.local_exponent()
@@ -256,9 +274,9 @@ def assemble(contact: Contact, curve: RawCurve, choice: ModelChoice, control: Co
 
     return Diagram(
         contact=contact,
-        branches=(branch,),
+        branches=tuple(branches),
         events=events,
-        thresholds=thresholds(events, repulsive) if curve.complete or events else {},
+        thresholds=thresholds(events[: len(curve.events)], repulsive) if curve.complete or events else {},
         model=choice,
         cost=curve.cost,
         control=control.kind,

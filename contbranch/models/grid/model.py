@@ -15,6 +15,7 @@ from contbranch.height_map import HeightMap
 from contbranch.models.outcome import RawCurve
 from contbranch.units import positive_number
 
+from .branches import with_branches
 from .lattice import Kind
 from .setup import REDUCED_VALUES, Setup, UnitValues
 from .size import chosen_size
@@ -40,6 +41,8 @@ class _Cell:
         or chosen from the accuracy asked for.
     threads : int
         Of the transforms.
+    branches : bool
+        Whether a trace follows the branches of less symmetry that leave the curve, too, on the whole lattice.
     units : UnitValues
         Set where the model is used: what reduced units are worth, for messages.
 
@@ -54,6 +57,7 @@ class _Cell:
     cell: float | None = None
     grid: int | None = None
     threads: int = 1
+    branches: bool = False
     units: UnitValues = field(default=REDUCED_VALUES, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -96,7 +100,8 @@ class _Cell:
     ) -> RawCurve:
         """The whole curve of a reduced contact."""
         setup = self.setup(contact, None, max_load, accuracy)
-        return trace(setup, accuracy, max_load, control, progress).curve
+        traced = trace(setup, accuracy, max_load, control, progress, modes=modes)
+        return with_branches(setup, traced, accuracy, max_load, control) if self.branches else traced.curve
 
     def solve(
         self,

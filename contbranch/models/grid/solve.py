@@ -199,7 +199,7 @@ def find_all(
 ) -> tuple[list[State], tuple[float, float], RawCurve]:
     """Every equilibrium with a value on the traced curve of the lattice, within a window of displacements."""
     limit = max(value, 0.0) * 1.1 + 1.0 if field == "load" else None
-    traced = trace(setup, accuracy, limit, control, progress, verdicts=False)
+    traced = trace(setup, accuracy, limit, control, progress, verdicts=False, modes=0)
     settings = Settings(tolerance=min(max(1e-2 * accuracy, 1e-10), 1e-8))
     driven = LOAD if field == "load" else DISPLACEMENT
     hold = keep(setup.problem, field, value)

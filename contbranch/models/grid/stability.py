@@ -23,7 +23,7 @@ in free space κ are the eigenvalues of the operators T_m of the axisymmetric mo
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
@@ -37,7 +37,7 @@ from .problem import GridProblem
 from .transforms import EVEN, Parity, Transform
 from .variation import Precision, Variation, lowest
 
-__all__ = ["SECTORS", "Morse", "Sector", "Spectrum", "Stability", "morse", "verify"]
+__all__ = ["SECTORS", "Morse", "Sector", "Spectrum", "Stability", "as_stability", "morse", "verify"]
 
 Array = NDArray[np.float64]
 Sector = tuple[Parity, Parity]
@@ -214,7 +214,7 @@ class Stability:
         if not count and bool((variation.softening >= 0.0).all()):
             return _settled(sector)
         start = list(self.previous.get(sector, ()))
-        with _counted(self.problem):
+        with as_stability(self.problem):
             values, errors, vectors, complete = lowest(
                 variation, start, self._seeds(equilibrium, sector), precision or self.precision, count
             )
@@ -244,7 +244,7 @@ class Stability:
         lattice = self.problem.lattice
         variation = self.variation(equilibrium, EVEN if lattice.quarter else None)
         column = variation.mask / (lattice.compliance * lattice.area)
-        with _counted(self.problem):
+        with as_stability(self.problem):
             # The product is that of an operator with its preconditioner inside: nothing is to be kept beside it.
             found = gmres(lambda x: (variation.preconditioned(x), x), column, tolerance)
             y, elastic = variation.response(found.x)
@@ -253,7 +253,13 @@ class Stability:
         mean = float(y @ (column + rest)) * lattice.compliance * lattice.area / variation.size
         return (1.0 - mean) / lattice.compliance
 
-    def morse(self, equilibrium: Equilibrium, slope: float | None = None, all_sectors: bool = False) -> Morse:
+    def morse(
+        self,
+        equilibrium: Equilibrium,
+        slope: float | None = None,
+        all_sectors: bool = False,
+        sectors: Sequence[Sector | None] | None = None,
+    ) -> Morse:
         """Index of a state.
 
         Parameters
@@ -263,17 +269,19 @@ class Stability:
             dF/dd; default: from one linear solve.
         all_sectors : bool
             Whether eigenvalues are found even in sectors that are known to be stable.
+        sectors : sequence, optional
+            Only these, in the order of `sectors`; the index is then that of their variations alone.
         """
         before = self.problem.counter.stability
         slope = self.slope(equilibrium) if slope is None else slope
         # The images in a periodic cell feel a mean displacement: there the order is that of the forms at fixed load.
         ordered = self.problem.lattice.kind == "free" or slope >= 0.0
         spectra: dict[Sector | None, Spectrum] = {}
-        for sector in self.sectors:
-            lower = [spectra[other] for other in _before(sector)]
+        for sector in sectors or self.sectors:
+            lower = [spectra[other] for other in _before(sector) if other in spectra]
             if not all_sectors and ordered and any(_stable(spectrum) for spectrum in lower):
                 spectra[sector] = _settled(sector)
-            elif sector == ("even", "odd") and self.swapped:
+            elif sector == ("even", "odd") and self.swapped and ("odd", "even") in spectra:
                 # The first sector with x and y exchanged.
                 found = spectra["odd", "even"]
                 vectors = np.ascontiguousarray(found.vectors.transpose(0, 2, 1))
@@ -316,8 +324,8 @@ def _before(sector: Sector | None) -> list[Sector]:
 
 
 @contextmanager
-def _counted(problem: GridProblem) -> Iterator[None]:
-    """Count what is spent as work on stability."""
+def as_stability(problem: GridProblem) -> Iterator[None]:
+    """Count all work as that on stability, equilibria included that are found for its sake."""
     before = problem.counter.target
     problem.counter.target = "stability"
     try:

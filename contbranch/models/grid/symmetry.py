@@ -30,9 +30,12 @@ __all__ = [
     "Breaking",
     "Kind",
     "axisymmetric_counts",
+    "counted",
     "distinct",
+    "eigenpair",
     "kinds",
     "located",
+    "precision_for",
     "symmetry_breaking",
 ]
 
@@ -44,8 +47,8 @@ PERIODIC = 0.5
 LIMIT = 40
 # Part of the eigenvalue's change between two points that is a jump, if it is left where the bracket is closed.
 JUMP = 1e-3
-FINE = Precision(tolerance=1e-5, share=1e-5)
-EXACT = Settings(tolerance=1e-10)
+# Eigenvalues that are passed on the way need no more digits than a secant uses.
+COARSELY = 1e-2
 
 
 class Kind(NamedTuple):
@@ -136,7 +139,7 @@ def axisymmetric_counts(problem: GridProblem, equilibrium: Equilibrium, morse: M
     axisymmetric, azimuthal : int
         m = 0, and all m ≥ 1, with cos mθ and sin mθ as one.
     """
-    counts = _counts(problem, equilibrium, morse)
+    counts = counted(problem, equilibrium, morse)
     even = sum(number for kind, number in counts.items() if kind.sector == EVEN)
     return morse.spectra[EVEN].index - even, even + counts[Kind(("odd", "even"))]
 
@@ -187,7 +190,7 @@ def symmetry_breaking(
         Changes that could not be located.
     """
     stability = stability or Stability(problem)
-    counts = [_counts(problem, point, index) for point, index in zip(points, indices, strict=True)]
+    counts = [counted(problem, point, index) for point, index in zip(points, indices, strict=True)]
     events, missed = [], []
     for row in range(len(points) - 1):
         for kind in sorted({*counts[row], *counts[row + 1]}):
@@ -240,15 +243,17 @@ def located(
         return None
     row /= norm
     origin = float(np.vdot(row, begin.u))
+    precision = precision_for(accuracy)
+    settings = Settings(tolerance=min(1e-8, max(1e-10, 1e-2 * accuracy)))
 
     def sample(share: float, near: Equilibrium | None = None) -> _Sample | None:
         if near is None:
             u, load = begin.u + share * step, begin.load + share * (end.load - begin.load)
             contact = begin.contact if share < 0.5 else end.contact
-            near = newton(problem, u, load, Hold(origin + share, 0.0, row), contact, EXACT)
+            near = newton(problem, u, load, Hold(origin + share, 0.0, row), contact, settings)
             if not near.converged:
                 return None
-        found = _eigenpair(stability, near, kind, number)
+        found = eigenpair(stability, near, kind, number, precision)
         return None if found is None else _Sample(share, near, *found)
 
     low, high = sample(0.0, begin), sample(1.0, end)
@@ -325,11 +330,18 @@ def _breaking(
     )
 
 
-def _eigenpair(stability: Stability, equilibrium: Equilibrium, kind: Kind, number: int) -> tuple[float, Array] | None:
-    """The eigenvalue of that number among those of its kind."""
+def precision_for(accuracy: float) -> Precision:
+    """Precision with which a zero is known to an accuracy: eigenvalues have the square of the vectors' errors."""
+    return Precision(tolerance=min(1e-3, max(1e-5, 0.1 * accuracy**0.5)), share=COARSELY)
+
+
+def eigenpair(
+    stability: Stability, equilibrium: Equilibrium, kind: Kind, number: int, precision: Precision
+) -> tuple[float, Array] | None:
+    """The eigenvalue of that number, 0 for the lowest, among those of its kind, and its vector."""
     count = number + 1
-    while count <= FINE.basis // 2:
-        spectrum = stability.spectrum(equilibrium, kind.sector, FINE, count)
+    while count <= precision.basis // 2:
+        spectrum = stability.spectrum(equilibrium, kind.sector, precision, count)
         own = [j for j, other in enumerate(kinds(stability.problem, equilibrium, spectrum)) if other == kind]
         if len(own) > number:
             j = own[number]
@@ -340,7 +352,7 @@ def _eigenpair(stability: Stability, equilibrium: Equilibrium, kind: Kind, numbe
     return None
 
 
-def _counts(problem: GridProblem, equilibrium: Equilibrium, morse: Morse) -> Counter[Kind]:
+def counted(problem: GridProblem, equilibrium: Equilibrium, morse: Morse) -> Counter[Kind]:
     """Unstable modes of each kind."""
     counts: Counter[Kind] = Counter()
     for spectrum in morse.spectra.values():

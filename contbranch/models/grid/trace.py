@@ -15,24 +15,31 @@ from numpy.typing import NDArray
 from contbranch.analysis.stability import Indices, morse_indices
 from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.diagram import Cost, Profile
+from contbranch.models.axisymmetric.symmetry import merged
 from contbranch.models.outcome import RawCurve, RawEvent
 
 from .accuracy import Comparison, compared, touched
 from .folds import Refined, coarser_touch, locate_fold, locate_touch, refine_fold, touches
+from .kept import first_index
 from .newton import Equilibrium, Hold, Settings, newton
 from .observables import interpolate
-from .problem import Fields
+from .problem import Fields, GridProblem
 from .reading import Reading, read
 from .resolution import Resolution, border_energy, border_message, warn
 from .setup import Setup
 from .start import beginning
+from .symmetry import Breaking
+from .symmetry_events import symmetry_events
+from .verification import too_coarse, verify_curve
 from .walk import Measure, Point, Walker, WalkOptions
 
-__all__ = ["Row", "Traced", "trace"]
+__all__ = ["Row", "Traced", "followed", "trace"]
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Progress = Callable[[float, str], None]
+# From the last points, the message with which a curve ends and whether the last point lies beyond; None: it goes on.
+Ending = Callable[[Sequence[Point]], tuple[str, bool] | None]
 
 # A trace without a largest load ends at this multiple of the largest load of any event, and at this load at least.
 BEYOND, AT_LEAST = 1.4, 10.0
@@ -60,6 +67,12 @@ class Row:
     contact: Mask | None = field(default=None, repr=False)
     mark: Mark | None = None
 
+    def state(self, problem: GridProblem) -> Equilibrium | None:
+        """The equilibrium, if its fields were kept."""
+        if self.u is None or self.contact is None:
+            return None
+        return Equilibrium(problem.fields(self.u, self.load), self.contact, 0.0, self.reading.displacement, True)
+
 
 @dataclass
 class Mark:
@@ -83,6 +96,7 @@ class Traced:
     rows: tuple[Row, ...]
     curve: RawCurve
     indices: Indices
+    breakings: tuple[Breaking, ...] = ()
 
 
 @dataclass
@@ -94,7 +108,10 @@ class _Tracer:
     limit: float | None
     controls: tuple[Control, ...]
     verdicts: bool
-    progress: Progress | None
+    progress: Progress | None = None
+    start: tuple[Equilibrium, Equilibrium] | None = None
+    ending: Ending | None = None
+    symmetry: Callable[[Array], Array] | None = None
     rows: list[Row] = field(default_factory=list)
     comparisons: list[tuple[float, Comparison]] = field(default_factory=list)
     kept: float = 0.0
@@ -112,7 +129,7 @@ class _Tracer:
 
     def run(self) -> str:
         """Follow the curve to its end; the reason why it ended early, or nothing."""
-        began = beginning(self.setup, self.accuracy, self.settings)
+        began = self.start or beginning(self.setup, self.accuracy, self.settings)
         if isinstance(began, str):
             return began
         walker = Walker(self.problem, self.setup.length, self.options, units=self.setup.units)
@@ -123,10 +140,15 @@ class _Tracer:
             if not walker.step():
                 return self._stuck(walker.message)
             points = walker.points
+            ended = None if self.ending is None else self.ending(points)
+            if ended is not None and ended[1]:
+                return self._end(ended[0])
             self._add(points[-1])
             self._events(points)
             if (len(self.rows) - 1) % SPACING == 0:
                 self._compare(points)
+            if ended is not None:
+                return self._end(ended[0])
             if self._done(points):
                 return ""
             reason = self._unrepresentable(points[-1].state)
@@ -168,6 +190,13 @@ class _Tracer:
                 return True
         self.rows[-1].mark = Mark("end")
         return True
+
+    def _end(self, message: str) -> str:
+        """Let the last row be the end of the curve."""
+        last = max(self.rows, key=lambda row: row.arc)
+        if last.mark is None:
+            last.mark = Mark("end", message=message)
+        return ""
 
     def _unrepresentable(self, state: Equilibrium) -> str:
         lattice = self.problem.lattice
@@ -300,7 +329,7 @@ class _Tracer:
 
     # The result
 
-    def outcome(self, message: str, wall: float) -> Traced:
+    def outcome(self, message: str, began: float, modes: int) -> Traced:
         """Rows in order, indices, events."""
         self.rows.sort(key=lambda row: row.arc)
         rows = self.rows
@@ -316,12 +345,20 @@ class _Tracer:
         ]
         errors = self._errors(arcs, columns)
         load_error, displacement_error = errors[:2]
-        indices = _indices(columns, folds, self.controls)
-        events = [_event(self.setup, k, mark, rows[k].reading, _at(errors, k), indices) for k, mark in marks]
+        turning = [row for row, kind in folds if kind != "spring"]
+        first = 0 if self.symmetry is None else first_index(self.setup, rows, turning, self.symmetry)
+        indices = _indices(columns, folds, self.controls, first)
+        checked = verify_curve(self.setup, rows, indices, turning, self.accuracy, modes, self.symmetry)
+        # What the lattice is too coarse for, the message names already.
+        complete = not message and (not checked.contradicted or too_coarse(self.setup))
+        own = [_at(errors, k) for k in range(len(rows))]
+        events = [_event(self.setup, k, mark, rows[k].reading, own[k], indices) for k, mark in marks]
         events = [
             replace(event, error=_along(rows, k, mark, event.error))
             for event, (k, mark) in zip(events, marks, strict=True)
         ]
+        events = merged(events, symmetry_events(self.setup, rows, checked.breakings, own, self.settings))
+        wall = time.perf_counter() - began
         cost = Cost(wall, self.setup.counter.newton, self.setup.counter.equilibrium, self.setup.counter.stability)
         curve = RawCurve(
             load=columns["load"],
@@ -335,14 +372,15 @@ class _Tracer:
             displacement_error=displacement_error,
             profiles=[deferred_profile(self.setup, row) for row in rows],
             events=events,
-            complete=not message,
-            message=" ".join([f"{message}." if message else "", *self.notes]).strip(),
+            complete=complete,
+            message=" ".join([f"{message}." if message else "", *self.notes, *checked.notes]).strip(),
             cost=cost,
             unknowns=self.setup.lattice.size**2,
             unstable_spring=indices.spring if any(c.kind == "spring" for c in self.controls) else None,
+            unstable_azimuthal=checked.azimuthal,
             fft_pairs=np.array([row.pairs for row in rows], dtype=np.int64),
         )
-        return Traced(self.setup, tuple(rows), curve, indices)
+        return Traced(self.setup, tuple(rows), curve, indices, checked.breakings)
 
     def _errors(self, arcs: Array, columns: dict[str, Array]) -> tuple[Array, Array, Array, Array]:
         """Error estimates of the rows' observables, interpolated between those rows that were compared."""
@@ -370,6 +408,7 @@ def trace(
     control: Control = LOAD,
     progress: Progress | None = None,
     verdicts: bool = True,
+    modes: int = 1,
 ) -> Traced:
     """Follow a contact's curve on a lattice from far away to a load in contact.
 
@@ -385,6 +424,8 @@ def trace(
     progress : callable, optional
     verdicts : bool
         Whether every fold is looked for on the lattice with twice the nodes a side.
+    modes : int
+        0: modes that break a symmetry of the tip are not examined.
     """
     began = time.perf_counter()
     controls = (LOAD, DISPLACEMENT, *((control,) if control.kind == "spring" else ()))
@@ -396,7 +437,40 @@ def trace(
         worst = _reaching(tracer)
         warn(worst)
         tracer.notes = [note for note in (*tracer.notes, worst) if note]
-        return tracer.outcome(message, time.perf_counter() - began)
+        return tracer.outcome(message, began, modes)
+
+
+def followed(
+    setup: Setup,
+    accuracy: float,
+    limit: float | None,
+    controls: tuple[Control, ...],
+    start: tuple[Equilibrium, Equilibrium],
+    ending: Ending,
+    kept: Callable[[Array], Array],
+    modes: int = 1,
+) -> Traced:
+    """Follow a curve from two of its states to where it ends.
+
+    Parameters
+    ----------
+    setup : Setup
+        On the whole lattice.
+    accuracy, limit, controls
+        As for `trace`.
+    start : two Equilibrium
+        The first, and one close to it in the direction in which to go.
+    ending : callable
+    kept : callable
+        The symmetry that the states have: the image of a field.
+    modes : int
+        0: modes that break this symmetry are not examined.
+    """
+    began = time.perf_counter()
+    tracer = _Tracer(setup, accuracy, limit, controls, False, start=start, ending=ending, symmetry=kept)
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        message = tracer.run()
+        return tracer.outcome(message, began, modes)
 
 
 def _reaching(tracer: _Tracer) -> str:
@@ -430,17 +504,19 @@ def _difference(one: Reading, other: Reading) -> tuple[float, float, float, floa
     return tuple(a - b for a, b in zip(one.four, other.four, strict=True))  # type: ignore[return-value]
 
 
-def _indices(columns: dict[str, Array], folds: Sequence[tuple[int, str]], controls: Sequence[Control]) -> Indices:
+def _indices(
+    columns: dict[str, Array], folds: Sequence[tuple[int, str]], controls: Sequence[Control], start: int
+) -> Indices:
     count = len(columns["load"])
     if count < 2:
         return morse_indices(count, [], 1, 1)
-    loading = 1 if columns["load"][1] >= columns["load"][0] else -1
+    loading, approaching = (1 if columns[name][1] >= columns[name][0] else -1 for name in ("load", "displacement"))
     pulling = None
     for control in controls:
         if control.kind == "spring":
             first, second = (control.value(columns["load"][k], columns["displacement"][k]) for k in (0, 1))
             pulling = 1 if second >= first else -1
-    return morse_indices(count, folds, loading, 1, 0, pulling)
+    return morse_indices(count, folds, loading, approaching, start, pulling)
 
 
 def _event(

@@ -1,0 +1,167 @@
+"""Branches of less symmetry, followed on the whole lattice from the symmetry events at which they leave the curve.
+
+A branch keeps one symmetry of the lattice: the other mirror where it breaks one, both mirrors where it breaks the
+exchange of x and y, the exchange (or the turn by π) where it breaks both mirrors. Its folds are passed by modes that
+have this symmetry, too; the others are counted as those that break it, but for the turn around the axis, along which
+the branch of an axisymmetric tip is a whole family, and whose eigenvalue is all but zero.
+
+The branch with the opposite amplitude is the image of this one and is not followed.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbranch.control import DISPLACEMENT, LOAD, Control
+from contbranch.diagram import Cost
+from contbranch.models.outcome import RawCurve
+
+from .kept import kept_symmetry
+from .setup import Setup
+from .switching import Switched, mirrored, switch
+from .symmetry import Breaking, distinct
+from .trace import Traced, followed
+from .transforms import EVEN
+from .walk import Point
+
+__all__ = ["POINTS", "follow_branch", "follow_branches", "with_branches"]
+
+Array = NDArray[np.float64]
+
+# Points of a branch at most.
+POINTS = 60
+# A branch has come back if its asymmetry has fallen to this part of the largest, and to an event if load and
+# displacement differ by less than this part of max(1, |value|): steps are not small there.
+BACK, SAME = 0.3, 0.05
+
+
+@dataclass
+class _Ending:
+    """Whether a branch has come back to the symmetric curve, or has as many points as were asked for."""
+
+    switched: Switched
+    points: int
+    count: int = 2
+    odd: Array | None = field(default=None, repr=False)
+
+    def __call__(self, points: Sequence[Point]) -> tuple[str, bool] | None:
+        """The message with which it ends, and whether the last point lies beyond."""
+        lattice, sector = self.switched.problem.lattice, self.switched.sector
+        u = points[-1].state.u
+        odd = u - mirrored(lattice, u, sector)
+        before, self.odd, self.count = self.odd, odd, self.count + 1
+        if before is not None and float(np.vdot(before, odd)) <= 0.0:
+            return "The branch meets the symmetric curve again, and goes on as its own image.", True
+        if self.count >= self.points:
+            return f"The branch was followed over {self.points} points.", False
+        return None
+
+
+def follow_branch(
+    setup: Setup,
+    event: Breaking,
+    accuracy: float,
+    limit: float | None = None,
+    control: Control = LOAD,
+    points: int | None = None,
+    modes: int = 1,
+) -> Traced | str:
+    """Follow the branch that leaves a curve at a symmetry event; the reason, a sentence, if none was found.
+
+    Parameters
+    ----------
+    setup : Setup
+        With which the event was found, on a quarter of the lattice.
+    event : Breaking
+    accuracy : float
+    limit : float, optional
+        Load at which the branch ends, in contact.
+    control : Control
+        A spring (reduced units), whose folds are located besides those of load and displacement.
+    points : int, optional
+        The branch ends after so many (default: `POINTS`), if it has not come back to the symmetric curve before.
+    modes : int
+        0: modes that break the symmetry of the branch are not counted.
+    """
+    sector = event.kind.sector
+    what = f"at load {event.equilibrium.load:.6g} with mode {event.mode}"
+    if sector == EVEN and event.mode % 4 == 0:
+        return f"The branch {what} has the symmetry of the lattice, which cannot tell it from the curve."
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        switched = switch(setup.problem, event)
+    if switched is None:
+        return f"No states of the branch {what} were found."
+    whole = setup.whole()
+    heights = setup.problem.heights
+    swapped = bool(np.allclose(heights, heights.T, rtol=1e-12, atol=0.0))
+    kept = kept_symmetry(whole.lattice, sector, swapped)
+    controls = (LOAD, DISPLACEMENT, *((control,) if control.kind == "spring" else ()))
+    ending = _Ending(switched, POINTS if points is None else points)
+    return followed(whole, accuracy, limit, controls, switched.states, ending, kept, modes)
+
+
+def follow_branches(
+    setup: Setup,
+    traced: Traced,
+    accuracy: float,
+    limit: float | None,
+    control: Control = LOAD,
+    points: int | None = None,
+) -> tuple[list[Traced], list[str]]:
+    """Every branch that leaves a traced curve, and why some were not followed.
+
+    A branch that comes back to the curve at another event is not followed again from there.
+    """
+    events = distinct(traced.breakings) if setup.contact.tip.is_axisymmetric else list(traced.breakings)
+    branches: list[Traced] = []
+    origins: list[Breaking] = []
+    notes: list[str] = []
+    top = float(traced.curve.load.max()) if limit is None and len(traced.curve.load) else limit
+    for event in events:
+        if any(_ends_at(branch, origin, event) for branch, origin in zip(branches, origins, strict=True)):
+            continue
+        found = follow_branch(setup, event, accuracy, top, control, points)
+        if isinstance(found, str):
+            notes.append(found)
+        else:
+            branches.append(found)
+            origins.append(event)
+    return branches, notes
+
+
+def _ends_at(branch: Traced, origin: Breaking, event: Breaking) -> bool:
+    """Whether a branch that left at one event has come back at another."""
+    if event.kind.sector != origin.kind.sector or event.mode != origin.mode:
+        return False
+    fields = [row.u for row in branch.rows if row.u is not None]
+    lattice, sector = branch.setup.lattice, origin.kind.sector
+    sizes = [float(np.abs(u - mirrored(lattice, u, sector)).max()) for u in fields]
+    last, state = branch.rows[-1].reading, event.equilibrium
+    pairs = ((last.load, state.load), (last.displacement, state.displacement))
+    close = all(abs(one - other) <= SAME * max(1.0, abs(other)) for one, other in pairs)
+    return close and bool(sizes) and sizes[-1] < BACK * max(sizes)
+
+
+def with_branches(
+    setup: Setup, traced: Traced, accuracy: float, limit: float | None, control: Control = LOAD
+) -> RawCurve:
+    """The raw result of a traced curve together with the branches that leave it."""
+    began = time.perf_counter()
+    found, notes = follow_branches(setup, traced, accuracy, limit, control)
+    counter, curve = setup.counter, traced.curve
+    curves = tuple(branch.curve for branch in found)
+    for number, branch in enumerate(curves, start=1):
+        notes += [f"Branch {number}: {branch.message}"] if branch.message else []
+    wall = curve.cost.wall_s + time.perf_counter() - began
+    return replace(
+        curve,
+        others=curves,
+        complete=curve.complete and len(notes) == 0,
+        message=" ".join([*([curve.message] if curve.message else []), *notes]),
+        cost=Cost(wall, counter.newton, counter.equilibrium, counter.stability),
+    )

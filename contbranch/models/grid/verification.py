@@ -1,0 +1,390 @@
+"""Indices counted from folds, checked by eigenvalues; and the modes along a curve that break a symmetry.
+
+Folds are counted to know how many modes with the symmetry of the tip are unstable (`contbranch.analysis.stability`).
+A fold that was passed over, or one that is none, spoils the count from there on. So eigenvalues are found at the first
+row, at the last, and at one row well inside every piece between two folds. Pieces without a row of their own follow
+from those on both sides of them.
+
+What breaks the symmetry passes through no fold. It can be unstable only where the displacement is not enough to hold a
+state with the symmetry (see `stability`), so that only rows with an index under displacement control are examined,
+every few of them and, where the numbers differ, all in between. Blunt axisymmetric tips cannot become unstable at all
+(see `contbranch.models.axisymmetric.azimuthal`): there the rows that are checked anyway confirm it. Where the
+interaction stiffens everywhere the energy is convex, and nothing is to be examined.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbranch.analysis.stability import Indices
+from contbranch.height_map import HeightMap
+
+from .kept import Image, has_symmetry, lacking
+from .newton import Equilibrium
+from .resolution import Resolution, concavity
+from .setup import Setup
+from .stability import ZERO, Morse, Sector, Spectrum, Stability, as_stability
+from .symmetry import Breaking, Kind, counted, kinds, symmetry_breaking
+from .transforms import EVEN
+
+if TYPE_CHECKING:
+    from .trace import Row
+
+__all__ = ["Verification", "pieces", "verify_curve"]
+
+Integers = NDArray[np.int64]
+
+# Rows from one that is examined for broken symmetry to the next.
+STRIDE = 4
+# Pairs of transforms for all this at most, relative to those of the curve: on a lattice that is too coarse eigenvalues
+# can pass zero with every node that joins the contact.
+SHARE = 1.0
+# In contact no event is better known on a lattice than this, relative to max(1, |value|).
+IN_CONTACT = 1e-4
+# What a mode that lacks the symmetry of a branch is counted as.
+WITHOUT = Kind(("odd", "odd"))
+# Rows of a piece that are examined until one confirms the count.
+TRIES = 3
+# Sectors that show all modes of an axisymmetric tip: (odd, odd) has sin mθ, m even, and (even, odd) sin mθ, m odd.
+ROUND: tuple[Sector, ...] = (EVEN, ("odd", "even"))
+
+
+@dataclass(frozen=True)
+class Verification:
+    """What eigenvalues say of a curve.
+
+    Attributes
+    ----------
+    azimuthal : integer array (M,) or None
+        Number of unstable modes that break a symmetry at every row; None where it was not examined.
+    breakings : tuple of Breaking
+        Symmetry events, with their rows.
+    notes : tuple of str
+        Sentences on what disagrees or is missing.
+    contradicted : bool
+        Whether a counted index is not that of the eigenvalues.
+    """
+
+    azimuthal: Integers | None = None
+    breakings: tuple[Breaking, ...] = ()
+    notes: tuple[str, ...] = ()
+    contradicted: bool = False
+
+
+def pieces(count: int, folds: Sequence[int]) -> list[tuple[int, int]]:
+    """First and last row of the pieces between folds, ends of the curve included."""
+    edges = sorted({0, count - 1, *folds})
+    return list(pairwise(edges))
+
+
+def verify_curve(
+    setup: Setup,
+    rows: Sequence[Row],
+    indices: Indices,
+    folds: Sequence[int],
+    accuracy: float,
+    modes: int = 1,
+    kept: Image | None = None,
+) -> Verification:
+    """Check the counted indices of a curve and find what breaks its symmetry.
+
+    Parameters
+    ----------
+    setup : Setup
+    rows : sequence of Row
+        In the order along the curve.
+    indices : Indices
+        Counted.
+    folds : sequence of int
+        Rows that are folds of load or displacement.
+    accuracy : float
+        Of symmetry events, relative to max(1, |value|).
+    modes : int
+        0: modes that break a symmetry are not examined.
+    kept : callable, optional
+        On the whole lattice, the symmetry that all states have: the image of a field.
+    """
+    if len(rows) < 2:
+        return Verification()
+    examined = bool(modes) and (setup.quarter or kept is not None)
+    if concavity(setup.problem.law) == 0.0:
+        return Verification(np.zeros(len(rows), dtype=np.int64) if examined else None)
+    survey = _Survey(setup, rows, indices, examined, kept)
+    with as_stability(setup.problem):
+        survey.check(folds)
+        if not examined:
+            return Verification(None, (), tuple(survey.notes), survey.contradicted)
+        column = survey.broken(folds)
+        breakings = survey.events(accuracy) if kept is None else []
+    return Verification(column, tuple(breakings), tuple(survey.notes), survey.contradicted)
+
+
+class _Found(NamedTuple):
+    """Fewest and most unstable modes at a row, and dF/dd."""
+
+    row: int
+    least: int
+    most: int
+    slope: float
+
+
+@dataclass
+class _Survey:
+    """Eigenvalues at some rows of a curve."""
+
+    setup: Setup
+    rows: Sequence[Row]
+    indices: Indices
+    breaking: bool
+    kept: Image | None = None
+    notes: list[str] = field(default_factory=list)
+    found: dict[int, Morse] = field(default_factory=dict)
+    kinds: dict[int, Counter[Kind]] = field(default_factory=dict)
+    contradicted: bool = False
+
+    def __post_init__(self) -> None:
+        self.stability = Stability(self.setup.problem)
+        self.before = self.setup.problem.counter.stability
+        self.axisymmetric = self.setup.contact.tip.is_axisymmetric and not isinstance(self.setup.contact.tip, HeightMap)
+
+    def state(self, row: int) -> Equilibrium | None:
+        """The equilibrium of a row, if its fields were kept."""
+        return self.rows[row].state(self.setup.problem)
+
+    @property
+    def spent(self) -> bool:
+        """Whether enough work has been done."""
+        counter = self.setup.problem.counter
+        return counter.stability - self.before > SHARE * counter.equilibrium
+
+    def morse(self, row: int, slope: float | None = None) -> Morse | None:
+        """Unstable modes at a row; the sign of its slope is that of the counted indices, if none is given."""
+        if row in self.found:
+            return self.found[row]
+        state = self.state(row)
+        if state is None:
+            return None
+        if slope is None:
+            slope = -1.0 if self.indices.load[row] > self.indices.displacement[row] else 1.0
+        if self.breaking:
+            sectors = ROUND if self.axisymmetric and self.setup.quarter else None
+            found = self.stability.morse(state, slope, sectors=sectors)
+        else:
+            sector = self.stability.sectors[0]
+            found = Morse({sector: self.stability.spectrum(state, sector)}, slope, swapped=self.stability.swapped)
+        self.found[row] = found
+        return found
+
+    # Modes with the symmetry of the tip
+
+    def check(self, folds: Sequence[int]) -> None:
+        """Compare counted indices and eigenvalues."""
+        wrong: list[_Found] = []
+        corners: list[_Found] = []
+        unknown = 0
+        for places in self._places(folds):
+            tried = [found for found in map(self._examined, places[:1]) if found is not None]
+            unknown += not tried
+            for row in places[1:TRIES] if tried and not self._agrees(tried[0]) else ():
+                found = self._examined(row)
+                tried += [found] if found is not None else []
+                if found is not None and self._agrees(found):
+                    break
+            if tried and not self._agrees(tried[-1]):
+                # Between two corners of the lattice the slope can have another sign than across them.
+                (corners if self._at_a_corner(tried[0]) else wrong).append(tried[0])
+            elif len(tried) > 1:
+                corners.append(tried[0])
+        if wrong:
+            self.contradicted = True
+            self.notes.append(f"{self._disagreement(wrong)}: a fold was missed, or is none.")
+        if corners:
+            self.notes.append(f"{self._disagreement(corners)}: folds of the lattice's own, at single nodes.")
+        if unknown:
+            self.notes.append(f"The indices of {unknown} pieces of the curve were not checked: memory was short.")
+
+    def _places(self, folds: Sequence[int]) -> list[list[int]]:
+        """The rows of every piece in the order in which they are to be examined, and the ends of the curve."""
+        arcs = np.array([row.arc for row in self.rows])
+        places = [[0]]
+        for first, last in pieces(len(self.rows), folds):
+            inner = np.arange(first + 1, last)
+            goals = arcs[first] + np.array([0.5, 0.3, 0.7]) * (arcs[last] - arcs[first])
+            chosen = [int(inner[np.argmin(np.abs(arcs[inner] - goal))]) for goal in goals] if inner.size else []
+            places += [list(dict.fromkeys(chosen))] if chosen else []
+        return [*places, [len(self.rows) - 1]]
+
+    def _examined(self, row: int) -> _Found | None:
+        state = self.state(row)
+        if state is None:
+            return None
+        slope = self.stability.slope(state)
+        morse = self.morse(row, slope)
+        assert morse is not None
+        return _Found(row, *self.symmetric(state, morse), slope)
+
+    def _index_agrees(self, found: _Found) -> bool:
+        return found.least <= int(self.indices.displacement[found.row]) <= found.most
+
+    def _at_a_corner(self, found: _Found) -> bool:
+        """Whether nothing but the slope of the smooth piece disagrees, with contact, and not that of the rows."""
+        reading = self.rows[found.row].reading
+        near = [self.rows[k].reading for k in (max(found.row - 1, 0), min(found.row + 1, len(self.rows) - 1))]
+        rising = (near[1].load - near[0].load) * (near[1].displacement - near[0].displacement) > 0.0
+        return self._index_agrees(found) and reading.contact_radius > 0.0 and rising != self._softens(found.row)
+
+    def _agrees(self, found: _Found) -> bool:
+        return self._index_agrees(found) and self._softens(found.row) == (found.slope < 0.0)
+
+    def symmetric(self, state: Equilibrium, morse: Morse) -> tuple[int, int]:
+        """Fewest and most unstable modes with the symmetry of the tip that the eigenvalues allow."""
+        spectrum = morse.spectra[self.stability.sectors[0]]
+        own = self._own(state, spectrum)
+        error = spectrum.errors + ZERO
+        least = int((own & (spectrum.eigenvalues < -error)).sum())
+        most = int((own & (spectrum.eigenvalues < error)).sum())
+        # On the whole lattice modes with and without the symmetry of a tip are not told from each other.
+        mixed = not self.setup.quarter and self.kept is None and self.setup.contact.tip.mirror_symmetric
+        return (0 if mixed else least), (most if spectrum.complete else most + 1)
+
+    def _own(self, state: Equilibrium, spectrum: Spectrum) -> NDArray[np.bool_]:
+        if self.kept is not None:
+            return has_symmetry(spectrum, self.kept)
+        if spectrum.sector is None or not self.axisymmetric or not spectrum.index:
+            return np.ones(len(spectrum.eigenvalues), dtype=bool)
+        return np.array([kind is None for kind in kinds(self.setup.problem, state, spectrum)], dtype=bool)
+
+    def _disagreement(self, wrong: Sequence[_Found]) -> str:
+        row, least, most, slope = wrong[0]
+        reading = self.rows[row].reading
+        number = f"{least}" if least == most else f"{least} to {most}"
+        others = "" if len(wrong) == 1 else f" (and in {len(wrong) - 1} other pieces of the curve)"
+        return (
+            f"At load {reading.load:.6g}, displacement {reading.displacement:.6g}{others} eigenvalues find {number} "
+            f"unstable modes under displacement control and a slope dF/dd of {slope:.3g}, while the folds say "
+            f"{self.indices.displacement[row]} and a {'negative' if self._softens(row) else 'positive'} slope"
+        )
+
+    def _softens(self, row: int) -> bool:
+        return bool(self.indices.load[row] > self.indices.displacement[row])
+
+    # Modes that break the symmetry
+
+    def broken(self, folds: Sequence[int]) -> Integers:
+        """Number of unstable modes without the symmetry of the tip at every row."""
+        column = np.zeros(len(self.rows), dtype=np.int64)
+        suspected = self.indices.displacement > (0 if self.kept is None else -1)
+        for first, last in pieces(len(self.rows), folds):
+            known = [row for row in self.found if first <= row <= last]
+            if any(self.counts(row).total() for row in known):
+                suspected[first : last + 1] = True
+        if self.kept is None and self._blunt() and not any(self.counts(row).total() for row in self.found):
+            return column
+        unknown = 0
+        for first, last in _runs(suspected):
+            places = sorted({*range(first, last + 1, STRIDE), last} | {r for r in self.found if first <= r <= last})
+            places = [row for row in places if self.morse(row) is not None]
+            unknown += not places
+            for one, other in pairwise(places):
+                self._between(one, other)
+        all_known = np.array(sorted(self.found))
+        for row in np.flatnonzero(suspected):
+            # Rows that were not examined lie between two that agree.
+            nearest = int(all_known[np.argmin(np.abs(all_known - row))])
+            column[row] = self.number(nearest)
+        if unknown:
+            self.notes.append("What breaks the symmetry was not examined everywhere: memory was short.")
+        return column
+
+    def _between(self, one: int, other: int) -> None:
+        """Examine rows between two that differ, until neighbours are known."""
+        if other - one < 2 or self.counts(one) == self.counts(other) or self.spent:
+            return
+        middle = (one + other) // 2
+        if self.morse(middle) is not None:
+            self._between(one, middle)
+            self._between(middle, other)
+
+    def counts(self, row: int) -> Counter[Kind]:
+        """Unstable modes of every kind that breaks the symmetry of the tip."""
+        if row not in self.kinds and self.kept is not None:
+            number = lacking(self.found[row].spectra[None], self.kept, self.axisymmetric)
+            self.kinds[row] = Counter({WITHOUT: number})
+        elif row not in self.kinds:
+            morse = self.found[row]
+            state = self.state(row) if morse.displacement else None
+            self.kinds[row] = Counter() if state is None else counted(self.setup.problem, state, self._odd(morse))
+        return self.kinds[row]
+
+    def number(self, row: int) -> int:
+        """Their number, those of an axisymmetric tip that differ by a turn as one."""
+        return self.counts(row).total()
+
+    def _odd(self, morse: Morse) -> Morse:
+        """Without the sector whose modes have all symmetries of a tip that is not axisymmetric."""
+        if self.axisymmetric:
+            return morse
+        spectra: dict[Sector | None, Spectrum] = {s: one for s, one in morse.spectra.items() if s != EVEN}
+        return replace(morse, spectra=spectra)
+
+    def _blunt(self) -> bool:
+        """Whether the shape of an axisymmetric tip forbids that it breaks the symmetry: ζ'(t)/t does not increase."""
+        tip = self.setup.contact.tip.axisymmetric
+        if tip is None or self.setup.kind != "free":
+            return False
+        t = np.linspace(0.0, 1.0, 201)[1:] * min(self.setup.edge, tip.extent)
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            ratio = np.asarray(tip.transform_derivative(t)) / t
+        return bool((np.diff(ratio) <= 1e-12 * np.abs(ratio[1:])).all())
+
+    def events(self, accuracy: float) -> list[Breaking]:
+        """Symmetry events between neighbouring rows whose numbers differ."""
+        problem = self.setup.problem
+        events: list[Breaking] = []
+        missed = 0
+        for row in range(len(self.rows) - 1):
+            if row not in self.found and row + 1 not in self.found:
+                continue
+            ends = [self.state(row), self.state(row + 1)]
+            counts = [self.counts(k) if k in self.found else Counter() for k in (row, row + 1)]
+            known = [k in self.found for k in (row, row + 1)]
+            if ends[0] is None or ends[1] is None or not self._changes(row, counts, known):
+                continue
+            if self.spent:
+                missed += 1
+                continue
+            pair = [self._odd(self.found[k]) if k in self.found else Morse({}, 1.0) for k in (row, row + 1)]
+            touching = bool(ends[0].contact.any() or ends[1].contact.any())
+            wanted = max(accuracy, IN_CONTACT) if touching else accuracy
+            located, lost = symmetry_breaking(problem, [ends[0], ends[1]], pair, wanted, self.stability)
+            events += [replace(event, row=row) for event in located]
+            missed += len(lost)
+        if missed:
+            self.notes.append(f"{missed} symmetry events could not be located.")
+        return events
+
+    def _changes(self, row: int, counts: Sequence[Counter[Kind]], known: Sequence[bool]) -> bool:
+        """Whether the numbers change from a row to the next; rows not examined are stable or like their neighbours."""
+        if not all(known):
+            there = row + 1 if known[0] else row
+            inside = self.indices.displacement[there] > 0
+            return not inside and counts[0] != counts[1]
+        return counts[0] != counts[1]
+
+
+def too_coarse(setup: Setup) -> bool:
+    """Whether the lattice's own folds may be what eigenvalues and folds disagree on; the diagram says so then."""
+    return Resolution.of(setup.lattice, setup.problem.law).ratio > 1.0
+
+
+def _runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """First and last index of every run of true values."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(np.int64), [0]])))
+    return [(int(first), int(last) - 1) for first, last in zip(edges[::2], edges[1::2], strict=True)]
