@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +20,11 @@ class Comparison:
     """By how much the observables of a state change when the lattice is coarsened once.
 
     If errors fall at least in proportion to the spacing, this is at least the error on the finer of the two.
+
+    Attributes
+    ----------
+    potential : float
+        Of V - F d at the same load: the change of V less that which goes with the changes along a curve, F dd.
     """
 
     load: float
@@ -26,6 +32,7 @@ class Comparison:
     contact_radius: float
     central_gap: float
     energy: float
+    potential: float = math.inf
 
     @property
     def four(self) -> tuple[float, float, float, float]:
@@ -70,4 +77,5 @@ def _difference(setup: Setup, state: Equilibrium, hold: Hold, settings: Settings
         return None
     one, other = read(setup, state), read(coarse, found)
     values = [abs(a - b) for a, b in zip((*one.four, one.energy), (*other.four, other.energy), strict=True)]
-    return Comparison(*values)
+    along = 0.5 * (one.load + other.load) * (one.displacement - other.displacement)
+    return Comparison(*values, potential=abs(one.energy - other.energy - along))
