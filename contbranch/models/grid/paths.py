@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import pairwise
 
 import numpy as np
@@ -33,6 +33,8 @@ Integers = NDArray[np.int64]
 # Two states are one if no gap differs by more than this part of the law's range: relaxations and Newton's method stop
 # at different residuals, and soft states are far apart for the same one.
 SAME = 0.02
+# A relaxation that has come no farther than this part of the range has not left the fold; starts that are tried then.
+LEFT, PUSHES = 0.3, 4
 # Nodes from which on a path is drawn through the rows alone: they lie close, and every further state costs transforms.
 FINE = 128**2
 # An excess of pressure that may be neglected.
@@ -201,31 +203,41 @@ class GridWalk:
         """Which of several stable states overdamped relaxation from a fold reaches, by following the relaxation.
 
         It starts at the fold's value from the state on the curve a little beyond the fold, where the curve goes on as
-        the saddle that has just merged with the stable state: at the fold's value that side is downhill. Where the
-        relaxation comes to rest in a state that is not on the curve, none is reached, and `astray` says so.
+        the saddle that has just merged with the stable state: at the fold's value that side is downhill. Where it has
+        not left the fold (the lattice's own barriers are next to it), it starts farther along. Where the relaxation
+        comes to rest in a state that is not on the curve, none is reached, and `astray` says so.
         """
         assert fold.row is not None
-        onward = fold.row + (1 if fold.row > 0 and self.unstable[fold.row - 1] == 0 else -1)
-        beyond = state_at(self.problem, self.traced.rows[onward])
+        onward = 1 if fold.row > 0 and self.unstable[fold.row - 1] == 0 else -1
         value = self._control.value(fold.state.load, fold.state.displacement)
-        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            end = land(self.problem, beyond.u, beyond.load, self._hold(value), self.settings.tolerance)
-        if not end.converged:
-            if not candidates:
-                return None
-            following, certain = next_along(self, fold, candidates)
-            if not certain:
-                self.notes.append((fold, following))
-            return following
+        end = None
+        for push in range(1, PUSHES + 1):
+            row = fold.row + push * onward
+            if not 0 <= row < len(self.traced.rows) or (push > 1 and self.unstable[min(row, row - onward)] == 0):
+                break
+            beyond = state_at(self.problem, self.traced.rows[row])
+            with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+                end = land(self.problem, beyond.u, beyond.load, self._hold(value), self.settings.tolerance)
+            if not end.converged:
+                continue
+            nearest = min(candidates, key=partial(self._apart, end), default=None)
+            if nearest is not None and self._apart(end, nearest) <= SAME:
+                return nearest
+            if self._apart(end, fold) > LEFT:
+                break
+        if end is not None and end.converged:
+            self.astray.append((fold, _state(read(self.setup, end), 0, 0)))
+            return None
+        if not candidates:
+            return None
+        following, certain = next_along(self, fold, candidates)
+        if not certain:
+            self.notes.append((fold, following))
+        return following
 
-        def apart(stop: Stop) -> float:
-            return float(np.abs(stop.place.u - end.u).max()) / self.setup.length
-
-        nearest = min(candidates, key=apart, default=None)
-        if nearest is not None and apart(nearest) <= SAME:
-            return nearest
-        self.astray.append((fold, _state(read(self.setup, end), 0, 0)))
-        return None
+    def _apart(self, state: Equilibrium, stop: Stop) -> float:
+        """Largest difference between two states' gaps, relative to the law's range."""
+        return float(np.abs(stop.place.u - state.u).max()) / self.setup.length
 
     def work(self, begin: Stop, end: Stop) -> float:
         """∫ F dd along the curve from one stop to another, by quadrature of parabolas through states on it."""
@@ -271,7 +283,8 @@ class GridWalk:
             value = self._control.value(stop.state.load, stop.state.displacement)
             coarse = self.setup.on(self.setup.grid // 2).problem
             found = held(self.setup, stop.place, _held_on(coarse, self._control, value), self.settings)
-            return math.inf if found is None else found.potential
+            # out there, where rounding may be all that is left, energies are no larger than their errors
+            return abs(stop.state.energy) if found is None else found.potential
         row = stop.piece if stop.row is None else stop.row
         potentials = []
         for other in (row - 1, row + 1):

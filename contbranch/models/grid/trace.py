@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Literal
 
@@ -41,6 +41,8 @@ KEPT_BYTES = 600e6
 SPACING = 6
 # Folds that are looked for on a finer lattice, and the largest array on which they are.
 MOST_REFINED, LARGEST_REFINED = 12, 1024
+# Distance by which predictions may miss where much happens on short parts of the curve.
+CLOSE = 3e-3
 # A fold that moves by less, relative to max(1, |value|), is said to stay.
 STAYS = 1e-3
 
@@ -105,6 +107,11 @@ class _Tracer:
         tolerance = min(max(self.accuracy, 1e-10), 1e-6)
         period = self.setup.lattice.spacing / self.setup.length
         self.options = WalkOptions(tolerance=tolerance, period=period, noise=max(1e-3, 0.05 * period))
+        fine = Resolution.of(self.setup.lattice, self.setup.contact.interaction).ratio <= 1.0
+        if self.setup.crowded and fine:
+            # Contacts of single asperities are small parts of the surface: what happens to one of them is a short part
+            # of the curve, over which a step that moves all contacts by a node would leap.
+            self.options = replace(self.options, hops=False, noise=CLOSE)
         self.settings = Settings(tolerance=tolerance)
         self.history = 5 if self.setup.lattice.size > 1024 else 12
 
