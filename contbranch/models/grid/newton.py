@@ -174,7 +174,8 @@ class Linearised:
         if hold.row is not None:
             # Row and column are scaled to the size of the field's entries.
             row, column = (hold.row * self.mask).ravel(), self.mask.ravel() / problem.lattice.area
-            self.column_scale = 1.0 / float(np.linalg.norm(column))
+            # all nodes may be in contact in a trial state
+            self.column_scale = 1.0 / (float(np.linalg.norm(column)) or 1.0)
             norm = max(float(np.linalg.norm(row)), 1e-6 * abs(hold.load_weight) * self.column_scale) or 1.0
             self.row_scale = 1.0 / norm
             self.row, self.column = row * self.row_scale, column * self.column_scale
@@ -317,7 +318,7 @@ def _newton_step(
 def _forcing(residual: float, steady: bool, settings: Settings) -> float:
     """Inner tolerance: no tighter than a step can use while the contact set changes, nor than is asked for at last."""
     wanted = min(settings.forcing, 0.3 * math.sqrt(residual)) if steady else settings.forcing
-    return min(max(wanted, 0.3 * settings.tolerance / residual), settings.forcing)
+    return min(max(wanted, 0.3 * settings.tolerance / max(residual, settings.tolerance)), settings.forcing)
 
 
 def _rms(values: Array) -> float:

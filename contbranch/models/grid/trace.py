@@ -51,6 +51,8 @@ SPACING = 6
 MOST_REFINED, LARGEST_REFINED = 12, 1024
 # Least error of an event, relative to max(1, |value|).
 FLOOR = 2e-8
+# Distance by which predictions may miss where much happens on short parts of the curve.
+CLOSE = 3e-3
 # A fold that moves by less, relative to max(1, |value|), is said to stay.
 STAYS = 1e-3
 
@@ -123,6 +125,11 @@ class _Tracer:
         period = self.setup.lattice.spacing / self.setup.length
         self.options = WalkOptions(tolerance=tolerance, period=period, noise=max(1e-3, 0.05 * period))
         self.settings = Settings(tolerance=tolerance, steps=20, inner=100, growth=30.0, patience=5)
+        fine = Resolution.of(self.setup.lattice, self.setup.law).ratio <= 1.0
+        if self.setup.crowded and fine:
+            # Contacts of single asperities are small parts of the surface: what happens to one of them is a short part
+            # of the curve, over which a step that moves all contacts by a node would leap.
+            self.options = replace(self.options, hops=False, noise=CLOSE)
         self.history = 5 if self.setup.lattice.size > 1024 else 12
 
     # The walk
