@@ -239,7 +239,13 @@ class _Tracer:
             self._touch(list(points))
 
     def _fold(self, points: list[Point], control: Control, maximum: bool) -> None:
-        found = locate_fold(self.problem, points[-4:], control, self.settings)
+        value = [control.value(point.load, point.displacement) for point in points[-3:]]
+        height = max(abs(value[0] - value[1]), abs(value[2] - value[1]))
+        found = (
+            None
+            if height < self._indifferent(control)
+            else locate_fold(self.problem, points[-4:], control, self.settings)
+        )
         if found is None:  # the middle one is close
             found = points[-2].state
         mark = Mark("fold", control, maximum)
@@ -249,6 +255,17 @@ class _Tracer:
         if self.verdicts:
             mark.around = points[-3].state.slim(), found.slim(), points[-1].state.slim()
         self._add(Point(min(arc, points[-1].arc), found), mark)
+
+    def _indifferent(self, control: Control) -> float:
+        """Height over the points around it below which a fold in contact need not be located.
+
+        That is far below the lattice's error; where a lattice has many folds of its own, its error.
+        """
+        if not self.comparisons or not self.comparisons[-1][1].contact_radius:
+            return 0.0
+        last = self.comparisons[-1][1]
+        many = sum(row.mark is not None and row.mark.kind == "fold" for row in self.rows) > MOST_REFINED
+        return (1.0 if many else 0.1) * abs(control.value(last.load, last.displacement))
 
     def _touch(self, points: list[Point]) -> None:
         gap = partial(clearance, self.setup)
