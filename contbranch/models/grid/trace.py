@@ -124,7 +124,7 @@ class _Tracer:
         tolerance = min(max(self.accuracy, 1e-10), 1e-6)
         period = self.setup.lattice.spacing / self.setup.length
         self.options = WalkOptions(tolerance=tolerance, period=period, noise=max(1e-3, 0.05 * period))
-        self.settings = Settings(tolerance=tolerance, steps=20, inner=100, growth=30.0, patience=5)
+        self.settings = Settings(tolerance=tolerance, steps=15, inner=80, growth=30.0, patience=4)
         fine = Resolution.of(self.setup.lattice, self.setup.law).ratio <= 1.0
         if self.setup.crowded and fine:
             # Contacts of single asperities are small parts of the surface: what happens to one of them is a short part
