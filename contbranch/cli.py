@@ -9,9 +9,10 @@ from __future__ import annotations
 import json
 import os
 import sys
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final, TextIO
 
 import typer
 
@@ -204,7 +205,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = list(sys.argv[1:] if arguments is None else arguments)
     command = typer.main.get_command(app)
     try:
-        status = command.main(args=given, prog_name="contbranch", standalone_mode=False)
+        with warnings.catch_warnings():
+            warnings.showwarning = _show_warning
+            status = command.main(args=given, prog_name="contbranch", standalone_mode=False)
         sys.stdout.flush()
         if status == INTERRUPTED:  # what typer makes of an interrupt
             raise KeyboardInterrupt
@@ -223,6 +226,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
             raise
         return _fail(_usage(error, given), WRONG_INPUT)
     return status if isinstance(status, int) else COMPLETE
+
+
+def _show_warning(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
+) -> None:
+    """Print a warning about a grid as one line on standard error; others with their kind."""
+    kind = "" if category.__name__ == "GridWarning" else f"{category.__name__}: "
+    print(f"contbranch: warning: {kind}{' '.join(str(message).split())}", file=sys.stderr)
 
 
 def _fail(message: str, status: int) -> int:

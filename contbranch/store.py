@@ -157,8 +157,9 @@ def _point(state: State) -> Branch:
     columns: dict[str, Any] = {name: np.array([getattr(state, name)]) for name in (*OBSERVABLES, "energy", *_INDICES)}
     columns |= {f"{name}_error": np.array([state.error.get(name, np.nan)]) for name in ("load", "displacement")}
     for name in _OPTIONAL:
-        if getattr(state, name) is not None:
-            columns[name] = np.array([getattr(state, name)])
+        value = getattr(state, name, None)  # what only curves have is not kept
+        if value is not None:
+            columns[name] = np.array([value])
     return Branch(**columns, profiles=() if state.profile is None else (state.profile,))
 
 

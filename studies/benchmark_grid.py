@@ -259,7 +259,7 @@ def own_cost(grid: int, case: Case) -> OwnCost:
     import contbranch as cb
 
     contact = cb.Contact.reduced(case.law, tabor=case.tabor, sign=case.sign)
-    model = cb.Periodic(cell=case.cell, grid=grid)  # type: ignore[attr-defined]
+    model = cb.Periodic(cell=case.cell, grid=grid)
     cold = cb.solve(contact, load=case.load, model=model)
     warm = cb.solve(contact, load=1.01 * case.load, model=model, near=cold)
     return OwnCost(grid, cold.cost.fft_pairs, cold.cost.wall_s, warm.cost.fft_pairs, warm.cost.wall_s)

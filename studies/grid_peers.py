@@ -263,7 +263,7 @@ class Own(GridSolver):
     @staticmethod
     def gap(solution: Any, case: Case) -> Array:
         """The gap on all nodes."""
-        return np.asarray(solution.profile.gap, dtype=np.float64).reshape(case.grid, case.grid)
+        return np.asarray(solution.cell.gap, dtype=np.float64)
 
 
 class Tamaas(GridSolver):

@@ -60,7 +60,7 @@ def choose(contact: Contact, model: str | Model = "auto") -> tuple[Model, str]:
 
 
 def _scaled(model: Model, contact: Contact) -> Model:
-    return model.scaled(contact.scales.in_plane) if isinstance(model, Periodic | FreeSpace) else model
+    return model.scaled(contact) if isinstance(model, Periodic | FreeSpace) else model
 
 
 def _grid_for(contact: Contact) -> tuple[Periodic | FreeSpace, str]:

@@ -30,7 +30,7 @@ from contbranch.errors import InputError
 
 from .threads import one_thread
 
-__all__ = ["RawCurve", "RawEvent", "assemble", "state_in_units"]
+__all__ = ["RawCurve", "RawEvent", "assemble", "state_in_reduced", "state_in_units"]
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -61,7 +61,7 @@ class RawEvent:
     exponent, local_exponent : callable
         Deferred, since they cost further solutions.
     verdict : str or None
-        Of a fold on a grid: ``"stays"``, ``"moves"`` or ``"vanishes"`` when the grid is refined.
+        Of a fold on a grid, see `Event`.
     """
 
     kind: str
@@ -193,7 +193,7 @@ def _names(contact: Contact, events: Sequence[RawEvent]) -> list[str | None]:
     names = []
     for raw in events:
         name = raw.name
-        artefact = raw.verdict == "vanishes"
+        artefact = raw.verdict in ("vanishes", "unresolved")
         if raw.kind == "fold" and name is None and min(raw.before, raw.after) == 0 and not artefact:
             name = fold_name(contact.interaction, raw.control, raw.values[0], raw.maximum)
         names.append(name)
@@ -310,4 +310,32 @@ def state_in_units(contact: Contact, state: State) -> State:
         state.unstable_azimuthal,
         None if state.mean_gap is None else state.mean_gap * scaling.normal,
         None if state.in_cell is None else lambda: scaling.cell(state.cell),
+    )
+
+
+def state_in_reduced(contact: Contact, state: State) -> State:
+    """Load, displacement and fields on a cell of a state of a contact, in reduced units; a start for a grid model."""
+    scales = contact.scales
+    source = state.in_cell
+
+    def cell() -> CellFields:
+        own = state.cell
+        return CellFields(
+            own.x / scales.in_plane,
+            own.y / scales.in_plane,
+            own.gap / scales.normal,
+            own.pressure / scales.pressure,
+            own.wall_pressure / scales.pressure,
+        )
+
+    return State(
+        load=state.load / scales.load,
+        displacement=state.displacement / scales.normal,
+        contact_radius=state.contact_radius / scales.in_plane,
+        central_gap=state.central_gap / scales.normal,
+        energy=state.energy / scales.energy,
+        unstable_load=state.unstable_load,
+        unstable_displacement=state.unstable_displacement,
+        residual=state.residual,
+        in_cell=None if source is None else cell,
     )

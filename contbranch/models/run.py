@@ -17,7 +17,7 @@ from .choice import Model, choose
 from .exact import Exact
 from .exact_outcome import exact_outcome, exact_state
 from .grid import FreeSpace, Periodic
-from .outcome import RawCurve, assemble, state_in_units
+from .outcome import RawCurve, assemble, state_in_reduced, state_in_units
 from .threads import one_thread
 
 __all__ = ["check", "solve", "trace"]
@@ -105,7 +105,7 @@ def solve(
     Parameters
     ----------
     near : State, optional
-        A state whose nearest relative is wanted instead of the lowest.
+        A state whose nearest relative is wanted instead of the lowest. On a grid a state of the same grid is the start.
     control : {"load", "displacement"} or Spring, optional
         Whose stability counts; by default that of the quantity given (load for a contact radius).
     accuracy : float
@@ -138,6 +138,9 @@ def solve(
         if field != "load" or value / unit >= lowest:
             exact = curve.solve(**{field: value / unit})
             found = [exact_state(curve, state, reduced.spring_stiffness) for state in exact]
+    elif isinstance(chosen, Periodic | FreeSpace):
+        start = None if near is None else state_in_reduced(contact, near)
+        found, raw = chosen.solve(contact.to_reduced(), field, value / unit, accuracy, progress, reduced, start)
     else:
         found, raw = chosen.solve(contact.to_reduced(), field, value / unit, accuracy, progress, reduced)
     if not found:

@@ -1,17 +1,18 @@
-"""What the lattice adds to a state: a comparison with the lattice that has half the nodes a side."""
+"""What the lattice adds to a state: a comparison with the lattice that has half, or twice, the nodes a side."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from .newton import Equilibrium, Hold, Settings, newton
+from .observables import weights
 from .reading import read
-from .setup import Setup, coarsened
+from .setup import Setup, coarsened, refined
 from .walk import Direction, Measure
 
-__all__ = ["Comparison", "compared", "held"]
+__all__ = ["Comparison", "compared", "held", "touched"]
 
 
 @dataclass(frozen=True)
@@ -59,6 +60,32 @@ def held(setup: Setup, state: Equilibrium, hold: Hold, settings: Settings) -> Co
     return None if setup.grid % 4 or setup.grid < 16 else _difference(setup, state, hold, settings)
 
 
+def touched(setup: Setup, touch: Equilibrium, settings: Settings, finer: bool) -> Comparison | None:
+    """Compare first touch with another lattice's: the state there whose gap at the apex is zero, without the wall.
+
+    Parameters
+    ----------
+    setup : Setup
+    touch : Equilibrium
+        The state without contact whose gap at the apex is zero; None is returned for a tip without an apex.
+    finer : bool
+        Compare with the lattice that has twice the nodes a side, not with the one that has half of them.
+    """
+    if setup.crowded or (not finer and (setup.grid % 4 or setup.grid < 16)):
+        return None
+    other = setup.on(2 * setup.grid if finer else setup.grid // 2)
+    start = refined(touch.u, setup.lattice) if finer else coarsened(touch.u)
+    apex = weights(other.lattice, 0.0)
+    hold = Hold(0.0, 0.0, np.outer(apex, apex))
+    without_wall = replace(settings, wall=False, tolerance=min(settings.tolerance, 1e-8))
+    found = newton(other.problem, start, touch.load, hold, None, without_wall)
+    if not found.converged:
+        return None
+    energies = [each.problem.total_energy(state.fields) for each, state in ((setup, touch), (other, found))]
+    load, displacement = abs(found.load - touch.load), abs(found.displacement - touch.displacement)
+    return Comparison(load, displacement, 0.0, 0.0, abs(energies[0] - energies[1]))
+
+
 def _difference(setup: Setup, state: Equilibrium, hold: Hold, settings: Settings) -> Comparison | None:
     coarse = setup.on(setup.grid // 2)
     problem = coarse.problem
@@ -68,6 +95,6 @@ def _difference(setup: Setup, state: Equilibrium, hold: Hold, settings: Settings
     found = newton(problem, np.where(contact, -problem.heights, u), state.load, hold, contact, settings)
     if not found.converged:
         return None
-    one, other = read(setup, state), read(coarse, found)
+    one, other = read(setup, state, cell=False), read(coarse, found, cell=False)
     values = [abs(a - b) for a, b in zip((*one.four, one.energy), (*other.four, other.energy), strict=True)]
     return Comparison(*values)

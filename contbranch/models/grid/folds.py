@@ -16,12 +16,12 @@ from scipy.optimize import brentq, minimize_scalar
 
 from contbranch.control import Control
 
-from .newton import Equilibrium, Settings, newton
+from .newton import Equilibrium, Hold, Settings, hold_control, newton
 from .problem import GridProblem
-from .setup import Setup, refined, refined_mask
+from .setup import Setup, coarsened, refined, refined_mask
 from .walk import Direction, Measure, Point, between
 
-__all__ = ["Refined", "locate_fold", "locate_touch", "refine_fold"]
+__all__ = ["Refined", "coarser_touch", "locate_fold", "locate_touch", "refine_fold", "touches"]
 
 Array = NDArray[np.float64]
 
@@ -39,10 +39,13 @@ class Refined:
     verdict : {"found", "vanished", "unknown"}
     state : Equilibrium or None
         The fold there.
+    moved : float
+        By how much it has moved along the curve, in arclength.
     """
 
     verdict: Literal["found", "vanished", "unknown"]
     state: Equilibrium | None = None
+    moved: float = 0.0
 
 
 class _Track:
@@ -143,7 +146,9 @@ def refine_fold(
     for _ in range(5):
         if height(centre) >= max(height(left), height(right)):
             found = track.extremum(control, sign, track.progress(left), track.progress(right))
-            return Refined("unknown") if found is None else Refined("found", found)
+            if found is None:
+                return Refined("unknown")
+            return Refined("found", found, measure.norm(found.u - first.u, found.load - first.load))
         width = track.progress(right) - track.progress(left)
         outwards = 1.0 if height(right) > height(left) else -1.0
         edge = right if outwards > 0 else left
@@ -154,6 +159,70 @@ def refine_fold(
     return Refined("vanished")
 
 
+def coarser_touch(
+    setup: Setup, points: list[Point], clearance: Callable[[Setup, Equilibrium], float], settings: Settings
+) -> Equilibrium | None:
+    """First touch on the lattice with half the nodes a side, from the points around it on this one; None without.
+
+    Parameters
+    ----------
+    points : list of Point
+        Without contact, the last two around the touch.
+    """
+    if setup.grid % 4 or setup.grid < 16:
+        return None
+    coarse = setup.on(setup.grid // 2)
+    bare = replace(settings, wall=False)
+    known = []
+    for point in points:
+        u = coarsened(point.state.u, setup.centred)
+        hold = hold_control(coarse.problem, 0.0, 1.0, point.displacement)
+        found = newton(coarse.problem, u, point.load, hold, None, bare)
+        if not found.converged:
+            # Next to a fold of the displacement the load does.
+            found = newton(coarse.problem, u, point.load, Hold(point.load), None, bare)
+        if found.converged:
+            known.append(Point(point.arc, found))
+    if len(known) < 2:
+        return None
+    ends = known[-2].state, known[-1].state
+    direction = Direction.along(Measure.at(ends[0], setup.length), ends[1].u - ends[0].u, ends[1].load - ends[0].load)
+    track = _Track(coarse.problem, known, direction, bare)
+    low, high = track.progress(ends[0]), track.progress(ends[1])
+    for _ in range(4):
+        found_low, found_high = track.at(low), track.at(high)
+        if found_low is None or found_high is None:
+            return None
+        if clearance(coarse, found_low) * clearance(coarse, found_high) <= 0.0:
+            return _root(track, lambda state: clearance(coarse, state), low, high)
+        low, high = low - (high - low), high + (high - low)
+    return None
+
+
+def _root(track: _Track, function: Callable[[Equilibrium], float], low: float, high: float) -> Equilibrium | None:
+    """The state on a track where a function of the state is zero."""
+    states: dict[float, Equilibrium] = {}
+
+    def value(progress: float) -> float:
+        state = track.at(progress)
+        if state is None:
+            raise ValueError("no state without contact")
+        states[progress] = state
+        return function(state)
+
+    try:
+        root = float(brentq(value, low, high, xtol=1e-9 * (high - low)))
+        value(root)
+    except ValueError:
+        return None
+    return states[root]
+
+
+def touches(state: Equilibrium, clearance: Callable[[Equilibrium], float]) -> bool:
+    """Whether nodes are in contact, or the gap has closed between them."""
+    return bool(state.contact.any()) or clearance(state) <= 0.0
+
+
 def locate_touch(
     problem: GridProblem, points: list[Point], clearance: Callable[[Equilibrium], float], settings: Settings
 ) -> Equilibrium | None:
@@ -162,35 +231,20 @@ def locate_touch(
     Parameters
     ----------
     points : list of Point
-        The last is the first with contact (or the last with it, if the contact is lost); those before it without.
+        The last is the first that touches (or the last that does, if the contact is lost); those before it do not.
     clearance : callable
         Of a state without contact: the gap that closes.
     """
-    free = [point for point in points if not point.state.contact.any()][-3:]
-    closed = next((point for point in reversed(points) if point.state.contact.any()), None)
+    touching = [touches(point.state, clearance) for point in points]
+    free = [point for point, closed in zip(points, touching, strict=True) if not closed][-3:]
+    closed = next((point for point, closed in zip(points[::-1], touching[::-1], strict=True) if closed), None)
     if len(free) < 2 or closed is None:
         return None
     ends = free[-1].state, closed.state
     direction = Direction.along(Measure.at(ends[0], 1.0), ends[1].u - ends[0].u, ends[1].load - ends[0].load)
     track = _Track(problem, free, direction, replace(settings, wall=False, tolerance=min(settings.tolerance, 1e-8)))
     low, high = track.progress(ends[0]), track.progress(ends[1])
-    states: dict[float, Equilibrium] = {low: ends[0]}
-
-    def gap(value: float) -> float:
-        if value not in states:
-            state = track.at(value)
-            if state is None:
-                raise ValueError("no state without contact")
-            states[value] = state
-        return clearance(states[value])
-
-    try:
-        if gap(low) <= 0.0:
-            return ends[0]
-        if gap(high) > 0.0:
-            return None
-        root = float(brentq(gap, low, high, xtol=1e-9 * (high - low)))
-        gap(root)
-    except ValueError:
+    beyond = track.at(high)
+    if beyond is None or clearance(beyond) > 0.0:
         return None
-    return states[root]
+    return _root(track, clearance, low, high)

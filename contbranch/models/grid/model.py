@@ -1,9 +1,9 @@
-"""The grid models: a periodic cell, and a cell in free space, for any tip and every law with a continuous pressure."""
+"""The grid models: a periodic cell, and a cell in free space, for any tip and every law."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import ClassVar, Self
 
 from contbranch.contact import Contact
@@ -12,13 +12,12 @@ from contbranch.diagram import State
 from contbranch.errors import InputError
 from contbranch.grid_size import grid_points
 from contbranch.height_map import HeightMap
-from contbranch.interactions import MaugisDugdale
 from contbranch.models.outcome import RawCurve
 from contbranch.units import positive_number
 
 from .branches import with_branches
 from .lattice import Kind
-from .setup import Setup
+from .setup import REDUCED_VALUES, Setup, UnitValues
 from .size import chosen_size
 from .solve import find_all, solve_all
 from .trace import trace
@@ -44,6 +43,8 @@ class _Cell:
         Of the transforms.
     branches : bool
         Whether a trace follows the branches of less symmetry that leave the curve, too, on the whole lattice.
+    units : UnitValues
+        Set where the model is used: what reduced units are worth, for messages.
 
     Raises
     ------
@@ -57,6 +58,7 @@ class _Cell:
     grid: int | None = None
     threads: int = 1
     branches: bool = False
+    units: UnitValues = field(default=REDUCED_VALUES, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         if self.cell is not None:
@@ -66,18 +68,14 @@ class _Cell:
         if isinstance(self.threads, bool) or not isinstance(self.threads, int) or self.threads < 1:
             raise InputError(f"threads: {self.threads!r}; must be a whole number, 1 at least")
 
-    def scaled(self, in_plane: float) -> Self:
-        """Return the model with its cell in a unit worth `in_plane` of the present one."""
-        return self if self.cell is None else replace(self, cell=self.cell / in_plane)
+    def scaled(self, contact: Contact) -> Self:
+        """Return the model with its cell in the reduced units of a contact."""
+        scales = contact.scales
+        units = UnitValues(scales.in_plane, scales.normal, scales.load)
+        return replace(self, cell=None if self.cell is None else self.cell / scales.in_plane, units=units)
 
     def obstacle(self, contact: Contact) -> str | None:
         """Return why the model does not represent a contact, as the end of a sentence, or None if it does."""
-        law = contact.interaction
-        if any(isinstance(term, MaugisDugdale) for term in (law.terms if law is not None else ())):
-            return (
-                "the pressure of the maugis-dugdale law jumps at the end of its range, which nodes cannot represent; use "
-                "a law with a continuous pressure, or for an axisymmetric tip leave the model out"
-            )
         return None
 
     def setup(self, contact: Contact, field: str | None, value: float | None, accuracy: float) -> Setup:
@@ -89,7 +87,7 @@ class _Cell:
             grid = (tip.points if tip.points % 2 == 0 else 2 * tip.points) if grid is None else grid
         if cell is None or grid is None:
             cell, grid = chosen_size(contact, self.name, cell, grid, field, value, accuracy)
-        return Setup(contact, self.name, cell, grid, threads=self.threads)
+        return Setup(contact, self.name, cell, grid, threads=self.threads, units=self.units)
 
     def trace(
         self,
@@ -113,9 +111,14 @@ class _Cell:
         accuracy: float,
         progress: Progress | None = None,
         control: Control = LOAD,
+        near: State | None = None,
     ) -> tuple[list[State], RawCurve]:
-        """Equilibria of a reduced contact with a given load or displacement, one for every start that leads to one."""
-        found = solve_all(self.setup(contact, field, value, accuracy), field, value, accuracy, progress, control)
+        """Equilibria of a reduced contact with a given load or displacement, one for every start that leads to one.
+
+        Where `near` has the fields of this lattice, it is the start.
+        """
+        setup = self.setup(contact, field, value, accuracy)
+        found = solve_all(setup, field, value, accuracy, progress, control, near)
         return list(found.states), found.curve
 
     def find_all(

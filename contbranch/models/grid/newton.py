@@ -14,7 +14,7 @@ restricted to I as preconditioner: indefinite on unstable branches, and not symm
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -137,6 +137,11 @@ class Equilibrium:
     first: float = 0.0
     reason: str = ""
 
+    def slim(self) -> Equilibrium:
+        """The state with its u, load and contact only; other fields are not to be used."""
+        u = self.fields.u
+        return replace(self, fields=Fields(u, self.fields.load, u, u, u, u, u))
+
     @property
     def load(self) -> float:
         """F."""
@@ -234,7 +239,7 @@ def newton(
     steady, waited, step = False, 0, 0
     while True:
         held = hold.excess(trial.fields.u, trial.fields.load)
-        done = trial.residual <= settings.tolerance and abs(held) <= hold.allowed
+        done = trial.residual <= max(settings.tolerance, trial.rounding) and abs(held) <= hold.allowed
         failed = not math.isfinite(trial.residual) or trial.residual > settings.growth * max(best, 1e-3)
         if done or failed or step == settings.steps or waited > settings.patience:
             displacement = problem.displacement(trial.fields.u, trial.fields.load)
@@ -261,18 +266,20 @@ def newton(
 
 @dataclass(frozen=True)
 class _Trial:
-    """A trial state, with its residual."""
+    """A trial state, with its residual and what rounding leaves in that."""
 
     fields: Fields
     contact: Mask
     residual: float
+    rounding: float
 
     @staticmethod
     def at(problem: GridProblem, u: Array, load: float, contact: Mask) -> _Trial:
         fields = problem.fields(u, load)
         excess = fields.excess
         violated = np.where(contact, np.minimum(excess, 0.0), excess)
-        return _Trial(fields, contact, _rms(violated) / (_rms(fields.elastic) or 1.0))
+        size = _rms(fields.elastic) or 1.0
+        return _Trial(fields, contact, _rms(violated) / size, problem.rounding(u) / size)
 
     def moved(self, problem: GridProblem, change: Array, load_change: float, kept: Mask, wall: bool) -> _Trial:
         """The trial state after a step; what overlaps then joins the contact at once."""

@@ -30,6 +30,7 @@ __all__ = [
     "mean_gap",
     "profile",
     "smallest_gap",
+    "weights",
 ]
 
 Array = NDArray[np.float64]
@@ -82,7 +83,7 @@ class FarField:
 
 def interpolate(lattice: Lattice, values: Array, x: float, y: float) -> float:
     """The trigonometric interpolant of a field (even, on a quarter) at a point, coordinates from the middle."""
-    return float(_cardinal(lattice, x) @ values @ _cardinal(lattice, y))
+    return float(weights(lattice, x) @ values @ weights(lattice, y))
 
 
 def central_gap(problem: GridProblem, equilibrium: Equilibrium, apex_height: float = 0.0) -> CentralGap:
@@ -205,7 +206,7 @@ def _observed(equilibrium: Equilibrium) -> tuple[Array, Array, Array]:
     return np.maximum(fields.gap, 0.0), fields.pressure + wall, wall
 
 
-def _cardinal(lattice: Lattice, x: float) -> Array:
+def weights(lattice: Lattice, x: float) -> Array:
     """Weights of the nodes of one side in the trigonometric interpolant at x."""
     if not lattice.quarter:
         return _dirichlet(x - lattice.axis, lattice.size, lattice.spacing)

@@ -106,6 +106,10 @@ class GridProblem:
         """Write K u into an array, one pair."""
         self.transform.filter(self._stiffness_filter, u, out)
 
+    def rounding(self, u: Array) -> float:
+        """What the rounding of u to double precision may leave in K u: far away it is more than the pressures."""
+        return float(np.spacing(np.abs(u).max())) * 0.5 * np.pi / self.lattice.spacing
+
     def smoother(self, shift: float) -> Array:
         """The filter of (K + shift)⁻¹."""
         return np.asarray(self.transform.normalisation / (self.symbol + shift))
@@ -126,7 +130,8 @@ class GridProblem:
 
     def fields(self, u: Array, load: float) -> Fields:
         """Evaluate everything at a trial state; one pair."""
-        elastic = self.stiffness(u)
+        # K does not see the mean: without it rounding is that of the deformation, however far away the tip is.
+        elastic = self.stiffness(u - u.mean())
         elastic += load / self.lattice.area
         gap = self.heights + u
         return Fields(u, load, elastic, gap, *self.respond(gap))

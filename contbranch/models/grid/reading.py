@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 from contbranch.height_map import HeightMap
 
 from .contact_area import contact_area
 from .newton import Equilibrium
-from .observables import central_gap, smallest_gap
+from .observables import central_gap, far_field, smallest_gap
+from .resolution import tail_force
 from .setup import Setup
 
 __all__ = ["Reading", "read"]
@@ -27,6 +29,8 @@ class Reading(NamedTuple):
     energy: float
     radius_error: float = 0.0
     gap_error: float = 0.0
+    load_error: float = 0.0
+    displacement_error: float = 0.0
 
     @property
     def four(self) -> tuple[float, float, float, float]:
@@ -34,14 +38,41 @@ class Reading(NamedTuple):
         return self.load, self.displacement, self.contact_radius, self.central_gap
 
 
-def read(setup: Setup, state: Equilibrium) -> Reading:
-    """Read the observables off a state."""
+def read(setup: Setup, state: Equilibrium, cell: bool = True) -> Reading:
+    """Read the observables off a state.
+
+    Parameters
+    ----------
+    cell : bool
+        Whether errors of the finite cell are wanted: what a free cell leaves out, and in a periodic cell what the
+        displacement's shift leaves to be desired.
+    """
     problem = setup.problem
     energy = problem.total_energy(state.fields)
+    load_error = displacement_error = 0.0
+    if cell and setup.lattice.kind == "free":
+        load_error = tail_force(setup, state)
+        # A ring of force at the border moves what is inside by as much as a point force there, twice over to be safe.
+        displacement_error = 4.0 * load_error / (math.pi * setup.edge)
+    elif cell and not setup.crowded:
+        displacement_error = far_field(problem, state).error
+    radius = gap = radius_error = gap_error = 0.0
     if state.contact.any():
         area = contact_area(problem, state)
-        return Reading(state.load, state.displacement, area.radius, 0.0, energy, area.radius_error)
-    if isinstance(setup.contact.tip, HeightMap):
-        return Reading(state.load, state.displacement, 0.0, smallest_gap(state), energy)
-    gap = central_gap(problem, state)
-    return Reading(state.load, state.displacement, 0.0, gap.value, energy, 0.0, gap.error)
+        radius, radius_error = area.radius, area.radius_error
+    elif isinstance(setup.contact.tip, HeightMap):
+        gap = smallest_gap(state)
+    else:
+        centre = central_gap(problem, state)
+        gap, gap_error = centre.value, centre.error
+    return Reading(
+        state.load,
+        state.displacement,
+        radius,
+        gap,
+        energy,
+        radius_error,
+        gap_error,
+        load_error,
+        displacement_error,
+    )

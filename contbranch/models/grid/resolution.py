@@ -21,8 +21,9 @@ from contbranch.interactions import Interaction
 from .lattice import Lattice
 from .newton import Equilibrium
 from .problem import GridProblem
+from .setup import Setup
 
-__all__ = ["GridWarning", "Resolution", "border_energy", "needed_grid", "warn"]
+__all__ = ["GridWarning", "Resolution", "border_energy", "border_message", "needed_grid", "tail_force", "warn"]
 
 # Nodes in the shortest wave that must be stiffer than the law.
 WAVE = 8.0
@@ -61,8 +62,9 @@ class Resolution:
         if self.ratio <= 1.0:
             return ""
         return (
-            f"The grid is too coarse for the interaction: its stiffness |v''| = {self.law:.3g} exceeds {self.lattice:.3g} "
-            f"of a wave over {WAVE:.0f} nodes, and folds may be the lattice's own; use a grid of at least {self.grid}."
+            f"The grid is too coarse for the interaction: its stiffness |v''| = {self.law:.3g} exceeds "
+            f"{self.lattice:.3g} of a wave over {WAVE:.0f} nodes, and folds may be the lattice's own; use a grid of at "
+            f"least {self.grid}."
         )
 
     @staticmethod
@@ -117,9 +119,26 @@ def border_energy(problem: GridProblem, state: Equilibrium) -> float:
     return float(abs(law.evaluate(np.array([max(gap, 0.0)])).energy[0])) / law.reference_work
 
 
-def border_message(problem: GridProblem, state: Equilibrium) -> str:
+def tail_force(setup: Setup, state: Equilibrium) -> float:
+    """Force of the interaction outside a free cell, which the cell leaves out: ∫ p_fr d²r = 2π r |v|/(dg/dr).
+
+    The gap beyond the border is continued with its slope there, as for a tip that steepens; an estimate from above.
+    """
+    lattice, law = setup.lattice, setup.law
+    if law is None or setup.crowded or lattice.kind == "periodic":
+        return 0.0
+    last, middle = lattice.inside - 1, 0 if lattice.quarter else lattice.grid // 2
+    gap = state.fields.gap
+    outer, inner = (min(float(gap[k, middle]), float(gap[middle, k])) for k in (last, last - 1))
+    if not (math.isfinite(outer) and outer > inner):
+        return 0.0
+    energy = abs(float(law.evaluate(np.array([max(outer, 0.0)])).energy[0]))
+    return math.pi * lattice.edge * energy * lattice.spacing / (outer - inner)
+
+
+def border_message(setup: Setup, state: Equilibrium) -> str:
     """A sentence if the interaction reaches the border of the cell, empty if it has decayed."""
-    law = problem.law
+    problem, law = setup.problem, setup.law
     if law is None:
         return ""
     share = border_energy(problem, state)
@@ -130,9 +149,10 @@ def border_message(problem: GridProblem, state: Equilibrium) -> str:
     height = float(min(inside[-1, :].min(), inside[:, -1].min()))
     # Heights grow at least with the distance's square; what is missing at the border is gained in proportion.
     factor = math.sqrt((height + wanted - gap) / height) if height > 0 else 2.0
+    load, edge = state.fields.load * setup.units.load, setup.edge * setup.units.in_plane
     return (
         f"The cell is too small: the interaction reaches its border with {share:.2g} of its strength at load "
-        f"{state.load:.6g}; use a cell of about {_up(problem.lattice.edge * factor)} or more."
+        f"{load:.6g}; use a cell of about {_up(edge * factor)} or more."
     )
 
 

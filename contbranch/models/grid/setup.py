@@ -4,21 +4,39 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contbranch.contact import Contact
 from contbranch.height_map import HeightMap
+from contbranch.interactions import Interaction
 
 from .lattice import Kind, Lattice
 from .problem import GridProblem
+from .ramp import on_lattice
 from .transforms import Counter
 
-__all__ = ["Setup", "coarsened", "refined", "refined_mask"]
+__all__ = ["Setup", "UnitValues", "coarsened", "refined", "refined_mask"]
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+
+
+class UnitValues(NamedTuple):
+    """One reduced unit of length in plane and along the normal, and of load, in a contact's own units."""
+
+    in_plane: float
+    normal: float
+    load: float
+
+    def of(self, field: str) -> float:
+        """The unit of a load or displacement."""
+        return self.load if field == "load" else self.normal
+
+
+REDUCED_VALUES = UnitValues(1.0, 1.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -37,6 +55,8 @@ class Setup:
     threads : int
     counter : Counter
         Shared by the problems on all grids.
+    units : UnitValues
+        What reduced units are worth in the contact's own, for messages.
     """
 
     contact: Contact
@@ -46,6 +66,7 @@ class Setup:
     symmetric: bool = True
     threads: int = 1
     counter: Counter = field(default_factory=Counter)
+    units: UnitValues = REDUCED_VALUES
 
     @property
     def quarter(self) -> bool:
@@ -67,9 +88,12 @@ class Setup:
         else:
             axis = lattice.axis[: lattice.inside]
             heights = tip.surface(axis[:, None], axis[None, :])
-        return GridProblem(
-            lattice, lattice.fill(np.asarray(heights)), self.contact.interaction, self.threads, self.counter
-        )
+        return GridProblem(lattice, lattice.fill(np.asarray(heights)), self.law, self.threads, self.counter)
+
+    @cached_property
+    def law(self) -> Interaction | None:
+        """The contact's law as the lattice represents it."""
+        return on_lattice(self.contact.interaction, self.lattice.spacing)
 
     @property
     def length(self) -> float:

@@ -23,7 +23,7 @@ from contbranch.tips import Parabola
 
 from .setup import Setup
 
-__all__ = ["Sketch", "drawn", "relatives"]
+__all__ = ["Sketch", "copied", "drawn", "relatives"]
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -78,3 +78,24 @@ def drawn(setup: Setup, state: State) -> Sketch:
         u = np.where(known, gap - heights, far)
     contact = inside & (likeness < state.contact_radius)
     return Sketch(np.where(contact, -heights, u), state.load, contact)
+
+
+def copied(setup: Setup, state: State) -> Sketch | None:
+    """A reduced state of a grid model as a start, if it has the nodes of this lattice; None if it has not."""
+    if state.in_cell is None:
+        return None
+    fields = state.cell
+    lattice, problem = setup.lattice, setup.problem
+    if fields.gap.shape != (lattice.grid, lattice.grid):
+        return None
+    half = lattice.grid // 2
+    part = slice(half, None) if lattice.quarter else slice(None)
+    inside = slice(0, lattice.inside)
+    distance = np.hypot(lattice.axis[:, None], lattice.axis[None, :])
+    u = -state.displacement + state.load / (math.pi * np.maximum(distance, lattice.spacing))
+    with np.errstate(invalid="ignore"):
+        own = fields.gap[part, part] - problem.heights[inside, inside]
+    u[inside, inside] = np.where(np.isfinite(own), own, u[inside, inside])
+    contact = np.zeros(problem.shape, dtype=bool)
+    contact[inside, inside] = (fields.gap[part, part] <= 0.0) & np.isfinite(problem.heights[inside, inside])
+    return Sketch(np.where(contact, -problem.heights, u), state.load, contact)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -18,9 +19,9 @@ from .newton import Equilibrium, Hold, Settings, hold_control, newton
 from .observables import cell_fields, mean_gap, profile
 from .problem import GridProblem
 from .reading import read
-from .resolution import Resolution, border_message
+from .resolution import Resolution, border_message, warn
 from .setup import Setup
-from .sketch import Sketch, drawn, relatives
+from .sketch import Sketch, copied, drawn, relatives
 from .stability import morse
 from .trace import Row, trace
 from .walk import Direction, Measure, Point, between
@@ -54,8 +55,11 @@ def solve_all(
     accuracy: float,
     progress: Progress | None = None,
     control: Control = LOAD,
+    near: State | None = None,
 ) -> Found:
     """Equilibria with a load or displacement on a lattice: one for every sketch that leads to one.
+
+    A state of the same lattice given as `near` is the only start, if Newton's method finds an equilibrium from it.
 
     Raises
     ------
@@ -66,20 +70,29 @@ def solve_all(
         raise InputError("contact_radius: a lattice cannot hold it; give a load or a displacement")
     began = time.perf_counter()
     settings = Settings(tolerance=min(max(1e-2 * accuracy, 1e-10), 1e-8))
-    related, own = relatives(setup.contact, field, value)
     hold = keep(setup.problem, field, value)
     equilibria: list[Equilibrium] = []
-    notes = [Resolution.of(setup.lattice, setup.contact.interaction).message]
+    notes = [Resolution.of(setup.lattice, setup.law).message]
+    related: list[State] = []
+    own = False
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        for sketch in [drawn(setup, state) for state in related] or trials(setup, field, value):
-            found = reached(setup, sketch, hold, settings)
-            if found is not None and not any(_same(setup, found, other) for other in equilibria):
-                equilibria.append(found)
+        start = None if near is None else copied(setup, near)
+        if start is not None:
+            found = newton(setup.problem, start.u, start.load, hold, start.contact, settings)
+            equilibria += [found] if found.converged else []
+        if not equilibria:
+            related, own = relatives(setup.contact, field, value)
+        for sketch in [] if equilibria else [drawn(setup, state) for state in related] or trials(setup, field, value):
+            reached_state = reached(setup, sketch, hold, settings)
+            if reached_state is not None and not any(_same(setup, reached_state, other) for other in equilibria):
+                equilibria.append(reached_state)
         if not equilibria:
             raise _unreached(setup, field, value, bool(related))
         states = tuple(state_of(setup, found, hold, settings, control) for found in equilibria)
     for found in equilibria[:1]:
-        notes.append("" if setup.crowded else border_message(setup.problem, found))
+        notes.append("" if setup.crowded else border_message(setup, found))
+    for note in notes:
+        warn(note)
     if own and related:
         count = len(related)
         notes.insert(0, f"The axisymmetric model has {count} equilibri{'um' if count == 1 else 'a'} here.")
@@ -90,12 +103,13 @@ def solve_all(
 
 
 def _unreached(setup: Setup, field: str, value: float, known: bool) -> InputError | ModelError:
-    """The error where no start led to an equilibrium; the value is in reduced units."""
+    """The error where no start led to an equilibrium."""
+    own = value * setup.units.of(field)
     if setup.contact.tip.is_axisymmetric and not known:
-        return InputError(f"{field}: {value:g} (reduced) cannot be reached; the axisymmetric model has no state there")
+        return InputError(f"{field}: {own:g} cannot be reached; the axisymmetric model has no state there")
     return ModelError(
-        f"{field}: no equilibrium was found at {value:g} (reduced) on the grid of {setup.grid} nodes in a cell of "
-        f"{setup.edge:g}; trace the curve to see what exists, or try a finer grid"
+        f"{field}: no equilibrium was found at {own:g} on the grid of {setup.grid} nodes in a cell of "
+        f"{setup.edge * setup.units.in_plane:g}; trace the curve to see what exists, or try a finer grid"
     )
 
 
@@ -145,6 +159,8 @@ def state_of(
         name: estimate + least * max(1.0, abs(own))
         for name, estimate, own in zip(names, differences, reading.four, strict=True)
     }
+    error["load"] += reading.load_error
+    error["displacement"] += reading.displacement_error
     error["contact_radius"] = 0.0 if reading.contact_radius == 0.0 else error["contact_radius"] + reading.radius_error
     if reading.contact_radius > 0.0:
         error["central_gap"] = 0.0
@@ -190,7 +206,7 @@ def find_all(
     rows = [row for row in traced.rows if row.u is not None]
     states: list[State] = []
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        for first, second in zip(rows[:-1], rows[1:], strict=True):
+        for first, second in pairwise(rows):
             low, high = (driven.value(row.load, row.reading.displacement) - value for row in (first, second))
             if low * high < 0.0 or high == 0.0:
                 found = _crossing(setup, first, second, driven, value, hold, settings)
@@ -236,7 +252,8 @@ def _crossing(
 
 
 def _state(problem: GridProblem, row: Row) -> Equilibrium:
-    assert row.u is not None and row.contact is not None
+    assert row.u is not None
+    assert row.contact is not None
     fields = problem.fields(row.u, row.load)
     return Equilibrium(fields, row.contact, 0.0, row.reading.displacement, True)
 

@@ -16,7 +16,7 @@ FURTHEST = 1.0
 def beginning(setup: Setup, accuracy: float, settings: Settings) -> tuple[Equilibrium, Equilibrium] | str:
     """Two states without contact, one a little closer than the other; the reason if there are none."""
     problem = setup.problem
-    law = setup.contact.interaction
+    law = setup.law
     if law is None:
         return "There is no interaction with which the contact could begin; use the axisymmetric model"
     inside = problem.heights[: setup.lattice.inside, : setup.lattice.inside]
@@ -24,6 +24,8 @@ def beginning(setup: Setup, accuracy: float, settings: Settings) -> tuple[Equili
     most = max(10.0 * setup.length, FURTHEST * float(finite.max()))
     displacement = -min(law.reach(accuracy), most)
     step = 0.05 * max(setup.length, 0.2 * abs(displacement))
+    if not law.evaluate(np.array([-displacement])).pressure.any():
+        displacement -= 1.5 * step  # a law that ends: two states beyond its end, from where the walk goes in
     u = np.full(problem.shape, -displacement)
     load = problem.lattice.node_area * float(problem.respond(problem.heights + u)[1].sum())
     first = newton(problem, u, load, hold_control(problem, 0.0, 1.0, displacement), None, settings)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -17,14 +18,14 @@ from contbranch.diagram import Cost, Profile
 from contbranch.models.axisymmetric.symmetry import merged
 from contbranch.models.outcome import RawCurve, RawEvent
 
-from .accuracy import Comparison, compared
-from .folds import Refined, locate_fold, locate_touch, refine_fold
+from .accuracy import Comparison, compared, touched
+from .folds import Refined, coarser_touch, locate_fold, locate_touch, refine_fold, touches
 from .kept import first_index
 from .newton import Equilibrium, Hold, Settings, newton
 from .observables import interpolate
 from .problem import Fields, GridProblem
 from .reading import Reading, read
-from .resolution import Resolution, border_energy, border_message
+from .resolution import Resolution, border_energy, border_message, warn
 from .setup import Setup
 from .start import beginning
 from .symmetry import Breaking
@@ -48,6 +49,8 @@ KEPT_BYTES = 600e6
 SPACING = 6
 # Folds that are looked for on a finer lattice, and the largest array on which they are.
 MOST_REFINED, LARGEST_REFINED = 12, 1024
+# Least error of an event, relative to max(1, |value|).
+FLOOR = 2e-8
 # A fold that moves by less, relative to max(1, |value|), is said to stay.
 STAYS = 1e-3
 
@@ -81,11 +84,8 @@ class Mark:
     refined: Refined | None = None
     shift: tuple[float, float, float, float] | None = None
     message: str = ""
-
-    @property
-    def artefact(self) -> bool:
-        """Whether it is a fold of the lattice only."""
-        return self.refined is not None and self.refined.verdict == "vanished"
+    around: tuple[Equilibrium, Equilibrium, Equilibrium] | None = field(default=None, repr=False)
+    unresolved: bool = False
 
 
 @dataclass(frozen=True)
@@ -122,7 +122,7 @@ class _Tracer:
         tolerance = min(max(self.accuracy, 1e-10), 1e-6)
         period = self.setup.lattice.spacing / self.setup.length
         self.options = WalkOptions(tolerance=tolerance, period=period, noise=max(1e-3, 0.05 * period))
-        self.settings = Settings(tolerance=tolerance)
+        self.settings = Settings(tolerance=tolerance, steps=20, inner=100, growth=30.0, patience=5)
         self.history = 5 if self.setup.lattice.size > 1024 else 12
 
     # The walk
@@ -132,7 +132,7 @@ class _Tracer:
         began = self.start or beginning(self.setup, self.accuracy, self.settings)
         if isinstance(began, str):
             return began
-        walker = Walker(self.problem, self.setup.length, self.options)
+        walker = Walker(self.problem, self.setup.length, self.options, units=self.setup.units)
         walker.begin(*began)
         for point in walker.points:
             self._add(point)
@@ -201,20 +201,21 @@ class _Tracer:
     def _unrepresentable(self, state: Equilibrium) -> str:
         lattice = self.problem.lattice
         inner = state.contact[: lattice.inside, : lattice.inside]
-        rim = inner[-1, :].any() or inner[:, -1].any()
+        rim = inner[-1, :].any() or inner[:, -1].any() or self.rows[-1].reading.contact_radius > 0.49 * lattice.edge
         if rim and not self.setup.crowded:
-            return f"The contact has reached the border of the cell at load {state.load:.6g}; use a larger cell"
+            load = state.load * self.setup.units.load
+            return f"The contact has reached the border of the cell at load {load:.6g}; use a larger cell"
         return ""
 
     def _stuck(self, message: str) -> str:
-        resolution = Resolution.of(self.setup.lattice, self.setup.contact.interaction)
+        resolution = Resolution.of(self.setup.lattice, self.setup.law)
         remedy = f"; the grid is too coarse for this interaction, use at least {resolution.grid}"
         return message + (remedy if resolution.ratio > 1.0 else "; try a finer grid or a larger cell")
 
     def _report(self, point: Point) -> None:
         if self.progress is not None:
             done = min(0.98, max(0.0, point.load / self._goal()))
-            self.progress(done, f"load {point.load:.4g}, {len(self.rows)} points")
+            self.progress(done, f"load {point.load * self.setup.units.load:.4g}, {len(self.rows)} points")
 
     # Events
 
@@ -226,35 +227,44 @@ class _Tracer:
             tiny = 1e-9 * max(1.0, abs(b))
             if (b - a) * (c - b) < 0.0 and max(abs(b - a), abs(c - b)) > tiny:
                 self._fold(list(points), control, b > a)
-        touched = [bool(point.state.contact.any()) for point in points[-2:]]
-        if touched[0] != touched[1]:
+        closed = [touches(point.state, partial(clearance, self.setup)) for point in points[-2:]]
+        if closed[0] != closed[1]:
             self._touch(list(points))
 
     def _fold(self, points: list[Point], control: Control, maximum: bool) -> None:
         found = locate_fold(self.problem, points[-4:], control, self.settings)
-        if found is None:
-            return
+        if found is None:  # the middle one is close
+            found = points[-2].state
         mark = Mark("fold", control, maximum)
         before = points[-3]
         measure = Measure.at(before.state, self.setup.length)
         arc = before.arc + measure.norm(found.u - before.state.u, found.load - before.load)
-        examined = sum(row.mark is not None and row.mark.refined is not None for row in self.rows)
-        if self.verdicts and self.setup.lattice.size <= LARGEST_REFINED and examined < MOST_REFINED:
-            mark.refined = refine_fold(self.setup, (before.state, found, points[-1].state), control, self.settings)
-            if mark.refined.state is not None:
-                fine = self.setup.on(2 * self.setup.grid)
-                mark.shift = _difference(read(fine, mark.refined.state), read(self.setup, found))
+        if self.verdicts:
+            mark.around = points[-3].state.slim(), found.slim(), points[-1].state.slim()
         self._add(Point(min(arc, points[-1].arc), found), mark)
 
     def _touch(self, points: list[Point]) -> None:
-        found = locate_touch(self.problem, points, partial(clearance, self.setup), self.settings)
+        gap = partial(clearance, self.setup)
+        found = locate_touch(self.problem, points, gap, self.settings)
         if found is None:
             return
-        free = next(point for point in reversed(points) if not point.state.contact.any())
+        open_points = [point for point in points if not touches(point.state, gap)]
+        free = open_points[-1]
         measure = Measure.at(free.state, self.setup.length)
         way = measure.norm(found.u - free.state.u, found.load - free.load)
         arc = free.arc + (way if free.arc < points[-1].arc else -way)
-        self._add(Point(arc, found), Mark("touch"))
+        mark = Mark("touch")
+        finer = self.verdicts and self.setup.lattice.size <= LARGEST_REFINED
+        other = touched(self.setup, found, self.settings, finer=True) if finer else None
+        coarse = None
+        if other is None:
+            coarse = coarser_touch(self.setup, [*open_points[-2:], Point(arc, found)], clearance, self.settings)
+        if other is not None:
+            # From N to 2N, as for folds.
+            mark.shift = 2.0 * other.load, 2.0 * other.displacement, 0.0, 0.0
+        elif coarse is not None:
+            mark.shift = _difference(read(self.setup.on(self.setup.grid // 2), coarse), read(self.setup, found))
+        self._add(Point(arc, found), mark)
 
     # Accuracy
 
@@ -263,26 +273,94 @@ class _Tracer:
         if found is not None:
             self.comparisons.append((points[-1].arc, found))
 
+    def _judge(self) -> None:
+        """Look for the folds on a finer lattice, and tell pairs that are the lattice's own."""
+        rows = self.rows
+        columns = {name: np.array([getattr(row.reading, name) for row in rows]) for name in Reading._fields}
+        errors = self._errors(np.array([row.arc for row in rows]), columns)
+        folds = [k for k, row in enumerate(rows) if row.mark is not None and row.mark.kind == "fold"]
+        if len(folds) > MOST_REFINED:
+            self._pair(folds, errors)
+        for k in folds:
+            mark = rows[k].mark
+            if mark is None or mark.around is None or mark.control is None:
+                continue
+            if not mark.unresolved and self.setup.lattice.size <= LARGEST_REFINED:
+                mark.refined = refine_fold(self.setup, mark.around, mark.control, self.settings)
+                if mark.refined.state is not None:
+                    fine = self.setup.on(2 * self.setup.grid)
+                    mark.shift = _difference(read(fine, mark.refined.state), rows[k].reading)
+            mark.around = None
+        self._pair(folds, errors)
+
+    def _pair(self, folds: Sequence[int], errors: tuple[Array, Array, Array, Array]) -> None:
+        """Mark neighbouring folds of a control as unresolved that differ by less than the lattice's error.
+
+        Smallest differences first. A pair whose folds have hardly moved along the curve on the finer lattice stays.
+        """
+        for control in self.controls:
+            own = [k for k in folds if (mark := self.rows[k].mark) is not None and mark.control == control]
+            own = [k for k in own if not (mark := self.rows[k].mark) or not mark.unresolved]
+            while len(own) > 1:
+                value = [control.value(self.rows[k].reading.load, self.rows[k].reading.displacement) for k in own]
+                heights = np.abs(np.diff(value))
+                uncertain = np.array([_of(control, errors, k) for k in own])
+                doubtful = heights < np.maximum(uncertain[1:], uncertain[:-1])
+                doubtful &= [not self._steady(first, second) for first, second in pairwise(own)]
+                if not doubtful.any():
+                    break
+                place = int(np.argmin(np.where(doubtful, heights, np.inf)))
+                for k in own[place : place + 2]:
+                    mark = self.rows[k].mark
+                    if mark is not None:
+                        mark.unresolved = True
+                del own[place : place + 2]
+
+    def _steady(self, first: int, second: int) -> bool:
+        """Whether two folds have stayed apart on the finer lattice."""
+        apart = self.rows[second].arc - self.rows[first].arc
+        for k in (first, second):
+            mark = self.rows[k].mark
+            if mark is None or mark.refined is None or mark.refined.verdict != "found":
+                return False
+            if mark.refined.moved > 0.25 * apart:
+                return False
+        return True
+
     # The result
 
     def outcome(self, message: str, began: float, modes: int) -> Traced:
         """Rows in order, indices, events."""
         self.rows.sort(key=lambda row: row.arc)
         rows = self.rows
+        self._judge()
         columns = {name: np.array([getattr(row.reading, name) for row in rows]) for name in Reading._fields}
         arcs = np.array([row.arc for row in rows])
         marks = [(k, row.mark) for k, row in enumerate(rows) if row.mark is not None]
-        folds = [(k, mark.control.kind) for k, mark in marks if mark.kind == "fold" and mark.control is not None]
-        load_error, displacement_error, radius_error, gap_error = self._errors(arcs, columns)
+        # Pairs of folds that are the lattice's own do not count for stability.
+        folds = [
+            (k, mark.control.kind)
+            for k, mark in marks
+            if mark.kind == "fold" and mark.control is not None and not mark.unresolved
+        ]
+        errors = self._errors(arcs, columns)
+        load_error, displacement_error = errors[:2]
         turning = [row for row, kind in folds if kind != "spring"]
         first = 0 if self.symmetry is None else first_index(self.setup, rows, turning, self.symmetry)
         indices = _indices(columns, folds, self.controls, first)
-        errors = list(zip(load_error, displacement_error, radius_error, gap_error, strict=True))
-        checked = verify_curve(self.setup, rows, indices, turning, self.accuracy, modes, self.symmetry)
+        own = {c: [k for k, m in marks if m.unresolved and m.control == c] for c in (LOAD, DISPLACEMENT)}
+        checked = verify_curve(
+            self.setup, rows, indices, turning, self.accuracy, modes, self.symmetry, list(own.values())
+        )
         # What the lattice is too coarse for, the message names already.
         complete = not message and (not checked.contradicted or too_coarse(self.setup))
-        events = [_event(k, mark, rows[k].reading, errors[k], indices) for k, mark in marks]
-        events = merged(events, symmetry_events(self.setup, rows, checked.breakings, errors, self.settings))
+        events = [_event(self.setup, k, mark, rows[k].reading, _at(errors, k), indices) for k, mark in marks]
+        events = [
+            replace(event, error=_along(rows, k, mark, event.error))
+            for event, (k, mark) in zip(events, marks, strict=True)
+        ]
+        four = [_at(errors, k) for k in range(len(rows))]
+        events = merged(events, symmetry_events(self.setup, rows, checked.breakings, four, self.settings))
         wall = time.perf_counter() - began
         cost = Cost(wall, self.setup.counter.newton, self.setup.counter.equilibrium, self.setup.counter.stability)
         curve = RawCurve(
@@ -318,8 +396,9 @@ class _Tracer:
         upper[0], upper[-1] = table[:2].max(axis=0), table[-2:].max(axis=0)
         load, displacement, radius, gap = (np.interp(arcs, places, upper[:, k]) for k in range(4))
         tolerance = self.settings.tolerance
-        load = load + tolerance * np.maximum(1.0, np.abs(columns["load"]))
-        displacement = displacement + tolerance * np.maximum(1.0, np.abs(columns["displacement"]))
+        load = load + columns["load_error"] + tolerance * np.maximum(1.0, np.abs(columns["load"]))
+        displacement = displacement + columns["displacement_error"]
+        displacement += tolerance * np.maximum(1.0, np.abs(columns["displacement"]))
         radius = np.where(columns["contact_radius"] > 0.0, radius + columns["radius_error"], 0.0)
         gap = np.where(columns["central_gap"] > 0.0, gap + columns["gap_error"] + tolerance, 0.0)
         return load, displacement, radius, gap
@@ -355,9 +434,11 @@ def trace(
     controls = (LOAD, DISPLACEMENT, *((control,) if control.kind == "spring" else ()))
     tracer = _Tracer(setup, accuracy, limit, controls, verdicts, progress)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        tracer.notes += [Resolution.of(setup.lattice, setup.contact.interaction).message]
+        tracer.notes += [Resolution.of(setup.lattice, setup.law).message]
+        warn(tracer.notes[0])
         message = tracer.run()
         worst = _reaching(tracer)
+        warn(worst)
         tracer.notes = [note for note in (*tracer.notes, worst) if note]
         return tracer.outcome(message, began, modes)
 
@@ -405,7 +486,7 @@ def _reaching(tracer: _Tracer) -> str:
         state = Equilibrium(_only_gap(row, gap), row.contact, 0.0, 0.0, True)
         share = border_energy(tracer.problem, state)
         if share > worst[0] and row.reading.contact_radius > 0.0:
-            worst = share, border_message(tracer.problem, state)
+            worst = share, border_message(tracer.setup, state)
     return worst[1]
 
 
@@ -442,16 +523,30 @@ def _indices(
 
 
 def _event(
-    row: int, mark: Mark, reading: Reading, error: tuple[float, float, float, float], indices: Indices
+    setup: Setup, row: int, mark: Mark, reading: Reading, error: tuple[float, float, float, float], indices: Indices
 ) -> RawEvent:
+    if mark.kind == "touch" and mark.shift is not None:
+        # At least the error that is left.
+        size = FLOOR * max(1.0, abs(reading.load), abs(reading.displacement))
+        load, displacement = abs(mark.shift[0]) + reading.load_error, abs(mark.shift[1]) + reading.displacement_error
+        error = load + size, displacement + size, 0.0, 0.0
     if mark.kind != "fold" or mark.control is None:
         return RawEvent(mark.kind, row, reading.four, error, message=mark.message)
     pieces, _ = indices.pieces(mark.control.kind)
     before, after = max(row - 1, 0), min(row, len(pieces) - 1)
-    verdict, message = _verdict(mark, reading)
+    verdict, message = _verdict(setup, mark, reading)
     if mark.shift is not None:
-        # From N to 2N the error falls at least by half: it is at most twice the shift.
-        error = tuple(2.0 * abs(shift) + 1e-9 for shift in mark.shift)  # type: ignore[assignment]
+        # From N to 2N the error falls at least by half: it is at most twice the shift. In contact a shift can be small
+        # by chance, and rows around know better.
+        share = 0.5 if reading.contact_radius > 0.0 else 0.0
+        parts = zip(mark.shift, error, reading.four, strict=True)
+        found = [max(2.0 * abs(s), share * e) + FLOOR * max(1.0, abs(v)) for s, e, v in parts]
+        error = (
+            found[0] + reading.load_error,
+            found[1] + reading.displacement_error,
+            found[2] + reading.radius_error if reading.contact_radius > 0.0 else 0.0,
+            found[3],
+        )
     return RawEvent(
         "fold",
         row,
@@ -467,7 +562,9 @@ def _event(
     )
 
 
-def _verdict(mark: Mark, reading: Reading) -> tuple[str | None, str]:
+def _verdict(setup: Setup, mark: Mark, reading: Reading) -> tuple[str | None, str]:
+    if mark.unresolved:
+        return "unresolved", "It differs from the fold next to it by less than the lattice's error."
     if mark.refined is None or mark.refined.verdict == "unknown" or mark.control is None:
         return None, "Whether it stays on a finer grid was not found."
     if mark.refined.verdict == "vanished" or mark.shift is None:
@@ -476,7 +573,44 @@ def _verdict(mark: Mark, reading: Reading) -> tuple[str | None, str]:
     value = mark.control.value(reading.load, reading.displacement)
     stays = abs(moved) <= STAYS * max(1.0, abs(value))
     words = "stays" if stays else "moves"
-    return words, f"On the grid with twice the nodes it {words}: by {moved:.3g} in what is controlled."
+    unit = setup.units.of(mark.control.kind)
+    what = "the position of the spring" if mark.control.kind == "spring" else mark.control.kind
+    return words, f"On the grid with twice the nodes it {words}: by {moved * unit:.3g} in {what}."
+
+
+def _at(errors: tuple[Array, Array, Array, Array], row: int) -> tuple[float, float, float, float]:
+    load, displacement, radius, gap = errors
+    return float(load[row]), float(displacement[row]), float(radius[row]), float(gap[row])
+
+
+def _along(
+    rows: Sequence[Row], row: int, mark: Mark, error: tuple[float, float, float, float]
+) -> tuple[float, float, float, float]:
+    """Add to a fold's errors what an error of its place along the curve makes of the other of load and displacement.
+
+    The place is as uncertain as the contact radius is.
+    """
+    if mark.kind != "fold" or mark.control is None or not 0 < row < len(rows) - 1:
+        return error
+    one, other = rows[row - 1].reading, rows[row + 1].reading
+    change = abs(other.contact_radius - one.contact_radius)
+    if change == 0.0 or rows[row].reading.contact_radius == 0.0:
+        return error
+    load, displacement, radius, gap = error
+    share = 0.5 * min(1.0, radius / change)
+    if mark.control.kind != "load":
+        load = max(load, share * abs(other.load - one.load))
+    if mark.control.kind != "displacement":
+        displacement = max(displacement, share * abs(other.displacement - one.displacement))
+    return load, displacement, radius, gap
+
+
+def _of(control: Control, errors: tuple[Array, Array, Array, Array], row: int) -> float:
+    """Error of what is controlled at a row."""
+    load, displacement = float(errors[0][row]), float(errors[1][row])
+    if control.kind == "spring":
+        return displacement + load / control.stiffness
+    return load if control.kind == "load" else displacement
 
 
 def deferred_profile(setup: Setup, row: Row) -> Callable[[], Profile]:

@@ -92,6 +92,7 @@ def verify_curve(
     accuracy: float,
     modes: int = 1,
     kept: Image | None = None,
+    unresolved: Sequence[Sequence[int]] = (),
 ) -> Verification:
     """Check the counted indices of a curve and find what breaks its symmetry.
 
@@ -110,13 +111,16 @@ def verify_curve(
         0: modes that break a symmetry are not examined.
     kept : callable, optional
         On the whole lattice, the symmetry that all states have: the image of a field.
+    unresolved : sequence of sequence of int
+        For every control, rows that are folds of the lattice's own and were not counted: between the two of a pair
+        eigenvalues are not to be compared.
     """
     if len(rows) < 2:
         return Verification()
     examined = bool(modes) and (setup.quarter or kept is not None)
     if concavity(setup.problem.law) == 0.0:
         return Verification(np.zeros(len(rows), dtype=np.int64) if examined else None)
-    survey = _Survey(setup, rows, indices, examined, kept)
+    survey = _Survey(setup, rows, indices, examined, kept, _inside(unresolved))
     with as_stability(setup.problem):
         survey.check(folds)
         if not examined:
@@ -144,6 +148,7 @@ class _Survey:
     indices: Indices
     breaking: bool
     kept: Image | None = None
+    between: frozenset[int] = frozenset()
     notes: list[str] = field(default_factory=list)
     found: dict[int, Morse] = field(default_factory=dict)
     kinds: dict[int, Counter[Kind]] = field(default_factory=dict)
@@ -215,7 +220,7 @@ class _Survey:
         arcs = np.array([row.arc for row in self.rows])
         places = [[0]]
         for first, last in pieces(len(self.rows), folds):
-            inner = np.arange(first + 1, last)
+            inner = np.array([row for row in range(first + 1, last) if row not in self.between], dtype=np.int64)
             goals = arcs[first] + np.array([0.5, 0.3, 0.7]) * (arcs[last] - arcs[first])
             chosen = [int(inner[np.argmin(np.abs(arcs[inner] - goal))]) for goal in goals] if inner.size else []
             places += [list(dict.fromkeys(chosen))] if chosen else []
@@ -263,11 +268,13 @@ class _Survey:
 
     def _disagreement(self, wrong: Sequence[_Found]) -> str:
         row, least, most, slope = wrong[0]
-        reading = self.rows[row].reading
+        units, reading = self.setup.units, self.rows[row].reading
+        load, displacement = reading.load * units.load, reading.displacement * units.normal
+        slope *= units.load / units.normal
         number = f"{least}" if least == most else f"{least} to {most}"
         others = "" if len(wrong) == 1 else f" (and in {len(wrong) - 1} other pieces of the curve)"
         return (
-            f"At load {reading.load:.6g}, displacement {reading.displacement:.6g}{others} eigenvalues find {number} "
+            f"At load {load:.6g}, displacement {displacement:.6g}{others} eigenvalues find {number} "
             f"unstable modes under displacement control and a slope dF/dd of {slope:.3g}, while the folds say "
             f"{self.indices.displacement[row]} and a {'negative' if self._softens(row) else 'positive'} slope"
         )
@@ -382,6 +389,15 @@ class _Survey:
 def too_coarse(setup: Setup) -> bool:
     """Whether the lattice's own folds may be what eigenvalues and folds disagree on; the diagram says so then."""
     return Resolution.of(setup.lattice, setup.problem.law).ratio > 1.0
+
+
+def _inside(unresolved: Sequence[Sequence[int]]) -> frozenset[int]:
+    """Rows between the two folds of every pair, these included."""
+    rows: set[int] = set()
+    for own in unresolved:
+        for first, last in zip(own[::2], own[1::2], strict=False):
+            rows.update(range(first, last + 1))
+    return frozenset(rows)
 
 
 def _runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:

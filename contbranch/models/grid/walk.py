@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from .newton import Equilibrium, Hold, Settings, newton
 from .problem import GridProblem
+from .setup import REDUCED_VALUES, UnitValues
 
 __all__ = ["Direction", "Measure", "Point", "WalkOptions", "Walker", "between"]
 
@@ -167,6 +168,10 @@ class Walker:
         The last that were accepted; whoever walks may delete all but the last few.
     message : str
         Why the walk could not go on; empty as long as it can.
+    failures : int
+        Steps that were refused.
+    units : UnitValues
+        For the message.
     """
 
     problem: GridProblem
@@ -175,6 +180,7 @@ class Walker:
     points: list[Point] = field(default_factory=list)
     message: str = ""
     failures: int = 0
+    units: UnitValues = REDUCED_VALUES
 
     def __post_init__(self) -> None:
         self.step_size = self.options.first
@@ -212,8 +218,8 @@ class Walker:
             self.step_size *= 0.5
         last = self.points[-1]
         self.message = (
-            f"The curve could not be followed beyond load {last.load:.6g}, displacement {last.displacement:.6g}: "
-            "no equilibrium was found within the smallest step"
+            f"The curve could not be followed beyond load {last.load * self.units.load:.6g}, displacement "
+            f"{last.displacement * self.units.normal:.6g}: no equilibrium was found within the smallest step"
         )
         return False
 
@@ -287,10 +293,14 @@ def between(
     Parameters
     ----------
     points : list of Point
-        At least two around the place, at most four are used, those nearest in progress.
+        At least two around the place, at most four are used, those nearest in progress and apart from each other.
     """
     progress = [direction.value(point.state.u, point.load) for point in points]
-    nearest = sorted(sorted(range(len(points)), key=lambda k: abs(progress[k] - value))[:4])
+    apart = 1e-6 * (max(progress) - min(progress))
+    nearest: list[int] = []
+    for k in sorted(range(len(points)), key=lambda k: abs(progress[k] - value)):
+        if len(nearest) < 4 and all(abs(progress[k] - progress[other]) > apart for other in nearest):
+            nearest.append(k)
     chosen = [points[k] for k in nearest]
     progress = [progress[k] for k in nearest]
     weights, _ = lagrange(progress, value)

@@ -1,0 +1,67 @@
+"""Laws whose pressure jumps, as nodes can represent them.
+
+The Maugis-Dugdale pressure ends at g = z0 at once, while a node stands for a square over which the gap varies. On a
+lattice it ends over a ramp, σ (z0 (1 + δ) - g)/(2 δ z0) for |g - z0| < δ z0, with the work of adhesion unchanged. The
+ramp is as steep as the lattice resolves (`resolution`): its stiffness |v''| = |Δγ|/(2 δ z0²) is that of a wave over
+eight nodes, so that δ falls in proportion to the spacing.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbranch.interactions import Interaction, MaugisDugdale
+
+__all__ = ["RampedDugdale", "on_lattice"]
+
+FloatArray = NDArray[np.float64]
+
+# Nodes in the wave that is as stiff as the ramp, and the widest ramp.
+WAVE, WIDEST = 8.0, 0.5
+
+
+@dataclass(frozen=True)
+class RampedDugdale(Interaction):
+    """A constant pressure that falls to zero over a ramp around g = z0.
+
+    Attributes
+    ----------
+    ramp
+        δ, half the width of the ramp over z0.
+    """
+
+    name: ClassVar[str] = "ramped-dugdale"
+
+    ramp: float = WIDEST
+
+    def shape(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return f, f' and f''."""
+        d = self.ramp
+        left = np.clip((1.0 + d - x) / (2.0 * d), 0.0, 1.0)  # of the pressure
+        inside = x < 1.0 - d
+        energy = np.where(inside, 1.0 - x, d * left * left)
+        curvature = np.where((x > 1.0 - d) & (x < 1.0 + d), 0.5 / d, 0.0)
+        return energy, -left, curvature
+
+    def reach(self, tolerance: float) -> float:
+        """Return the end of the ramp."""
+        return self.range * (1.0 + self.ramp)
+
+
+def on_lattice(law: Interaction | None, spacing: float) -> Interaction | None:
+    """The law with ramps in place of jumps of its pressure, for a lattice of a spacing (reduced units, E = 1)."""
+    if law is None or not any(isinstance(term, MaugisDugdale) for term in law.terms):
+        return law
+    terms = [_ramped(term, spacing) if isinstance(term, MaugisDugdale) else term for term in law.terms]
+    return sum(terms[1:], terms[0])
+
+
+def _ramped(term: MaugisDugdale, spacing: float) -> RampedDugdale:
+    # |Δγ|/(2 δ z0²) = π/(8 Δ), a little below so that the criterion holds.
+    ramp = 1.01 * WAVE * abs(term.work_of_adhesion) * spacing / (2.0 * math.pi * term.range**2)
+    return RampedDugdale(term.work_of_adhesion, term.range, min(ramp, WIDEST))
