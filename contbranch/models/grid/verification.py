@@ -3,7 +3,8 @@
 Folds are counted to know how many modes with the symmetry of the tip are unstable (`contbranch.analysis.stability`).
 A fold that was passed over, or one that is none, spoils the count from there on. So eigenvalues are found at the first
 row, at the last, and at one row well inside every piece between two folds. Pieces without a row of their own follow
-from those on both sides of them.
+from those on both sides of them, and so do those along which the rim of the contact moves by less than two rows of
+nodes: eigenvalues jump with every node that joins the contact, and what lies between is the lattice's own.
 
 What breaks the symmetry passes through no fold. It can be unstable only where the displacement is not enough to hold a
 state with the symmetry (see `stability`), so that only rows with an index under displacement control are examined,
@@ -50,6 +51,10 @@ SHARE = 1.0
 IN_CONTACT = 1e-4
 # What a mode that lacks the symmetry of a branch is counted as.
 WITHOUT = Kind(("odd", "odd"))
+# Rows of nodes by which the rim moves at least along a piece that is checked.
+RIM = 2.0
+# Slopes smaller than this part of 1/C have no sign: they are those of the far field.
+FLAT = 1e-6
 # Rows of a piece that are examined until one confirms the count.
 TRIES = 3
 # Sectors that show all modes of an axisymmetric tip: (odd, odd) has sin mθ, m even, and (even, odd) sin mθ, m odd.
@@ -204,7 +209,7 @@ class _Survey:
                     break
             if tried and not self._agrees(tried[-1]):
                 # Between two corners of the lattice the slope can have another sign than across them.
-                (corners if self._at_a_corner(tried[0]) else wrong).append(tried[0])
+                (corners if any(map(self._at_a_corner, tried)) else wrong).append(tried[0])
             elif len(tried) > 1:
                 corners.append(tried[0])
         if wrong:
@@ -221,10 +226,18 @@ class _Survey:
         places = [[0]]
         for first, last in pieces(len(self.rows), folds):
             inner = np.array([row for row in range(first + 1, last) if row not in self.between], dtype=np.int64)
+            if self._tiny(first, last):
+                continue
             goals = arcs[first] + np.array([0.5, 0.3, 0.7]) * (arcs[last] - arcs[first])
             chosen = [int(inner[np.argmin(np.abs(arcs[inner] - goal))]) for goal in goals] if inner.size else []
             places += [list(dict.fromkeys(chosen))] if chosen else []
         return [*places, [len(self.rows) - 1]]
+
+    def _tiny(self, first: int, last: int) -> bool:
+        """Whether the rim of a contact hardly moves from one fold to the next."""
+        radii = [self.rows[row].reading.contact_radius for row in range(first, last + 1)]
+        spacing = self.setup.lattice.spacing
+        return min(radii) > 0.0 and max(radii) - min(radii) < RIM * spacing and not self.setup.crowded
 
     def _examined(self, row: int) -> _Found | None:
         state = self.state(row)
@@ -246,7 +259,8 @@ class _Survey:
         return self._index_agrees(found) and reading.contact_radius > 0.0 and rising != self._softens(found.row)
 
     def _agrees(self, found: _Found) -> bool:
-        return self._index_agrees(found) and self._softens(found.row) == (found.slope < 0.0)
+        flat = abs(found.slope) * self.setup.lattice.compliance < FLAT
+        return self._index_agrees(found) and (flat or self._softens(found.row) == (found.slope < 0.0))
 
     def symmetric(self, state: Equilibrium, morse: Morse) -> tuple[int, int]:
         """Fewest and most unstable modes with the symmetry of the tip that the eigenvalues allow."""
