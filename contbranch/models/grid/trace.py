@@ -55,7 +55,7 @@ FLOOR = 2e-8
 STAYS = 1e-3
 
 
-@dataclass
+@dataclass(eq=False)
 class Row:
     """A point of the curve: what was read off it, and its state as far as memory allows."""
 
@@ -180,15 +180,17 @@ class _Tracer:
         goal = self._goal()
         if last.load < goal or last.load < before.load or not last.state.contact.any():
             return False
+        # Rows of events may have been added since.
+        own = max((row for row in self.rows if row.mark is None), key=lambda row: row.arc)
         share = (goal - before.load) / (last.load - before.load)
         if 0.0 < share < 1.0:
             u = before.state.u + share * (last.state.u - before.state.u)
             end = newton(self.problem, u, goal, Hold(goal), before.state.contact, self.settings)
             if end.converged:
-                self.rows.pop()
+                self.rows.remove(own)
                 self._add(Point(before.arc + share * (last.arc - before.arc), end), Mark("end"))
                 return True
-        self.rows[-1].mark = Mark("end")
+        own.mark = Mark("end")
         return True
 
     def _end(self, message: str) -> str:

@@ -269,3 +269,17 @@ def test_load_and_displacement_lead_to_the_same_states(parabola):
         assert by_displacement.converged
         assert np.abs(by_load.u - by_displacement.u).max() < 1e-8
         assert by_displacement.load == pytest.approx(row.load, abs=1e-8)
+
+
+def test_an_end_next_to_folds_is_the_last_row():
+    """A map of a few waves under repulsion, ended where the contact has just grown: each fold keeps its mark."""
+    nodes = np.arange(48) / 48 * 2.0 * np.pi
+    waves = np.cos(nodes[:, None]) + 0.8 * np.cos(nodes + 0.4) + 0.3 * np.cos(2.0 * nodes[:, None] + nodes)
+    contact = cb.Contact(cb.HeightMap(0.6 * waves, cell=EDGE, radius=1.0), cb.Gauss(-1.0, 1.0))
+    found = trace(Setup(contact.to_reduced(), "periodic", EDGE, 48), 1e-6, 20.0, verdicts=False)
+    marks = [(event.kind, event.control) for event in found.curve.events if event.kind != "touch"]
+    kinds = [("fold", "load"), ("fold", "displacement")]
+    assert marks == [*kinds, *kinds[::-1], ("end", None)]
+    assert found.curve.events[-1].row == len(found.rows) - 1
+    assert found.curve.complete
+    assert found.indices.load[-1] == 0
