@@ -55,6 +55,10 @@ class Walk(Protocol):
         """The control, reduced units."""
 
     @property
+    def follows(self) -> bool:
+        """Whether `relaxed` is asked even where only one state is lower, since others may not be on the curve."""
+
+    @property
     def values(self) -> Array:
         """What is controlled at the rows, (M,); monotone between them."""
 
@@ -202,7 +206,9 @@ def _jump(walk: Walk, folds: dict[int, Stop], row: int, direction: int, leg: Leg
         if low < value <= high and piece not in (row - 1, row):
             candidates.append(walk.crossing(int(piece), value))
     below = [stop for stop in candidates if height(stop.state) < height(fold.state)]
-    if len(below) < 2:
+    # Where the curve need not hold all states, relaxations are followed; under load they may have no end.
+    followed = walk.follows and (below or control.kind != "load")
+    if len(below) < 2 and not followed:
         return Jump(row, direction, fold, below[0] if below else None)
     end = walk.relaxed(fold, below)
     return Jump(row, direction, fold, end, tuple(stop for stop in below if stop is not end))

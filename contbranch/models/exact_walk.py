@@ -35,6 +35,8 @@ class ExactWalk:
         Load at which the curve ends, in contact.
     """
 
+    follows = False
+
     def __init__(self, curve: ExactCurve, control: Control, max_load: float | None) -> None:
         self.curve, self._control = curve, control
         stiffness = control.spring_stiffness

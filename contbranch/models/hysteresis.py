@@ -23,6 +23,9 @@ from .axisymmetric.trace import trace as trace_axisymmetric
 from .choice import Model, choose
 from .exact import Exact
 from .exact_walk import ExactWalk
+from .grid import FreeSpace, Periodic
+from .grid.paths import GridWalk
+from .grid.trace import trace as trace_grid
 from .outcome import RawCurve, assemble, state_in_units
 from .rings import Rings
 from .rings.journey import Target as RingTarget
@@ -37,6 +40,8 @@ Progress = Callable[[float, str], None]
 
 # A trace is continued until what the path jumps to lies on it: beyond the fold's value by this share, and as often.
 BEYOND, EXTENSIONS = 1e-3, 3
+# On a lattice up to a load greater by this factor.
+FURTHER = 1.5
 # So many points a leg where load, displacement or contact radius change, and between two points of the trace.
 PATH_POINTS, MOST_BETWEEN = 40, 15
 COLUMNS = ("load", "displacement", "contact_radius", "central_gap", "energy")
@@ -86,7 +91,7 @@ def hysteresis(
     reduced = driven.scaled(contact.scales.stiffness)
     chosen, why = choose(contact, model)
     limit = None if max_load is None else positive_number(max_load, "max_load") / contact.scales.load
-    walk: ExactWalk | TracedWalk | RingWalk
+    walk: ExactWalk | TracedWalk | RingWalk | GridWalk
     if isinstance(chosen, Exact):
         walk = ExactWalk(chosen.curve(contact), reduced, limit)
         names: dict[int, str | None] = walk.names()
@@ -97,6 +102,10 @@ def hysteresis(
         raw = walk.traced.curve
         unknowns, newton, complete, message = raw.unknowns, raw.cost.newton, raw.complete, raw.message
         message = " ".join([raw.message, *(_landed(contact, *note) for note in walk.notes)]).strip()
+        if isinstance(walk, GridWalk):
+            jumps = walk.appraised(jumps)
+            complete = complete and not walk.astray
+            message = " ".join([message, *(_astray(contact, *found) for found in walk.astray)]).strip()
         names = _names(contact, raw, driven, accuracy)
     builder = _Builder(contact, walk, names, driven)
     cost = Cost(time.perf_counter() - began, newton)
@@ -105,8 +114,11 @@ def hysteresis(
 
 def _traced_path(
     model: Model, contact: Contact, control: Control, accuracy: float, limit: float | None, progress: Progress | None
-) -> tuple[TracedWalk | RingWalk, list[Leg], list[RawJump]]:
+) -> tuple[TracedWalk | RingWalk | GridWalk, list[Leg], list[RawJump]]:
     """Trace as far as the path needs, and the path."""
+    if isinstance(model, Periodic | FreeSpace):
+        return _grid_path(model, contact, control, accuracy, limit, progress)
+    assert not isinstance(model, Exact)
     target: tuple[float | None, Control] = limit, LOAD
     for _ in range(EXTENSIONS):
         walk: TracedWalk | RingWalk
@@ -126,6 +138,27 @@ def _traced_path(
     return walk, legs, jumps
 
 
+def _grid_path(
+    model: Periodic | FreeSpace,
+    contact: Contact,
+    control: Control,
+    accuracy: float,
+    limit: float | None,
+    progress: Progress | None,
+) -> tuple[GridWalk, list[Leg], list[RawJump]]:
+    """Trace on a lattice as far as the path needs, and the path."""
+    setup = model.setup(contact, None, limit, accuracy)
+    for _ in range(EXTENSIONS):
+        traced = trace_grid(setup, accuracy, limit, control, progress)
+        walk = GridWalk(traced, control, accuracy)
+        legs, jumps = quasi_static(walk) if len(traced.rows) > 1 else ([], [])
+        lost = any(jump.end is None and jump.direction > 0 for jump in jumps)
+        if not lost or walk.astray or not traced.curve.complete:
+            break
+        limit = FURTHER * float(traced.curve.load[-1])
+    return walk, legs, jumps
+
+
 def _names(contact: Contact, curve: RawCurve, control: Control, accuracy: float) -> dict[int, str | None]:
     """Names of the folds by row, as a diagram has them."""
     named: Diagram = assemble(contact, curve, ModelChoice("axisymmetric", "", 0), control, accuracy)
@@ -142,11 +175,24 @@ def _landed(contact: Contact, fold: Stop, end: Stop) -> str:
     )
 
 
+def _astray(contact: Contact, fold: Stop, end: State) -> str:
+    """A sentence on a relaxation that has left the curve, in the contact's units."""
+    begin, after = state_in_units(contact, fold.state), state_in_units(contact, end)
+    return (
+        f"The relaxation from the fold at load {begin.load:.6g}, displacement {begin.displacement:.6g} ends in a state "
+        f"that is not on the traced curve (load {after.load:.6g}, displacement {after.displacement:.6g})."
+    )
+
+
 class _Builder:
     """From legs and jumps in reduced units to the loop in the contact's own."""
 
     def __init__(
-        self, contact: Contact, walk: ExactWalk | TracedWalk | RingWalk, names: dict[int, str | None], control: Control
+        self,
+        contact: Contact,
+        walk: ExactWalk | TracedWalk | RingWalk | GridWalk,
+        names: dict[int, str | None],
+        control: Control,
     ) -> None:
         self.contact, self.walk, self.names, self.control = contact, walk, names, control
 

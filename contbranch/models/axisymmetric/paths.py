@@ -54,6 +54,8 @@ class TracedWalk:
         The same of the rows at which the contact set is no disc, see `Traced.handed`.
     """
 
+    follows = False
+
     def __init__(self, traced: Traced, control: Control, accuracy: float) -> None:
         self.traced, self._control, self.accuracy = traced, control, accuracy
         self.notes: list[tuple[Stop, Stop]] = []

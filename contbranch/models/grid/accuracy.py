@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,6 +21,11 @@ class Comparison:
     """By how much the observables of a state change when the lattice is coarsened once.
 
     If errors fall at least in proportion to the spacing, this is at least the error on the finer of the two.
+
+    Attributes
+    ----------
+    potential : float
+        Of V - F d at the same load: the change of V less that which goes with the changes along a curve, F dd.
     """
 
     load: float
@@ -27,6 +33,7 @@ class Comparison:
     contact_radius: float
     central_gap: float
     energy: float
+    potential: float = math.inf
 
     @property
     def four(self) -> tuple[float, float, float, float]:
@@ -96,5 +103,7 @@ def _difference(setup: Setup, state: Equilibrium, hold: Hold, settings: Settings
     if not found.converged:
         return None
     one, other = read(setup, state, cell=False), read(coarse, found, cell=False)
-    values = [abs(a - b) for a, b in zip((*one.four, one.energy), (*other.four, other.energy), strict=True)]
-    return Comparison(*values)
+    load, displacement, radius, gap = (abs(a - b) for a, b in zip(one.four, other.four, strict=True))
+    energy = one.energy - other.energy
+    along = 0.5 * (one.load + other.load) * (one.displacement - other.displacement)
+    return Comparison(load, displacement, radius, gap, abs(energy), abs(energy - along))

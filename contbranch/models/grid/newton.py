@@ -23,6 +23,8 @@ from contbranch.solvers.gmres import gmres
 
 from .problem import Fields, GridProblem
 
+# Memory for the basis of the inner iteration.
+BASIS_BYTES = 1e9
 # Shortest part of a step that is tried when the residual grows.
 SHORTEST = 0.125
 
@@ -172,7 +174,8 @@ class Linearised:
         if hold.row is not None:
             # Row and column are scaled to the size of the field's entries.
             row, column = (hold.row * self.mask).ravel(), self.mask.ravel() / problem.lattice.area
-            self.column_scale = 1.0 / float(np.linalg.norm(column))
+            # all nodes may be in contact in a trial state
+            self.column_scale = 1.0 / (float(np.linalg.norm(column)) or 1.0)
             norm = max(float(np.linalg.norm(row)), 1e-6 * abs(hold.load_weight) * self.column_scale) or 1.0
             self.row_scale = 1.0 / norm
             self.row, self.column = row * self.row_scale, column * self.column_scale
@@ -305,7 +308,9 @@ def _newton_step(
     vector = (-trial.fields.excess * free).ravel()
     if operator.bordered:
         vector = np.append(vector, -operator.row_scale * held)
-    found = gmres(operator.product, vector, _forcing(trial.residual, steady, settings), settings.inner).x
+    restart = int(min(60, max(10, BASIS_BYTES / (2 * vector.nbytes))))
+    forcing = _forcing(trial.residual, steady, settings)
+    found = gmres(operator.product, vector, forcing, settings.inner, restart).x
     change = found[: free.size].reshape(free.shape)
     return change, operator.column_scale * float(found[-1]) if operator.bordered else 0.0
 
@@ -313,7 +318,7 @@ def _newton_step(
 def _forcing(residual: float, steady: bool, settings: Settings) -> float:
     """Inner tolerance: no tighter than a step can use while the contact set changes, nor than is asked for at last."""
     wanted = min(settings.forcing, 0.3 * math.sqrt(residual)) if steady else settings.forcing
-    return min(max(wanted, 0.3 * settings.tolerance / residual), settings.forcing)
+    return min(max(wanted, 0.3 * settings.tolerance / max(residual, settings.tolerance)), settings.forcing)
 
 
 def _rms(values: Array) -> float:

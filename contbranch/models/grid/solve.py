@@ -26,7 +26,7 @@ from .stability import morse
 from .trace import Row, trace
 from .walk import Direction, Measure, Point, between
 
-__all__ = ["Found", "find_all", "solve_all"]
+__all__ = ["Found", "crossing", "find_all", "solve_all", "state_at"]
 
 Progress = Callable[[float, str], None]
 
@@ -209,7 +209,7 @@ def find_all(
         for first, second in pairwise(rows):
             low, high = (driven.value(row.load, row.reading.displacement) - value for row in (first, second))
             if low * high < 0.0 or high == 0.0:
-                found = _crossing(setup, first, second, driven, value, hold, settings)
+                found = crossing(setup, first, second, driven, value, hold, settings)
                 if found is not None:
                     states.append(state_of(setup, found, hold, settings, control))
     reach = traced.curve.displacement
@@ -218,12 +218,12 @@ def find_all(
     return [state for state in states if used[0] <= state.displacement <= used[1]], used, traced.curve
 
 
-def _crossing(
+def crossing(
     setup: Setup, first: Row, second: Row, control: Control, value: float, hold: Hold, settings: Settings
 ) -> Equilibrium | None:
     """The equilibrium between two rows at a value of the control: from the nearer end, within the bracket."""
     problem = setup.problem
-    ends = [_state(problem, row) for row in (first, second)]
+    ends = [state_at(problem, row) for row in (first, second)]
     points = [Point(row.arc, state) for row, state in zip((first, second), ends, strict=True)]
     values = [control.value(state.load, state.displacement) for state in ends]
     share = (value - values[0]) / (values[1] - values[0])
@@ -251,7 +251,8 @@ def _crossing(
     return None
 
 
-def _state(problem: GridProblem, row: Row) -> Equilibrium:
+def state_at(problem: GridProblem, row: Row) -> Equilibrium:
+    """The equilibrium of a row whose fields were kept."""
     assert row.u is not None
     assert row.contact is not None
     fields = problem.fields(row.u, row.load)

@@ -51,6 +51,8 @@ SPACING = 6
 MOST_REFINED, LARGEST_REFINED = 12, 1024
 # Least error of an event, relative to max(1, |value|).
 FLOOR = 2e-8
+# Distance by which predictions may miss where much happens on short parts of the curve.
+CLOSE = 3e-3
 # A fold that moves by less, relative to max(1, |value|), is said to stay.
 STAYS = 1e-3
 
@@ -123,6 +125,11 @@ class _Tracer:
         period = self.setup.lattice.spacing / self.setup.length
         self.options = WalkOptions(tolerance=tolerance, period=period, noise=max(1e-3, 0.05 * period))
         self.settings = Settings(tolerance=tolerance, steps=20, inner=100, growth=30.0, patience=5)
+        fine = Resolution.of(self.setup.lattice, self.setup.law).ratio <= 1.0
+        if self.setup.crowded and fine:
+            # Contacts of single asperities are small parts of the surface: what happens to one of them is a short part
+            # of the curve, over which a step that moves all contacts by a node would leap.
+            self.options = replace(self.options, hops=False, noise=CLOSE)
         self.history = 5 if self.setup.lattice.size > 1024 else 12
 
     # The walk
@@ -234,7 +241,13 @@ class _Tracer:
             self._touch(list(points))
 
     def _fold(self, points: list[Point], control: Control, maximum: bool) -> None:
-        found = locate_fold(self.problem, points[-4:], control, self.settings)
+        value = [control.value(point.load, point.displacement) for point in points[-3:]]
+        height = max(abs(value[0] - value[1]), abs(value[2] - value[1]))
+        found = (
+            None
+            if height < self._indifferent(control)
+            else locate_fold(self.problem, points[-4:], control, self.settings)
+        )
         if found is None:  # the middle one is close
             found = points[-2].state
         mark = Mark("fold", control, maximum)
@@ -244,6 +257,17 @@ class _Tracer:
         if self.verdicts:
             mark.around = points[-3].state.slim(), found.slim(), points[-1].state.slim()
         self._add(Point(min(arc, points[-1].arc), found), mark)
+
+    def _indifferent(self, control: Control) -> float:
+        """Height over the points around it below which a fold in contact need not be located.
+
+        That is far below the lattice's error; where a lattice has many folds of its own, its error.
+        """
+        if not self.comparisons or not self.comparisons[-1][1].contact_radius:
+            return 0.0
+        last = self.comparisons[-1][1]
+        many = sum(row.mark is not None and row.mark.kind == "fold" for row in self.rows) > MOST_REFINED
+        return (1.0 if many else 0.1) * abs(control.value(last.load, last.displacement))
 
     def _touch(self, points: list[Point]) -> None:
         gap = partial(clearance, self.setup)
@@ -350,19 +374,17 @@ class _Tracer:
         turning = [row for row, kind in folds if kind != "spring"]
         first = 0 if self.symmetry is None else first_index(self.setup, rows, turning, self.symmetry)
         indices = _indices(columns, folds, self.controls, first)
-        own = {c: [k for k, m in marks if m.unresolved and m.control == c] for c in (LOAD, DISPLACEMENT)}
-        checked = verify_curve(
-            self.setup, rows, indices, turning, self.accuracy, modes, self.symmetry, list(own.values())
-        )
+        inner = [[k for k, mark in marks if mark.unresolved and mark.control == c] for c in (LOAD, DISPLACEMENT)]
+        checked = verify_curve(self.setup, rows, indices, turning, self.accuracy, modes, self.symmetry, inner)
         # What the lattice is too coarse for, the message names already.
         complete = not message and (not checked.contradicted or too_coarse(self.setup))
-        events = [_event(self.setup, k, mark, rows[k].reading, _at(errors, k), indices) for k, mark in marks]
+        own = [_at(errors, k) for k in range(len(rows))]
+        events = [_event(self.setup, k, mark, rows[k].reading, own[k], indices) for k, mark in marks]
         events = [
             replace(event, error=_along(rows, k, mark, event.error))
             for event, (k, mark) in zip(events, marks, strict=True)
         ]
-        four = [_at(errors, k) for k in range(len(rows))]
-        events = merged(events, symmetry_events(self.setup, rows, checked.breakings, four, self.settings))
+        events = merged(events, symmetry_events(self.setup, rows, checked.breakings, own, self.settings))
         wall = time.perf_counter() - began
         cost = Cost(wall, self.setup.counter.newton, self.setup.counter.equilibrium, self.setup.counter.stability)
         curve = RawCurve(

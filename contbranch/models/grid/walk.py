@@ -51,6 +51,8 @@ class WalkOptions:
         Degree of the predicting polynomial.
     points : int
         Points at most.
+    hops : bool
+        Whether corners of the lattice's own may be passed by longer steps.
     """
 
     tolerance: float = 1e-7
@@ -63,6 +65,7 @@ class WalkOptions:
     angle: float = 0.9
     order: int = 2
     points: int = 2000
+    hops: bool = True
 
 
 @dataclass(frozen=True)
@@ -201,7 +204,7 @@ class Walker:
         options = self.options
         hopped = False
         while self.step_size >= options.least:
-            if not hopped and self.step_size < 0.25 * options.period:
+            if options.hops and not hopped and self.step_size < 0.25 * options.period:
                 if self._hop():
                     return True
                 hopped = True

@@ -56,6 +56,8 @@ class RingWalk:
         Folds, and states after them, between which the relaxation was not followed and energies do not decide.
     """
 
+    follows = False
+
     def __init__(self, traced: Traced, control: Control, accuracy: float, first: int = 0) -> None:
         self.traced, self._control, self.accuracy, self.first = traced, control, accuracy, first
         self.notes: list[tuple[Stop, Stop]] = []

@@ -1,0 +1,306 @@
+"""The whole curve of a rough adhesive contact, and the jumps of its asperities in a cycle of displacement.
+
+    python studies/rough_cycle.py                 # 256² nodes: a report, and docs/figures/rough_cycle.png; some minutes
+    python studies/rough_cycle.py --points 128    # the same surface on fewer nodes
+
+A self-affine surface with Gauss attraction, periodic. The curve of equilibria at rising and falling displacement turns
+round at every jump of an asperity, so that a cycle passes its stable parts only. What is printed is checked in four
+ways: Morse indices by the spectrum of the second variation, V from ∫ F dd, jumps by relaxation, and a whole cycle by
+dynamics alone, whose states must lie on the stable parts of the curve. Lengths are in units of the radius that sets the
+scales, energies per area in those of the effective modulus times that.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure
+from scipy.interpolate import CubicSpline
+
+import contbranch as cb
+from contbranch.analysis.hysteresis import Jump, Leg, quasi_static
+from contbranch.control import DISPLACEMENT
+from contbranch.models.grid.landing import land
+from contbranch.models.grid.newton import Equilibrium, hold_control
+from contbranch.models.grid.observables import cell_fields
+from contbranch.models.grid.paths import GridWalk
+from contbranch.models.grid.solve import state_at
+from contbranch.models.grid.stability import Stability
+from contbranch.models.grid.trace import Traced, trace
+from contbranch.plot_style import BLUE, GREY, ORANGE, STYLE
+
+FIGURE = Path(__file__).resolve().parents[1] / "docs" / "figures" / "rough_cycle.png"
+ACCURACY = 1e-6
+# Two fields agree if no gap differs by more than this part of the law's range.
+AGREE = 0.01
+
+
+def contact(points: int = 256, cell: float = 12.0, seed: int = 1) -> cb.Contact:
+    """A self-affine surface (H = 0.8, waves from a quarter of 12 to 12) that attracts a flat over 0.08."""
+    surface = cb.HeightMap.self_affine(
+        points, cell, 0.8, rms_height=0.5, seed=seed, short_cutoff=3.0, long_cutoff=cell, radius=1.0
+    )
+    return cb.Contact(tip=surface, interaction=cb.Gauss(work_of_adhesion=0.05, range=0.08), modulus=1.0)
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """A traced curve and the quasi-static cycle of displacement on it, in reduced units.
+
+    Attributes
+    ----------
+    contact : Contact
+    traced : Traced
+    walk : GridWalk
+    legs, jumps : list
+    trace_seconds, seconds : float
+        For the curve, and in all.
+    """
+
+    contact: cb.Contact
+    traced: Traced
+    walk: GridWalk
+    legs: list[Leg]
+    jumps: list[Jump]
+    trace_seconds: float
+    seconds: float
+
+    @property
+    def dissipated(self) -> float:
+        """Energy dissipated in the cycle, in the contact's units."""
+        lost = sum(jump.begin.state.energy - jump.end.state.energy for jump in self.jumps if jump.end is not None)
+        return float(lost) * self.contact.scales.energy
+
+    @property
+    def error(self) -> float:
+        """Its error estimate."""
+        both = sum(
+            jump.begin.uncertainty
+            + jump.end.uncertainty
+            + abs(jump.begin.state.load - jump.end.state.load) * jump.begin.state.error["displacement"]
+            for jump in self.jumps
+            if jump.end is not None
+        )
+        return float(both) * self.contact.scales.energy
+
+    def closes(self) -> bool:
+        """Whether every jump has ended on the curve."""
+        return all(jump.end is not None for jump in self.jumps)
+
+
+def measure(contact: cb.Contact, max_load: float = 1.0) -> Cycle:
+    """Trace a contact up to a load (in its units) beyond which nothing happens, and follow the cycle."""
+    began = time.perf_counter()
+    setup = cb.Periodic().setup(contact.to_reduced(), None, max_load / contact.scales.load, ACCURACY)
+    traced = trace(setup, ACCURACY, max_load / contact.scales.load, DISPLACEMENT, verdicts=False)
+    between = time.perf_counter() - began
+    walk = GridWalk(traced, DISPLACEMENT, ACCURACY)
+    legs, jumps = quasi_static(walk)
+    jumps = walk.appraised(jumps)
+    return Cycle(contact, traced, walk, legs, jumps, between, time.perf_counter() - began)
+
+
+def energy_mismatch(cycle: Cycle) -> float:
+    """Largest difference of V and ∫ F dd along the curve, by splines through the rows, relative to the range of V."""
+    rows = cycle.traced.rows
+    arcs = np.array([row.arc for row in rows])
+    kept = np.concatenate([[True], np.diff(arcs) > 0.0])
+    load, displacement, energy = (
+        np.array([getattr(row.reading, name) for row in rows])[kept] for name in ("load", "displacement", "energy")
+    )
+    arcs = arcs[kept]
+    force, place = CubicSpline(arcs, load), CubicSpline(arcs, displacement)
+    nodes, weights = np.polynomial.legendre.leggauss(4)
+    middle, half = 0.5 * (arcs[1:] + arcs[:-1]), 0.5 * np.diff(arcs)
+    s = middle[:, None] + half[:, None] * nodes
+    work = np.cumsum((force(s) * place(s, 1) * weights).sum(axis=1) * half)
+    return float(np.abs(energy[1:] - energy[0] - work).max() / np.ptp(energy))
+
+
+def indices(cycle: Cycle, count: int) -> list[tuple[int, int, bool]]:
+    """Rows, their Morse index under displacement control, and whether the second variation has as many negative modes.
+
+    Rows are taken in the middle between the folds that lie farthest apart.
+    """
+    folds = [0, *sorted(cycle.walk.folds()), len(cycle.traced.rows) - 1]
+    longest = sorted(pairwise(folds), key=lambda pair: pair[0] - pair[1])[:count]
+    stability = Stability(cycle.walk.problem)
+    found = []
+    for first, last in sorted(longest):
+        row = (first + last) // 2
+        expected = int(cycle.traced.curve.unstable_displacement[row])
+        spectrum = stability.spectrum(state_at(cycle.walk.problem, cycle.traced.rows[row]), None)
+        found.append((row, expected, spectrum.index == expected))
+    return found
+
+
+def by_dynamics(cycle: Cycle, steps: int) -> Iterator[tuple[int, float, Equilibrium, float]]:
+    """A cycle by relaxation alone: direction, displacement, state, and its distance from the stable parts of the curve.
+
+    The displacement goes up and down in equal steps; every relaxation starts from the state before.
+    """
+    walk, problem = cycle.walk, cycle.walk.problem
+    top = cycle.jumps[0].begin.state.displacement
+    low = min(jump.begin.state.displacement for jump in cycle.jumps)
+    high = max(jump.begin.state.displacement for jump in cycle.jumps)
+    margin = 0.5 * (high - low) / steps
+    up = np.linspace(low - margin, high + margin, steps)
+    state = walk.crossing(0, walk.values[0]).place
+    assert low < top <= high
+    for direction, values in ((1, up), (-1, up[::-1])):
+        for value in values:
+            hold = hold_control(problem, 0.0, 1.0, float(value))
+            with np.errstate(over="ignore", invalid="ignore"):
+                state = land(problem, state.u, state.load, hold)
+            yield direction, float(value), state, distance(walk, state)
+
+
+def distance(walk: GridWalk, state: Equilibrium) -> float:
+    """Largest difference of the gaps of a state and the nearest stable one on the curve, relative to the law's range."""
+    value, values = state.displacement, walk.values
+    low, high = np.minimum(values[:-1], values[1:]), np.maximum(values[:-1], values[1:])
+    pieces = np.flatnonzero((walk.unstable == 0) & (low < value) & (value <= high))
+    loads = np.array([abs(walk.traced.rows[k].load - state.load) for k in pieces])
+    apart = np.inf
+    for piece in pieces[np.argsort(loads)][:2]:
+        other = walk.crossing(int(piece), value).place
+        apart = min(apart, float(np.abs(other.u - state.u).max()) / walk.setup.length)
+    return apart
+
+
+def draw(cycle: Cycle, path: Path = FIGURE) -> Figure:
+    """The curve with its jumps, and the gap before and after three of them."""
+    scales = cycle.contact.scales
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(7.0, 5.6), layout="constrained")
+        FigureCanvasAgg(figure)
+        top, bottom = figure.subfigures(2, 1, height_ratios=(1.25, 1.0))
+        axes = top.subplots()
+        _curve(axes, cycle)
+        rising = [jump for jump in cycle.jumps if jump.direction > 0 and jump.end is not None]
+        largest = sorted(rising, key=lambda jump: jump.end.state.energy - jump.begin.state.energy)[:3]
+        shown = sorted(largest, key=lambda jump: jump.begin.state.displacement)
+        panels = bottom.subplots(2, 3, squeeze=False)
+        image: Any = None
+        edge = cycle.walk.setup.edge * scales.in_plane
+        for column, (jump, letter) in enumerate(zip(shown, "abc", strict=False)):
+            state = jump.begin.state
+            axes.annotate(
+                letter,
+                (state.displacement * scales.normal, state.load * scales.load),
+                xytext=(4, 4),
+                textcoords="offset points",
+                fontweight="bold",
+            )
+            for line, stop in enumerate((jump.begin, jump.end)):
+                gap = cell_fields(cycle.walk.problem, stop.place).gap * scales.normal
+                panel = panels[line, column]
+                image = panel.imshow(
+                    np.where(gap > 0.0, gap, np.nan).T,
+                    origin="lower",
+                    extent=(0.0, edge, 0.0, edge),
+                    norm=LogNorm(0.01, 2.0, clip=True),
+                    cmap="cividis",
+                    interpolation="nearest",
+                )
+                panel.set_facecolor(ORANGE)
+                panel.tick_params(labelbottom=line == 1, labelleft=column == 0, which="both", length=2.0)
+                panel.set_title(f"{letter}, {'before' if line == 0 else 'after'}", fontsize=7.5, pad=2.0)
+        for panel in panels[:, len(shown) :].ravel():
+            panel.set_axis_off()
+        if image is not None:
+            bottom.colorbar(image, ax=panels, label="gap (contact: orange)", extend="both", shrink=0.95)
+        figure.savefig(path, dpi=130, metadata={"Software": None})
+    return figure
+
+
+def _curve(axes: Axes, cycle: Cycle) -> None:
+    scales, walk = cycle.contact.scales, cycle.walk
+    d = np.array([row.reading.displacement for row in cycle.traced.rows]) * scales.normal
+    load = np.array([row.load for row in cycle.traced.rows]) * scales.load
+    changes = np.flatnonzero(np.diff(walk.unstable > 0)) + 1
+    for first, last in pairwise([0, *changes.tolist(), len(walk.unstable)]):
+        stable = walk.unstable[first] == 0
+        axes.plot(
+            d[first : last + 1],
+            load[first : last + 1],
+            color=BLUE if stable else GREY,
+            linestyle="-" if stable else (0, (3, 1.5)),
+            linewidth=1.4 if stable else 0.7,
+            zorder=3 if stable else 2,
+        )
+    for jump in cycle.jumps:
+        if jump.end is None:
+            continue
+        x = jump.begin.state.displacement * scales.normal
+        ends = [state.load * scales.load for state in (jump.begin.state, jump.end.state)]
+        style: Any = {"arrowstyle": "-|>", "mutation_scale": 6.0, "shrinkA": 0.0, "shrinkB": 0.0, "lw": 0.8}
+        colour = ORANGE if jump.direction > 0 else "#009E73"
+        axes.annotate("", (x, ends[1]), xytext=(x, ends[0]), arrowprops={**style, "color": colour}, zorder=4)
+    for label, colour, line in (
+        ("stable", BLUE, "-"),
+        ("unstable", GREY, (0, (3, 1.5))),
+        ("jump on approach", ORANGE, "-"),
+        ("jump on retraction", "#009E73", "-"),
+    ):
+        axes.plot([], [], color=colour, linestyle=line, linewidth=1.0, label=label)
+    values = [jump.begin.state.displacement * scales.normal for jump in cycle.jumps]
+    if values:
+        margin = 0.08 * (max(values) - min(values))
+        inside = (d >= min(values) - margin) & (d <= max(values) + margin)
+        axes.set_xlim(min(values) - margin, max(values) + margin)
+        room = 0.05 * np.ptp(load[inside])
+        axes.set_ylim(load[inside].min() - room, load[inside].max() + room)
+    axes.set_xlabel("displacement")
+    axes.set_ylabel("load")
+    axes.legend(loc="best")
+
+
+def report(cycle: Cycle, checked: int, steps: int) -> str:
+    """What was measured, as lines of text."""
+    curve, folds = cycle.traced.curve, cycle.walk.folds()
+    loads = sum(event.kind == "fold" and event.control == "load" for event in curve.events)
+    ups = sum(jump.direction > 0 for jump in cycle.jumps)
+    rows = indices(cycle, checked)
+    states = list(by_dynamics(cycle, steps))
+    on = sum(apart <= AGREE for *_, apart in states)
+    lines = [
+        f"nodes: {cycle.traced.setup.grid}²; {curve.message or 'complete'}",
+        f"points: {len(curve.load)}; folds of displacement: {len(folds)}, of load: {loads}; largest index "
+        f"{int(curve.unstable_displacement.max())}",
+        f"pairs of transforms: {curve.cost.fft_pairs}; {cycle.trace_seconds:.0f} s for the curve, "
+        f"{cycle.seconds - cycle.trace_seconds:.0f} s for the jumps",
+        f"jumps: {ups} on approach, {len(cycle.jumps) - ups} on retraction; closed: {cycle.closes()}",
+        f"dissipated: {cycle.dissipated:.5g} ± {cycle.error:.1g}",
+        f"V against ∫ F dd: {energy_mismatch(cycle):.2g} of its range",
+        f"Morse indices that the spectrum confirms: {sum(good for *_, good in rows)} of {len(rows)} {rows}",
+        f"dynamics: {on} of {len(states)} states on the stable parts, {steps} displacements each way",
+    ]
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Measure, print and draw."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--points", type=int, default=256, help="nodes along the edge of the cell")
+    parser.add_argument("--cell", type=float, default=12.0, help="edge of the cell")
+    parser.add_argument("--figure", type=Path, default=FIGURE)
+    given = parser.parse_args()
+    cycle = measure(contact(given.points, given.cell))
+    draw(cycle, given.figure)
+    print(report(cycle, checked=8, steps=60))
+
+
+if __name__ == "__main__":
+    main()
