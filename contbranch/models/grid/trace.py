@@ -57,7 +57,7 @@ CLOSE = 3e-3
 STAYS = 1e-3
 
 
-@dataclass
+@dataclass(eq=False)
 class Row:
     """A point of the curve: what was read off it, and its state as far as memory allows."""
 
@@ -187,15 +187,17 @@ class _Tracer:
         goal = self._goal()
         if last.load < goal or last.load < before.load or not last.state.contact.any():
             return False
+        # Rows of events may have been added since.
+        own = max((row for row in self.rows if row.mark is None), key=lambda row: row.arc)
         share = (goal - before.load) / (last.load - before.load)
         if 0.0 < share < 1.0:
             u = before.state.u + share * (last.state.u - before.state.u)
             end = newton(self.problem, u, goal, Hold(goal), before.state.contact, self.settings)
             if end.converged:
-                self.rows.pop()
+                self.rows.remove(own)
                 self._add(Point(before.arc + share * (last.arc - before.arc), end), Mark("end"))
                 return True
-        self.rows[-1].mark = Mark("end")
+        own.mark = Mark("end")
         return True
 
     def _end(self, message: str) -> str:
@@ -372,7 +374,8 @@ class _Tracer:
         turning = [row for row, kind in folds if kind != "spring"]
         first = 0 if self.symmetry is None else first_index(self.setup, rows, turning, self.symmetry)
         indices = _indices(columns, folds, self.controls, first)
-        checked = verify_curve(self.setup, rows, indices, turning, self.accuracy, modes, self.symmetry)
+        inner = [[k for k, mark in marks if mark.unresolved and mark.control == c] for c in (LOAD, DISPLACEMENT)]
+        checked = verify_curve(self.setup, rows, indices, turning, self.accuracy, modes, self.symmetry, inner)
         # What the lattice is too coarse for, the message names already.
         complete = not message and (not checked.contradicted or too_coarse(self.setup))
         own = [_at(errors, k) for k in range(len(rows))]
