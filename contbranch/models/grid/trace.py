@@ -248,8 +248,9 @@ class _Tracer:
             if height < self._indifferent(control)
             else locate_fold(self.problem, points[-4:], control, self.settings)
         )
-        if found is None:  # the middle one is close
-            found = points[-2].state
+        sign = 1.0 if maximum else -1.0
+        if found is None or sign * control.value(found.load, found.displacement) < sign * value[1]:
+            found = points[-2].state  # the middle one is close
         mark = Mark("fold", control, maximum)
         before = points[-3]
         measure = Measure.at(before.state, self.setup.length)
