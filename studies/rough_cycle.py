@@ -99,7 +99,7 @@ class Cycle:
         return all(jump.end is not None for jump in self.jumps)
 
 
-def measure(contact: cb.Contact, max_load: float = 1.0) -> Cycle:
+def measure(contact: cb.Contact, max_load: float = 0.3) -> Cycle:
     """Trace a contact up to a load (in its units) beyond which nothing happens, and follow the cycle."""
     began = time.perf_counter()
     setup = cb.Periodic().setup(contact.to_reduced(), None, max_load / contact.scales.load, ACCURACY)
@@ -151,13 +151,11 @@ def by_dynamics(cycle: Cycle, steps: int) -> Iterator[tuple[int, float, Equilibr
     The displacement goes up and down in equal steps; every relaxation starts from the state before.
     """
     walk, problem = cycle.walk, cycle.walk.problem
-    top = cycle.jumps[0].begin.state.displacement
     low = min(jump.begin.state.displacement for jump in cycle.jumps)
     high = max(jump.begin.state.displacement for jump in cycle.jumps)
     margin = 0.5 * (high - low) / steps
     up = np.linspace(low - margin, high + margin, steps)
     state = walk.crossing(0, walk.values[0]).place
-    assert low < top <= high
     for direction, values in ((1, up), (-1, up[::-1])):
         for value in values:
             hold = hold_control(problem, 0.0, 1.0, float(value))
@@ -267,27 +265,32 @@ def _curve(axes: Axes, cycle: Cycle) -> None:
     axes.legend(loc="best")
 
 
-def report(cycle: Cycle, checked: int, steps: int) -> str:
-    """What was measured, as lines of text."""
+def report(cycle: Cycle, checked: int, steps: int) -> Iterator[str]:
+    """What was measured, line by line."""
     curve, folds = cycle.traced.curve, cycle.walk.folds()
     loads = sum(event.kind == "fold" and event.control == "load" for event in curve.events)
     ups = sum(jump.direction > 0 for jump in cycle.jumps)
+    yield f"nodes: {cycle.traced.setup.grid}²; {curve.message or 'complete'}"
+    yield (
+        f"points: {len(curve.load)}; folds of displacement: {len(folds)}, of load: {loads}; largest index "
+        f"{int(curve.unstable_displacement.max())}"
+    )
+    yield (
+        f"pairs of transforms: {curve.cost.fft_pairs}; {cycle.trace_seconds:.0f} s for the curve, "
+        f"{cycle.seconds - cycle.trace_seconds:.0f} s for the jumps"
+    )
+    yield f"jumps: {ups} on approach, {len(cycle.jumps) - ups} on retraction; closed: {cycle.closes()}"
+    for jump in cycle.jumps:
+        begin, end = jump.begin.state, jump.end.state if jump.end else None
+        lost = "" if end is None else f"to load {end.load:.5f}, dissipated {begin.energy - end.energy:.3g} (reduced)"
+        yield f"    {jump.direction:+d} displacement {begin.displacement:.5f}, from load {begin.load:.5f} {lost}"
+    yield f"dissipated: {cycle.dissipated:.5g} ± {cycle.error:.1g}"
+    yield f"V against ∫ F dd: {energy_mismatch(cycle):.2g} of its range"
     rows = indices(cycle, checked)
+    yield f"Morse indices that the spectrum confirms: {sum(good for *_, good in rows)} of {len(rows)}: {rows}"
     states = list(by_dynamics(cycle, steps))
     on = sum(apart <= AGREE for *_, apart in states)
-    lines = [
-        f"nodes: {cycle.traced.setup.grid}²; {curve.message or 'complete'}",
-        f"points: {len(curve.load)}; folds of displacement: {len(folds)}, of load: {loads}; largest index "
-        f"{int(curve.unstable_displacement.max())}",
-        f"pairs of transforms: {curve.cost.fft_pairs}; {cycle.trace_seconds:.0f} s for the curve, "
-        f"{cycle.seconds - cycle.trace_seconds:.0f} s for the jumps",
-        f"jumps: {ups} on approach, {len(cycle.jumps) - ups} on retraction; closed: {cycle.closes()}",
-        f"dissipated: {cycle.dissipated:.5g} ± {cycle.error:.1g}",
-        f"V against ∫ F dd: {energy_mismatch(cycle):.2g} of its range",
-        f"Morse indices that the spectrum confirms: {sum(good for *_, good in rows)} of {len(rows)} {rows}",
-        f"dynamics: {on} of {len(states)} states on the stable parts, {steps} displacements each way",
-    ]
-    return "\n".join(lines)
+    yield f"dynamics: {on} of {len(states)} states on the stable parts, {steps} displacements each way"
 
 
 def main() -> None:
@@ -299,7 +302,8 @@ def main() -> None:
     given = parser.parse_args()
     cycle = measure(contact(given.points, given.cell))
     draw(cycle, given.figure)
-    print(report(cycle, checked=8, steps=60))
+    for line in report(cycle, checked=8, steps=60):
+        print(line, flush=True)
 
 
 if __name__ == "__main__":
