@@ -131,10 +131,13 @@ def energy_mismatch(cycle: Cycle) -> float:
 def indices(cycle: Cycle, count: int) -> list[tuple[int, int, bool]]:
     """Rows, their Morse index under displacement control, and whether the second variation has as many negative modes.
 
-    Rows are taken in the middle between the folds that lie farthest apart.
+    Rows are taken in the middle between folds: the longest such parts, as many unstable ones as stable ones.
     """
     folds = [0, *sorted(cycle.walk.folds()), len(cycle.traced.rows) - 1]
-    longest = sorted(pairwise(folds), key=lambda pair: pair[0] - pair[1])[:count]
+    parts = sorted(pairwise(folds), key=lambda pair: pair[0] - pair[1])
+    unstable = cycle.walk.unstable
+    longest = [pair for pair in parts if unstable[pair[0]] == 0][: count // 2]
+    longest += [pair for pair in parts if unstable[pair[0]] > 0][: count - count // 2]
     stability = Stability(cycle.walk.problem)
     found = []
     for first, last in sorted(longest):
@@ -165,7 +168,7 @@ def by_dynamics(cycle: Cycle, steps: int) -> Iterator[tuple[int, float, Equilibr
 
 
 def distance(walk: GridWalk, state: Equilibrium) -> float:
-    """Largest difference of the gaps of a state and the nearest stable one on the curve, relative to the law's range."""
+    """Largest difference of a state's gaps from those of the nearest stable one on the curve, in ranges of the law."""
     value, values = state.displacement, walk.values
     low, high = np.minimum(values[:-1], values[1:]), np.maximum(values[:-1], values[1:])
     pieces = np.flatnonzero((walk.unstable == 0) & (low < value) & (value <= high))
@@ -183,17 +186,17 @@ def draw(cycle: Cycle, path: Path = FIGURE) -> Figure:
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(7.0, 5.6), layout="constrained")
         FigureCanvasAgg(figure)
-        top, bottom = figure.subfigures(2, 1, height_ratios=(1.25, 1.0))
+        top, bottom = figure.subfigures(2, 1, squeeze=False, height_ratios=(1.25, 1.0)).ravel()
         axes = top.subplots()
         _curve(axes, cycle)
-        rising = [jump for jump in cycle.jumps if jump.direction > 0 and jump.end is not None]
-        largest = sorted(rising, key=lambda jump: jump.end.state.energy - jump.begin.state.energy)[:3]
-        shown = sorted(largest, key=lambda jump: jump.begin.state.displacement)
+        rising = [(jump.begin, jump.end) for jump in cycle.jumps if jump.direction > 0 and jump.end is not None]
+        largest = sorted(rising, key=lambda ends: ends[1].state.energy - ends[0].state.energy)[:3]
+        shown = sorted(largest, key=lambda ends: ends[0].state.displacement)
         panels = bottom.subplots(2, 3, squeeze=False)
         image: Any = None
         edge = cycle.walk.setup.edge * scales.in_plane
-        for column, (jump, letter) in enumerate(zip(shown, "abc", strict=False)):
-            state = jump.begin.state
+        for column, (ends, letter) in enumerate(zip(shown, "abc", strict=False)):
+            state = ends[0].state
             axes.annotate(
                 letter,
                 (state.displacement * scales.normal, state.load * scales.load),
@@ -201,7 +204,7 @@ def draw(cycle: Cycle, path: Path = FIGURE) -> Figure:
                 textcoords="offset points",
                 fontweight="bold",
             )
-            for line, stop in enumerate((jump.begin, jump.end)):
+            for line, stop in enumerate(ends):
                 gap = cell_fields(cycle.walk.problem, stop.place).gap * scales.normal
                 panel = panels[line, column]
                 image = panel.imshow(
@@ -302,7 +305,7 @@ def main() -> None:
     given = parser.parse_args()
     cycle = measure(contact(given.points, given.cell))
     draw(cycle, given.figure)
-    for line in report(cycle, checked=8, steps=60):
+    for line in report(cycle, checked=12, steps=60):
         print(line, flush=True)
 
 
