@@ -274,9 +274,9 @@ def _limit(request: Request, max_load: str | None) -> float | None:
 
 
 def _follow(request: Request, name: str, variation: Variation, limit: float | None) -> Followed:
+    from contbranch.models.choice import choose
     from contbranch.models.family import family_of
     from contbranch.models.follow import follow
-    from contbranch.models.choice import choose
     from contbranch.models.grid import FreeSpace, Periodic
     from contbranch.request_follow import find_event
 

@@ -47,7 +47,7 @@ def test_spring() -> None:
 
 
 def test_attraction_under_load_does_not_close() -> None:
-    found = cb.hysteresis(ATTRACTION, max_load=1.0, model=cb.FreeSpace(cell=8.0, grid=32))
+    found = cb.hysteresis(ATTRACTION, max_load=1.0, model=cb.FreeSpace(cell=8.0, grid=64))
     assert not found.closed
     assert found.dissipated is None
     assert "infinite separation" in found.message
