@@ -35,6 +35,8 @@ Integers = NDArray[np.int64]
 SAME = 0.02
 # A relaxation that has come no farther than this part of the range has not left the fold; starts that are tried then.
 LEFT, PUSHES = 0.3, 4
+# Rows from a fold at which its stable part is looked for, past corners of the lattice's own.
+FAR = 6
 # Nodes from which on a path is drawn through the rows alone: they lie close, and every further state costs transforms.
 FINE = 128**2
 # An excess of pressure that may be neglected.
@@ -225,6 +227,11 @@ class GridWalk:
                 return nearest
             if self._apart(end, fold) > LEFT:
                 break
+        if end is not None and end.converged and self._apart(end, fold) <= LEFT:
+            end = self._forced(fold, end, value, -onward)
+            nearest = min(candidates, key=partial(self._apart, end), default=None)
+            if nearest is not None and self._apart(end, nearest) <= SAME:
+                return nearest
         if end is not None and end.converged:
             self.astray.append((fold, _state(read(self.setup, end), 0, 0)))
             return None
@@ -234,6 +241,21 @@ class GridWalk:
         if not certain:
             self.notes.append((fold, following))
         return following
+
+    def _forced(self, fold: Stop, state: Equilibrium, value: float, stable: int) -> Equilibrium:
+        """Relax once more with the control beyond the fold by the lattice's error: what still holds it is smaller.
+
+        The stable part, from which the fold is reached, lies in the direction `stable` of the rows.
+        """
+        assert fold.row is not None
+        error = fold.state.error
+        uncertain = self._control.value(error.get("load", 0.0), error.get("displacement", 0.0))
+        if not math.isfinite(uncertain):
+            return state
+        reached = self.values[min(max(fold.row + FAR * stable, 0), len(self.values) - 1)]
+        beyond = value + math.copysign(uncertain, value - float(reached))
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            return land(self.problem, state.u, state.load, self._hold(beyond), self.settings.tolerance)
 
     def _apart(self, state: Equilibrium, stop: Stop) -> float:
         """Largest difference between two states' gaps, relative to the law's range."""
