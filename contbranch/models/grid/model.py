@@ -133,6 +133,12 @@ class _Cell:
     ) -> tuple[list[State], list[bool], tuple[float, float], RawCurve]:
         """The equilibria on the traced curve with a value, in a window of displacements; others are not looked for."""
         setup = self.setup(contact, field, value, accuracy)
+        if self.cell is None and not isinstance(contact.tip, HeightMap):
+            # The curve goes on to the events, which may take more room than the value does.
+            room, _ = chosen_size(contact, self.name, None, setup.grid, None, None, accuracy)
+            if room > setup.edge:
+                edge, grid = chosen_size(contact, self.name, room, self.grid, field, value, accuracy)
+                setup = replace(setup, edge=edge, grid=grid)
         states, used, curve = find_all(setup, field, value, accuracy, window, progress, control)
         return states, [True] * len(states), used, curve
 
