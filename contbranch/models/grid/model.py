@@ -83,6 +83,11 @@ class _Cell:
         cell, grid = self.cell, self.grid
         tip = contact.tip
         if isinstance(tip, HeightMap):
+            if cell is not None and not tip.covers(cell):
+                unit = self.units.in_plane
+                raise InputError(
+                    f"cell: {cell * unit:g}; the height map has the cell {tip.cell * unit:g}: leave it out or give this"
+                )
             cell = tip.cell if cell is None else cell
             grid = (tip.points if tip.points % 2 == 0 else 2 * tip.points) if grid is None else grid
         if cell is None or grid is None:

@@ -191,20 +191,24 @@ class _Tracer:
         if self.beyond is not None:
             if last.displacement < self.beyond:
                 return False
-            self.rows[-1].mark = Mark("end")
+            self._end()
             return True
-        share = (goal - before.load) / (last.load - before.load)
-        if 0.0 < share < 1.0:
-            u = before.state.u + share * (last.state.u - before.state.u)
-            end = newton(self.problem, u, goal, Hold(goal), before.state.contact, self.settings)
-            if end.converged:
-                self.rows.pop()
-                self._add(Point(before.arc + share * (last.arc - before.arc), end), Mark("end"))
+        # A fold may lie within the last step: the nearest row before the end is on the same side of it.
+        near = max((row for row in self.rows if row.arc < last.arc), key=lambda row: row.arc)
+        share = (goal - near.load) / (last.load - near.load) if last.load > near.load else 0.0
+        if near.u is not None and 0.0 < share < 1.0:
+            u = near.u + share * (last.state.u - near.u)
+            end = newton(self.problem, u, goal, Hold(goal), near.contact, self.settings)
+            low, high = sorted((near.reading.displacement, last.displacement))
+            if end.converged and low <= end.displacement <= high:
+                arc = near.arc + share * (last.arc - near.arc)
+                self.rows = [row for row in self.rows if row.arc < arc]
+                self._add(Point(arc, end), Mark("end"))
                 return True
-        self.rows[-1].mark = Mark("end")
+        self._end()
         return True
 
-    def _end(self, message: str) -> str:
+    def _end(self, message: str = "") -> str:
         """Let the last row be the end of the curve."""
         last = max(self.rows, key=lambda row: row.arc)
         if last.mark is None:

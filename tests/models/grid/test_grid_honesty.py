@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 
 import contbranch as cb
 from contbranch.errors import InputError
+from contbranch.summary import with_error
 
 FILM = cb.Contact.reduced(cb.Gauss, tabor=1.0, sign=-1)
 
@@ -73,3 +75,29 @@ def test_a_contact_without_a_node_has_an_uncertain_radius():
 def test_near_must_be_a_state():
     with pytest.raises(InputError, match="near: int"):
         cb.solve(FILM, load=1.0, near=3, model=cb.FreeSpace(cell=8.0, grid=16))
+
+
+@pytest.mark.parametrize("limit", [1.0, 8.06, 8.5])
+def test_the_end_of_a_curve_replaces_no_event(limit):
+    """The curve ends in contact beyond both folds of the load; by the axisymmetric model there is one such state."""
+    diagram = cb.trace(FILM, model=cb.FreeSpace(cell=8.0, grid=48), max_load=limit)
+    assert diagram.status == "complete"
+    assert [event.name for event in diagram.folds("load")] == ["squeeze-out", "wetting"]
+    end = diagram.events[-1]
+    assert end.kind == "end"
+    states = cb.solve(FILM, load=end.load).states
+    contact = next(state for state in states if state.contact_radius > 0.2)
+    assert end.displacement == pytest.approx(contact.displacement, abs=0.02)
+
+
+def test_a_cell_that_is_not_that_of_the_map_is_named_in_the_units_of_the_contact():
+    nodes = np.arange(16) * 120.0 / 16.0
+    heights = 5.0 * (2.0 - np.cos(2.0 * np.pi * nodes / 120.0)[:, None] - np.cos(2.0 * np.pi * nodes / 120.0))
+    law = cb.Gauss(work_of_adhesion=0.1, range=5.0)
+    contact = cb.Contact.physical(tip=cb.HeightMap(heights, 120.0), interaction=law, modulus="1 GPa")
+    with pytest.raises(InputError, match="cell: 100; the height map has the cell 120"):
+        cb.solve(contact, load=1.0, model=cb.Periodic(cell=100.0))
+
+
+def test_an_unknown_error_is_printed_as_one():
+    assert with_error(8.03242666, math.inf) == "8.03242666(?)"
