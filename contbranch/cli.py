@@ -274,10 +274,14 @@ def _limit(request: Request, max_load: str | None) -> float | None:
 
 
 def _follow(request: Request, name: str, variation: Variation, limit: float | None) -> Followed:
+    from contbranch.models.choice import choose
     from contbranch.models.family import family_of
     from contbranch.models.follow import follow
+    from contbranch.models.grid import FreeSpace, Periodic
     from contbranch.request_follow import find_event
 
+    if isinstance(choose(request.contact, request.chosen_model)[0], Periodic | FreeSpace):
+        raise InputError("--model: events found on a grid cannot be followed; use the axisymmetric model")
     diagram = _with_progress("trace", request, max_load=limit)
     event = find_event(diagram, name, request.control)
     try:

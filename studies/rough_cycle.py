@@ -99,7 +99,7 @@ class Cycle:
         return all(jump.end is not None for jump in self.jumps)
 
 
-def measure(contact: cb.Contact, max_load: float = 1.0) -> Cycle:
+def measure(contact: cb.Contact, max_load: float = 0.3) -> Cycle:
     """Trace a contact up to a load (in its units) beyond which nothing happens, and follow the cycle."""
     began = time.perf_counter()
     setup = cb.Periodic().setup(contact.to_reduced(), None, max_load / contact.scales.load, ACCURACY)
@@ -131,10 +131,13 @@ def energy_mismatch(cycle: Cycle) -> float:
 def indices(cycle: Cycle, count: int) -> list[tuple[int, int, bool]]:
     """Rows, their Morse index under displacement control, and whether the second variation has as many negative modes.
 
-    Rows are taken in the middle between the folds that lie farthest apart.
+    Rows are taken in the middle between folds: the longest such parts, as many unstable ones as stable ones.
     """
     folds = [0, *sorted(cycle.walk.folds()), len(cycle.traced.rows) - 1]
-    longest = sorted(pairwise(folds), key=lambda pair: pair[0] - pair[1])[:count]
+    parts = sorted(pairwise(folds), key=lambda pair: pair[0] - pair[1])
+    unstable = cycle.walk.unstable
+    longest = [pair for pair in parts if unstable[pair[0]] == 0][: count // 2]
+    longest += [pair for pair in parts if unstable[pair[0]] > 0][: count - count // 2]
     stability = Stability(cycle.walk.problem)
     found = []
     for first, last in sorted(longest):
@@ -151,13 +154,11 @@ def by_dynamics(cycle: Cycle, steps: int) -> Iterator[tuple[int, float, Equilibr
     The displacement goes up and down in equal steps; every relaxation starts from the state before.
     """
     walk, problem = cycle.walk, cycle.walk.problem
-    top = cycle.jumps[0].begin.state.displacement
     low = min(jump.begin.state.displacement for jump in cycle.jumps)
     high = max(jump.begin.state.displacement for jump in cycle.jumps)
     margin = 0.5 * (high - low) / steps
     up = np.linspace(low - margin, high + margin, steps)
     state = walk.crossing(0, walk.values[0]).place
-    assert low < top <= high
     for direction, values in ((1, up), (-1, up[::-1])):
         for value in values:
             hold = hold_control(problem, 0.0, 1.0, float(value))
@@ -167,7 +168,7 @@ def by_dynamics(cycle: Cycle, steps: int) -> Iterator[tuple[int, float, Equilibr
 
 
 def distance(walk: GridWalk, state: Equilibrium) -> float:
-    """Largest difference of the gaps of a state and the nearest stable one on the curve, relative to the law's range."""
+    """Largest difference of a state's gaps from those of the nearest stable one on the curve, in ranges of the law."""
     value, values = state.displacement, walk.values
     low, high = np.minimum(values[:-1], values[1:]), np.maximum(values[:-1], values[1:])
     pieces = np.flatnonzero((walk.unstable == 0) & (low < value) & (value <= high))
@@ -185,17 +186,17 @@ def draw(cycle: Cycle, path: Path = FIGURE) -> Figure:
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(7.0, 5.6), layout="constrained")
         FigureCanvasAgg(figure)
-        top, bottom = figure.subfigures(2, 1, height_ratios=(1.25, 1.0))
+        top, bottom = figure.subfigures(2, 1, squeeze=False, height_ratios=(1.25, 1.0)).ravel()
         axes = top.subplots()
         _curve(axes, cycle)
-        rising = [jump for jump in cycle.jumps if jump.direction > 0 and jump.end is not None]
-        largest = sorted(rising, key=lambda jump: jump.end.state.energy - jump.begin.state.energy)[:3]
-        shown = sorted(largest, key=lambda jump: jump.begin.state.displacement)
+        rising = [(jump.begin, jump.end) for jump in cycle.jumps if jump.direction > 0 and jump.end is not None]
+        largest = sorted(rising, key=lambda ends: ends[1].state.energy - ends[0].state.energy)[:3]
+        shown = sorted(largest, key=lambda ends: ends[0].state.displacement)
         panels = bottom.subplots(2, 3, squeeze=False)
         image: Any = None
         edge = cycle.walk.setup.edge * scales.in_plane
-        for column, (jump, letter) in enumerate(zip(shown, "abc", strict=False)):
-            state = jump.begin.state
+        for column, (ends, letter) in enumerate(zip(shown, "abc", strict=False)):
+            state = ends[0].state
             axes.annotate(
                 letter,
                 (state.displacement * scales.normal, state.load * scales.load),
@@ -203,7 +204,7 @@ def draw(cycle: Cycle, path: Path = FIGURE) -> Figure:
                 textcoords="offset points",
                 fontweight="bold",
             )
-            for line, stop in enumerate((jump.begin, jump.end)):
+            for line, stop in enumerate(ends):
                 gap = cell_fields(cycle.walk.problem, stop.place).gap * scales.normal
                 panel = panels[line, column]
                 image = panel.imshow(
@@ -267,27 +268,32 @@ def _curve(axes: Axes, cycle: Cycle) -> None:
     axes.legend(loc="best")
 
 
-def report(cycle: Cycle, checked: int, steps: int) -> str:
-    """What was measured, as lines of text."""
+def report(cycle: Cycle, checked: int, steps: int) -> Iterator[str]:
+    """What was measured, line by line."""
     curve, folds = cycle.traced.curve, cycle.walk.folds()
     loads = sum(event.kind == "fold" and event.control == "load" for event in curve.events)
     ups = sum(jump.direction > 0 for jump in cycle.jumps)
+    yield f"nodes: {cycle.traced.setup.grid}²; {curve.message or 'complete'}"
+    yield (
+        f"points: {len(curve.load)}; folds of displacement: {len(folds)}, of load: {loads}; largest index "
+        f"{int(curve.unstable_displacement.max())}"
+    )
+    yield (
+        f"pairs of transforms: {curve.cost.fft_pairs}; {cycle.trace_seconds:.0f} s for the curve, "
+        f"{cycle.seconds - cycle.trace_seconds:.0f} s for the jumps"
+    )
+    yield f"jumps: {ups} on approach, {len(cycle.jumps) - ups} on retraction; closed: {cycle.closes()}"
+    for jump in cycle.jumps:
+        begin, end = jump.begin.state, jump.end.state if jump.end else None
+        lost = "" if end is None else f"to load {end.load:.5f}, dissipated {begin.energy - end.energy:.3g} (reduced)"
+        yield f"    {jump.direction:+d} displacement {begin.displacement:.5f}, from load {begin.load:.5f} {lost}"
+    yield f"dissipated: {cycle.dissipated:.5g} ± {cycle.error:.1g}"
+    yield f"V against ∫ F dd: {energy_mismatch(cycle):.2g} of its range"
     rows = indices(cycle, checked)
+    yield f"Morse indices that the spectrum confirms: {sum(good for *_, good in rows)} of {len(rows)}: {rows}"
     states = list(by_dynamics(cycle, steps))
     on = sum(apart <= AGREE for *_, apart in states)
-    lines = [
-        f"nodes: {cycle.traced.setup.grid}²; {curve.message or 'complete'}",
-        f"points: {len(curve.load)}; folds of displacement: {len(folds)}, of load: {loads}; largest index "
-        f"{int(curve.unstable_displacement.max())}",
-        f"pairs of transforms: {curve.cost.fft_pairs}; {cycle.trace_seconds:.0f} s for the curve, "
-        f"{cycle.seconds - cycle.trace_seconds:.0f} s for the jumps",
-        f"jumps: {ups} on approach, {len(cycle.jumps) - ups} on retraction; closed: {cycle.closes()}",
-        f"dissipated: {cycle.dissipated:.5g} ± {cycle.error:.1g}",
-        f"V against ∫ F dd: {energy_mismatch(cycle):.2g} of its range",
-        f"Morse indices that the spectrum confirms: {sum(good for *_, good in rows)} of {len(rows)} {rows}",
-        f"dynamics: {on} of {len(states)} states on the stable parts, {steps} displacements each way",
-    ]
-    return "\n".join(lines)
+    yield f"dynamics: {on} of {len(states)} states on the stable parts, {steps} displacements each way"
 
 
 def main() -> None:
@@ -299,7 +305,8 @@ def main() -> None:
     given = parser.parse_args()
     cycle = measure(contact(given.points, given.cell))
     draw(cycle, given.figure)
-    print(report(cycle, checked=8, steps=60))
+    for line in report(cycle, checked=12, steps=60):
+        print(line, flush=True)
 
 
 if __name__ == "__main__":

@@ -239,7 +239,7 @@ def test_own_solver_is_told_the_case(monkeypatch):
         asked.update(tabor=contact.tabor, load=load, model=model)
         gap = dense_equilibrium(SMALL)
         cost = SimpleNamespace(fft_pairs=40 if near is None else 9, wall_s=0.5)
-        return SimpleNamespace(status=status, message="stuck", profile=SimpleNamespace(gap=gap), cost=cost)
+        return SimpleNamespace(status=status, message="stuck", cell=SimpleNamespace(gap=gap), cost=cost)
 
     status = "complete"
     monkeypatch.setattr(contbranch, "solve", solve)

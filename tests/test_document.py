@@ -28,7 +28,7 @@ def test_diagram_has_every_key(attraction: Diagram) -> None:
     assert {"contact", "units", "model", "branches", "events", "thresholds"} <= set(document)
     assert {"cost", "status", "message"} <= set(document)
     assert document["model"] == {"kind": "exact", "why": "Maugis-Dugdale attraction has a closed form", "unknowns": 1}
-    assert document["cost"] == {"wall_s": 0.125, "newton": 321, "fft_pairs": 0}
+    assert document["cost"] == {"wall_s": 0.125, "newton": 321, "fft_pairs": 0, "stability_pairs": 0}
     branch = document["branches"][0]
     assert {"load", "displacement", "contact_radius", "central_gap", "energy"} <= set(branch)
     assert {"unstable_load", "unstable_displacement"} <= set(branch)

@@ -142,15 +142,26 @@ def test_figure_of_the_readme():
 
 
 def test_readme_example(tmp_path, monkeypatch, capsys):
-    """The example runs, has ten lines, and prints the folds of the paper's experiment (see above)."""
+    """The first example runs, has ten lines, and prints the folds of the paper's experiment (see above)."""
     monkeypatch.chdir(tmp_path)
-    (example,) = blocks(ROOT / "README.md", "python")
+    example, _ = blocks(ROOT / "README.md", "python")
     assert len([line for line in example.splitlines() if line.strip()]) == 10
     exec(compile(example, "README.md", "exec"), {"__name__": "__main__"})
     printed = capsys.readouterr().out
     assert "squeeze-out: 265.423687 nN" in printed
     assert "wetting: 264.741319 nN" in printed
     assert (tmp_path / "omcts.pdf").stat().st_size > 0
+
+
+def test_readme_example_on_a_grid(capsys):
+    """The second runs; the pull-off of the ellipsoid lies within 2 % of that of the parabola with the same R (DMT)."""
+    _, example = blocks(ROOT / "README.md", "python")
+    exec(compile(f"import contbranch as cb\n{example}", "README.md", "exec"), {"__name__": "__main__"})
+    ellipse, rough = capsys.readouterr().out.splitlines()
+    parabola = cb.trace(cb.Contact.reduced("gauss", tabor=1.0)).thresholds["pull_off_load"]
+    assert float(ellipse.split()[0]) == pytest.approx(parabola, rel=0.02)
+    assert "['stays']" in ellipse
+    assert "(64, 64)" in rough
 
 
 def test_readme_commands():

@@ -124,8 +124,9 @@ def _origin(event: Event) -> Origin:
         raise InputError(f"event: {event.kind}; only folds, first touch and losses of symmetry can be followed")
     if not isinstance(event.origin, Origin):
         raise InputError(
-            "event: its state is not kept, for it was loaded, or its contact set is not a disc (as of repulsive "
-            "maugis-dugdale laws); only an event of a fresh trace, with a disc or without contact, can be followed"
+            "event: its state is not kept, for it was loaded, found on a grid, or its contact set is not a disc (as of "
+            "repulsive maugis-dugdale laws); only an event of a fresh trace by the exact or axisymmetric model, with a "
+            "disc or without contact, can be followed"
         )
     if event.origin.contact.interaction is None:
         raise InputError("event: without interaction first touch stays at zero load and displacement")

@@ -16,8 +16,10 @@ from contbranch.errors import InputError, ModelError
 from contbranch.followed import Followed
 from contbranch.phase import Part, PhaseDiagram
 
+from .choice import choose
 from .family import Family, Vary, family_of
 from .follow import follow_in
+from .grid import FreeSpace, Periodic
 from .run import trace
 
 __all__ = ["phase_diagram"]
@@ -80,6 +82,8 @@ def phase_diagram(
         raise InputError(f"between: {tuple(between)}; give two values, the lower one first")
     if samples < 3:
         raise InputError(f"samples: {samples}; must be at least 3")
+    if isinstance(choose(contact)[0], Periodic | FreeSpace):
+        raise InputError("contact: its tip needs a grid; phase diagrams are made of curves that grids cannot follow")
     family = family_of(contact, vary, between[0], start)
     if family.spacing == "logarithmic" and between[0] * between[1] <= 0:
         raise InputError(f"between: {tuple(between)}; both must have the sign of the present {family.name}")

@@ -89,7 +89,7 @@ def follow_branch(
         0: modes that break the symmetry of the branch are not counted.
     """
     sector = event.kind.sector
-    what = f"at load {event.equilibrium.load:.6g} with mode {event.mode}"
+    what = f"at load {event.equilibrium.load * setup.units.load:.6g} with mode {event.mode}"
     if sector == EVEN and event.mode % 4 == 0:
         return f"The branch {what} has the symmetry of the lattice, which cannot tell it from the curve."
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):

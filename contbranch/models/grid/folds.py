@@ -28,6 +28,8 @@ Array = NDArray[np.float64]
 # Bracket of a fold at the end of its search, as a part of the bracket between rows: the value of the control is known
 # to the square of it.
 NARROW = 1e-5
+# Progresses without a state after which no more are tried.
+FAILURES = 2
 
 
 @dataclass(frozen=True)
@@ -68,15 +70,21 @@ class _Track:
     def extremum(self, control: Control, sign: float, low: float, high: float) -> Equilibrium | None:
         """The state with the largest ``sign · control`` between two values of the progress."""
         best: list[Equilibrium] = []
+        failures = 0
 
         def height(value: float) -> float:
-            state = self.at(value)
+            nonlocal failures
+            # Between kinks of the lattice there may be no state: a fold among them is where the best is.
+            state = self.at(value) if failures < FAILURES else None
             if state is None:
+                failures += 1
                 return np.inf
             best.append(state)
             return -sign * control.value(state.load, state.displacement)
 
-        minimize_scalar(height, bounds=(low, high), method="bounded", options={"xatol": NARROW * (high - low)})
+        minimize_scalar(
+            height, bounds=(low, high), method="bounded", options={"xatol": NARROW * (high - low), "maxiter": 25}
+        )
         if not best:
             return None
         return max(best, key=lambda state: sign * control.value(state.load, state.displacement))

@@ -47,10 +47,14 @@ def has_symmetry(spectrum: Spectrum, kept: Image) -> NDArray[np.bool_]:
 def first_index(setup: Setup, rows: Sequence[Row], folds: Sequence[int], kept: Image) -> int:
     """Index under displacement control with which a branch begins: by eigenvalues, at a row inside the first piece.
 
-    At its very beginning an eigenvalue is all but zero.
+    At its very beginning an eigenvalue is all but zero; and rows without contact are preferred, since eigenvalues jump
+    with the nodes of a contact.
     """
     last = min([*folds, len(rows) - 1])
-    state = rows[(last + 1) // 2].state(setup.problem) if rows else None
+    inside = [row for row in rows[1 : last + 1] if row.u is not None]
+    free = [row for row in inside if row.reading.contact_radius == 0.0]
+    chosen = free or inside
+    state = chosen[len(chosen) // 2].state(setup.problem) if chosen else None
     if state is None:
         return 0
     stability = Stability(setup.problem)

@@ -264,19 +264,25 @@ class GridWalk:
         """Jumps whose ends know by how much the lattice may be wrong in the energy of contact and drive.
 
         That is by how much the energy changes on the lattice with half the nodes a side, apart from what goes with a
-        change of load and displacement along the curve: see `Comparison.potential`.
+        change of load and displacement along the curve: see `Comparison.potential`. Where that lattice has no such
+        state, it is the largest estimate of all the other ends.
         """
+        ends = [
+            (self._potential(jump.begin), None if jump.end is None else self._potential(jump.end)) for jump in jumps
+        ]
+        known = [value for pair in ends for value in pair if value is not None and math.isfinite(value)]
+        most = max(known, default=math.inf)
         return [
             replace(
                 jump,
-                begin=replace(jump.begin, uncertainty=self._potential(jump.begin)),
-                end=None if jump.end is None else replace(jump.end, uncertainty=self._potential(jump.end)),
+                begin=replace(jump.begin, uncertainty=min(begin, most)),
+                end=None if jump.end is None or end is None else replace(jump.end, uncertainty=min(end, most)),
             )
-            for jump in jumps
+            for jump, (begin, end) in zip(jumps, ends, strict=True)
         ]
 
     def _potential(self, stop: Stop) -> float:
-        """Error estimate of a state's energy: in the plane across the curve, where the coarse lattice has one, too."""
+        """Error estimate of a state's energy, from the coarse lattice in the plane across the curve; else infinite."""
         if self.setup.grid % 4:
             return math.inf
         if stop.piece < 0:

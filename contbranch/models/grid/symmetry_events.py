@@ -54,7 +54,12 @@ def symmetry_events(
         for event in distinct(breakings) if axisymmetric else breakings:
             reading = read(setup, event.equilibrium)
             shift = _shift(setup, rows, event, stability, coarse, settings)
-            own = (event.load_error, event.displacement_error, 0.0, 0.0)
+            own = (
+                event.load_error + reading.load_error,
+                event.displacement_error + reading.displacement_error,
+                0.0,
+                reading.gap_error,
+            )
             least = [max(pair) for pair in zip(errors[event.row], errors[event.row + 1], strict=True)]
             # Where the other lattice does not have it, all that is known is the distance of the rows.
             far = [abs(a - b) for a, b in zip(*(rows[event.row + k].reading.four for k in (0, 1)), strict=True)]

@@ -57,7 +57,7 @@ CLOSE = 3e-3
 STAYS = 1e-3
 
 
-@dataclass
+@dataclass(eq=False)
 class Row:
     """A point of the curve: what was read off it, and its state as far as memory allows."""
 
@@ -125,7 +125,7 @@ class _Tracer:
         tolerance = min(max(self.accuracy, 1e-10), 1e-6)
         period = self.setup.lattice.spacing / self.setup.length
         self.options = WalkOptions(tolerance=tolerance, period=period, noise=max(1e-3, 0.05 * period))
-        self.settings = Settings(tolerance=tolerance, steps=20, inner=100, growth=30.0, patience=5)
+        self.settings = Settings(tolerance=tolerance, steps=15, inner=80, growth=30.0, patience=4)
         fine = Resolution.of(self.setup.lattice, self.setup.law).ratio <= 1.0
         if self.setup.crowded and fine:
             # Contacts of single asperities are small parts of the surface: what happens to one of them is a short part
@@ -255,8 +255,9 @@ class _Tracer:
             if height < self._indifferent(control)
             else locate_fold(self.problem, points[-4:], control, self.settings)
         )
-        if found is None:  # the middle one is close
-            found = points[-2].state
+        sign = 1.0 if maximum else -1.0
+        if found is None or sign * control.value(found.load, found.displacement) < sign * value[1]:
+            found = points[-2].state  # the middle one is close
         mark = Mark("fold", control, maximum)
         before = points[-3]
         measure = Measure.at(before.state, self.setup.length)
@@ -383,7 +384,8 @@ class _Tracer:
         turning = [row for row, kind in folds if kind != "spring"]
         first = 0 if self.symmetry is None else first_index(self.setup, rows, turning, self.symmetry)
         indices = _indices(columns, folds, self.controls, first)
-        checked = verify_curve(self.setup, rows, indices, turning, self.accuracy, modes, self.symmetry)
+        inner = [[k for k, mark in marks if mark.unresolved and mark.control == c] for c in (LOAD, DISPLACEMENT)]
+        checked = verify_curve(self.setup, rows, indices, turning, self.accuracy, modes, self.symmetry, inner)
         # What the lattice is too coarse for, the message names already.
         complete = not message and (not checked.contradicted or too_coarse(self.setup))
         own = [_at(errors, k) for k in range(len(rows))]

@@ -3,7 +3,8 @@
 Folds are counted to know how many modes with the symmetry of the tip are unstable (`contbranch.analysis.stability`).
 A fold that was passed over, or one that is none, spoils the count from there on. So eigenvalues are found at the first
 row, at the last, and at one row well inside every piece between two folds. Pieces without a row of their own follow
-from those on both sides of them.
+from those on both sides of them, and so do those along which the rim of the contact moves by less than two rows of
+nodes: eigenvalues jump with every node that joins the contact, and what lies between is the lattice's own.
 
 What breaks the symmetry passes through no fold. It can be unstable only where the displacement is not enough to hold a
 state with the symmetry (see `stability`), so that only rows with an index under displacement control are examined,
@@ -50,6 +51,10 @@ SHARE = 1.0
 IN_CONTACT = 1e-4
 # What a mode that lacks the symmetry of a branch is counted as.
 WITHOUT = Kind(("odd", "odd"))
+# Rows of nodes by which the rim moves at least along a piece that is checked.
+RIM = 2.0
+# Slopes smaller than this part of 1/C have no sign: they are those of the far field.
+FLAT = 1e-6
 # Rows of a piece that are examined until one confirms the count.
 TRIES = 3
 # Sectors that show all modes of an axisymmetric tip: (odd, odd) has sin mθ, m even, and (even, odd) sin mθ, m odd.
@@ -92,6 +97,7 @@ def verify_curve(
     accuracy: float,
     modes: int = 1,
     kept: Image | None = None,
+    unresolved: Sequence[Sequence[int]] = (),
 ) -> Verification:
     """Check the counted indices of a curve and find what breaks its symmetry.
 
@@ -110,13 +116,16 @@ def verify_curve(
         0: modes that break a symmetry are not examined.
     kept : callable, optional
         On the whole lattice, the symmetry that all states have: the image of a field.
+    unresolved : sequence of sequence of int
+        For every control, rows that are folds of the lattice's own and were not counted: between the two of a pair
+        eigenvalues are not to be compared.
     """
     if len(rows) < 2:
         return Verification()
     examined = bool(modes) and (setup.quarter or kept is not None)
     if concavity(setup.problem.law) == 0.0:
         return Verification(np.zeros(len(rows), dtype=np.int64) if examined else None)
-    survey = _Survey(setup, rows, indices, examined, kept)
+    survey = _Survey(setup, rows, indices, examined, kept, _inside(unresolved))
     with as_stability(setup.problem):
         survey.check(folds)
         if not examined:
@@ -144,6 +153,7 @@ class _Survey:
     indices: Indices
     breaking: bool
     kept: Image | None = None
+    between: frozenset[int] = frozenset()
     notes: list[str] = field(default_factory=list)
     found: dict[int, Morse] = field(default_factory=dict)
     kinds: dict[int, Counter[Kind]] = field(default_factory=dict)
@@ -199,7 +209,7 @@ class _Survey:
                     break
             if tried and not self._agrees(tried[-1]):
                 # Between two corners of the lattice the slope can have another sign than across them.
-                (corners if self._at_a_corner(tried[0]) else wrong).append(tried[0])
+                (corners if any(map(self._at_a_corner, tried)) else wrong).append(tried[0])
             elif len(tried) > 1:
                 corners.append(tried[0])
         if wrong:
@@ -215,11 +225,19 @@ class _Survey:
         arcs = np.array([row.arc for row in self.rows])
         places = [[0]]
         for first, last in pieces(len(self.rows), folds):
-            inner = np.arange(first + 1, last)
+            inner = np.array([row for row in range(first + 1, last) if row not in self.between], dtype=np.int64)
+            if self._tiny(first, last):
+                continue
             goals = arcs[first] + np.array([0.5, 0.3, 0.7]) * (arcs[last] - arcs[first])
             chosen = [int(inner[np.argmin(np.abs(arcs[inner] - goal))]) for goal in goals] if inner.size else []
             places += [list(dict.fromkeys(chosen))] if chosen else []
         return [*places, [len(self.rows) - 1]]
+
+    def _tiny(self, first: int, last: int) -> bool:
+        """Whether the rim of a contact hardly moves from one fold to the next."""
+        radii = [self.rows[row].reading.contact_radius for row in range(first, last + 1)]
+        spacing = self.setup.lattice.spacing
+        return min(radii) > 0.0 and max(radii) - min(radii) < RIM * spacing and not self.setup.crowded
 
     def _examined(self, row: int) -> _Found | None:
         state = self.state(row)
@@ -241,7 +259,8 @@ class _Survey:
         return self._index_agrees(found) and reading.contact_radius > 0.0 and rising != self._softens(found.row)
 
     def _agrees(self, found: _Found) -> bool:
-        return self._index_agrees(found) and self._softens(found.row) == (found.slope < 0.0)
+        flat = abs(found.slope) * self.setup.lattice.compliance < FLAT
+        return self._index_agrees(found) and (flat or self._softens(found.row) == (found.slope < 0.0))
 
     def symmetric(self, state: Equilibrium, morse: Morse) -> tuple[int, int]:
         """Fewest and most unstable modes with the symmetry of the tip that the eigenvalues allow."""
@@ -263,11 +282,13 @@ class _Survey:
 
     def _disagreement(self, wrong: Sequence[_Found]) -> str:
         row, least, most, slope = wrong[0]
-        reading = self.rows[row].reading
+        units, reading = self.setup.units, self.rows[row].reading
+        load, displacement = reading.load * units.load, reading.displacement * units.normal
+        slope *= units.load / units.normal
         number = f"{least}" if least == most else f"{least} to {most}"
         others = "" if len(wrong) == 1 else f" (and in {len(wrong) - 1} other pieces of the curve)"
         return (
-            f"At load {reading.load:.6g}, displacement {reading.displacement:.6g}{others} eigenvalues find {number} "
+            f"At load {load:.6g}, displacement {displacement:.6g}{others} eigenvalues find {number} "
             f"unstable modes under displacement control and a slope dF/dd of {slope:.3g}, while the folds say "
             f"{self.indices.displacement[row]} and a {'negative' if self._softens(row) else 'positive'} slope"
         )
@@ -382,6 +403,15 @@ class _Survey:
 def too_coarse(setup: Setup) -> bool:
     """Whether the lattice's own folds may be what eigenvalues and folds disagree on; the diagram says so then."""
     return Resolution.of(setup.lattice, setup.problem.law).ratio > 1.0
+
+
+def _inside(unresolved: Sequence[Sequence[int]]) -> frozenset[int]:
+    """Rows between the two folds of every pair, these included."""
+    rows: set[int] = set()
+    for own in unresolved:
+        for first, last in zip(own[::2], own[1::2], strict=False):
+            rows.update(range(first, last + 1))
+    return frozenset(rows)
 
 
 def _runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:

@@ -15,6 +15,7 @@ from contbranch.models.grid import branches as branches_module
 from contbranch.models.grid.branches import follow_branch
 from contbranch.models.grid.kept import kept_symmetry
 from contbranch.models.grid.newton import Hold, Settings, hold_control, newton
+from contbranch.models.grid.resolution import GridWarning
 from contbranch.models.grid.setup import Setup
 from contbranch.models.grid.stability import SECTORS, Stability
 from contbranch.models.grid.switching import mirrored, on_whole
@@ -35,7 +36,9 @@ def expected():
 
 @pytest.fixture(scope="module")
 def flat():
-    return trace(Setup(FLAT, "free", EDGE, 64), 1e-6, None, verdicts=False)
+    """Half as many nodes as the warning asks for, enough for what happens before the film closes."""
+    with pytest.warns(GridWarning, match="at least 128"):
+        return trace(Setup(FLAT, "free", EDGE, 64), 1e-6, None, verdicts=False)
 
 
 @pytest.fixture(scope="module")
@@ -94,7 +97,7 @@ def test_without_modes_none_are_examined():
 def test_a_convex_energy_is_not_examined():
     """v'' ≥ 0: one equilibrium for every displacement."""
     contact = cb.Contact(cb.Parabola(1.0), cb.Exponential(-1.0, 1.0))
-    curve = trace(Setup(contact, "free", EDGE, 32), 1e-5, None, verdicts=False).curve
+    curve = trace(Setup(contact, "free", 2.0 * EDGE, 32), 1e-5, None, verdicts=False).curve
     assert curve.cost.stability_pairs == 0
     assert not curve.unstable_azimuthal.any()
 
@@ -207,8 +210,9 @@ def test_refinement_keeps_the_branch(branch, expected):
 
 
 def test_branches_belong_to_the_diagram_if_asked_for(monkeypatch, tmp_path):
-    monkeypatch.setattr(branches_module, "POINTS", 4)
-    diagram = cb.trace(FLAT, model=cb.FreeSpace(EDGE, 64, branches=True), max_load=17.0)
+    monkeypatch.setattr(branches_module, "POINTS", 3)
+    with pytest.warns(GridWarning, match="at least 128"):
+        diagram = cb.trace(FLAT, model=cb.FreeSpace(EDGE, 64, branches=True), max_load=17.0)
     symmetry = [event for event in diagram.events if event.kind == "symmetry" and event.branch == 0]
     assert len(diagram.branches) == 1 + len(symmetry)
     for number, event in enumerate(symmetry, start=1):
@@ -217,7 +221,7 @@ def test_branches_belong_to_the_diagram_if_asked_for(monkeypatch, tmp_path):
         assert branch.state(1).r.size > 0
         ends = [end for end in diagram.events if end.branch == number]
         assert [end.kind for end in ends if end.kind == "end"] == ["end"]
-        assert "4 points" in ends[-1].message
+        assert "3 points" in ends[-1].message
     assert all(event.branch == 0 for event in diagram.events if event.name)
     diagram.save(tmp_path / "flat.h5")
     again = cb.load(tmp_path / "flat.h5")
@@ -265,3 +269,17 @@ def test_load_and_displacement_lead_to_the_same_states(parabola):
         assert by_displacement.converged
         assert np.abs(by_load.u - by_displacement.u).max() < 1e-8
         assert by_displacement.load == pytest.approx(row.load, abs=1e-8)
+
+
+def test_an_end_next_to_folds_is_the_last_row():
+    """A map of a few waves under repulsion, ended where the contact has just grown: each fold keeps its mark."""
+    nodes = np.arange(48) / 48 * 2.0 * np.pi
+    waves = np.cos(nodes[:, None]) + 0.8 * np.cos(nodes + 0.4) + 0.3 * np.cos(2.0 * nodes[:, None] + nodes)
+    contact = cb.Contact(cb.HeightMap(0.6 * waves, cell=EDGE, radius=1.0), cb.Gauss(-1.0, 1.0))
+    found = trace(Setup(contact.to_reduced(), "periodic", EDGE, 48), 1e-6, 20.0, verdicts=False)
+    marks = [(event.kind, event.control) for event in found.curve.events if event.kind != "touch"]
+    kinds = [("fold", "load"), ("fold", "displacement")]
+    assert marks == [*kinds, *kinds[::-1], ("end", None)]
+    assert found.curve.events[-1].row == len(found.rows) - 1
+    assert found.curve.complete
+    assert found.indices.load[-1] == 0

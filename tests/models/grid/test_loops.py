@@ -1,0 +1,81 @@
+"""Quasi-static loops on lattices, against those of the axisymmetric model, which shares nothing with a lattice."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import contbranch as cb
+from contbranch.control import DISPLACEMENT
+from contbranch.models.grid.paths import GridWalk, _parabola
+from contbranch.models.grid.trace import trace
+
+REPULSION = cb.Contact.reduced(cb.Gauss, tabor=1.0, sign=-1)
+ATTRACTION = cb.Contact.reduced(cb.Gauss, tabor=2.5)
+CELL = cb.FreeSpace(cell=8.0, grid=64)
+
+
+def agree(found: cb.Hysteresis, expected: cb.Hysteresis, tolerance: float) -> None:
+    """Check jumps and energies within the error estimates, and these within a tolerance."""
+    assert found.closed
+    assert [jump.name for jump in found.jumps] == [jump.name for jump in expected.jumps]
+    for jump, true in zip(found.jumps, expected.jumps, strict=True):
+        assert jump.position == pytest.approx(true.position, abs=tolerance)
+        assert abs(jump.dissipated - true.dissipated) <= jump.error + true.error
+        assert jump.error <= tolerance
+    assert abs(found.dissipated - expected.dissipated) <= found.error + expected.error
+
+
+def test_repulsion_under_load() -> None:
+    agree(cb.hysteresis(REPULSION, model=CELL), cb.hysteresis(REPULSION), 2e-3)
+
+
+def test_attraction_under_displacement_control() -> None:
+    found = cb.hysteresis(ATTRACTION, control="displacement", max_load=1.0, model=CELL)
+    agree(found, cb.hysteresis(ATTRACTION, control="displacement", max_load=1.0), 2e-2)
+    # the area between the branches is computed from loads and displacements alone, the dissipated energy from V
+    for jump in found.jumps:
+        assert jump.area == pytest.approx(jump.dissipated, rel=1e-3)
+
+
+def test_spring() -> None:
+    """A spring so soft that the contact is lost to where nothing but rounding is left of the pressure."""
+    contact = cb.Contact.reduced(cb.Gauss, tabor=1.0)
+    spring = cb.Spring(1.0)
+    found = cb.hysteresis(contact, control=spring, max_load=1.0, model=cb.FreeSpace(cell=8.0, grid=64))
+    agree(found, cb.hysteresis(contact, control=spring, max_load=1.0), 2e-2)
+
+
+def test_attraction_under_load_does_not_close() -> None:
+    found = cb.hysteresis(ATTRACTION, max_load=1.0, model=cb.FreeSpace(cell=8.0, grid=64))
+    assert not found.closed
+    assert found.dissipated is None
+    assert "infinite separation" in found.message
+
+
+def test_parabola_is_exact_for_quadratics() -> None:
+    """F = 1 + s², d = s² - s over 0 ≤ s ≤ 1: ∫ (1 + s²)(2 s - 1) ds = 1/6."""
+    points = [(1.0 + s * s, s * s - s) for s in (0.0, 0.5, 1.0)]
+    assert _parabola(*points) == pytest.approx(1.0 / 6.0, abs=1e-14)
+
+
+def test_crossings_lie_at_the_value() -> None:
+    setup = CELL.setup(ATTRACTION, None, 1.0, 1e-6)
+    walk = GridWalk(trace(setup, 1e-6, 1.0, DISPLACEMENT, verdicts=False), DISPLACEMENT, 1e-6)
+    stable = np.flatnonzero(walk.unstable == 0)
+    for piece in (stable[2], stable[-2]):
+        value = 0.3 * walk.values[piece] + 0.7 * walk.values[piece + 1]
+        stop = walk.crossing(int(piece), float(value))
+        assert stop.state.displacement == pytest.approx(value, abs=1e-9)
+        ends = [walk.traced.rows[piece + k].load for k in (0, 1)]
+        assert min(ends) < stop.state.load < max(ends)
+
+
+def test_events_on_grids_cannot_be_followed() -> None:
+    event = cb.trace(REPULSION, model=cb.FreeSpace(cell=8.0, grid=32), max_load=9.0, accuracy=1e-4).events[0]
+    with pytest.raises(cb.InputError, match="found on a grid"):
+        cb.follow(event, vary="tabor", to=2.0)
+    rough = cb.HeightMap.self_affine(16, 4.0, 0.8, rms_height=0.3, radius=1.0)
+    contact = cb.Contact(tip=rough, interaction=cb.Gauss(work_of_adhesion=-1.0, range=0.3), modulus=1.0)
+    with pytest.raises(cb.InputError, match="contact: its tip needs a grid"):
+        cb.phase_diagram(contact, vary="tabor", between=(0.5, 1.0))
