@@ -221,6 +221,10 @@ class HeightMap(TipShape):
         found = map_coordinates(self.heights, [place / spacing for place in places], order=3, mode="grid-wrap")
         return np.asarray(found, dtype=np.float64)
 
+    def covers(self, cell: float) -> bool:
+        """Whether the edge of a cell is that of the map, to rounding."""
+        return abs(cell - self.cell) <= _SAME_CELL * self.cell
+
     def on_grid(self, cell: float, n: int) -> FloatArray:
         """Return the heights on the nodes of a grid: as they are, every 2nd, 4th, ... node, or interpolated by Fourier.
 
@@ -244,7 +248,7 @@ class HeightMap(TipShape):
         InputError
             If the grid does not fit the map; the message names those that do.
         """
-        if abs(cell - self.cell) > _SAME_CELL * self.cell:
+        if not self.covers(cell):
             raise InputError(f"cell: {cell:g}; the height map has the cell {self.cell:g}: leave it out or give this")
         whole = self.points
         if n == whole:

@@ -127,10 +127,12 @@ def with_error(value: float, error: float | None) -> str:
     """Return a number with the digits its error estimate leaves, and that error in units of the last: 8.00651(3).
 
     The error is rounded up to one digit. Without an estimate, and where a double cannot hold all those digits, as many
-    digits are given as are sure to be in the number itself.
+    digits are given as are sure to be in the number itself. An infinite error, one that could not be estimated, is (?).
     """
     if not math.isfinite(value):
         return "–"
+    if error == math.inf:
+        return f"{value:.9g}(?)"
     if error is None or not math.isfinite(error) or error < 0.0:
         return f"{value:.9g}"
     lead = math.floor(math.log10(abs(value))) if value else 0

@@ -127,6 +127,8 @@ def solve(
     driven = check(contact, control or ("displacement" if field == "displacement" else "load"), accuracy)
     reduced = driven.scaled(contact.scales.stiffness)
     value = finite_number(value, field)
+    if near is not None and not isinstance(near, State):
+        raise InputError(f"near: {type(near).__name__}; must be a State, such as a solution or a branch's state")
     scales = contact.scales
     unit = {"load": scales.load, "displacement": scales.normal, "contact_radius": scales.in_plane}[field]
     chosen, why = choose(contact, model)

@@ -13,7 +13,7 @@ from .reading import read
 from .setup import Setup, coarsened, refined
 from .walk import Direction, Measure
 
-__all__ = ["Comparison", "compared", "held", "touched"]
+__all__ = ["Comparison", "compared", "held", "no_comparison", "touched"]
 
 
 @dataclass(frozen=True)
@@ -41,6 +41,14 @@ class Comparison:
         return self.load, self.displacement, self.contact_radius, self.central_gap
 
 
+def no_comparison(setup: Setup) -> str:
+    """A sentence if there is no lattice with half the nodes to compare with; errors of points are then not known."""
+    if setup.grid % 4 == 0 and setup.grid >= 16:
+        return ""
+    fitting = 2 * setup.grid if setup.crowded else max(16, 4 * math.ceil(setup.grid / 4))
+    return f"Errors of points are not known on a grid of {setup.grid}: use one divisible by 4, such as {fitting}."
+
+
 def compared(setup: Setup, before: Equilibrium, state: Equilibrium, settings: Settings) -> Comparison | None:
     """Compare a state of a curve with the coarser lattice's, in the plane across the curve; None if that has none.
 
@@ -63,7 +71,7 @@ def compared(setup: Setup, before: Equilibrium, state: Equilibrium, settings: Se
 
 
 def held(setup: Setup, state: Equilibrium, hold: Hold, settings: Settings) -> Comparison | None:
-    """Compare a single state with the coarser lattice's with the same load or control."""
+    """Compare a single state with the coarser lattice's, with what is held there: a row of `hold` fits that lattice."""
     return None if setup.grid % 4 or setup.grid < 16 else _difference(setup, state, hold, settings)
 
 

@@ -83,6 +83,11 @@ class _Cell:
         cell, grid = self.cell, self.grid
         tip = contact.tip
         if isinstance(tip, HeightMap):
+            if cell is not None and not tip.covers(cell):
+                unit = self.units.in_plane
+                raise InputError(
+                    f"cell: {cell * unit:g}; the height map has the cell {tip.cell * unit:g}: leave it out or give this"
+                )
             cell = tip.cell if cell is None else cell
             grid = (tip.points if tip.points % 2 == 0 else 2 * tip.points) if grid is None else grid
         if cell is None or grid is None:
@@ -133,6 +138,12 @@ class _Cell:
     ) -> tuple[list[State], list[bool], tuple[float, float], RawCurve]:
         """The equilibria on the traced curve with a value, in a window of displacements; others are not looked for."""
         setup = self.setup(contact, field, value, accuracy)
+        if self.cell is None and not isinstance(contact.tip, HeightMap):
+            # The curve goes on to the events, which may take more room than the value does.
+            room, _ = chosen_size(contact, self.name, None, setup.grid, None, None, accuracy)
+            if room > setup.edge:
+                edge, grid = chosen_size(contact, self.name, room, self.grid, field, value, accuracy)
+                setup = replace(setup, edge=edge, grid=grid)
         states, used, curve = find_all(setup, field, value, accuracy, window, progress, control)
         return states, [True] * len(states), used, curve
 

@@ -65,6 +65,8 @@ def read(setup: Setup, state: Equilibrium, cell: bool = True) -> Reading:
     else:
         centre = central_gap(problem, state)
         gap, gap_error = centre.value, centre.error
+        if gap == 0.0:
+            radius_error = setup.lattice.spacing  # a contact so small that it has no node
     return Reading(
         state.load,
         state.displacement,

@@ -136,6 +136,15 @@ def tail_force(setup: Setup, state: Equilibrium) -> float:
     return math.pi * lattice.edge * energy * lattice.spacing / (outer - inner)
 
 
+def fills(setup: Setup, state: Equilibrium) -> bool:
+    """Whether a contact that should end within the cell has reached its border."""
+    lattice = setup.lattice
+    if setup.crowded:
+        return False
+    inner = state.contact[: lattice.inside, : lattice.inside]
+    return bool(inner[-1, :].any() or inner[:, -1].any())
+
+
 def border_message(setup: Setup, state: Equilibrium) -> str:
     """A sentence if the interaction reaches the border of the cell, empty if it has decayed."""
     problem, law = setup.problem, setup.law
@@ -152,11 +161,11 @@ def border_message(setup: Setup, state: Equilibrium) -> str:
     load, edge = state.fields.load * setup.units.load, setup.edge * setup.units.in_plane
     return (
         f"The cell is too small: the interaction reaches its border with {share:.2g} of its strength at load "
-        f"{load:.6g}; use a cell of about {_up(edge * factor)} or more."
+        f"{load:.6g}; use a cell of about {rounded_up(edge * factor)} or more."
     )
 
 
-def _up(value: float) -> str:
+def rounded_up(value: float) -> str:
     digits = 10.0 ** (math.floor(math.log10(value)) - 1)
     return f"{math.ceil(value / digits) * digits:.6g}"
 

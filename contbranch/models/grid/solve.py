@@ -14,13 +14,14 @@ from contbranch.diagram import Cost, State
 from contbranch.errors import InputError, ModelError
 from contbranch.models.outcome import RawCurve
 
-from .accuracy import Comparison, held
+from .accuracy import Comparison, held, no_comparison
 from .newton import Equilibrium, Hold, Settings, hold_control, newton
 from .observables import cell_fields, mean_gap, profile
 from .problem import GridProblem
 from .reading import read
-from .resolution import Resolution, border_message, warn
+from .resolution import Resolution, border_message, fills, rounded_up, warn
 from .setup import Setup
+from .size import chosen_size
 from .sketch import Sketch, copied, drawn, relatives
 from .stability import morse
 from .trace import Row, trace
@@ -88,9 +89,9 @@ def solve_all(
                 equilibria.append(reached_state)
         if not equilibria:
             raise _unreached(setup, field, value, bool(related))
-        states = tuple(state_of(setup, found, hold, settings, control) for found in equilibria)
+        states = tuple(state_of(setup, found, field, value, settings, control) for found in equilibria)
     for found in equilibria[:1]:
-        notes.append("" if setup.crowded else border_message(setup, found))
+        notes.append("" if setup.crowded else _border(setup, found, field, value, accuracy))
     for note in notes:
         warn(note)
     if own and related:
@@ -100,6 +101,19 @@ def solve_all(
         notes.insert(0, "Whether other equilibria exist has not been searched.")
     message = " ".join(note for note in notes if note)
     return Found(states, message, _curve(setup, states, message, time.perf_counter() - began))
+
+
+def _border(setup: Setup, state: Equilibrium, field: str, value: float, accuracy: float) -> str:
+    """A sentence if contact or interaction have reached the border of the cell."""
+    if not fills(setup, state):
+        return border_message(setup, state)
+    # Heights and gaps at the border do not tell how far a contact would go: the cell that would be chosen does.
+    wanted, _ = chosen_size(setup.contact, setup.kind, None, setup.grid, field, value, accuracy)
+    load, edge = state.load * setup.units.load, max(wanted, 2.0 * setup.edge) * setup.units.in_plane
+    return (
+        f"The cell is too small: the contact has reached its border at load {load:.6g}; use a cell of about "
+        f"{rounded_up(edge)} or more."
+    )
 
 
 def _unreached(setup: Setup, field: str, value: float, known: bool) -> InputError | ModelError:
@@ -145,12 +159,20 @@ def _same(setup: Setup, one: Equilibrium, other: Equilibrium) -> bool:
 
 
 def state_of(
-    setup: Setup, found: Equilibrium, hold: Hold, settings: Settings, control: Control, compare: bool = True
+    setup: Setup,
+    found: Equilibrium,
+    field: str,
+    value: float,
+    settings: Settings,
+    control: Control,
+    compare: bool = True,
 ) -> State:
     """An equilibrium as a state, with error estimates from the coarser lattice and its Morse indices."""
     problem = setup.problem
     reading = read(setup, found)
-    difference = held(setup, found, hold, settings) if compare else None
+    difference = None
+    if compare and not no_comparison(setup):
+        difference = held(setup, found, keep(setup.on(setup.grid // 2).problem, field, value), settings)
     unknown = Comparison(*[np.inf] * 5)
     differences = (difference or unknown).four
     least = settings.tolerance
@@ -161,7 +183,9 @@ def state_of(
     }
     error["load"] += reading.load_error
     error["displacement"] += reading.displacement_error
-    error["contact_radius"] = 0.0 if reading.contact_radius == 0.0 else error["contact_radius"] + reading.radius_error
+    if reading.contact_radius == 0.0:
+        error["contact_radius"] = 0.0
+    error["contact_radius"] += reading.radius_error
     if reading.contact_radius > 0.0:
         error["central_gap"] = 0.0
     indices = morse(problem, found)
@@ -199,7 +223,8 @@ def find_all(
 ) -> tuple[list[State], tuple[float, float], RawCurve]:
     """Every equilibrium with a value on the traced curve of the lattice, within a window of displacements."""
     limit = max(value, 0.0) * 1.1 + 1.0 if field == "load" else None
-    traced = trace(setup, accuracy, limit, control, progress, verdicts=False, modes=0)
+    beyond = value if field == "displacement" else None
+    traced = trace(setup, accuracy, limit, control, progress, verdicts=False, modes=0, beyond=beyond)
     settings = Settings(tolerance=min(max(1e-2 * accuracy, 1e-10), 1e-8))
     driven = LOAD if field == "load" else DISPLACEMENT
     hold = keep(setup.problem, field, value)
@@ -211,7 +236,12 @@ def find_all(
             if low * high < 0.0 or high == 0.0:
                 found = crossing(setup, first, second, driven, value, hold, settings)
                 if found is not None:
-                    states.append(state_of(setup, found, hold, settings, control))
+                    states.append(state_of(setup, found, field, value, settings, control))
+        if field == "displacement" and rows and value < rows[0].reading.displacement:
+            # The curve begins where the interaction is negligible; further away nothing but a rigid shift changes.
+            found = newton(setup.problem, np.full(setup.problem.shape, -value), rows[0].load, hold, None, settings)
+            if found.converged:
+                states.append(state_of(setup, found, field, value, settings, control))
     reach = traced.curve.displacement
     own = [value] if field == "displacement" else []
     used = window or (min([float(reach.min()), *own]), max([float(reach.max()), *own]))

@@ -18,14 +18,14 @@ from contbranch.diagram import Cost, Profile
 from contbranch.models.axisymmetric.symmetry import merged
 from contbranch.models.outcome import RawCurve, RawEvent
 
-from .accuracy import Comparison, compared, touched
+from .accuracy import Comparison, compared, no_comparison, touched
 from .folds import Refined, coarser_touch, locate_fold, locate_touch, refine_fold, touches
 from .kept import first_index
 from .newton import Equilibrium, Hold, Settings, newton
 from .observables import interpolate
 from .problem import Fields, GridProblem
 from .reading import Reading, read
-from .resolution import Resolution, border_energy, border_message, warn
+from .resolution import Resolution, border_energy, border_message, fills, warn
 from .setup import Setup
 from .start import beginning
 from .symmetry import Breaking
@@ -114,6 +114,7 @@ class _Tracer:
     start: tuple[Equilibrium, Equilibrium] | None = None
     ending: Ending | None = None
     symmetry: Callable[[Array], Array] | None = None
+    beyond: float | None = None
     rows: list[Row] = field(default_factory=list)
     comparisons: list[tuple[float, Comparison]] = field(default_factory=list)
     kept: float = 0.0
@@ -187,20 +188,27 @@ class _Tracer:
         goal = self._goal()
         if last.load < goal or last.load < before.load or not last.state.contact.any():
             return False
-        # Rows of events may have been added since.
-        own = max((row for row in self.rows if row.mark is None), key=lambda row: row.arc)
-        share = (goal - before.load) / (last.load - before.load)
-        if 0.0 < share < 1.0:
-            u = before.state.u + share * (last.state.u - before.state.u)
-            end = newton(self.problem, u, goal, Hold(goal), before.state.contact, self.settings)
-            if end.converged:
-                self.rows.remove(own)
-                self._add(Point(before.arc + share * (last.arc - before.arc), end), Mark("end"))
+        if self.beyond is not None:
+            if last.displacement < self.beyond:
+                return False
+            self._end()
+            return True
+        # A fold may lie within the last step: the nearest row before the end is on the same side of it.
+        near = max((row for row in self.rows if row.arc < last.arc), key=lambda row: row.arc)
+        share = (goal - near.load) / (last.load - near.load) if last.load > near.load else 0.0
+        if near.u is not None and 0.0 < share < 1.0:
+            u = near.u + share * (last.state.u - near.u)
+            end = newton(self.problem, u, goal, Hold(goal), near.contact, self.settings)
+            low, high = sorted((near.reading.displacement, last.displacement))
+            if end.converged and low <= end.displacement <= high:
+                arc = near.arc + share * (last.arc - near.arc)
+                self.rows = [row for row in self.rows if row.arc < arc]
+                self._add(Point(arc, end), Mark("end"))
                 return True
-        own.mark = Mark("end")
+        self._end()
         return True
 
-    def _end(self, message: str) -> str:
+    def _end(self, message: str = "") -> str:
         """Let the last row be the end of the curve."""
         last = max(self.rows, key=lambda row: row.arc)
         if last.mark is None:
@@ -209,8 +217,7 @@ class _Tracer:
 
     def _unrepresentable(self, state: Equilibrium) -> str:
         lattice = self.problem.lattice
-        inner = state.contact[: lattice.inside, : lattice.inside]
-        rim = inner[-1, :].any() or inner[:, -1].any() or self.rows[-1].reading.contact_radius > 0.49 * lattice.edge
+        rim = fills(self.setup, state) or self.rows[-1].reading.contact_radius > 0.49 * lattice.edge
         if rim and not self.setup.crowded:
             load = state.load * self.setup.units.load
             return f"The contact has reached the border of the cell at load {load:.6g}; use a larger cell"
@@ -292,6 +299,8 @@ class _Tracer:
         elif coarse is not None:
             mark.shift = _difference(read(self.setup.on(self.setup.grid // 2), coarse), read(self.setup, found))
         self._add(Point(arc, found), mark)
+        # what is left of the gap is rounding
+        self.rows[-1].reading = self.rows[-1].reading._replace(central_gap=0.0, gap_error=0.0, radius_error=0.0)
 
     # Accuracy
 
@@ -424,7 +433,7 @@ class _Tracer:
         load = load + columns["load_error"] + tolerance * np.maximum(1.0, np.abs(columns["load"]))
         displacement = displacement + columns["displacement_error"]
         displacement += tolerance * np.maximum(1.0, np.abs(columns["displacement"]))
-        radius = np.where(columns["contact_radius"] > 0.0, radius + columns["radius_error"], 0.0)
+        radius = np.where(columns["contact_radius"] > 0.0, radius, 0.0) + columns["radius_error"]
         gap = np.where(columns["central_gap"] > 0.0, gap + columns["gap_error"] + tolerance, 0.0)
         return load, displacement, radius, gap
 
@@ -437,6 +446,7 @@ def trace(
     progress: Progress | None = None,
     verdicts: bool = True,
     modes: int = 1,
+    beyond: float | None = None,
 ) -> Traced:
     """Follow a contact's curve on a lattice from far away to a load in contact.
 
@@ -454,17 +464,19 @@ def trace(
         Whether every fold is looked for on the lattice with twice the nodes a side.
     modes : int
         0: modes that break a symmetry of the tip are not examined.
+    beyond : float, optional
+        A displacement that the curve passes before it ends, besides the load.
     """
     began = time.perf_counter()
     controls = (LOAD, DISPLACEMENT, *((control,) if control.kind == "spring" else ()))
-    tracer = _Tracer(setup, accuracy, limit, controls, verdicts, progress)
+    tracer = _Tracer(setup, accuracy, limit, controls, verdicts, progress, beyond=beyond)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         tracer.notes += [Resolution.of(setup.lattice, setup.law).message]
         warn(tracer.notes[0])
         message = tracer.run()
         worst = _reaching(tracer)
         warn(worst)
-        tracer.notes = [note for note in (*tracer.notes, worst) if note]
+        tracer.notes = [note for note in (*tracer.notes, worst, no_comparison(setup)) if note]
         return tracer.outcome(message, began, modes)
 
 
@@ -569,7 +581,7 @@ def _event(
         error = (
             found[0] + reading.load_error,
             found[1] + reading.displacement_error,
-            found[2] + reading.radius_error if reading.contact_radius > 0.0 else 0.0,
+            found[2] + reading.radius_error if reading.contact_radius + reading.radius_error > 0.0 else 0.0,
             found[3],
         )
     return RawEvent(

@@ -1,0 +1,103 @@
+"""What a grid says of its own limits: error estimates, filled cells, and values beyond the default end of a curve."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import contbranch as cb
+from contbranch.errors import InputError
+from contbranch.summary import with_error
+
+FILM = cb.Contact.reduced(cb.Gauss, tabor=1.0, sign=-1)
+
+
+@pytest.mark.parametrize("displacement", [2.5, 6.0])
+def test_errors_at_a_displacement_are_of_the_size_of_the_errors(displacement):
+    """Against the axisymmetric model, which shares no lattice: errors below estimates, and these of a sensible size."""
+    exact = cb.solve(FILM, displacement=displacement, accuracy=1e-9)
+    state = cb.solve(FILM, displacement=displacement, model=cb.FreeSpace(cell=12.0, grid=96))
+    assert state.error["displacement"] < 1e-5
+    assert abs(state.load - exact.load) < 2.0 * state.error["load"]
+    assert abs(state.contact_radius - exact.contact_radius) < 2.0 * state.error["contact_radius"]
+    assert state.error["load"] < 0.01 * exact.load
+    assert state.error["contact_radius"] < 0.1 * exact.contact_radius
+
+
+@pytest.mark.filterwarnings("ignore::contbranch.GridWarning")
+@pytest.mark.parametrize("law", [None, cb.Gauss])
+def test_a_contact_that_fills_its_cell_is_not_silent(law):
+    """The contact radius is (3F/4)^(1/3) by Hertz, more than half of the cell of 8: it needs one of 2 a at least."""
+    load = 1000.0
+    contact = cb.Contact.reduced(law, **({} if law is None else {"sign": -1}))
+    message = cb.solve(contact, load=load, model=cb.FreeSpace(cell=8.0, grid=48)).message
+    assert "contact has reached its border" in message
+    cell = float(message.split("use a cell of about ")[1].split()[0])
+    assert 2.0 * (0.75 * load) ** (1.0 / 3.0) < cell < 100.0
+
+
+@pytest.mark.parametrize("displacement", [8.0, -40.0])
+def test_find_all_goes_as_far_as_the_displacement_asked_for(displacement):
+    exact = cb.solve(FILM, displacement=displacement)
+    found = cb.find_all(FILM, displacement=displacement, model=cb.FreeSpace(cell=12.0, grid=48))
+    assert len(found.states) == 1
+    assert found.states[0].load == pytest.approx(exact.load, abs=max(1e-8, 0.01 * abs(exact.load)))
+
+
+@pytest.mark.filterwarnings("error::contbranch.GridWarning")
+def test_the_cell_chosen_for_find_all_holds_the_curve():
+    contact = cb.Contact(cb.EllipticParaboloid(1.4, 1.0 / 1.4), FILM.interaction)
+    found = cb.find_all(contact, load=1.0, model=cb.FreeSpace(grid=48))
+    assert len(found.states) == 1
+    assert "cell" not in found.message
+
+
+def test_a_grid_without_a_half_says_that_errors_are_unknown():
+    diagram = cb.trace(FILM, model=cb.FreeSpace(cell=8.0, grid=38), max_load=9.0)
+    assert "divisible by 4, such as 40" in diagram.message
+
+
+def test_a_contact_without_a_node_has_an_uncertain_radius():
+    """The fold in displacement lies after first touch; its radius is 0.1674 by the axisymmetric model."""
+    contact = cb.Contact.reduced(cb.Exponential)
+    diagram = cb.trace(contact, model=cb.Periodic(cell=12.0, grid=64), max_load=1.0)
+    fold = list(diagram.folds("displacement"))[-1]
+    touch = next(event for event in diagram.events if event.kind == "touch")
+    assert touch.central_gap == 0.0
+    assert touch.error["contact_radius"] == 0.0
+    assert fold.position > touch.position
+    assert math.isfinite(fold.error["contact_radius"])
+    assert abs(fold.contact_radius - 0.16745) < fold.error["contact_radius"] < 2.0
+
+
+def test_near_must_be_a_state():
+    with pytest.raises(InputError, match="near: int"):
+        cb.solve(FILM, load=1.0, near=3, model=cb.FreeSpace(cell=8.0, grid=16))
+
+
+@pytest.mark.parametrize("limit", [1.0, 8.06, 8.5])
+def test_the_end_of_a_curve_replaces_no_event(limit):
+    """The curve ends in contact beyond both folds of the load; by the axisymmetric model there is one such state."""
+    diagram = cb.trace(FILM, model=cb.FreeSpace(cell=8.0, grid=48), max_load=limit)
+    assert diagram.status == "complete"
+    assert [event.name for event in diagram.folds("load")] == ["squeeze-out", "wetting"]
+    end = diagram.events[-1]
+    assert end.kind == "end"
+    states = cb.solve(FILM, load=end.load).states
+    contact = next(state for state in states if state.contact_radius > 0.2)
+    assert end.displacement == pytest.approx(contact.displacement, abs=0.02)
+
+
+def test_a_cell_that_is_not_that_of_the_map_is_named_in_the_units_of_the_contact():
+    nodes = np.arange(16) * 120.0 / 16.0
+    heights = 5.0 * (2.0 - np.cos(2.0 * np.pi * nodes / 120.0)[:, None] - np.cos(2.0 * np.pi * nodes / 120.0))
+    law = cb.Gauss(work_of_adhesion=0.1, range=5.0)
+    contact = cb.Contact.physical(tip=cb.HeightMap(heights, 120.0), interaction=law, modulus="1 GPa")
+    with pytest.raises(InputError, match="cell: 100; the height map has the cell 120"):
+        cb.solve(contact, load=1.0, model=cb.Periodic(cell=100.0))
+
+
+def test_an_unknown_error_is_printed_as_one():
+    assert with_error(8.03242666, math.inf) == "8.03242666(?)"
