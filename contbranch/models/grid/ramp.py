@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from contbranch.interactions import Interaction, MaugisDugdale
 
-__all__ = ["RampedDugdale", "on_lattice"]
+__all__ = ["RampedDugdale", "jump_message", "on_lattice"]
 
 FloatArray = NDArray[np.float64]
 
@@ -65,3 +65,14 @@ def _ramped(term: MaugisDugdale, spacing: float) -> RampedDugdale:
     # |Δγ|/(2 δ z0²) = π/(8 Δ), a little below so that the criterion holds.
     ramp = 1.01 * WAVE * abs(term.work_of_adhesion) * spacing / (2.0 * math.pi * term.range**2)
     return RampedDugdale(term.work_of_adhesion, term.range, min(ramp, WIDEST))
+
+
+def jump_message(law: Interaction | None) -> str:
+    """A sentence for laws with attraction that ends at once, empty for others."""
+    terms = () if law is None else law.terms
+    if not any(isinstance(term, RampedDugdale) and term.work_of_adhesion > 0.0 for term in terms):
+        return ""
+    return (
+        "The maugis-dugdale attraction ends at once, for nodes over a ramp as steep as the grid resolves: the curve has many "
+        "folds of the grid's own and may end early; for a parabola use the exact model, otherwise a smooth law."
+    )

@@ -24,6 +24,7 @@ from .kept import first_index
 from .newton import Equilibrium, Hold, Settings, newton
 from .observables import interpolate
 from .problem import Fields, GridProblem
+from .ramp import jump_message
 from .reading import Reading, read
 from .resolution import Resolution, border_energy, border_message, fills, warn
 from .setup import Setup
@@ -472,7 +473,9 @@ def trace(
     tracer = _Tracer(setup, accuracy, limit, controls, verdicts, progress, beyond=beyond)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         tracer.notes += [Resolution.of(setup.lattice, setup.law).message]
-        warn(tracer.notes[0])
+        tracer.notes += [jump_message(setup.law)]
+        for note in tracer.notes:
+            warn(note)
         message = tracer.run()
         worst = _reaching(tracer)
         warn(worst)
