@@ -54,6 +54,8 @@ MOST_REFINED, LARGEST_REFINED = 12, 1024
 FLOOR = 2e-8
 # Distance by which predictions may miss where much happens on short parts of the curve.
 CLOSE = 3e-3
+# So many points in a row that lie on known parts of the curve end it; the last rows are no known part.
+RETURNS, RECENT = 4, 6
 # A fold that moves by less, relative to max(1, |value|), is said to stay.
 STAYS = 1e-3
 
@@ -120,6 +122,7 @@ class _Tracer:
     comparisons: list[tuple[float, Comparison]] = field(default_factory=list)
     kept: float = 0.0
     notes: list[str] = field(default_factory=list)
+    returns: int = 0
 
     def __post_init__(self) -> None:
         self.problem = self.setup.problem
@@ -163,6 +166,10 @@ class _Tracer:
             reason = self._unrepresentable(points[-1].state)
             if reason:
                 return reason
+            self.returns = self.returns + 1 if self._returned(points[-1]) else 0
+            if self.returns == RETURNS:
+                place = f"load {points[-1].load:.6g}, displacement {points[-1].displacement:.6g}"
+                return f"The walk has come back to a part of the curve that it knows, at {place}; try a finer grid"
             if len(self.rows) >= self.options.points:
                 return f"The curve has more than {self.options.points} points; ask for a smaller range"
             del points[: -self.history]
@@ -176,6 +183,23 @@ class _Tracer:
             row.u, row.contact = state.u, state.contact
             self.kept += size
         self.rows.append(row)
+
+    def _returned(self, point: Point) -> bool:
+        """Whether a point lies on a piece of the curve between earlier rows: a step has leapt to it."""
+        earlier = sorted(self.rows[: -2 * RECENT], key=lambda row: row.arc)
+        for first, second in pairwise(earlier):
+            rise, run = second.load - first.load, second.reading.displacement - first.reading.displacement
+            up, along = point.load - first.load, point.displacement - first.reading.displacement
+            length = rise * rise + run * run
+            share = (up * rise + along * run) / length if length > 0.0 else -1.0
+            if not 0.0 <= share <= 1.0 or first.u is None or second.u is None:
+                continue
+            if (up - share * rise) ** 2 + (along - share * run) ** 2 > 1e-4 * length:
+                continue
+            change = second.u - first.u
+            if np.abs(point.state.u - first.u - share * change).max() <= 0.1 * np.abs(change).max():
+                return True
+        return False
 
     def _goal(self) -> float:
         if self.limit is not None:
