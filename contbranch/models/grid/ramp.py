@@ -73,6 +73,6 @@ def jump_message(law: Interaction | None) -> str:
     if not any(isinstance(term, RampedDugdale) and term.work_of_adhesion > 0.0 for term in terms):
         return ""
     return (
-        "The maugis-dugdale attraction ends at once, for nodes over a ramp as steep as the grid resolves: the curve has "
-        "many folds of the grid's own and may end early; for a parabola use the exact model, otherwise a smooth law."
+        "The maugis-dugdale attraction ends at once, for nodes over a ramp as steep as the grid resolves: the curve "
+        "has many folds of the grid's own and may end early; for a parabola use the exact model, otherwise a smooth law."
     )
