@@ -74,5 +74,5 @@ def jump_message(law: Interaction | None) -> str:
         return ""
     return (
         "The maugis-dugdale attraction ends at once, for nodes over a ramp as steep as the grid resolves: the curve "
-        "has many folds of the grid's own and may end early; for a parabola use the exact model, otherwise a smooth law."
+        "has many folds of the grid's own and may end early; for a parabola use the exact model, else a smooth law."
     )
