@@ -15,7 +15,7 @@ from .switching import mirrored
 from .transforms import EVEN
 
 if TYPE_CHECKING:
-    from .trace import Row
+    from .rows import Row
 
 __all__ = ["Image", "first_index", "has_symmetry", "kept_symmetry", "lacking"]
 

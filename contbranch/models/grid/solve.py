@@ -20,11 +20,12 @@ from .observables import cell_fields, mean_gap, profile
 from .problem import GridProblem
 from .reading import read
 from .resolution import Resolution, border_message, fills, rounded_up, warn
+from .rows import Row
 from .setup import Setup
 from .size import chosen_size
 from .sketch import Sketch, copied, drawn, relatives
 from .stability import morse
-from .trace import Row, trace
+from .trace import trace
 from .walk import Direction, Measure, Point, between
 
 __all__ = ["Found", "crossing", "find_all", "solve_all", "state_at"]

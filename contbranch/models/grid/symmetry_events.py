@@ -19,7 +19,7 @@ from .transforms import EVEN
 from .walk import Direction, Measure
 
 if TYPE_CHECKING:
-    from .trace import Row
+    from .rows import Row
 
 __all__ = ["symmetry_events"]
 

@@ -7,34 +7,35 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import pairwise
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contbranch.analysis.stability import Indices, morse_indices
 from contbranch.control import DISPLACEMENT, LOAD, Control
-from contbranch.diagram import Cost, Profile
+from contbranch.diagram import Cost
 from contbranch.models.axisymmetric.symmetry import merged
-from contbranch.models.outcome import RawCurve, RawEvent
+from contbranch.models.outcome import RawCurve
 
 from .accuracy import Comparison, compared, no_comparison, touched
-from .folds import Refined, coarser_touch, locate_fold, locate_touch, refine_fold, touches
+from .folds import coarser_touch, locate_fold, locate_touch, touches
 from .kept import first_index
 from .newton import Equilibrium, Hold, Settings, newton
 from .observables import interpolate
-from .problem import Fields, GridProblem
+from .problem import Fields
 from .ramp import jump_message
 from .reading import Reading, read
 from .resolution import Resolution, border_energy, border_message, fills, warn
+from .rows import Mark, Row, deferred_profile, difference
 from .setup import Setup
 from .start import beginning
 from .symmetry import Breaking
 from .symmetry_events import symmetry_events
+from .verdicts import LARGEST_REFINED, MOST_REFINED, judge, raw_event
 from .verification import too_coarse, verify_curve
 from .walk import Measure, Point, Walker, WalkOptions
 
-__all__ = ["Row", "Traced", "followed", "trace"]
+__all__ = ["Traced", "followed", "trace"]
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -48,49 +49,10 @@ BEYOND, AT_LEAST = 1.4, 10.0
 KEPT_BYTES = 600e6
 # Rows between two comparisons with a coarser lattice.
 SPACING = 6
-# Folds that are looked for on a finer lattice, and the largest array on which they are.
-MOST_REFINED, LARGEST_REFINED = 12, 1024
-# Least error of an event, relative to max(1, |value|).
-FLOOR = 2e-8
 # Distance by which predictions may miss where much happens on short parts of the curve.
 CLOSE = 3e-3
 # So many points in a row that lie on known parts of the curve end it; the last rows are no known part.
 RETURNS, RECENT = 4, 6
-# A fold that moves by less, relative to max(1, |value|), is said to stay.
-STAYS = 1e-3
-
-
-@dataclass(eq=False)
-class Row:
-    """A point of the curve: what was read off it, and its state as far as memory allows."""
-
-    arc: float
-    reading: Reading
-    pairs: int
-    load: float
-    u: Array | None = field(default=None, repr=False)
-    contact: Mask | None = field(default=None, repr=False)
-    mark: Mark | None = None
-
-    def state(self, problem: GridProblem) -> Equilibrium | None:
-        """The equilibrium, if its fields were kept."""
-        if self.u is None or self.contact is None:
-            return None
-        return Equilibrium(problem.fields(self.u, self.load), self.contact, 0.0, self.reading.displacement, True)
-
-
-@dataclass
-class Mark:
-    """An event at a row."""
-
-    kind: Literal["fold", "touch", "end"]
-    control: Control | None = None
-    maximum: bool = False
-    refined: Refined | None = None
-    shift: tuple[float, float, float, float] | None = None
-    message: str = ""
-    around: tuple[Equilibrium, Equilibrium, Equilibrium] | None = field(default=None, repr=False)
-    unresolved: bool = False
 
 
 @dataclass(frozen=True)
@@ -322,7 +284,7 @@ class _Tracer:
             # From N to 2N, as for folds.
             mark.shift = 2.0 * other.load, 2.0 * other.displacement, 0.0, 0.0
         elif coarse is not None:
-            mark.shift = _difference(read(self.setup.on(self.setup.grid // 2), coarse), read(self.setup, found))
+            mark.shift = difference(read(self.setup.on(self.setup.grid // 2), coarse), read(self.setup, found))
         self._add(Point(arc, found), mark)
         # what is left of the gap is rounding
         self.rows[-1].reading = self.rows[-1].reading._replace(central_gap=0.0, gap_error=0.0, radius_error=0.0)
@@ -334,69 +296,15 @@ class _Tracer:
         if found is not None:
             self.comparisons.append((points[-1].arc, found))
 
-    def _judge(self) -> None:
-        """Look for the folds on a finer lattice, and tell pairs that are the lattice's own."""
-        rows = self.rows
-        columns = {name: np.array([getattr(row.reading, name) for row in rows]) for name in Reading._fields}
-        errors = self._errors(np.array([row.arc for row in rows]), columns)
-        folds = [k for k, row in enumerate(rows) if row.mark is not None and row.mark.kind == "fold"]
-        if len(folds) > MOST_REFINED:
-            self._pair(folds, errors)
-        for k in folds:
-            mark = rows[k].mark
-            if mark is None or mark.around is None or mark.control is None:
-                continue
-            if not mark.unresolved and self.setup.lattice.size <= LARGEST_REFINED:
-                mark.refined = refine_fold(self.setup, mark.around, mark.control, self.settings)
-                if mark.refined.state is not None:
-                    fine = self.setup.on(2 * self.setup.grid)
-                    mark.shift = _difference(read(fine, mark.refined.state), rows[k].reading)
-            mark.around = None
-        self._pair(folds, errors)
-
-    def _pair(self, folds: Sequence[int], errors: tuple[Array, Array, Array, Array]) -> None:
-        """Mark neighbouring folds of a control as unresolved that differ by less than the lattice's error.
-
-        Smallest differences first. A pair whose folds have hardly moved along the curve on the finer lattice stays.
-        """
-        for control in self.controls:
-            own = [k for k in folds if (mark := self.rows[k].mark) is not None and mark.control == control]
-            own = [k for k in own if not (mark := self.rows[k].mark) or not mark.unresolved]
-            while len(own) > 1:
-                value = [control.value(self.rows[k].reading.load, self.rows[k].reading.displacement) for k in own]
-                heights = np.abs(np.diff(value))
-                uncertain = np.array([_of(control, errors, k) for k in own])
-                doubtful = heights < np.maximum(uncertain[1:], uncertain[:-1])
-                doubtful &= [not self._steady(first, second) for first, second in pairwise(own)]
-                if not doubtful.any():
-                    break
-                place = int(np.argmin(np.where(doubtful, heights, np.inf)))
-                for k in own[place : place + 2]:
-                    mark = self.rows[k].mark
-                    if mark is not None:
-                        mark.unresolved = True
-                del own[place : place + 2]
-
-    def _steady(self, first: int, second: int) -> bool:
-        """Whether two folds have stayed apart on the finer lattice."""
-        apart = self.rows[second].arc - self.rows[first].arc
-        for k in (first, second):
-            mark = self.rows[k].mark
-            if mark is None or mark.refined is None or mark.refined.verdict != "found":
-                return False
-            if mark.refined.moved > 0.25 * apart:
-                return False
-        return True
-
     # The result
 
     def outcome(self, message: str, began: float, modes: int) -> Traced:
         """Rows in order, indices, events."""
         self.rows.sort(key=lambda row: row.arc)
         rows = self.rows
-        self._judge()
         columns = {name: np.array([getattr(row.reading, name) for row in rows]) for name in Reading._fields}
-        arcs = np.array([row.arc for row in rows])
+        errors = self._errors(np.array([row.arc for row in rows]), columns)
+        judge(self.setup, rows, self.controls, errors, self.settings)
         marks = [(k, row.mark) for k, row in enumerate(rows) if row.mark is not None]
         # Pairs of folds that are the lattice's own do not count for stability.
         folds = [
@@ -404,7 +312,6 @@ class _Tracer:
             for k, mark in marks
             if mark.kind == "fold" and mark.control is not None and not mark.unresolved
         ]
-        errors = self._errors(arcs, columns)
         load_error, displacement_error = errors[:2]
         turning = [row for row, kind in folds if kind != "spring"]
         first = 0 if self.symmetry is None else first_index(self.setup, rows, turning, self.symmetry)
@@ -413,12 +320,8 @@ class _Tracer:
         checked = verify_curve(self.setup, rows, indices, turning, self.accuracy, modes, self.symmetry, inner)
         # What the lattice is too coarse for, the message names already.
         complete = not message and (not checked.contradicted or too_coarse(self.setup))
-        own = [_at(errors, k) for k in range(len(rows))]
-        events = [_event(self.setup, k, mark, rows[k].reading, own[k], indices) for k, mark in marks]
-        events = [
-            replace(event, error=_along(rows, k, mark, event.error))
-            for event, (k, mark) in zip(events, marks, strict=True)
-        ]
+        own = [(float(a), float(b), float(c), float(d)) for a, b, c, d in zip(*errors, strict=True)]
+        events = [raw_event(self.setup, rows, k, mark, own[k], indices) for k, mark in marks]
         events = merged(events, symmetry_events(self.setup, rows, checked.breakings, own, self.settings))
         wall = time.perf_counter() - began
         cost = Cost(wall, self.setup.counter.newton, self.setup.counter.equilibrium, self.setup.counter.stability)
@@ -567,10 +470,6 @@ def clearance(setup: Setup, state: Equilibrium) -> float:
     return min(smallest, interpolate(setup.lattice, state.u, 0.0, 0.0))
 
 
-def _difference(one: Reading, other: Reading) -> tuple[float, float, float, float]:
-    return tuple(a - b for a, b in zip(one.four, other.four, strict=True))  # type: ignore[return-value]
-
-
 def _indices(
     columns: dict[str, Array], folds: Sequence[tuple[int, str]], controls: Sequence[Control], start: int
 ) -> Indices:
@@ -584,112 +483,3 @@ def _indices(
             first, second = (control.value(columns["load"][k], columns["displacement"][k]) for k in (0, 1))
             pulling = 1 if second >= first else -1
     return morse_indices(count, folds, loading, approaching, start, pulling)
-
-
-def _event(
-    setup: Setup, row: int, mark: Mark, reading: Reading, error: tuple[float, float, float, float], indices: Indices
-) -> RawEvent:
-    if mark.kind == "touch" and mark.shift is not None:
-        # At least the error that is left.
-        size = FLOOR * max(1.0, abs(reading.load), abs(reading.displacement))
-        load, displacement = abs(mark.shift[0]) + reading.load_error, abs(mark.shift[1]) + reading.displacement_error
-        error = load + size, displacement + size, 0.0, 0.0
-    if mark.kind != "fold" or mark.control is None:
-        return RawEvent(mark.kind, row, reading.four, error, message=mark.message)
-    pieces, _ = indices.pieces(mark.control.kind)
-    before, after = max(row - 1, 0), min(row, len(pieces) - 1)
-    verdict, message = _verdict(setup, mark, reading)
-    if mark.shift is not None:
-        # From N to 2N the error falls at least by half: it is at most twice the shift. In contact a shift can be small
-        # by chance, and rows around know better.
-        share = 0.5 if reading.contact_radius > 0.0 else 0.0
-        parts = zip(mark.shift, error, reading.four, strict=True)
-        found = [max(2.0 * abs(s), share * e) + FLOOR * max(1.0, abs(v)) for s, e, v in parts]
-        error = (
-            found[0] + reading.load_error,
-            found[1] + reading.displacement_error,
-            found[2] + reading.radius_error if reading.contact_radius + reading.radius_error > 0.0 else 0.0,
-            found[3],
-        )
-    return RawEvent(
-        "fold",
-        row,
-        reading.four,
-        error,
-        control=mark.control.kind,
-        stiffness=mark.control.spring_stiffness,
-        before=int(pieces[before]),
-        after=int(pieces[after]),
-        maximum=mark.maximum,
-        message=message,
-        verdict=verdict,
-    )
-
-
-def _verdict(setup: Setup, mark: Mark, reading: Reading) -> tuple[str | None, str]:
-    if mark.unresolved:
-        return "unresolved", "It differs from the fold next to it by less than the lattice's error."
-    if mark.refined is None or mark.refined.verdict == "unknown" or mark.control is None:
-        return None, "Whether it stays on a finer grid was not found."
-    if mark.refined.verdict == "vanished" or mark.shift is None:
-        return "vanishes", "It vanishes on the grid with twice the nodes: the lattice's own."
-    moved = mark.control.value(mark.shift[0], mark.shift[1])
-    value = mark.control.value(reading.load, reading.displacement)
-    stays = abs(moved) <= STAYS * max(1.0, abs(value))
-    words = "stays" if stays else "moves"
-    unit = setup.units.of(mark.control.kind)
-    what = "the position of the spring" if mark.control.kind == "spring" else mark.control.kind
-    return words, f"On the grid with twice the nodes it {words}: by {moved * unit:.3g} in {what}."
-
-
-def _at(errors: tuple[Array, Array, Array, Array], row: int) -> tuple[float, float, float, float]:
-    load, displacement, radius, gap = errors
-    return float(load[row]), float(displacement[row]), float(radius[row]), float(gap[row])
-
-
-def _along(
-    rows: Sequence[Row], row: int, mark: Mark, error: tuple[float, float, float, float]
-) -> tuple[float, float, float, float]:
-    """Add to a fold's errors what an error of its place along the curve makes of the other of load and displacement.
-
-    The place is as uncertain as the contact radius is.
-    """
-    if mark.kind != "fold" or mark.control is None or not 0 < row < len(rows) - 1:
-        return error
-    one, other = rows[row - 1].reading, rows[row + 1].reading
-    change = abs(other.contact_radius - one.contact_radius)
-    if change == 0.0 or rows[row].reading.contact_radius == 0.0:
-        return error
-    load, displacement, radius, gap = error
-    share = 0.5 * min(1.0, radius / change)
-    if mark.control.kind != "load":
-        load = max(load, share * abs(other.load - one.load))
-    if mark.control.kind != "displacement":
-        displacement = max(displacement, share * abs(other.displacement - one.displacement))
-    return load, displacement, radius, gap
-
-
-def _of(control: Control, errors: tuple[Array, Array, Array, Array], row: int) -> float:
-    """Error of what is controlled at a row."""
-    load, displacement = float(errors[0][row]), float(errors[1][row])
-    if control.kind == "spring":
-        return displacement + load / control.stiffness
-    return load if control.kind == "load" else displacement
-
-
-def deferred_profile(setup: Setup, row: Row) -> Callable[[], Profile]:
-    """The profile of a row, computed when it is asked for."""
-
-    def made() -> Profile:
-        from contbranch.errors import InputError
-
-        from .observables import profile
-
-        if row.u is None or row.contact is None:
-            raise InputError("state: its fields were given up to save memory; solve for it with near=")
-        problem = setup.problem
-        fields = problem.fields(row.u, row.load)
-        state = Equilibrium(fields, row.contact, 0.0, row.reading.displacement, True)
-        return profile(problem, state)
-
-    return made

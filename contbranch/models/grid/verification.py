@@ -36,7 +36,7 @@ from .symmetry import Breaking, Kind, counted, kinds, symmetry_breaking
 from .transforms import EVEN
 
 if TYPE_CHECKING:
-    from .trace import Row
+    from .rows import Row
 
 __all__ = ["Verification", "pieces", "verify_curve"]
 
