@@ -482,4 +482,41 @@ def _indices(
         if control.kind == "spring":
             first, second = (control.value(columns["load"][k], columns["displacement"][k]) for k in (0, 1))
             pulling = 1 if second >= first else -1
-    return morse_indices(count, folds, loading, approaching, start, pulling)
+    return morse_indices(
+        count, _corners(columns, folds, loading * approaching, start), loading, approaching, start, pulling
+    )
+
+
+def _corners(
+    columns: dict[str, Array], folds: Sequence[tuple[int, str]], slope: int, index: int
+) -> list[tuple[int, str]]:
+    """Put folds of load and displacement that lie in one corner of the curve at one row, in the order that they have.
+
+    Where both turn round at once, with one step of the contact, their order on the curve is chance. It decides whether
+    the index under displacement control rises or falls there: it falls where there is one to lose.
+    """
+    found: list[tuple[int, str]] = []
+    rest = list(folds)
+    while rest:
+        (row, control), *rest = rest
+        both = {control, rest[0][1]} == {"load", "displacement"} if rest else False
+        if both and _same(columns, row, rest[0][0]):
+            rest = rest[1:]
+            # With a rising slope the index falls if the displacement turns first, with a falling one if it turns last.
+            falls = index > 0
+            first, second = ("displacement", "load") if falls == (slope > 0) else ("load", "displacement")
+            found += [(row, first), (row, second)]
+            index += -1 if falls else 1
+            continue
+        if control == "displacement":
+            index += 1 if slope < 0 else -1
+        if control != "spring":
+            slope = -slope
+        found.append((row, control))
+    return found
+
+
+def _same(columns: dict[str, Array], row: int, other: int) -> bool:
+    """Whether two rows are one state, but for rounding."""
+    names = ("load", "displacement", "contact_radius")
+    return all(abs(columns[n][row] - columns[n][other]) <= 1e-6 * max(1.0, abs(columns[n][row])) for n in names)
