@@ -145,7 +145,7 @@ def _event(setup: Setup, row: int, mark: Mark, reading: Reading, error: Four, in
             found[0] + reading.load_error,
             found[1] + reading.displacement_error,
             found[2] + reading.radius_error if reading.contact_radius + reading.radius_error > 0.0 else 0.0,
-            found[3],
+            0.0 if reading.contact_radius > 0.0 else found[3],
         )
     return RawEvent(
         "fold",
