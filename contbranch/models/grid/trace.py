@@ -517,6 +517,8 @@ def _corners(
 
 
 def _same(columns: dict[str, Array], row: int, other: int) -> bool:
-    """Whether two rows are one state, but for rounding."""
+    """Whether two rows are one state in contact, but for rounding; a film has no corners."""
+    if columns["contact_radius"][row] == 0.0:
+        return False
     names = ("load", "displacement", "contact_radius")
     return all(abs(columns[n][row] - columns[n][other]) <= 1e-6 * max(1.0, abs(columns[n][row])) for n in names)
