@@ -125,6 +125,8 @@ class Equilibrium:
     converged : bool
     steps, pairs : int
         Steps and pairs of transforms spent.
+    first : float
+        Residual of the trial state.
     reason : str
         Why it has not converged, where that is known.
     """

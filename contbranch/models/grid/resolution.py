@@ -166,6 +166,7 @@ def border_message(setup: Setup, state: Equilibrium) -> str:
 
 
 def rounded_up(value: float) -> str:
+    """Return a positive number rounded up to two digits."""
     digits = 10.0 ** (math.floor(math.log10(value)) - 1)
     return f"{math.ceil(value / digits) * digits:.6g}"
 

@@ -20,7 +20,7 @@ from contbranch.models.outcome import RawCurve
 from .accuracy import Comparison, compared, no_comparison, touched
 from .folds import coarser_touch, locate_fold, locate_touch, touches
 from .kept import first_index
-from .newton import Equilibrium, Hold, Settings, newton
+from .newton import Equilibrium, Hold, newton
 from .observables import interpolate
 from .problem import Fields
 from .ramp import jump_message
@@ -33,7 +33,7 @@ from .symmetry import Breaking
 from .symmetry_events import symmetry_events
 from .verdicts import LARGEST_REFINED, MOST_REFINED, judge, raw_event
 from .verification import too_coarse, verify_curve
-from .walk import Measure, Point, Walker, WalkOptions
+from .walk import Measure, Point, Walker, WalkOptions, following
 
 __all__ = ["Traced", "followed", "trace"]
 
@@ -91,7 +91,7 @@ class _Tracer:
         tolerance = min(max(self.accuracy, 1e-10), 1e-6)
         period = self.setup.lattice.spacing / self.setup.length
         self.options = WalkOptions(tolerance=tolerance, period=period, noise=max(1e-3, 0.05 * period))
-        self.settings = Settings(tolerance=tolerance, steps=15, inner=80, growth=30.0, patience=4)
+        self.settings = following(tolerance)
         fine = Resolution.of(self.setup.lattice, self.setup.law).ratio <= 1.0
         if self.setup.crowded and fine:
             # Contacts of single asperities are small parts of the surface: what happens to one of them is a short part
@@ -130,7 +130,8 @@ class _Tracer:
                 return reason
             self.returns = self.returns + 1 if self._returned(points[-1]) else 0
             if self.returns == RETURNS:
-                place = f"load {points[-1].load:.6g}, displacement {points[-1].displacement:.6g}"
+                units, last = self.setup.units, points[-1]
+                place = f"load {last.load * units.load:.6g}, displacement {last.displacement * units.normal:.6g}"
                 return f"The walk has come back to a part of the curve that it knows, at {place}; try a finer grid"
             if len(self.rows) >= self.options.points:
                 return f"The curve has more than {self.options.points} points; ask for a smaller range"

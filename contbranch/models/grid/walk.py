@@ -23,7 +23,7 @@ from .newton import Equilibrium, Hold, Settings, newton
 from .problem import GridProblem
 from .setup import REDUCED_VALUES, UnitValues
 
-__all__ = ["Direction", "Measure", "Point", "WalkOptions", "Walker", "between"]
+__all__ = ["Direction", "Measure", "Point", "WalkOptions", "Walker", "between", "following"]
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -66,6 +66,11 @@ class WalkOptions:
     order: int = 2
     points: int = 2000
     hops: bool = True
+
+
+def following(tolerance: float) -> Settings:
+    """Tolerances for corrections from a good prediction: one that does not converge soon is better given up."""
+    return Settings(tolerance=tolerance, steps=15, inner=80, growth=30.0, patience=4)
 
 
 @dataclass(frozen=True)
@@ -191,7 +196,7 @@ class Walker:
     @property
     def settings(self) -> Settings:
         """Tolerances of the corrections."""
-        return Settings(tolerance=self.options.tolerance, steps=15, inner=80, growth=30.0, patience=4)
+        return following(self.options.tolerance)
 
     def begin(self, start: Equilibrium, onward: Equilibrium) -> None:
         """Set out from one equilibrium towards another close to it."""
