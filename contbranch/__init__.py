@@ -5,13 +5,8 @@ Describe a contact (`Contact`: a tip, an interaction law, a modulus), then `trac
 one of them. Closed-form theories are in `contbranch.theory`, continuation of any problem in `contbranch.continuation`.
 """
 
-from contbranch.contact import Contact
-from contbranch.control import Spring
-from contbranch.diagram import Branch, Diagram, Event, Exponent, LocalExponent, Solution, State, Window
-from contbranch.equilibria import Barrier, Equilibria
-from contbranch.errors import InputError, ModelError
-from contbranch.followed import Followed, FollowedPoint, Special
-from contbranch.interactions import (
+from contbranch.contact.contact import Contact
+from contbranch.contact.interactions import (
     Exponential,
     Gauss,
     Interaction,
@@ -23,15 +18,7 @@ from contbranch.interactions import (
     Tabulated,
     VanDerWaals,
 )
-from contbranch.loop import Hysteresis
-from contbranch.models import find_all, follow, hysteresis, phase_diagram, solve, trace
-from contbranch.models.axisymmetric import Axisymmetric
-from contbranch.models.exact import Exact
-from contbranch.models.grid import FreeSpace, GridWarning, Periodic
-from contbranch.phase import PhaseDiagram
-from contbranch.profile import CellFields
-from contbranch.store import load
-from contbranch.tips import (
+from contbranch.contact.tips import (
     Cone,
     EllipticParaboloid,
     HeightMap,
@@ -42,6 +29,19 @@ from contbranch.tips import (
     Tip,
     TipShape,
 )
+from contbranch.control import Spring
+from contbranch.errors import InputError, ModelError
+from contbranch.models import find_all, follow, hysteresis, phase_diagram, solve, trace
+from contbranch.models.axisymmetric import Axisymmetric
+from contbranch.models.exact.model import Exact
+from contbranch.models.grid import FreeSpace, GridWarning, Periodic
+from contbranch.output.hdf5 import load
+from contbranch.results.diagram import Branch, Diagram, Event, Exponent, LocalExponent, Solution, State, Window
+from contbranch.results.equilibria import Barrier, Equilibria
+from contbranch.results.followed import Followed, FollowedPoint, Special
+from contbranch.results.loop import Hysteresis
+from contbranch.results.phase import PhaseDiagram
+from contbranch.results.profile import CellFields
 
 __version__ = "0.1.0"
 

@@ -11,8 +11,8 @@ import math
 from dataclasses import dataclass
 from typing import Final, Literal
 
+from contbranch.contact.units import finite_number
 from contbranch.errors import InputError
-from contbranch.units import finite_number
 
 __all__ = ["DISPLACEMENT", "LOAD", "Control", "Spring", "as_control"]
 

@@ -30,7 +30,7 @@ import numpy as np
 import scipy
 
 import contbranch as cb
-from contbranch import interaction_law, interactions, tip_shape, tips
+from contbranch.contact import interaction_law, interactions, tip_shape, tips
 from contbranch.models.axisymmetric import adapt, equations, locate, mesh, profile, rim
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -158,7 +158,7 @@ def cost_against_digits(case: Case, accuracies: tuple[float, ...] = ACCURACIES, 
 
 def command_times(repetitions: int = 5) -> tuple[float, ...]:
     """Seconds of the whole command that traces and draws `omcts.toml`, as a process, after one run to fill caches."""
-    program = "from contbranch.cli import main; raise SystemExit(main())"
+    program = "from contbranch.cli.commands import main; raise SystemExit(main())"
     times = []
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, "-c", program, "trace", str(OMCTS), "--plot", str(Path(folder) / "omcts.png")]

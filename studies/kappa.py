@@ -26,8 +26,8 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 import contbranch as cb
-from contbranch.analysis.exponents import crossover_excess, fitted_window
-from contbranch.diagram import LocalExponent, Window
+from contbranch.curve.exponents import crossover_excess, fitted_window
+from contbranch.results.diagram import LocalExponent, Window
 
 if __name__ == "__main__":
     sys.path.append(str(Path(__file__).resolve().parents[1]))

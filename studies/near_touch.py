@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 import contbranch as cb
-from contbranch.interaction_law import Interaction
+from contbranch.contact.interaction_law import Interaction
 from contbranch.models.axisymmetric.mesh import Mesh
 from contbranch.models.axisymmetric.problem import ContactProblem
 from contbranch.models.axisymmetric.slope import load_per_displacement

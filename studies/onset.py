@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 import contbranch as cb
-from contbranch.interaction_law import Interaction
+from contbranch.contact.interaction_law import Interaction
 
 if __name__ == "__main__":
     sys.path.append(str(Path(__file__).resolve().parents[1]))

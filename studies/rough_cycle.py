@@ -29,8 +29,8 @@ from matplotlib.figure import Figure
 from scipy.interpolate import CubicSpline
 
 import contbranch as cb
-from contbranch.analysis.hysteresis import Jump, Leg, quasi_static
 from contbranch.control import DISPLACEMENT
+from contbranch.curve.quasi_static import Jump, Leg, quasi_static
 from contbranch.models.grid.landing import land
 from contbranch.models.grid.newton import Equilibrium, hold_control
 from contbranch.models.grid.observables import cell_fields
@@ -38,7 +38,7 @@ from contbranch.models.grid.paths import GridWalk
 from contbranch.models.grid.solve import state_at
 from contbranch.models.grid.stability import Stability
 from contbranch.models.grid.trace import Traced, trace
-from contbranch.plot_style import BLUE, GREY, ORANGE, STYLE
+from contbranch.output.plot_style import BLUE, GREY, ORANGE, STYLE
 
 FIGURE = Path(__file__).resolve().parents[1] / "docs" / "figures" / "rough_cycle.png"
 ACCURACY = 1e-6

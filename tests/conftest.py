@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from contbranch.contact import Contact
-from contbranch.diagram import (
+from contbranch.contact.contact import Contact
+from contbranch.contact.units import PHYSICAL
+from contbranch.results.diagram import (
     Branch,
     Cost,
     Diagram,
@@ -20,7 +21,6 @@ from contbranch.diagram import (
     Window,
 )
 from contbranch.theory import maugis
-from contbranch.units import PHYSICAL
 
 R, E, WORK, RANGE = 1000.0, 5.0, 0.04, 1.0
 """1 µm, 5 GPa, 40 mN/m and 1 nm in nN and nm."""

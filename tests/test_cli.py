@@ -12,11 +12,11 @@ from typing import Any
 import pytest
 
 import contbranch
-from contbranch import summary
 from contbranch.cli import main
-from contbranch.diagram import Cost, Diagram, ModelChoice, Solution
 from contbranch.errors import InputError, ModelError
-from contbranch.store import load
+from contbranch.output import summary
+from contbranch.output.hdf5 import load
+from contbranch.results.diagram import Cost, Diagram, ModelChoice, Solution
 
 CONTACT = """
 [tip]
@@ -352,7 +352,7 @@ def test_as_a_process(contact: str) -> None:
     assert done.stderr == "contbranch: --accuracy: 'much'; must be a number\n"
 
 
-LOADED = "import sys, contbranch.cli as c; c.main(sys.argv[1:]); print(*sorted(sys.modules), file=sys.stderr)"
+LOADED = "import sys, contbranch.cli.commands as c; c.main(sys.argv[1:]); print(*sorted(sys.modules), file=sys.stderr)"
 
 
 @pytest.mark.parametrize(
@@ -364,7 +364,7 @@ LOADED = "import sys, contbranch.cli as c; c.main(sys.argv[1:]); print(*sorted(s
 )
 def test_libraries_are_imported_only_where_needed(arguments: list[str], unused: list[str]) -> None:
     loaded = run(LOADED, *arguments).stderr.split()
-    assert "contbranch.cli" in loaded
+    assert "contbranch.cli.commands" in loaded
     assert [name for name in unused if name in loaded] == []
 
 

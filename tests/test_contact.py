@@ -8,9 +8,8 @@ import pickle
 import numpy as np
 import pytest
 
-from contbranch.contact import Contact
-from contbranch.errors import InputError
-from contbranch.interactions import (
+from contbranch.contact.contact import Contact
+from contbranch.contact.interactions import (
     Exponential,
     Gauss,
     Interaction,
@@ -19,8 +18,9 @@ from contbranch.interactions import (
     Tabulated,
     VanDerWaals,
 )
-from contbranch.tips import Cone, Parabola, PowerLaw, Profile, SphericalCap
-from contbranch.units import PHYSICAL, REDUCED
+from contbranch.contact.tips import Cone, Parabola, PowerLaw, Profile, SphericalCap
+from contbranch.contact.units import PHYSICAL, REDUCED
+from contbranch.errors import InputError
 
 OMCTS = {
     "radius": "1 um",

@@ -6,12 +6,12 @@ import h5py
 import numpy as np
 import pytest
 
-from contbranch.contact import Contact
-from contbranch.contact_file import parse_control, read_contact
+from contbranch.contact.contact import Contact
+from contbranch.contact.file import parse_control, read_contact
+from contbranch.contact.interactions import Exponential, Gauss, Layered, Tabulated, VanDerWaals
+from contbranch.contact.tips import Cone, EllipticParaboloid, HeightMap, Parabola, PowerLaw, Profile, SphericalCap
+from contbranch.contact.units import PHYSICAL, REDUCED
 from contbranch.errors import InputError
-from contbranch.interactions import Exponential, Gauss, Layered, Tabulated, VanDerWaals
-from contbranch.tips import Cone, EllipticParaboloid, HeightMap, Parabola, PowerLaw, Profile, SphericalCap
-from contbranch.units import PHYSICAL, REDUCED
 
 PHYSICAL_FILE = """
 [tip]

@@ -9,9 +9,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from contbranch.contact import Contact
-from contbranch.diagram import Cost, Diagram, ModelChoice, Solution
-from contbranch.document import diagram_document, solution_document
+from contbranch.contact.contact import Contact
+from contbranch.output.document import diagram_document, solution_document
+from contbranch.results.diagram import Cost, Diagram, ModelChoice, Solution
 
 EVENT_KEYS = {"kind", "control", "name", "load", "displacement", "contact_radius", "central_gap", "error", "exponent"}
 

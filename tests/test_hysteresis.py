@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 import contbranch as cb
-from contbranch.analysis.hysteresis import quasi_static
 from contbranch.cli import main
 from contbranch.control import as_control
-from contbranch.document import loop_document
+from contbranch.curve.quasi_static import quasi_static
 from contbranch.models.axisymmetric.paths import TracedWalk
 from contbranch.models.axisymmetric.trace import Target, trace
+from contbranch.output.document import loop_document
 
 LAMBDA = (2 * math.pi / 9) ** (1 / 3)
 """Reduced Tabor coefficient for Maugis' λ = 1, (43) with its misprint corrected."""

@@ -8,10 +8,10 @@ from numpy.polynomial import Polynomial
 from scipy.optimize import brentq
 
 import contbranch as cb
-from contbranch.analysis.hysteresis import Stop, next_along
 from contbranch.control import LOAD
-from contbranch.diagram import State
+from contbranch.curve.quasi_static import Stop, next_along
 from contbranch.models.rings import Rings
+from contbranch.results.diagram import State
 
 STEP = cb.Contact.reduced(cb.MaugisDugdale, tabor=1.0, sign=-1)
 """The repulsive Maugis–Dugdale law: the gap rests at z0 = 1 on a disc, then on a ring, before the wall is touched."""

@@ -7,8 +7,7 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from contbranch.errors import InputError
-from contbranch.interactions import (
+from contbranch.contact.interactions import (
     INTERACTIONS,
     Exponential,
     Gauss,
@@ -20,6 +19,7 @@ from contbranch.interactions import (
     Tabulated,
     VanDerWaals,
 )
+from contbranch.errors import InputError
 
 WORK, RANGE = -0.7, 0.4
 GAPS = np.array([-0.05, 0.0, 1e-9, 0.03, 0.2, 0.39, 0.41, 1.0, 3.0, 40.0])

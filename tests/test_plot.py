@@ -13,11 +13,11 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.text import Annotation, Text
 
-from contbranch import plot, plot_view
-from contbranch.diagram import Branch, Diagram
 from contbranch.errors import InputError
-from contbranch.plot_curve import pieces, smooth_line
-from contbranch.plot_view import Limits
+from contbranch.output import plot, plot_view
+from contbranch.output.plot_curve import pieces, smooth_line
+from contbranch.output.plot_view import Limits
+from contbranch.results.diagram import Branch, Diagram
 from contbranch.theory import maugis
 
 
@@ -218,7 +218,7 @@ def test_figures_that_cannot_be_written(repulsion: Diagram, tmp_path: Path) -> N
 
 
 def test_no_pyplot() -> None:
-    code = "import sys, contbranch.plot; sys.exit('matplotlib.pyplot' in sys.modules)"
+    code = "import sys, contbranch.output.plot; sys.exit('matplotlib.pyplot' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import contbranch as cb
-from contbranch.self_affine import self_affine_heights
+from contbranch.contact.self_affine import self_affine_heights
 
 CELL = 3.0
 

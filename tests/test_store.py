@@ -9,13 +9,13 @@ import h5py
 import numpy as np
 import pytest
 
-from contbranch.contact import Contact
-from contbranch.diagram import Cost, Diagram, LocalExponent, ModelChoice, Solution
+from contbranch.contact.contact import Contact
+from contbranch.contact.interactions import Gauss
+from contbranch.contact.tips import HeightMap
+from contbranch.contact.units import PHYSICAL
 from contbranch.errors import InputError, ModelError
-from contbranch.interactions import Gauss
-from contbranch.store import load, save, save_document, save_solution
-from contbranch.tips import HeightMap
-from contbranch.units import PHYSICAL
+from contbranch.output.hdf5 import load, save, save_document, save_solution
+from contbranch.results.diagram import Cost, Diagram, LocalExponent, ModelChoice, Solution
 
 COLUMNS = ("load", "displacement", "contact_radius", "central_gap", "energy", "load_error", "displacement_error")
 INDICES = ("unstable_load", "unstable_displacement")

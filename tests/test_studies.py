@@ -12,7 +12,7 @@ import pytest
 
 import contbranch as cb
 from contbranch.cli import main
-from contbranch.contact_file import read_contact
+from contbranch.contact.file import read_contact
 
 ROOT = Path(__file__).parents[1]
 if str(ROOT) not in sys.path:
@@ -216,9 +216,9 @@ def test_links_lead_somewhere(page):
 
 def test_documented_parameters_are_those_of_the_classes():
     """Every shape and law, and every parameter of theirs, is named in getting-started.md."""
-    from contbranch.contact import dimensions
-    from contbranch.interactions import INTERACTIONS
-    from contbranch.tips import TIPS
+    from contbranch.contact.contact import dimensions
+    from contbranch.contact.interactions import INTERACTIONS
+    from contbranch.contact.tips import TIPS
 
     text = (ROOT / "docs" / "getting-started.md").read_text(encoding="utf-8")
     for name, kind in (TIPS | INTERACTIONS).items():

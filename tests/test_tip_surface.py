@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import contbranch as cb
+from contbranch.contact.tip_shape import TipShape
 from contbranch.models.axisymmetric import Axisymmetric
 from contbranch.models.choice import choose
-from contbranch.models.exact import Exact
+from contbranch.models.exact.model import Exact
 from contbranch.models.rings import Rings
-from contbranch.tip_shape import TipShape
 
 X, Y = np.array([0.0, 0.3, -0.3, 0.4, 1.1]), np.array([0.0, 0.4, 0.4, -0.3, 0.2])
 
@@ -129,7 +129,7 @@ def test_models_with_axial_symmetry_refuse_a_tip_without(tip):
 
 def test_a_parameter_that_breaks_the_symmetry_is_not_followed_without_it():
     contact = cb.Contact(cb.EllipticParaboloid(1.0, 1.0), cb.MaugisDugdale(-1.0, 0.5))
-    from contbranch.models.family import family_of
+    from contbranch.contact.family import family_of
 
     family = family_of(contact, "tip.radius_x", 2.0)
     with pytest.raises(cb.InputError, match="must be axisymmetric"):

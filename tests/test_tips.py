@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
+from contbranch.contact.tips import TIPS, Cone, Parabola, PowerLaw, Profile, SphericalCap, Tip
 from contbranch.errors import InputError
-from contbranch.tips import TIPS, Cone, Parabola, PowerLaw, Profile, SphericalCap, Tip
 
 EPS = np.finfo(float).eps
 

@@ -7,8 +7,7 @@ import sys
 import numpy as np
 import pytest
 
-from contbranch.errors import InputError
-from contbranch.units import (
+from contbranch.contact.units import (
     PHYSICAL,
     REDUCED,
     Scales,
@@ -19,6 +18,7 @@ from contbranch.units import (
     positive_number,
     reduced_to_maugis,
 )
+from contbranch.errors import InputError
 
 
 @pytest.mark.parametrize(
@@ -162,7 +162,7 @@ def test_maugis_units_and_back():
 
 def test_pint_is_imported_for_units_only():
     code = (
-        "import sys; from contbranch.contact import Contact; "
+        "import sys; from contbranch.contact.contact import Contact; "
         "Contact.physical(radius=1000, modulus=5); assert 'pint' not in sys.modules; "
         "Contact.physical(radius='1 um', modulus=5); assert 'pint' in sys.modules"
     )

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from contbranch.contact import Contact
+from contbranch.contact.contact import Contact
+from contbranch.contact.height_map import HeightMap
 from contbranch.errors import InputError
-from contbranch.height_map import HeightMap
-
-from .axisymmetric import Axisymmetric
-from .exact import Exact
-from .grid import FreeSpace, Periodic
-from .rings import Rings
+from contbranch.models.axisymmetric import Axisymmetric
+from contbranch.models.exact.model import Exact
+from contbranch.models.grid import FreeSpace, Periodic
+from contbranch.models.rings import Rings
 
 __all__ = ["Model", "choose"]
 

@@ -8,19 +8,18 @@ from dataclasses import fields, replace
 
 import numpy as np
 
-from contbranch.contact import Contact
+from contbranch.contact.contact import Contact
+from contbranch.contact.units import finite_number
 from contbranch.control import Control, Spring, as_control
-from contbranch.diagram import ModelChoice, Solution, State
-from contbranch.equilibria import Barrier, Equilibria
 from contbranch.errors import InputError
-from contbranch.units import finite_number
-
-from .choice import Model, choose
-from .exact import Exact
-from .exact_outcome import exact_outcome, exact_state
-from .outcome import RawCurve, state_in_units
-from .run import check
-from .threads import one_thread
+from contbranch.models.choice import Model, choose
+from contbranch.models.exact.model import Exact
+from contbranch.models.exact.outcome import exact_outcome, exact_state
+from contbranch.models.outcome import RawCurve, state_in_units
+from contbranch.models.run import check
+from contbranch.models.threads import one_thread
+from contbranch.results.diagram import ModelChoice, Solution, State
+from contbranch.results.equilibria import Barrier, Equilibria
 
 __all__ = ["best_of", "find_all"]
 

@@ -7,24 +7,23 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from contbranch.contact import Contact
+from contbranch.contact.contact import Contact
+from contbranch.contact.family import Family, Vary, family_of
+from contbranch.contact.units import finite_number
 from contbranch.continuation import Event as LocatedEvent
 from contbranch.control import Control, as_control
-from contbranch.diagram import Cost, Event, ModelChoice
 from contbranch.errors import InputError
-from contbranch.followed import Followed, FollowedPoint, Special
-from contbranch.units import finite_number
-
-from .axisymmetric.locate import Place
-from .axisymmetric.symmetry import SymmetryEvent
-from .axisymmetric.two_parameters import follow_event
-from .event_curve import RawEventCurve, RawPoint, RawSpecial
-from .exact_follow import follow_exact
-from .exact_results import ExactEvent
-from .family import Family, Vary, family_of
-from .outcome import Origin
-from .run import COARSEST, FINEST
-from .threads import one_thread
+from contbranch.models.axisymmetric.locate import Place
+from contbranch.models.axisymmetric.symmetry import SymmetryEvent
+from contbranch.models.axisymmetric.two_parameters import follow_event
+from contbranch.models.event_curve import RawEventCurve, RawPoint, RawSpecial
+from contbranch.models.exact.follow import follow_exact
+from contbranch.models.exact.results import ExactEvent
+from contbranch.models.outcome import Origin
+from contbranch.models.run import COARSEST, FINEST
+from contbranch.models.threads import one_thread
+from contbranch.results.diagram import Cost, Event, ModelChoice
+from contbranch.results.followed import Followed, FollowedPoint, Special
 
 __all__ = ["follow", "follow_in"]
 

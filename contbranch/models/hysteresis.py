@@ -9,30 +9,29 @@ from typing import Any
 
 import numpy as np
 
-from contbranch.analysis.hysteresis import Jump as RawJump
-from contbranch.analysis.hysteresis import Leg, Stop, quasi_static
-from contbranch.contact import Contact
+from contbranch.contact.contact import Contact
+from contbranch.contact.units import positive_number
 from contbranch.control import LOAD, Control, Spring
-from contbranch.diagram import Cost, Diagram, ModelChoice, State
-from contbranch.loop import Hysteresis, Jump, Path
-from contbranch.units import positive_number
-
-from .axisymmetric.paths import TracedWalk
-from .axisymmetric.trace import Target
-from .axisymmetric.trace import trace as trace_axisymmetric
-from .choice import Model, choose
-from .exact import Exact
-from .exact_walk import ExactWalk
-from .grid import FreeSpace, Periodic
-from .grid.paths import GridWalk
-from .grid.trace import trace as trace_grid
-from .outcome import RawCurve, assemble, state_in_units
-from .rings import Rings
-from .rings.journey import Target as RingTarget
-from .rings.paths import RingWalk
-from .rings.trace import trace as trace_rings
-from .run import check
-from .threads import one_thread
+from contbranch.curve.quasi_static import Jump as RawJump
+from contbranch.curve.quasi_static import Leg, Stop, quasi_static
+from contbranch.models.axisymmetric.paths import TracedWalk
+from contbranch.models.axisymmetric.trace import Target
+from contbranch.models.axisymmetric.trace import trace as trace_axisymmetric
+from contbranch.models.choice import Model, choose
+from contbranch.models.exact.model import Exact
+from contbranch.models.exact.walk import ExactWalk
+from contbranch.models.grid import FreeSpace, Periodic
+from contbranch.models.grid.paths import GridWalk
+from contbranch.models.grid.trace import trace as trace_grid
+from contbranch.models.outcome import RawCurve, assemble, state_in_units
+from contbranch.models.rings import Rings
+from contbranch.models.rings.journey import Target as RingTarget
+from contbranch.models.rings.paths import RingWalk
+from contbranch.models.rings.trace import trace as trace_rings
+from contbranch.models.run import check
+from contbranch.models.threads import one_thread
+from contbranch.results.diagram import Cost, Diagram, ModelChoice, State
+from contbranch.results.loop import Hysteresis, Jump, Path
 
 __all__ = ["hysteresis"]
 

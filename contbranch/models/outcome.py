@@ -9,10 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbranch.analysis.naming import fold_name, number_layers, thresholds
-from contbranch.contact import Contact
+from contbranch.contact.contact import Contact
 from contbranch.control import Control
-from contbranch.diagram import (
+from contbranch.curve.naming import fold_name, number_layers, thresholds
+from contbranch.errors import InputError
+from contbranch.models.threads import one_thread
+from contbranch.results.diagram import (
     Branch,
     CellFields,
     Cost,
@@ -26,9 +28,6 @@ from contbranch.diagram import (
     State,
     Window,
 )
-from contbranch.errors import InputError
-
-from .threads import one_thread
 
 __all__ = ["RawCurve", "RawEvent", "assemble", "state_in_reduced", "state_in_units"]
 

@@ -9,18 +9,17 @@ from itertools import pairwise
 
 import numpy as np
 
-from contbranch.contact import Contact
+from contbranch.contact.contact import Contact
+from contbranch.contact.family import Family, Vary, family_of
 from contbranch.control import as_control
-from contbranch.diagram import Branch, Cost, Diagram, Event
 from contbranch.errors import InputError, ModelError
-from contbranch.followed import Followed
-from contbranch.phase import Part, PhaseDiagram
-
-from .choice import choose
-from .family import Family, Vary, family_of
-from .follow import follow_in
-from .grid import FreeSpace, Periodic
-from .run import trace
+from contbranch.models.choice import choose
+from contbranch.models.follow import follow_in
+from contbranch.models.grid import FreeSpace, Periodic
+from contbranch.models.run import trace
+from contbranch.results.diagram import Branch, Cost, Diagram, Event
+from contbranch.results.followed import Followed
+from contbranch.results.phase import Part, PhaseDiagram
 
 __all__ = ["phase_diagram"]
 

@@ -7,18 +7,17 @@ import time
 from collections.abc import Callable
 from dataclasses import fields as dataclass_fields
 
-from contbranch.contact import Contact
+from contbranch.contact.contact import Contact
+from contbranch.contact.units import finite_number, positive_number
 from contbranch.control import Control, Spring, as_control
-from contbranch.diagram import Cost, Diagram, ModelChoice, Solution, State
 from contbranch.errors import InputError
-from contbranch.units import finite_number, positive_number
-
-from .choice import Model, choose
-from .exact import Exact
-from .exact_outcome import exact_outcome, exact_state
-from .grid import FreeSpace, Periodic
-from .outcome import RawCurve, assemble, state_in_reduced, state_in_units
-from .threads import one_thread
+from contbranch.models.choice import Model, choose
+from contbranch.models.exact.model import Exact
+from contbranch.models.exact.outcome import exact_outcome, exact_state
+from contbranch.models.grid import FreeSpace, Periodic
+from contbranch.models.outcome import RawCurve, assemble, state_in_reduced, state_in_units
+from contbranch.models.threads import one_thread
+from contbranch.results.diagram import Cost, Diagram, ModelChoice, Solution, State
 
 __all__ = ["check", "solve", "trace"]
 

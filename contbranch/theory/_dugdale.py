@@ -21,8 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from contbranch.errors import InputError
-
-from ._inputs import FloatArray, finite, positive
+from contbranch.theory._inputs import FloatArray, finite, positive
 
 __all__ = ["Angle", "Slopes", "Zone"]
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import beta, hyp2f1
 
-from ._inputs import FloatArray, not_below, positive
+from contbranch.theory._inputs import FloatArray, not_below, positive
 
 __all__ = ["PowerLaw"]
 

@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from contbranch.errors import InputError
-
-from ._inputs import FloatArray, finite, not_below, positive
+from contbranch.theory._inputs import FloatArray, finite, not_below, positive
 
 __all__ = [
     "ASYMPTOTIC_DISPLACEMENT_C5",

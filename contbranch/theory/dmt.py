@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from . import hertz
-from ._inputs import FloatArray, not_below, positive
+from contbranch.theory import hertz
+from contbranch.theory._inputs import FloatArray, not_below, positive
 
 __all__ = ["contact_radius", "displacement", "load", "pull_off_load"]
 

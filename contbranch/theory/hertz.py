@@ -11,8 +11,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ._inputs import FloatArray, not_below, positive
-from ._power_law import PowerLaw
+from contbranch.theory._inputs import FloatArray, not_below, positive
+from contbranch.theory._power_law import PowerLaw
 
 __all__ = [
     "cone_displacement",

@@ -17,8 +17,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ._inputs import FloatArray, not_below, positive
-from ._power_law import PowerLaw
+from contbranch.theory._inputs import FloatArray, not_below, positive
+from contbranch.theory._power_law import PowerLaw
 
 __all__ = [
     "Fold",

@@ -23,9 +23,8 @@ from numpy.typing import ArrayLike
 from scipy.special import elliprd, elliprf
 
 from contbranch.errors import InputError
-
-from ._dugdale import Angle, Zone, opening_of_contact, opening_of_zone
-from ._inputs import FloatArray, finite, not_below
+from contbranch.theory._dugdale import Angle, Zone, opening_of_contact, opening_of_zone
+from contbranch.theory._inputs import FloatArray, finite, not_below
 
 __all__ = [
     "CRITICAL_TABOR",

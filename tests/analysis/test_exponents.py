@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import contbranch as cb
-from contbranch.analysis.exponents import crossover_excess, fitted_window
-from contbranch.diagram import LocalExponent
+from contbranch.curve.exponents import crossover_excess, fitted_window
+from contbranch.results.diagram import LocalExponent
 
 
 def power(kappa, prefactor, count=40):

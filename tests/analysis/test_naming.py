@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 import contbranch as cb
-from contbranch.analysis.naming import fold_name, number_layers, thresholds
-from contbranch.diagram import Event
+from contbranch.curve.naming import fold_name, number_layers, thresholds
+from contbranch.results.diagram import Event
 
 ATTRACTION, REPULSION = cb.Exponential(1.0, 1.0), cb.Gauss(-2.0, 1.0)
 

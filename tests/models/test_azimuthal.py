@@ -9,7 +9,6 @@ import pytest
 from ring_kernel import Rings, disc_rings, ring_eigenvalues
 
 import contbranch as cb
-from contbranch.document import diagram_document
 from contbranch.errors import InputError
 from contbranch.models.axisymmetric.azimuthal import (
     counted,
@@ -21,7 +20,8 @@ from contbranch.models.axisymmetric.azimuthal import (
 from contbranch.models.axisymmetric.modal import ModeSpace, inner_mode_pressure
 from contbranch.models.axisymmetric.symmetry import critical_at
 from contbranch.models.axisymmetric.trace import Target, trace
-from contbranch.plot_modes import mode_figure
+from contbranch.output.document import diagram_document
+from contbranch.output.plot_modes import mode_figure
 
 TABOR = 2.0
 

@@ -9,12 +9,12 @@ import mpmath
 import numpy as np
 import pytest
 
-from contbranch.contact import Contact
+from contbranch.contact.contact import Contact
+from contbranch.contact.interactions import Gauss, MaugisDugdale
+from contbranch.contact.tips import Cone, Parabola
 from contbranch.errors import InputError
-from contbranch.interactions import Gauss, MaugisDugdale
-from contbranch.models.exact import Exact, ExactCurve
+from contbranch.models.exact.model import Exact, ExactCurve
 from contbranch.theory import maugis
-from contbranch.tips import Cone, Parabola
 
 REFERENCE = pathlib.Path(__file__).parents[1] / "reference" / "maugis_dugdale.csv"
 TABORS = [1e-3, 0.03, 0.5, 0.8321, 1.0, 4.0, 64.0, 1e3]

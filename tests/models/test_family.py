@@ -7,7 +7,7 @@ import math
 import pytest
 
 import contbranch as cb
-from contbranch.models.family import family_of
+from contbranch.contact.family import family_of
 
 SUM = cb.Contact(cb.Parabola(2.0), cb.VanDerWaals(1.0, 0.5) + cb.Layered(-3.0, 1.0, wavelength=0.7), 2.0)
 

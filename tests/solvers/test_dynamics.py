@@ -11,10 +11,10 @@ import pytest
 from scipy.linalg import eigh
 from scipy.optimize import nnls
 
-from contbranch.solvers.fire import fire
-from contbranch.solvers.gfmd import gfmd
-from contbranch.solvers.lowest import lowest
-from contbranch.solvers.motion import Ending, MotionSettings, curvature
+from contbranch.models.grid.solvers.fire import fire
+from contbranch.models.grid.solvers.gfmd import gfmd
+from contbranch.models.grid.solvers.lowest import lowest
+from contbranch.models.grid.solvers.motion import Ending, MotionSettings, curvature
 
 METHODS = [gfmd, fire]
 

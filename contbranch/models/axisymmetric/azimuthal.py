@@ -36,7 +36,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh, lapack
 
-from contbranch.diagram import ModeShape
+from contbranch.results.diagram import ModeShape
 
 from .equations import Equations, Fields, negative_eigenvalues, upper_times_lower
 from .modal import ModeSpace, inner_mode_pressure

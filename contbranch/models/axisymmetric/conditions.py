@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lu_solve
 
+from contbranch.contact.family import Family
+from contbranch.contact.interactions import Interaction
+from contbranch.contact.tips import Tip
 from contbranch.continuation import Event, Point
 from contbranch.control import Control
-from contbranch.interactions import Interaction
-from contbranch.models.family import Family
-from contbranch.tips import Tip
 
 from .equations import ContactCoordinate, Equations, Fields
 from .mesh import Mesh

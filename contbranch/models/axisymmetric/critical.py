@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lu_factor, lu_solve
 
-from contbranch.analysis.exponents import crossover_excess, fitted_window
 from contbranch.control import Control
-from contbranch.diagram import Exponent, LocalExponent
+from contbranch.curve.exponents import crossover_excess, fitted_window
+from contbranch.results.diagram import Exponent, LocalExponent
 
 from .locate import Place, Values
 from .problem import ContactProblem

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbranch.control import Control
-from contbranch.diagram import State
+from contbranch.results.diagram import State
 
 from .azimuthal import counted
 from .locate import SAFETY, Place, Values, refine

@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lapack
 
-from contbranch.interactions import Interaction
-from contbranch.tips import Tip
+from contbranch.contact.interactions import Interaction
+from contbranch.contact.tips import Tip
 
 from .mesh import Mesh, chebyshev_slopes, chebyshev_values, gauss
 from .rim import Rim, make_rim

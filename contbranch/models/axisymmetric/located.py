@@ -10,12 +10,12 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from contbranch.analysis.stability import Indices, morse_indices
-from contbranch.contact import Contact
+from contbranch.contact.contact import Contact
 from contbranch.continuation import Curve, Event, EventPoint, Outcome, Point
 from contbranch.control import LOAD, Control
-from contbranch.diagram import Cost, Profile
+from contbranch.curve.stability import Indices, morse_indices
 from contbranch.models.outcome import RawCurve, RawEvent
+from contbranch.results.diagram import Cost, Profile
 
 from .critical import critical_exponent, sampled_exponent
 from .locate import Place, Values, refine

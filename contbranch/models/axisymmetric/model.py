@@ -6,11 +6,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar
 
-from contbranch.contact import Contact
+from contbranch.contact.contact import Contact
+from contbranch.contact.interactions import MaugisDugdale
 from contbranch.control import LOAD, Control
-from contbranch.diagram import State
-from contbranch.interactions import MaugisDugdale
 from contbranch.models.outcome import RawCurve
+from contbranch.results.diagram import State
 
 from .azimuthal import LARGEST_MODE
 from .solve import find_all, solve_all

@@ -9,13 +9,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from contbranch.analysis.hysteresis import Stop, next_along
 from contbranch.continuation import CorrectionError, Point
 from contbranch.control import Control
-from contbranch.diagram import State
+from contbranch.curve.quasi_static import Stop, next_along
 from contbranch.errors import ModelError
 from contbranch.models.rings.paths import RingWalk
 from contbranch.models.rings.trace import Traced as RingTraced
+from contbranch.results.diagram import State
 
 from .arc import points_between, work_along
 from .crossing import Crossing, control_values, cross, cross_before, energy_at, state_at

@@ -7,11 +7,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from contbranch.contact import Contact
+from contbranch.contact.contact import Contact
 from contbranch.control import DISPLACEMENT, LOAD, Control
-from contbranch.diagram import State
 from contbranch.errors import InputError, ModelError
 from contbranch.models.rings.solve import indices_on, state_between
+from contbranch.results.diagram import State
 
 from .crossing import Crossing, cross, cross_before, pieces_at, state_apart, state_at
 from .search import disconnected

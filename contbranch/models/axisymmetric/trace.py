@@ -10,15 +10,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from contbranch.analysis.stability import Indices
-from contbranch.contact import Contact
+from contbranch.contact.contact import Contact
 from contbranch.continuation import Curve, Event, Options, Outcome, Point, StopAt, trace_curve
 from contbranch.control import DISPLACEMENT, LOAD, Control
-from contbranch.diagram import Cost
+from contbranch.curve.stability import Indices
 from contbranch.errors import InputError, ModelError
 from contbranch.models.outcome import RawCurve
 from contbranch.models.rings.handover import joined
 from contbranch.models.rings.journey import Target as RingTarget
+from contbranch.results.diagram import Cost
 
 from .adapt import start_edges
 from .azimuthal import LARGEST_MODE

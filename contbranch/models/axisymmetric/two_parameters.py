@@ -9,13 +9,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from contbranch.contact.family import Family
 from contbranch.continuation import CorrectionError, Curve, Event, Options, Outcome, Point, StopAt, trace_curve
 from contbranch.continuation.edge import land
 from contbranch.continuation.segment import Segment
 from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.errors import InputError, ModelError
 from contbranch.models.event_curve import Four, RawEventCurve, RawPoint, RawSpecial
-from contbranch.models.family import Family
 
 from .conditions import Condition, EventCondition, FoldCondition, Surface, TouchCondition
 from .event_problem import EventProblem

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from contbranch.diagram import ModeShape
+from contbranch.results.diagram import ModeShape
 
 from .lattice import Lattice
 from .newton import Equilibrium

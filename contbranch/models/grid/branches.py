@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbranch.control import DISPLACEMENT, LOAD, Control
-from contbranch.diagram import Cost
 from contbranch.models.outcome import RawCurve
+from contbranch.results.diagram import Cost
 
 from .kept import kept_symmetry
 from .setup import Setup

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from contbranch.solvers.lowest import Lowest, lowest
-from contbranch.solvers.motion import Ending, MotionSettings
+from contbranch.models.grid.solvers.lowest import Lowest, lowest
+from contbranch.models.grid.solvers.motion import Ending, MotionSettings
 
 from .newton import Equilibrium, Hold, Settings, newton
 from .problem import GridProblem

@@ -6,14 +6,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import ClassVar, Self
 
-from contbranch.contact import Contact
+from contbranch.contact.contact import Contact
+from contbranch.contact.height_map import HeightMap
+from contbranch.contact.units import positive_number
 from contbranch.control import LOAD, Control
-from contbranch.diagram import State
 from contbranch.errors import InputError
 from contbranch.grid_size import grid_points
-from contbranch.height_map import HeightMap
 from contbranch.models.outcome import RawCurve
-from contbranch.units import positive_number
+from contbranch.results.diagram import State
 
 from .branches import with_branches
 from .lattice import Kind

@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from contbranch.solvers.gmres import gmres
+from contbranch.models.grid.solvers.gmres import gmres
 
 from .problem import Fields, GridProblem
 

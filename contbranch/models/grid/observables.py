@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from contbranch.profile import CellFields, Profile
+from contbranch.results.profile import CellFields, Profile
 
 from .lattice import Lattice
 from .newton import Equilibrium

@@ -11,10 +11,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from contbranch.analysis.hysteresis import Jump, Stop, next_along
 from contbranch.control import Control
-from contbranch.diagram import State
+from contbranch.curve.quasi_static import Jump, Stop, next_along
 from contbranch.errors import ModelError
+from contbranch.results.diagram import State
 
 from .accuracy import compared, held
 from .landing import land

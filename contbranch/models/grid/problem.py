@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from contbranch.interactions import Interaction
+from contbranch.contact.interactions import Interaction
 
 from .lattice import Lattice
 from .transforms import Counter, Transform

@@ -15,7 +15,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from contbranch.interactions import Interaction, MaugisDugdale
+from contbranch.contact.interactions import Interaction, MaugisDugdale
 
 __all__ = ["RampedDugdale", "jump_message", "on_lattice"]
 

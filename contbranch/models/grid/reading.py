@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from contbranch.height_map import HeightMap
+from contbranch.contact.height_map import HeightMap
 
 from .contact_area import contact_area
 from .newton import Equilibrium

@@ -23,9 +23,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbranch.errors import InputError
-from contbranch.solvers.fire import fire
-from contbranch.solvers.gfmd import gfmd
-from contbranch.solvers.motion import DEFAULT, Ending, MotionSettings
+from contbranch.models.grid.solvers.fire import fire
+from contbranch.models.grid.solvers.gfmd import gfmd
+from contbranch.models.grid.solvers.motion import DEFAULT, Ending, MotionSettings
 
 from .newton import Equilibrium, Hold
 from .problem import Fields, GridProblem
@@ -58,7 +58,7 @@ class Place(NamedTuple):
 
 @dataclass
 class LatticeMotion:
-    """A problem on a lattice with what is held, as dynamics see it (`contbranch.solvers.motion.System`).
+    """A problem on a lattice with what is held, as dynamics see it (`contbranch.models.grid.solvers.motion.System`).
 
     Attributes
     ----------

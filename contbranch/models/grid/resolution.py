@@ -15,8 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from contbranch.contact.interactions import Interaction
 from contbranch.grid_size import nearest_fast
-from contbranch.interactions import Interaction
 
 from .lattice import Lattice
 from .newton import Equilibrium

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbranch.control import Control
-from contbranch.diagram import Profile
 from contbranch.errors import InputError
+from contbranch.results.diagram import Profile
 
 from .folds import Refined
 from .newton import Equilibrium

@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from contbranch.contact import Contact
-from contbranch.height_map import HeightMap
-from contbranch.interactions import Interaction
+from contbranch.contact.contact import Contact
+from contbranch.contact.height_map import HeightMap
+from contbranch.contact.interactions import Interaction
 
 from .lattice import Kind, Lattice
 from .problem import GridProblem

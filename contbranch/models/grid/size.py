@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from contbranch.contact import Contact
+from contbranch.contact.contact import Contact
+from contbranch.contact.tips import Parabola
 from contbranch.errors import InputError, ModelError
 from contbranch.grid_size import nearest_fast
 from contbranch.models.axisymmetric import Axisymmetric
-from contbranch.tips import Parabola
 
 from .lattice import Kind
 from .resolution import DECAYED, needed_grid

@@ -12,14 +12,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from contbranch.contact import Contact
+from contbranch.contact.contact import Contact
+from contbranch.contact.height_map import HeightMap
+from contbranch.contact.tips import Parabola
 from contbranch.control import LOAD, Control
-from contbranch.diagram import State
 from contbranch.errors import InputError, ModelError
-from contbranch.height_map import HeightMap
 from contbranch.models.axisymmetric import Axisymmetric
 from contbranch.models.rings import Rings
-from contbranch.tips import Parabola
+from contbranch.results.diagram import State
 
 from .setup import Setup
 

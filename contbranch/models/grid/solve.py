@@ -10,9 +10,9 @@ from itertools import pairwise
 import numpy as np
 
 from contbranch.control import DISPLACEMENT, LOAD, Control
-from contbranch.diagram import Cost, State
 from contbranch.errors import InputError, ModelError
 from contbranch.models.outcome import RawCurve
+from contbranch.results.diagram import Cost, State
 
 from .accuracy import Comparison, held, no_comparison
 from .newton import Equilibrium, Hold, Settings, hold_control, newton

@@ -30,7 +30,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from contbranch.solvers.gmres import gmres
+from contbranch.models.grid.solvers.gmres import gmres
 
 from .newton import Equilibrium
 from .problem import GridProblem

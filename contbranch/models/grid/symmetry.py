@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from contbranch.diagram import ModeShape
+from contbranch.results.diagram import ModeShape
 
 from .angular import angular_content, mode_shape
 from .newton import Equilibrium, Hold, Settings, newton

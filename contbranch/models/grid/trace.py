@@ -11,11 +11,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from contbranch.analysis.stability import Indices, morse_indices
 from contbranch.control import DISPLACEMENT, LOAD, Control
-from contbranch.diagram import Cost
+from contbranch.curve.stability import Indices, morse_indices
 from contbranch.models.axisymmetric.symmetry import merged
 from contbranch.models.outcome import RawCurve
+from contbranch.results.diagram import Cost
 
 from .accuracy import Comparison, compared, no_comparison, touched
 from .folds import coarser_touch, locate_fold, locate_touch, touches

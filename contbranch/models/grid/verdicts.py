@@ -10,8 +10,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from contbranch.analysis.stability import Indices
 from contbranch.control import Control
+from contbranch.curve.stability import Indices
 from contbranch.models.outcome import RawEvent
 
 from .folds import refine_fold

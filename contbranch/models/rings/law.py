@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from contbranch.interactions import Interaction, MaugisDugdale, Response, Sum
+from contbranch.contact.interactions import Interaction, MaugisDugdale, Response, Sum
 
 __all__ = ["BandedLaw"]
 

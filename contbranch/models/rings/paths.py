@@ -8,11 +8,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from contbranch.analysis.hysteresis import Stop, next_along
 from contbranch.continuation import CorrectionError, Point
 from contbranch.control import Control
-from contbranch.diagram import State
+from contbranch.curve.quasi_static import Stop, next_along
 from contbranch.errors import ModelError
+from contbranch.results.diagram import State
 
 from .accuracy import Values, locate, refine, ring_problem
 from .legs import AdaptingProblem, Reached, oriented, solved

@@ -18,9 +18,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from contbranch.contact.tips import Tip
 from contbranch.continuation import Linearisation, Problem
 from contbranch.errors import ModelError
-from contbranch.tips import Tip
 
 from .law import BandedLaw
 from .layout import Layout

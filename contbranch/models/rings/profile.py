@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from contbranch.diagram import Profile
+from contbranch.results.diagram import Profile
 
 from .problem import Fields, RingProblem
 

@@ -9,12 +9,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from contbranch.analysis.stability import Indices, morse_indices
 from contbranch.continuation import CorrectionError, Event, Point
 from contbranch.control import LOAD, Control
-from contbranch.diagram import Cost, LocalExponent, Profile
+from contbranch.curve.stability import Indices, morse_indices
 from contbranch.errors import ModelError
 from contbranch.models.outcome import RawCurve, RawEvent
+from contbranch.results.diagram import Cost, LocalExponent, Profile
 
 from .accuracy import JUMP, Values, refine, ring_problem, row_error
 from .journey import Journey, Mark

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
+from contbranch.contact.tips import Tip
 from contbranch.continuation import CorrectionError, Point
 from contbranch.errors import ModelError
-from contbranch.tips import Tip
 
 from .constraints import least_margin
 from .layout import Layout, Region

@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from contbranch.analysis.stability import Indices
-from contbranch.contact import Contact
+from contbranch.contact.contact import Contact
 from contbranch.continuation import CorrectionError, Point
 from contbranch.control import DISPLACEMENT, LOAD, Control
-from contbranch.diagram import Cost
+from contbranch.curve.stability import Indices
 from contbranch.errors import ModelError
 from contbranch.models.outcome import RawCurve
+from contbranch.results.diagram import Cost
 
 from .journey import Journey, Target
 from .law import BandedLaw

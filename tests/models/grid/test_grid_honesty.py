@@ -9,7 +9,7 @@ import pytest
 
 import contbranch as cb
 from contbranch.errors import InputError
-from contbranch.summary import with_error
+from contbranch.output.summary import with_error
 
 FILM = cb.Contact.reduced(cb.Gauss, tabor=1.0, sign=-1)
 

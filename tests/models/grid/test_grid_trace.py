@@ -10,8 +10,8 @@ import pytest
 
 import contbranch as cb
 from contbranch.control import DISPLACEMENT, LOAD
-from contbranch.diagram import Diagram, Event
 from contbranch.models.grid.trace import _indices
+from contbranch.results.diagram import Diagram, Event
 
 REPULSION = cb.Contact.reduced("gauss", tabor=1.0, sign=-1)
 ATTRACTION = cb.Contact.reduced("exponential", tabor=1.0)

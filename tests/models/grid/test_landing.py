@@ -10,7 +10,7 @@ from contbranch.models.grid.landing import land, settle, softest
 from contbranch.models.grid.lattice import Lattice
 from contbranch.models.grid.newton import Hold, Settings, hold_control, newton
 from contbranch.models.grid.problem import GridProblem
-from contbranch.solvers.motion import Ending
+from contbranch.models.grid.solvers.motion import Ending
 
 METHODS = ["gfmd", "fire"]
 

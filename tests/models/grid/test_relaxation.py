@@ -11,7 +11,7 @@ from contbranch.models.grid.lattice import Lattice
 from contbranch.models.grid.newton import Hold, Settings, hold_control, newton
 from contbranch.models.grid.problem import GridProblem
 from contbranch.models.grid.relaxation import LatticeMotion, relax
-from contbranch.solvers.motion import Ending, MotionSettings
+from contbranch.models.grid.solvers.motion import Ending, MotionSettings
 
 METHODS = ["gfmd", "fire"]
 

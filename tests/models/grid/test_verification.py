@@ -10,7 +10,7 @@ from grid_states import Row, grid_problem, traced
 from scipy.interpolate import CubicSpline
 
 import contbranch as cb
-from contbranch.analysis.stability import morse_indices
+from contbranch.curve.stability import morse_indices
 from contbranch.models.grid import branches as branches_module
 from contbranch.models.grid.branches import follow_branch
 from contbranch.models.grid.kept import kept_symmetry

@@ -1,1 +1,0 @@
-"""What a curve of equilibria means: names of folds, thresholds, Morse indices and critical exponents."""

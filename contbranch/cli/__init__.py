@@ -1,0 +1,5 @@
+"""The command ``contbranch``."""
+
+from contbranch.cli.commands import main
+
+__all__ = ["main"]

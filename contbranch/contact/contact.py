@@ -1,0 +1,277 @@
+"""Contact: what is in contact. A tip, an interaction law and a modulus; it knows nothing of grids or models."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Mapping
+from dataclasses import MISSING, dataclass, fields
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from contbranch.contact.interactions import INTERACTIONS, Interaction
+from contbranch.contact.tips import TIPS, HeightMap, Parabola, Tip, TipShape
+from contbranch.contact.units import PHYSICAL, REDUCED, Scales, Units, parse, positive_number
+from contbranch.errors import InputError
+
+__all__ = ["Contact", "dimensions", "look_up", "make", "nearest"]
+
+
+def nearest(name: object, known: Iterable[str]) -> str:
+    """Return the end of a message that suggests the name nearest to `name`, empty if none is near."""
+    near = difflib.get_close_matches(str(name).lower().replace(" ", "-"), list(known), n=1, cutoff=0.5)
+    return f"; did you mean '{near[0]}'?" if near else ""
+
+
+def look_up(name: object, known: Mapping[str, Any], field: str) -> Any:
+    """Return the entry of `known` called `name`; InputError, naming `field` and the nearest name, if there is none."""
+    if isinstance(name, str) and name in known:
+        return known[name]
+    raise InputError(f"{field}: {name!r}; must be one of {', '.join(known)}{nearest(name, known)}")
+
+
+def dimensions(kind: type[TipShape] | type[Interaction]) -> dict[str, str]:
+    """Return the dimension of every parameter of a tip or law, by name; dimensionless where the class says nothing."""
+    return {item.name: kind.dimensions.get(item.name, "dimensionless") for item in fields(kind) if item.init}
+
+
+def make(kind: type[TipShape] | type[Interaction], values: Mapping[str, object], prefix: str = "") -> Any:
+    """Return the tip or law of that kind with the parameters `values`.
+
+    Raises
+    ------
+    InputError
+        For a missing, unknown or wrong parameter, which is named with `prefix` in front.
+    """
+    known = dimensions(kind)
+    for name in values:
+        if name not in known:
+            raise InputError(f"{prefix}{name}: not known; must be one of {', '.join(known)}{nearest(name, known)}")
+    for item in fields(kind):
+        required = item.init and item.default is MISSING and item.default_factory is MISSING
+        if required and item.name not in values:
+            raise InputError(f"{prefix}{item.name}: missing; {kind.__name__} needs it ({known[item.name]})")
+    try:
+        return kind(**values)  # type: ignore[arg-type]
+    except InputError as error:
+        raise InputError(f"{prefix}{error}") from None
+
+
+def _quantity(value: object, dimension: str, field: str) -> object:
+    """Return a text with a unit as a number in nN and nm; what is no text is left to the class that takes it."""
+    return parse(value, dimension, field) if isinstance(value, str) and dimension != "text" else value
+
+
+def _plain(value: object) -> object:
+    """Return `value` as JSON has it; what JSON cannot hold as its representation."""
+    if isinstance(value, np.ndarray | np.generic):
+        return _plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return value if value is None or isinstance(value, bool | int | float | str) else repr(value)
+
+
+def _description(part: TipShape | Interaction, known: Mapping[str, Any], key: str) -> dict[str, object]:
+    """Return the parameters of a tip or law under its name; under its class and marked if the user has written it."""
+    kind = type(part)
+    values = part.described() if isinstance(part, TipShape) else part.parameters()
+    parameters = {name: _plain(value) for name, value in values.items() if value is not None}
+    if known.get(part.name) is kind:
+        return {key: part.name, **parameters}
+    return {key: f"{kind.__module__}.{kind.__qualname__}", "user_defined": True, **parameters}
+
+
+def _rebuilt(description: Mapping[str, object], known: Mapping[str, Any], key: str, field: str) -> Any:
+    """Return the tip or law of a description."""
+    if description.get("user_defined"):
+        raise InputError(
+            f"{field}: {description.get(key)!r} is not part of contbranch; make the contact with that class"
+        )
+    kind = look_up(description.get(key), known, f"{field}.{key}")
+    values = {name: value for name, value in description.items() if name != key}
+    return HeightMap.restored(values, field) if kind is HeightMap else make(kind, values, f"{field}.")
+
+
+@dataclass(frozen=True)
+class Contact:
+    """A rigid tip on an elastic half space with a finite-range interaction; immutable and hashable.
+
+    Attributes
+    ----------
+    tip
+        The shape of the tip.
+    interaction
+        The law between the surfaces, besides their impenetrability; None for none.
+    modulus
+        The effective (contact) modulus E > 0.
+    units
+        `REDUCED` or `PHYSICAL` (nN and nm): what the numbers of tip, law and modulus mean.
+    """
+
+    tip: TipShape
+    interaction: Interaction | None = None
+    modulus: float = 1.0
+    units: Units = REDUCED
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.tip, TipShape):
+            raise InputError(f"tip: {type(self.tip).__name__}; must be a tip such as Parabola(radius=1.0)")
+        if self.interaction is not None and not isinstance(self.interaction, Interaction):
+            kind = type(self.interaction).__name__
+            raise InputError(
+                f"interaction: {kind}; must be a law such as Gauss(work_of_adhesion=1.0, range=0.5) or None"
+            )
+        if not isinstance(self.units, Units):
+            raise InputError(f"units: {self.units!r}; must be REDUCED or PHYSICAL")
+        object.__setattr__(self, "modulus", positive_number(self.modulus, "modulus"))
+
+    @staticmethod
+    def reduced(law: type[Interaction] | str | None, tabor: float = 1.0, sign: int = 1, **shape: object) -> Contact:
+        """Return the contact of a parabola in reduced units, R = E = |Δγ| = 1 and z0 = 1/μ_T, (23)-(26).
+
+        Parameters
+        ----------
+        law
+            A law's class or name; None for contact without interaction.
+        tabor
+            Tabor coefficient μ_T > 0.
+        sign
+            1: attraction, -1: repulsion.
+        **shape
+            Further parameters of the law, in reduced units.
+        """
+        tip = Parabola(1.0)
+        if law is None:
+            return Contact(tip)
+        kind = look_up(law, INTERACTIONS, "interaction") if isinstance(law, str) else law
+        if sign not in (1, -1):
+            raise InputError(f"sign: {sign!r}; must be 1 (attraction) or -1 (repulsion)")
+        if "range" not in dimensions(kind):
+            raise InputError(f"interaction: {kind.name} brings its own range; describe it in a contact file")
+        values = {"work_of_adhesion": float(sign), "range": 1.0 / positive_number(tabor, "tabor"), **shape}
+        return Contact(tip, make(kind, values))
+
+    @staticmethod
+    def physical(
+        *,
+        modulus: object,
+        tip: str | TipShape = "parabola",
+        interaction: str | type[Interaction] | Interaction | None = None,
+        **quantities: object,
+    ) -> Contact:
+        """Return a contact in physical units, kept in nN and nm.
+
+        Parameters
+        ----------
+        modulus
+            Effective modulus, a text with a unit or a number in nN/nm².
+        tip
+            The name of a shape, or a tip in nm.
+        interaction
+            The name or class of a law, or a law in nN and nm, or None.
+        **quantities
+            Parameters of the tip's shape and of the law, such as ``radius="1 um"``, ``work_of_adhesion="-40 mN/m"``,
+            ``range="1 nm"``: texts with units, or numbers in nm, nN/nm and nN/nm².
+
+        Raises
+        ------
+        InputError
+            For a parameter that is missing, not known, or has a wrong unit.
+        """
+        shape_kind = look_up(tip, TIPS, "tip") if isinstance(tip, str) else None
+        if isinstance(interaction, str):
+            interaction = look_up(interaction, INTERACTIONS, "interaction")
+        law_kind = interaction if isinstance(interaction, type) else None
+        known = {
+            name: dimension for kind in (shape_kind, law_kind) if kind for name, dimension in dimensions(kind).items()
+        }
+        for name in quantities:
+            if name not in known:
+                raise InputError(f"{name}: not known; must be one of {', '.join(known)}{nearest(name, known)}")
+        values = {name: _quantity(value, known[name], name) for name, value in quantities.items()}
+
+        def built(kind: Any) -> Any:
+            return make(kind, {name: values[name] for name in dimensions(kind) if name in values})
+
+        shape = built(shape_kind) if shape_kind else tip
+        law = built(law_kind) if law_kind else interaction
+        return Contact(shape, law, parse(modulus, "pressure", "modulus"), PHYSICAL)  # type: ignore[arg-type]
+
+    @staticmethod
+    def from_file(path: str | Path) -> Contact:
+        """Return the contact that a TOML file describes (format: `contact_file`)."""
+        from contbranch.contact.file import read_contact
+
+        return read_contact(path)[0]
+
+    @staticmethod
+    def from_description(description: Mapping[str, Any]) -> Contact:
+        """Return the contact that `describe` has described.
+
+        Raises
+        ------
+        InputError
+            If the tip or a law is a class of the user's, of which a description holds only name and parameters, or a
+            height map that is not from a file or whose file has changed.
+        """
+        units = Units(description.get("units", "reduced"))
+        tip = _rebuilt(description.get("tip", {}), TIPS, "shape", "tip")
+        laws = description.get("interaction", [])
+        terms = [_rebuilt(law, INTERACTIONS, "law", f"interaction[{k}]") for k, law in enumerate(laws, start=1)]
+        interaction = sum(terms[1:], terms[0]) if terms else None
+        return Contact(tip, interaction, description.get("material", {}).get("modulus"), units)
+
+    def describe(self) -> dict[str, Any]:
+        """Return the contact as JSON can hold it, in its own units; `from_description` makes it again."""
+        laws = self.interaction.terms if self.interaction is not None else ()
+        return {
+            "units": self.units.kind,
+            "tip": _description(self.tip, TIPS, "shape"),
+            "material": {"modulus": self.modulus},
+            "interaction": [_description(law, INTERACTIONS, "law") for law in laws],
+            "tabor": self.tabor,
+        }
+
+    @property
+    def axisymmetric_tip(self) -> Tip:
+        """The tip as one with a profile and its transform.
+
+        Raises
+        ------
+        InputError
+            If it is not axisymmetric.
+        """
+        tip = self.tip.axisymmetric
+        if tip is None:
+            raise InputError(f"tip: {self.tip.name or type(self.tip).__name__}; must be axisymmetric")
+        return tip
+
+    @cached_property
+    def scales(self) -> Scales:
+        """What one reduced unit is worth: (23)-(26) with the interaction's reference work for |Δγ|.
+
+        Without interaction the tip's own length stands for |Δγ|/E (for a parabola, all lengths in R).
+        """
+        if self.interaction is None:
+            length = self.tip.natural_length
+        else:
+            length = self.interaction.reference_work / self.modulus
+        return Scales(*self.tip.reduced_scales(length), self.modulus)
+
+    @cached_property
+    def tabor(self) -> float | None:
+        """The Tabor coefficient μ_T = Z/z0, with z0 of the law with the largest reference work; None without a law."""
+        if self.interaction is None:
+            return None
+        return self.scales.normal / max(self.interaction.terms, key=lambda law: law.reference_work).range
+
+    def to_reduced(self) -> Contact:
+        """Return the same contact in reduced units: modulus, reference work and the tip's scale are 1."""
+        scales = self.scales
+        if (scales.in_plane, scales.normal, scales.modulus) == (1.0, 1.0, 1.0):
+            return self if self.units == REDUCED else Contact(self.tip, self.interaction, 1.0)
+        law = self.interaction
+        reduced = None if law is None else law.scaled(scales.normal, scales.energy_per_area)
+        return Contact(self.tip.scaled(scales.in_plane, scales.normal), reduced, 1.0)

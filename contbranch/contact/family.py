@@ -1,0 +1,269 @@
+"""A contact as a function of one number: Tabor coefficient, a parameter of tip or law, a share, a spring's stiffness.
+
+Along a family the units stay those of the contact it starts from: reduced units are those scales, too, and are not made
+anew for every member.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from contbranch.contact.contact import Contact, dimensions, make, nearest
+from contbranch.contact.interactions import Interaction, Sum
+from contbranch.contact.tips import Tip, TipShape
+from contbranch.contact.units import Scales, finite_number, positive_number
+from contbranch.control import Control
+from contbranch.errors import InputError
+
+__all__ = ["Family", "Vary", "family_of"]
+
+Vary = str | Callable[[float], Contact]
+
+_LAW = re.compile(r"interaction(?:\[(\d+)\])?\.(\w+)")
+# Parameters that may change sign, or be zero: steps in them are not relative.
+_ABSOLUTE = ("phase",)
+
+
+@dataclass(frozen=True)
+class Family:
+    """Contacts with one parameter, and a coordinate of that parameter in which equal steps matter equally.
+
+    Attributes
+    ----------
+    name : str
+        Of the parameter, as it is reported.
+    start : float
+        Its value at the contact from which the family starts, in that contact's units.
+    contact : Contact
+        That contact.
+    member : callable
+        The contact at a value of the parameter.
+    spacing : {"logarithmic", "linear", "angle"}
+        Coordinate: ln|value|, the value, or the angle arctan K of a stiffness in reduced units.
+    """
+
+    name: str
+    start: float
+    contact: Contact
+    member: Callable[[float], Contact]
+    spacing: Literal["logarithmic", "linear", "angle"]
+
+    def coordinate(self, value: float) -> float:
+        """The coordinate of a value; a stiffness may be 0 or infinite."""
+        if self.spacing == "logarithmic":
+            return math.log(value / self.start)
+        if self.spacing == "angle":
+            return math.atan(value / self.contact.scales.stiffness)
+        return value
+
+    def value(self, coordinate: float) -> float:
+        """The value at a coordinate."""
+        if self.spacing == "logarithmic":
+            return self.start * math.exp(coordinate)
+        if self.spacing == "angle":
+            if coordinate >= 0.5 * math.pi:
+                return math.inf
+            return self.contact.scales.stiffness * math.tan(coordinate)
+        return coordinate
+
+    def rate(self, coordinate: float) -> float:
+        """Derivative of the value with respect to the coordinate."""
+        if self.spacing == "logarithmic":
+            return self.value(coordinate)
+        if self.spacing == "angle":
+            cosine = max(math.cos(coordinate), 1e-150)
+            return self.contact.scales.stiffness / cosine**2
+        return 1.0
+
+    def control(self, coordinate: float, control: Control) -> Control:
+        """The control at a coordinate (reduced units): a spring of that stiffness, or the one given."""
+        if self.spacing != "angle":
+            if control.kind != "spring":
+                return control
+            return control.scaled(self.member(self.value(coordinate)).modulus / self.contact.modulus)
+        if coordinate <= 0.0:
+            return Control("load", 0.0)
+        if coordinate >= 0.5 * math.pi:
+            return Control("displacement", math.inf)
+        return Control("spring", math.tan(coordinate))
+
+    def scales(self, contact: Contact) -> Scales:
+        """Units of the start, with the member's own modulus."""
+        start = self.contact.scales
+        return Scales(start.in_plane, start.normal, contact.modulus)
+
+    def reduced(self, coordinate: float) -> tuple[Tip, Interaction | None, Scales]:
+        """Tip and law of a member in the units of the start, in which its modulus is 1, and those units."""
+        contact = self.contact if self.spacing == "angle" else self.member(self.value(coordinate))
+        scales = self.scales(contact)
+        law = contact.interaction
+        scaled = None if law is None else law.scaled(scales.normal, scales.energy_per_area)
+        return contact.axisymmetric_tip.scaled(scales.in_plane, scales.normal), scaled, scales
+
+
+def family_of(
+    contact: Contact, vary: Vary, to: float, start: float | None = None, control: str | None = None
+) -> Family:
+    """The family that a user names.
+
+    Parameters
+    ----------
+    contact : Contact
+        Where it starts.
+    vary : str or callable
+        ``"tabor"`` (all lengths of the interaction scaled by one factor), ``"share"`` (β of a sum of two laws,
+        (1 − β)·law₁ + β·law₂, each at the full amplitude |Δγ₁| + |Δγ₂|), ``"stiffness"`` (of a spring), ``"modulus"``,
+        ``"tip.radius"`` and the like, ``"interaction[2].range"`` and the like (``"interaction.range"`` for a single
+        law), or a function of one number that returns a contact.
+    to : float
+        Where it is to end; a value of the other sign than the present one needs steps that are not relative.
+    start : float, optional
+        Present value of the parameter of a function; required for one, and only for one.
+    control : str, optional
+        Control of the event; a load fold starts at the stiffness 0, a displacement fold at infinity.
+
+    Raises
+    ------
+    InputError
+        If the contact has no such parameter, or a value cannot be used.
+    """
+    if callable(vary):
+        return _own(contact, vary, start)
+    if not isinstance(vary, str):
+        raise InputError(f"vary: {type(vary).__name__}; must be the name of a parameter or a function")
+    if vary == "stiffness":
+        return Family(vary, _stiffness(start, control), contact, lambda _: contact, "angle")
+    if start is not None:
+        raise InputError(f"start: {start:g}; the present value of {vary} is known, leave it out")
+    if vary == "share":
+        return _share(contact)
+    present, member, absolute = _named(contact, vary)
+    if vary == "tabor" or vary == "modulus":
+        positive_number(to, "to")
+    relative = not absolute and present * finite_number(to, "to") > 0
+    return Family(vary, present, contact, member, "logarithmic" if relative else "linear")
+
+
+def _own(contact: Contact, vary: Callable[[float], Contact], start: float | None) -> Family:
+    if start is None:
+        raise InputError("start: missing; give the present value of the parameter that the function takes")
+
+    def member(value: float) -> Contact:
+        try:
+            found = vary(value)
+        except InputError:
+            raise
+        except Exception as error:  # a function written by the user may raise anything; its text is kept
+            raise InputError(f"vary: the function fails at {value:g}: {type(error).__name__}: {error}") from error
+        if not isinstance(found, Contact):
+            raise InputError(f"vary: the function returned {type(found).__name__} at {value:g}; must return a Contact")
+        return found
+
+    present = finite_number(start, "start")
+    at_start = member(present)
+    if (at_start.tip, at_start.modulus, at_start.units) != (contact.tip, contact.modulus, contact.units) or not _alike(
+        at_start.interaction, contact.interaction
+    ):
+        raise InputError(f"start: {start:g}; the function does not return the event's own contact there")
+    return Family("parameter", present, contact, member, "linear")
+
+
+def _alike(first: Interaction | None, second: Interaction | None) -> bool:
+    """Whether two laws are the same up to rounding of their numbers."""
+    if first is None or second is None:
+        return first is second
+    if len(first.terms) != len(second.terms):
+        return False
+    for a, b in zip(first.terms, second.terms, strict=True):
+        if type(a) is not type(b) or a.parameters().keys() != b.parameters().keys():
+            return False
+        for name, value in a.parameters().items():
+            other = b.parameters()[name]
+            numbers = isinstance(value, float) and isinstance(other, float)
+            if numbers and not math.isclose(value, other, rel_tol=1e-12, abs_tol=1e-300):
+                return False
+    return True
+
+
+def _stiffness(start: float | None, control: str | None) -> float:
+    if start is not None:
+        return start
+    if control not in ("load", "displacement"):
+        raise InputError("vary: stiffness; only folds of a spring, of load or of displacement depend on it")
+    return 0.0 if control == "load" else math.inf
+
+
+def _share(contact: Contact) -> Family:
+    terms = contact.interaction.terms if contact.interaction is not None else ()
+    if len(terms) != 2:
+        raise InputError(f"vary: share; needs an interaction that is the sum of two laws, not of {len(terms)}")
+    first, second = terms
+    full = abs(first.work_of_adhesion) + abs(second.work_of_adhesion)
+    signs = [math.copysign(full, law.work_of_adhesion) for law in terms]
+
+    def member(share: float) -> Contact:
+        amplitudes = ((1.0 - share) * signs[0], share * signs[1])
+        laws = [_with(law, "work_of_adhesion", w) for law, w in zip(terms, amplitudes, strict=True) if w != 0.0]
+        return Contact(contact.tip, laws[0] if len(laws) == 1 else Sum(tuple(laws)), contact.modulus, contact.units)
+
+    return Family("share", abs(second.work_of_adhesion) / full, contact, member, "linear")
+
+
+def _named(contact: Contact, vary: str) -> tuple[float, Callable[[float], Contact], bool]:
+    """Present value, contact at a value, and whether the parameter is one whose steps are not relative."""
+    tip, law = contact.tip, contact.interaction
+    if vary == "modulus":
+        return contact.modulus, lambda value: Contact(tip, law, value, contact.units), False
+    if vary == "tabor":
+        if law is None or contact.tabor is None:
+            raise InputError("vary: tabor; the contact has no interaction")
+        present, whole = contact.tabor, law
+        return (
+            present,
+            lambda value: Contact(tip, whole.scaled(value / present, 1.0), contact.modulus, contact.units),
+            False,
+        )
+    if vary.startswith("tip."):
+        name = vary.removeprefix("tip.")
+        number = _number(tip, name, vary)
+        return number, lambda value: Contact(_with(tip, name, value), law, contact.modulus, contact.units), False
+    match = _LAW.fullmatch(vary)
+    if match is None:
+        known = ("tabor", "share", "stiffness", "modulus", "tip.radius", "interaction[1].range")
+        raise InputError(f"vary: {vary!r}; must be one of tabor, share, stiffness, modulus, tip.NAME and "
+                         f"interaction[K].NAME{nearest(vary, known)}")  # fmt: skip
+    terms = law.terms if law is not None else ()
+    if match[1] is None and len(terms) != 1:
+        raise InputError(f"vary: {vary!r}; the interaction has {len(terms)} laws: write interaction[K].{match[2]}")
+    k = int(match[1] or 1) - 1
+    if not 0 <= k < len(terms):
+        raise InputError(f"vary: {vary!r}; the interaction has {len(terms)} laws, counted from 1")
+    number = _number(terms[k], match[2], vary)
+
+    def member(value: float) -> Contact:
+        laws = [*terms]
+        laws[k] = _with(terms[k], match[2], value)
+        return Contact(tip, laws[0] if len(laws) == 1 else Sum(tuple(laws)), contact.modulus, contact.units)
+
+    return number, member, match[2] in _ABSOLUTE
+
+
+def _number(part: TipShape | Interaction, name: str, vary: str) -> float:
+    """Present value of a parameter of a tip or law."""
+    known = part.parameters()
+    numeric = [key for key, value in known.items() if isinstance(value, int | float) and not isinstance(value, bool)]
+    if name not in numeric:
+        whole = ", ".join(numeric) or "none"
+        raise InputError(f"vary: {vary!r}; {type(part).__name__} has the numbers {whole}{nearest(name, numeric)}")
+    return float(known[name])
+
+
+def _with(part: Any, name: str, value: float) -> Any:
+    """A tip or law with one parameter changed."""
+    if name in dimensions(type(part)):
+        return make(type(part), {**part.parameters(), name: value})
+    raise InputError(f"{name}: {type(part).__name__} cannot be made with another value of it")

@@ -1,0 +1,325 @@
+"""Contact files: TOML that describes a contact and, if it likes, how to trace it.
+
+::
+
+    [tip]
+    shape = "parabola"              # parabola, cone, power-law, spherical-cap, profile, elliptic-paraboloid, height-map
+    radius = "1 um"
+    [material]
+    modulus = "5 GPa"               # effective modulus
+    [[interaction]]                 # one table for each law of the sum; none: no interaction
+    law = "gauss"
+    work_of_adhesion = "-40 mN/m"   # < 0 repels
+    range = "1 nm"
+    [trace]                         # optional
+    control = "load"                # load, displacement, "spring:0.1 N/m"
+    accuracy = 1e-6
+    max_load = "500 nN"
+    model = "periodic"              # auto, exact, axisymmetric, periodic, free
+    cell = "2 um"                   # edge of the cell of a periodic or free one
+    grid = 256                      # nodes along it
+
+Numbers with units are physical, bare numbers are reduced: all or none. Exponents, slopes and phases are bare in both.
+The parameters of a shape or law are the fields of its class in `tips` and `interactions`. Tables of numbers:
+
+- ``shape = "profile"``: ``file = "tip.csv"`` with the columns radius and height, or the lists ``radii`` and
+  ``heights``; ``length_unit = "nm"`` makes them physical; ``apex = "sharp"`` if the tip ends in a point.
+- ``shape = "height-map"``: ``file = "heights.npy"`` (or an HDF5 file, with ``dataset = "name"`` if it holds more than
+  one array) with (N, N) heights, and ``cell = "1 um"``, the edge of the square that they cover; ``unit = "nm"`` is that
+  of the heights and makes them physical. ``peaks = true`` if the peaks of the map point to the wall; ``radius`` sets
+  the scales.
+- ``law = "tabulated"``: ``file = "law.csv"`` with the columns gap and energy per area (``quantity = "energy"``, the
+  default) or gap and pressure (``quantity = "pressure"``), or the lists ``gaps`` and ``energies`` or ``pressures``;
+  ``length_unit = "nm"`` and ``energy_unit = "mJ/m^2"`` or ``pressure_unit = "MPa"`` make them physical.
+
+A file is searched beside the contact file. One of numbers has two columns, separated by commas, semicolons or blanks;
+text after # and a first line of names are skipped.
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any, Final
+
+from contbranch.contact.contact import Contact, dimensions, look_up, make, nearest
+from contbranch.contact.height_map import HeightMap
+from contbranch.contact.interactions import INTERACTIONS, Interaction, Tabulated
+from contbranch.contact.tip_profile import Profile
+from contbranch.contact.tips import TIPS, TipShape
+from contbranch.contact.units import PHYSICAL, REDUCED, Units, finite_number, parse, positive_number
+from contbranch.errors import InputError
+from contbranch.grid_size import MODELS, grid_points
+
+__all__ = ["parse_control", "read_contact"]
+
+_TABLES: Final = ("tip", "material", "interaction", "trace")
+_TRACE: Final = ("control", "accuracy", "max_load", "model", "cell", "grid")
+_HEIGHT_MAP: Final = ("file", "dataset", "cell", "unit", "peaks", "radius")
+
+
+def read_contact(path: str | Path) -> tuple[Contact, dict[str, Any]]:
+    """Return the contact that a TOML file describes, and its options for the trace.
+
+    Parameters
+    ----------
+    path
+        The contact file.
+
+    Returns
+    -------
+    contact, options
+        `options` holds what the file gives of ``control`` ("load", "displacement" or the stiffness of a spring, a
+        number), ``accuracy``, ``max_load``, ``model``, ``cell`` and ``grid``, in the contact's units.
+
+    Raises
+    ------
+    InputError
+        For a missing file, wrong TOML, an unknown table, key, shape or law, a missing or wrong value, a wrong unit, and
+        for bare numbers beside numbers with units; the message is one line and names the field.
+    """
+    document = _parsed(Path(path))
+    _refuse_unknown(document, _TABLES, "")
+    for name in ("tip", "material"):
+        if name not in document:
+            raise InputError(f"{name}: missing; the contact file needs a table [{name}]")
+    reader = _Reader(Path(path).parent)
+    tip = reader.tip(_table(document["tip"], "tip"))
+    material = _table(document["material"], "material")
+    _refuse_unknown(material, ("modulus",), "material.")
+    if "modulus" not in material:
+        raise InputError("material.modulus: missing; give the effective modulus, for example '5 GPa'")
+    modulus = positive_number(reader.number(material["modulus"], "pressure", "material.modulus"), "material.modulus")
+    laws = document.get("interaction", [])
+    if not isinstance(laws, list):
+        raise InputError("interaction: is a single table; write [[interaction]], one for each law of the sum")
+    names = ["interaction"] if len(laws) == 1 else [f"interaction[{k}]" for k in range(1, len(laws) + 1)]
+    terms = [reader.law(_table(law, name), name) for law, name in zip(laws, names, strict=True)]
+    options = reader.options(_table(document.get("trace", {}), "trace"))
+    interaction = sum(terms[1:], terms[0]) if terms else None
+    return Contact(tip, interaction, modulus, reader.units), options
+
+
+def parse_control(control: object, units: Units, field: str = "control") -> str | float:
+    """Return "load", "displacement", or for "spring:K" the stiffness K in the contact's units.
+
+    Raises
+    ------
+    InputError
+        For anything else, naming `field`.
+    """
+    if control in ("load", "displacement"):
+        return str(control)
+    kind, _, stiffness = str(control).partition(":")
+    if kind.strip() != "spring" or not stiffness.strip():
+        example = "spring:0.1 N/m" if units.physical else "spring:2"
+        names = ("load", "displacement", "spring")
+        raise InputError(f"{field}: {control!r}; must be load, displacement or {example}{nearest(kind, names)}")
+    return positive_number(units.read(stiffness.strip(), "stiffness", field), field)
+
+
+def _parsed(path: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(_text(path))
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{path}: {' '.join(str(error).split())}; must be TOML, as in the documentation") from None
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file; give the path of an existing one") from None
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "not UTF-8 text"
+        raise InputError(f"{path}: {reason}; must be a readable text file") from None
+
+
+def _table(value: object, name: str) -> dict[str, Any]:
+    if not isinstance(value, dict):
+        raise InputError(f"{name}: {value!r}; must be a table [{name}]")
+    return value
+
+
+def _refuse_unknown(table: Mapping[str, object], known: Iterable[str], prefix: str) -> None:
+    for name in table:
+        if name not in known:
+            raise InputError(f"{prefix}{name}: not known; must be one of {', '.join(known)}{nearest(name, known)}")
+
+
+class _Reader:
+    """Reads quantities and remembers whether they had units, which must be the same for all."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._first: dict[bool, str] = {}  # the first field with a unit, and the first without
+
+    @property
+    def units(self) -> Units:
+        """PHYSICAL if the quantities read had units."""
+        return PHYSICAL if True in self._first else REDUCED
+
+    def _note(self, has_unit: bool, field: str, remedy: str) -> None:
+        """Remember whether `field` has a unit; InputError if an earlier one decided otherwise."""
+        self._first.setdefault(has_unit, field)
+        if len(self._first) == 2:
+            one, other = ("a unit", "none") if has_unit else ("no unit", "one")
+            first = self._first[not has_unit]
+            raise InputError(f"{field}: has {one}, {first} has {other}; {remedy}: units for all numbers or for none")
+
+    def number(self, value: object, dimension: str, field: str) -> float:
+        """Return a quantity in the file's units."""
+        if isinstance(value, dict | list):
+            raise InputError(f"{field}: is a {'table' if isinstance(value, dict) else 'list'}; must be one number")
+        number = parse(value, dimension, field)
+        if dimension != "dimensionless":
+            has_unit = isinstance(value, str)
+            self._note(has_unit, field, "drop the unit" if has_unit else "add the unit")
+        return number
+
+    def tip(self, table: dict[str, Any]) -> TipShape:
+        """Return the tip of the table [tip]."""
+        if "shape" not in table:
+            raise InputError(f"tip.shape: missing; must be one of {', '.join(TIPS)}")
+        kind = look_up(table.pop("shape"), TIPS, "tip.shape")
+        if kind is HeightMap:
+            return self._height_map(table)
+        if kind is not Profile:
+            tip: TipShape = make(kind, self._parameters(kind, table, "tip."), "tip.")
+            return tip
+        _refuse_unknown(table, ("file", "radii", "heights", "length_unit", "apex"), "tip.")
+        self._columns(table, "tip", ("radii", "heights"))
+        factor = self._unit(table, "length", "tip", "radii")
+        apex = {"apex": table["apex"]} if "apex" in table else {}
+        values = {name: _multiplied(table[name], factor, f"tip.{name}") for name in ("radii", "heights")}
+        profile: TipShape = make(Profile, {**values, **apex}, "tip.")
+        return profile
+
+    def _height_map(self, table: dict[str, Any]) -> HeightMap:
+        """Return the height map of the table [tip]."""
+        _refuse_unknown(table, _HEIGHT_MAP, "tip.")
+        for name in ("file", "cell"):
+            if name not in table:
+                raise InputError(f"tip.{name}: missing; a height map needs a file with its heights and its cell")
+        for name, example in (("file", '"heights.npy"'), ("dataset", '"heights"'), ("peaks", "true")):
+            if name in table and not isinstance(table[name], bool if name == "peaks" else str):
+                raise InputError(f"tip.{name}: {table[name]!r}; write for example {name} = {example}")
+        keywords: dict[str, Any] = {name: table[name] for name in ("dataset", "peaks") if name in table}
+        for name in ("cell", "radius"):
+            if name in table:
+                keywords[name] = self.number(table[name], "length", f"tip.{name}")
+        keywords["unit"] = self._unit(table, "length", "tip", "file", "unit")
+        try:
+            return HeightMap.from_file(self._folder / table["file"], **keywords)
+        except InputError as error:
+            raise InputError(f"tip.{error}") from None
+
+    def law(self, table: dict[str, Any], field: str) -> Interaction:
+        """Return the law of a table [[interaction]]."""
+        if "law" not in table:
+            raise InputError(f"{field}.law: missing; must be one of {', '.join(INTERACTIONS)}")
+        kind = look_up(table.pop("law"), INTERACTIONS, f"{field}.law")
+        prefix = f"{field}."
+        if kind is not Tabulated:
+            law: Interaction = make(kind, self._parameters(kind, table, prefix), prefix)
+            return law
+        quantity = table.pop("quantity", "pressure" if "pressures" in table or "pressure_unit" in table else "energy")
+        name = look_up(quantity, {"energy": "energies", "pressure": "pressures"}, f"{prefix}quantity")
+        unit_key = "energy_unit" if name == "energies" else "pressure_unit"
+        _refuse_unknown(table, ("file", "gaps", name, "length_unit", unit_key), prefix)
+        self._columns(table, field, ("gaps", name))
+        length = self._unit(table, "length", field, "gaps")
+        unit = self._unit(table, "energy per area" if name == "energies" else "pressure", field, name)
+        gaps = _multiplied(table["gaps"], length, f"{prefix}gaps")
+        values = _multiplied(table[name], unit, f"{prefix}{name}")
+        tabulated: Interaction = make(Tabulated, {"gaps": gaps, name: values}, prefix)
+        return tabulated
+
+    def options(self, table: dict[str, Any]) -> dict[str, Any]:
+        """Return the options of the table [trace]."""
+        _refuse_unknown(table, _TRACE, "trace.")
+        options: dict[str, Any] = {}
+        if "control" in table:
+            options["control"] = parse_control(table["control"], self.units, "trace.control")
+        if "accuracy" in table:
+            options["accuracy"] = finite_number(table["accuracy"], "trace.accuracy")
+            if not 0.0 < options["accuracy"] < 1.0:
+                raise InputError(f"trace.accuracy: {options['accuracy']:g}; must be between 0 and 1, for example 1e-6")
+        if "max_load" in table:
+            options["max_load"] = self.number(table["max_load"], "force", "trace.max_load")
+        if "model" in table:
+            options["model"] = look_up(table["model"], {name: name for name in MODELS}, "trace.model")
+        if "cell" in table:
+            options["cell"] = positive_number(self.number(table["cell"], "length", "trace.cell"), "trace.cell")
+        if "grid" in table:
+            options["grid"] = grid_points(table["grid"], "trace.grid")
+        return options
+
+    def _parameters(
+        self, kind: type[TipShape] | type[Interaction], table: dict[str, Any], prefix: str
+    ) -> dict[str, Any]:
+        """Return the values of a table whose keys are parameters of `kind`; others are left to `make` to refuse."""
+        known = dimensions(kind)
+        _refuse_unknown(table, known, prefix)
+        return {name: self.number(value, known[name], f"{prefix}{name}") for name, value in table.items()}
+
+    def _columns(self, table: dict[str, Any], field: str, names: tuple[str, str]) -> None:
+        """Make sure that `table` holds lists called `names`, from a file if it names one."""
+        if "file" in table:
+            if any(name in table for name in names):
+                raise InputError(f"{field}.file: given with {' or '.join(names)}; give either the file or the lists")
+            path = table.pop("file")
+            if not isinstance(path, str):
+                raise InputError(f"{field}.file: {path!r}; must be the name of a text file with two columns")
+            table.update(zip(names, _read_columns(self._folder / path, f"{field}.file"), strict=True))
+        for name in names:
+            if name not in table:
+                raise InputError(f"{field}.{name}: missing; give the lists {' and '.join(names)}, or a file")
+
+    def _unit(self, table: dict[str, Any], dimension: str, field: str, name: str, key: str = "") -> float:
+        """Return what a number of the list `name` is worth: of the table's unit of that dimension, or 1 without."""
+        key = key or {"length": "length_unit", "pressure": "pressure_unit", "energy per area": "energy_unit"}[dimension]
+        unit = table.get(key)
+        if unit is None:
+            self._note(False, f"{field}.{name}", f"state {key}")
+            return 1.0
+        if not isinstance(unit, str):
+            raise InputError(f"{field}.{key}: {unit!r}; must be a unit, for example 'nm'")
+        self._note(True, f"{field}.{name}", f"drop {key}")
+        return parse(f"1 {unit}", dimension, f"{field}.{key}")
+
+
+def _multiplied(values: object, factor: float, field: str) -> list[float]:
+    """Return a list of numbers in the file's units."""
+    if not isinstance(values, list):
+        raise InputError(f"{field}: {values!r}; must be a list of numbers")
+    return [finite_number(value, field) * factor for value in values]
+
+
+def _read_columns(path: Path, field: str) -> tuple[list[float], list[float]]:
+    """Return the first two columns of a text file; InputError names `field`, file and line that is not two numbers."""
+    try:
+        lines = _text(path).splitlines()
+    except InputError as error:
+        raise InputError(f"{field}: {error}") from None
+    columns: tuple[list[float], list[float]] = ([], [])
+    names_allowed = True
+    for count, line in enumerate(lines, start=1):
+        cells = re.split(r"\s*[,;]\s*|\s+", line.partition("#")[0].strip().strip(",;"))
+        if cells == [""]:
+            continue
+        try:
+            numbers = [float(cell) for cell in cells]
+        except ValueError:
+            if names_allowed:
+                names_allowed = False
+                continue
+            raise InputError(f"{field}: {path}, line {count}: {line.strip()!r}; must be two numbers") from None
+        names_allowed = False
+        if len(numbers) != 2:
+            raise InputError(f"{field}: {path}, line {count}: {len(numbers)} numbers; must be two columns")
+        for column, number in zip(columns, numbers, strict=True):
+            column.append(number)
+    return columns

@@ -1,0 +1,256 @@
+"""What an interaction law is, and sums of laws; the laws themselves are in `interactions`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from copy import copy
+from dataclasses import dataclass, field, fields
+from typing import Any, ClassVar, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from contbranch.contact.units import finite_number, positive_number
+from contbranch.errors import InputError
+
+__all__ = ["Interaction", "Response", "Sum"]
+
+FloatArray = NDArray[np.float64]
+
+# Gaps beyond this many ranges (infinite ones too, outside a tip of finite extent) are taken as this many: every power
+# that the shapes form of it is still a finite number.
+_FAR: Final = 1e50
+# Gaps tried at once in the search for a law's reach.
+_CHUNK: Final = 40
+
+
+class Response(NamedTuple):
+    """What a law answers to a gap g; arrays of the shape of the gap.
+
+    Attributes
+    ----------
+    energy
+        v, energy per area.
+    pressure
+        p = -v', positive where the surfaces are pushed apart.
+    stiffness
+        v''.
+    """
+
+    energy: FloatArray
+    pressure: FloatArray
+    stiffness: FloatArray
+
+
+@dataclass(frozen=True)
+class Interaction:
+    """A law v(g) = -Δγ f(g/z0); subclasses write `shape` and inherit the rest.
+
+    Attributes
+    ----------
+    work_of_adhesion
+        Δγ, energy per area, not zero: > 0 attracts, < 0 repels.
+    range
+        z0 > 0, a length.
+
+    Notes
+    -----
+    A subclass may have further fields. They are taken as dimensionless unless `dimensions` says otherwise; a subclass
+    with another length overrides `scaled`, too.
+    """
+
+    name: ClassVar[str] = ""
+    dimensions: ClassVar[Mapping[str, str]] = {"work_of_adhesion": "energy per area", "range": "length"}
+
+    work_of_adhesion: float
+    range: float
+
+    def __post_init__(self) -> None:
+        work = finite_number(self.work_of_adhesion, "work_of_adhesion")
+        if work == 0.0:
+            raise InputError("work_of_adhesion: 0; must not be zero (without interaction, leave the law out)")
+        object.__setattr__(self, "work_of_adhesion", work)
+        object.__setattr__(self, "range", positive_number(self.range, "range"))
+
+    def shape(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return f, f' and f'' at x = g/z0, arrays of the shape of `x`; x may be slightly negative."""
+        raise NotImplementedError(f"{type(self).__name__} must define shape(x), which returns f, f' and f''")
+
+    def evaluate(self, gap: ArrayLike) -> Response:
+        """Return energy per area, pressure and stiffness at `gap` (any shape), (12).
+
+        Where a law is not defined, far inside the wall or as its author has it, they are infinite or NaN without
+        further warning: it is for the caller to stop there.
+        """
+        force = self.work_of_adhesion / self.range
+        with np.errstate(all="ignore"):
+            x = np.minimum(np.asarray(gap) / self.range, _FAR)
+            f, slope, curvature = self.shape(x)
+            return Response(-self.work_of_adhesion * f, force * slope, (-force / self.range) * curvature)
+
+    @property
+    def terms(self) -> tuple[Interaction, ...]:
+        """The single laws of which this one is the sum."""
+        return (self,)
+
+    @property
+    def reference_work(self) -> float:
+        """The energy per area, > 0, by which the law is measured: |Δγ|, and for a sum the sum of its terms' ones."""
+        return abs(self.work_of_adhesion)
+
+    @property
+    def limitation(self) -> str:
+        """Where the law is not defined, in words; empty if it is defined at every gap ≥ 0."""
+        return ""
+
+    @property
+    def wave(self) -> float:
+        """Wavelength in which the law oscillates over any number of ranges; infinite if it does not."""
+        return math.inf
+
+    def reach(self, tolerance: float) -> float:
+        """Return the gap beyond which |v| ≤ `tolerance` · `reference_work`; the end of the law if it ends before."""
+        x = np.concatenate([[0.0], np.geomspace(1e-3, 1e12, 1501)])
+
+        def exceeds(at: FloatArray) -> NDArray[np.bool_]:
+            energy = self.evaluate(at * self.range).energy
+            return np.asarray(np.abs(energy) > tolerance * self.reference_work)  # NaN, beyond the law's end, does not
+
+        # From far away inwards, so that a law which fails close to the wall is not asked there.
+        for stop in range(x.size, 0, -_CHUNK):
+            start = max(0, stop - _CHUNK)
+            above = np.flatnonzero(exceeds(x[start:stop]))
+            if above.size:
+                last = start + int(above[-1])
+                break
+        else:
+            return 0.0
+        if last == x.size - 1:
+            raise InputError(f"interaction: {type(self).__name__} has not decayed at {x[-1]:g} ranges; it must vanish")
+        low, high = float(x[last]), float(x[last + 1])
+        while high - low > 1e-9 * high:
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if bool(exceeds(np.array([middle]))[0]) else (low, middle)
+        return high * self.range
+
+    def tail_energy(self, gap: ArrayLike) -> FloatArray:
+        """Return ∫ v dg from `gap` (any shape) to infinity, a force per length (Derjaguin's F = -2πR times it)."""
+        start = np.asarray(gap, dtype=np.float64)
+        nodes, weights = _TAIL_RULE
+        energy = self.evaluate(start[..., None] + self.range * nodes).energy
+        return np.asarray(self.range * (energy @ weights))
+
+    def scaled(self, normal: float, energy: float) -> Interaction:
+        """Return the law in other units, worth `normal` (gaps) and `energy` (per area) of the present ones."""
+        law = copy(self)  # whatever else a law of the user's own consists of
+        object.__setattr__(law, "work_of_adhesion", self.work_of_adhesion / energy)
+        object.__setattr__(law, "range", self.range / normal)
+        return law
+
+    def __add__(self, other: object) -> Interaction:
+        if not isinstance(other, Interaction):
+            return NotImplemented
+        return Sum((*self.terms, *other.terms))
+
+    def __radd__(self, other: object) -> Interaction:
+        if other == 0:  # so that sum([law1, law2]) works
+            return self
+        return NotImplemented
+
+    def parameters(self) -> dict[str, Any]:
+        """Return the fields from which the law can be made again, by name."""
+        return {item.name: getattr(self, item.name) for item in fields(self) if item.init}
+
+
+def _tail_rule() -> tuple[FloatArray, FloatArray]:
+    """Return nodes and weights for ∫_0^∞ of functions that vary over a length 1 and decay at least like x^-2."""
+    x, w = np.polynomial.legendre.leggauss(16)
+    x, w = 0.5 * (x + 1.0), 0.5 * w
+    edges = np.concatenate([np.arange(0.0, 8.0, 0.5), 2.0 ** np.arange(3, 41)])
+    width = np.diff(edges)[:, None]
+    inner = (edges[:-1, None] + width * x).ravel()
+    last = edges[-1]  # beyond, x = last/u: a power of x becomes a power of u
+    return np.concatenate([inner, last / x]), np.concatenate([(width * w).ravel(), last * w / x**2])
+
+
+_TAIL_RULE: Final = _tail_rule()
+
+
+@dataclass(frozen=True)
+class Sum(Interaction):
+    """The sum of several laws, each with its own sign and range (DLVO); made by ``law1 + law2``.
+
+    Attributes
+    ----------
+    laws
+        The single laws, at least one.
+    work_of_adhesion
+        The net one, the sum of the laws' (may vanish).
+    range
+        That of the law with the largest reference work.
+    """
+
+    work_of_adhesion: float = field(init=False)
+    range: float = field(init=False)
+    laws: tuple[Interaction, ...]
+
+    def __post_init__(self) -> None:
+        laws = tuple(term for law in self.laws for term in law.terms)
+        if not laws:
+            raise InputError("laws: none; a sum needs at least one law")
+        object.__setattr__(self, "laws", laws)
+        object.__setattr__(self, "work_of_adhesion", math.fsum(law.work_of_adhesion for law in laws))
+        object.__setattr__(self, "range", max(laws, key=_reference_work).range)
+
+    @property
+    def terms(self) -> tuple[Interaction, ...]:
+        """The single laws."""
+        return self.laws
+
+    @property
+    def reference_work(self) -> float:
+        """The sum of the laws' reference works: unlike the net work of adhesion it cannot cancel."""
+        return math.fsum(map(_reference_work, self.laws))
+
+    @property
+    def limitation(self) -> str:
+        """Where one of the laws is not defined."""
+        return "; ".join(law.limitation for law in self.laws if law.limitation)
+
+    def evaluate(self, gap: ArrayLike) -> Response:
+        """Return the sums of the laws' energies per area, pressures and stiffnesses at `gap`."""
+        gap = np.asarray(gap)
+        energy, pressure, stiffness = self.laws[0].evaluate(gap)
+        for law in self.laws[1:]:
+            v, p, s = law.evaluate(gap)
+            energy, pressure, stiffness = energy + v, pressure + p, stiffness + s
+        return Response(energy, pressure, stiffness)
+
+    def shape(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return f, f' and f'' with respect to the net work of adhesion, which must not vanish."""
+        energy, pressure, stiffness = self.evaluate(x * self.range)
+        scale = -1.0 / self.work_of_adhesion
+        return scale * energy, -scale * self.range * pressure, scale * self.range**2 * stiffness
+
+    @property
+    def wave(self) -> float:
+        """The shortest one of the laws."""
+        return min(law.wave for law in self.laws)
+
+    def reach(self, tolerance: float) -> float:
+        """Return a gap beyond which |v| ≤ tolerance · reference_work: no law exceeds its share of that."""
+        allowed = tolerance * self.reference_work / len(self.laws)
+        return max(law.reach(min(1.0, allowed / law.reference_work)) for law in self.laws)
+
+    def tail_energy(self, gap: ArrayLike) -> FloatArray:
+        """Return the sum of the laws' ∫ v dg from `gap` to infinity."""
+        return np.asarray(sum(law.tail_energy(gap) for law in self.laws))
+
+    def scaled(self, normal: float, energy: float) -> Sum:
+        """Return the sum of the laws in other units."""
+        return Sum(tuple(law.scaled(normal, energy) for law in self.laws))
+
+
+def _reference_work(law: Interaction) -> float:
+    return law.reference_work

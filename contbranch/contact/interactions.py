@@ -1,0 +1,302 @@
+"""Finite-range interaction laws: energy per area, pressure and stiffness as functions of the gap.
+
+A law is v(g) = -Δγ f(g/z0) with the work of adhesion Δγ (> 0 attracts, < 0 repels), the range z0 and a shape f,
+f(0) = 1.
+To add one, write a class with a `name` and `shape`; the command line and contact files find it by that name.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import ClassVar, Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.special import erfc
+
+from contbranch.contact.interaction_law import Interaction, Response, Sum
+from contbranch.contact.tables import EnergyTable, numbers
+from contbranch.contact.units import finite_number, positive_number
+from contbranch.errors import InputError
+
+__all__ = [
+    "INTERACTIONS",
+    "Exponential",
+    "Gauss",
+    "Interaction",
+    "InverseSquare",
+    "Layered",
+    "MaugisDugdale",
+    "Response",
+    "Sum",
+    "Tabulated",
+    "VanDerWaals",
+]
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Exponential(Interaction):
+    """v = -Δγ exp(-g/z0): one density correlation length."""
+
+    name: ClassVar[str] = "exponential"
+
+    def shape(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return e^-x and its derivatives."""
+        f = np.exp(-x)
+        return f, -f, f
+
+    def reach(self, tolerance: float) -> float:
+        """Return z0 ln(1/tolerance)."""
+        return self.range * max(0.0, -math.log(tolerance))
+
+    def tail_energy(self, gap: ArrayLike) -> FloatArray:
+        """Return -Δγ z0 e^(-g/z0)."""
+        return np.asarray(-self.work_of_adhesion * self.range * np.exp(-np.asarray(gap) / self.range))
+
+
+@dataclass(frozen=True)
+class Gauss(Interaction):
+    """v = -Δγ exp(-g²/2z0²), (12): no force when the surfaces touch."""
+
+    name: ClassVar[str] = "gauss"
+
+    def shape(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return e^(-x²/2) and its derivatives."""
+        square = x * x
+        f = np.exp(-0.5 * square)
+        return f, -x * f, (square - 1.0) * f
+
+    def reach(self, tolerance: float) -> float:
+        """Return z0 sqrt(2 ln(1/tolerance))."""
+        return self.range * math.sqrt(max(0.0, -2.0 * math.log(tolerance)))
+
+    def tail_energy(self, gap: ArrayLike) -> FloatArray:
+        """Return -Δγ z0 sqrt(π/2) erfc(g/(z0 sqrt 2))."""
+        amplitude = -self.work_of_adhesion * self.range * math.sqrt(0.5 * math.pi)
+        return np.asarray(amplitude * erfc(np.asarray(gap) / (self.range * math.sqrt(2.0))))
+
+
+@dataclass(frozen=True)
+class VanDerWaals(Interaction):
+    """v = -Δγ/(1 + (g/z0)²), (12): no force when the surfaces touch, an algebraic tail."""
+
+    name: ClassVar[str] = "van-der-waals"
+
+    def shape(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return u = 1/(1+x²) and its derivatives -2xu², (6x²-2)u³."""
+        square = x * x
+        f = 1.0 / (1.0 + square)
+        f2 = f * f
+        return f, -2.0 * x * f2, (6.0 * square - 2.0) * (f2 * f)
+
+    def reach(self, tolerance: float) -> float:
+        """Return z0 sqrt(1/tolerance - 1)."""
+        return self.range * math.sqrt(max(0.0, 1.0 / tolerance - 1.0))
+
+    def tail_energy(self, gap: ArrayLike) -> FloatArray:
+        """Return -Δγ z0 arccot(g/z0)."""
+        angle = np.arctan2(1.0, np.asarray(gap) / self.range)
+        return np.asarray(-self.work_of_adhesion * self.range * angle)
+
+
+@dataclass(frozen=True)
+class InverseSquare(Interaction):
+    """v = -Δγ/(1 + g/z0)² (l. 437): the van der Waals tail with a force when the surfaces touch."""
+
+    name: ClassVar[str] = "inverse-square"
+
+    def shape(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return u² with u = 1/(1+x), and its derivatives -2u³, 6u⁴; defined for x > -1."""
+        u = 1.0 / (1.0 + x)
+        f = u * u
+        return f, -2.0 * f * u, 6.0 * f * f
+
+    def reach(self, tolerance: float) -> float:
+        """Return z0 (1/sqrt(tolerance) - 1)."""
+        return self.range * max(0.0, 1.0 / math.sqrt(tolerance) - 1.0)
+
+    def tail_energy(self, gap: ArrayLike) -> FloatArray:
+        """Return -Δγ z0/(1 + g/z0)."""
+        return np.asarray(-self.work_of_adhesion * self.range / (1.0 + np.asarray(gap) / self.range))
+
+
+@dataclass(frozen=True)
+class MaugisDugdale(Interaction):
+    """v = -Δγ (1 - g/z0) for g < z0, otherwise 0, (12): a constant pressure that ends at g = z0.
+
+    The stiffness is returned as 0 everywhere; its delta function at g = z0 has no value there.
+    """
+
+    name: ClassVar[str] = "maugis-dugdale"
+
+    def shape(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return 1 - x, -1 and 0 for x < 1, and 0 beyond; NaN stays NaN."""
+        inside = np.where(x < 1.0, 1.0, 0.0 * x)
+        return (1.0 - x) * inside, -inside, 0.0 * inside
+
+    def reach(self, tolerance: float) -> float:
+        """Return z0 (1 - tolerance)."""
+        return self.range * max(0.0, 1.0 - tolerance)
+
+    def tail_energy(self, gap: ArrayLike) -> FloatArray:
+        """Return -Δγ z0 (1 - g/z0)²/2 for g < z0."""
+        left = np.maximum(1.0 - np.asarray(gap) / self.range, 0.0)
+        return np.asarray(-0.5 * self.work_of_adhesion * self.range * left**2)
+
+
+@dataclass(frozen=True)
+class Layered(Interaction):
+    """v = -Δγ e^(-g/z0) cos(2πg/λ + φ)/cos φ: the decaying oscillation of a layered fluid (l. 665-669).
+
+    Attributes
+    ----------
+    wavelength
+        λ > 0, the thickness of a layer, a length; if not given, z0.
+    phase
+        φ in radians, cos φ not zero, so that v(0) = -Δγ.
+    """
+
+    name: ClassVar[str] = "layered"
+    dimensions: ClassVar[Mapping[str, str]] = {
+        **Interaction.dimensions,
+        "wavelength": "length",
+        "phase": "dimensionless",
+    }
+
+    wavelength: float | None = None
+    phase: float = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        wavelength = self.range if self.wavelength is None else self.wavelength
+        object.__setattr__(self, "wavelength", positive_number(wavelength, "wavelength"))
+        object.__setattr__(self, "phase", finite_number(self.phase, "phase"))
+        if abs(math.cos(self.phase)) < 1e-6:
+            raise InputError(
+                f"phase: {self.phase:g}; must not be an odd multiple of π/2, where the law vanishes at contact"
+            )
+
+    @property
+    def _wave_number(self) -> float:
+        """2π z0/λ."""
+        return 2.0 * math.pi * self.range / (self.wavelength or self.range)
+
+    def shape(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return e^-x cos(kx + φ)/cos φ and its derivatives, k = 2π z0/λ."""
+        k = self._wave_number
+        angle = k * x + self.phase
+        envelope = np.exp(-x) / math.cos(self.phase)
+        cosine, sine = envelope * np.cos(angle), envelope * np.sin(angle)
+        return cosine, -cosine - k * sine, (1.0 - k * k) * cosine + (2.0 * k) * sine
+
+    @property
+    def wave(self) -> float:
+        """The wavelength."""
+        return self.wavelength or self.range
+
+    def reach(self, tolerance: float) -> float:
+        """Return where the envelope, e^(-g/z0)/|cos φ|, falls to `tolerance`."""
+        return self.range * max(0.0, -math.log(tolerance * abs(math.cos(self.phase))))
+
+    def tail_energy(self, gap: ArrayLike) -> FloatArray:
+        """Return -Δγ z0 Re[e^((ik-1)x + iφ)/(1-ik)]/cos φ, x = g/z0."""
+        k = self._wave_number
+        wave = np.exp((1j * k - 1.0) * (np.asarray(gap) / self.range) + 1j * self.phase) / (1.0 - 1j * k)
+        return np.asarray(-self.work_of_adhesion * self.range / math.cos(self.phase) * wave.real)
+
+    def scaled(self, normal: float, energy: float) -> Layered:
+        """Return the law in other units; the wavelength is a length, too."""
+        wavelength = (self.wavelength or self.range) / normal
+        return Layered(self.work_of_adhesion / energy, self.range / normal, wavelength, self.phase)
+
+
+@dataclass(frozen=True)
+class Tabulated(Interaction):
+    """A law given by a table, interpolated so that the energy per area is twice continuously differentiable.
+
+    Attributes
+    ----------
+    gaps
+        (n,) n ≥ 4, increasing from 0.
+    energies
+        (n,) energy per area v, zero at infinite gap; either this or `pressures`.
+    pressures
+        (n,) p = -v'.
+    work_of_adhesion, range
+        Not given but taken from the table: -v(0), and max|v|/max|p|.
+
+    Notes
+    -----
+    Energies are joined by a quintic spline, pressures by a cubic one. If the table ends where |v| and |p| are below
+    1 % of their largest values, a short polynomial takes them to zero smoothly; otherwise the law is NaN beyond its
+    end, and a
+    computation that needs it there stops and says so (`limitation`).
+    """
+
+    name: ClassVar[str] = "tabulated"
+    dimensions: ClassVar[Mapping[str, str]] = {"gaps": "length", "energies": "energy per area", "pressures": "pressure"}
+
+    work_of_adhesion: float = field(init=False)
+    range: float = field(init=False)
+    gaps: tuple[float, ...]
+    energies: tuple[float, ...] | None = None
+    pressures: tuple[float, ...] | None = None
+    _table: EnergyTable = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        if (self.energies is None) == (self.pressures is None):
+            raise InputError("energies, pressures: give one of them, not both and not none")
+        kind = "energies" if self.pressures is None else "pressures"
+        gaps, values = numbers(self.gaps, "gaps"), numbers(getattr(self, kind), kind)
+        table = EnergyTable.of(gaps, values, kind)
+        object.__setattr__(self, "gaps", tuple(gaps.tolist()))
+        object.__setattr__(self, kind, tuple(values.tolist()))
+        object.__setattr__(self, "_table", table)
+        object.__setattr__(self, "work_of_adhesion", -table.energy_at_contact)
+        object.__setattr__(self, "range", table.largest_energy / table.largest_pressure)
+
+    def evaluate(self, gap: ArrayLike) -> Response:
+        """Return energy per area, pressure and stiffness at `gap`; NaN beyond a table that ends too early."""
+        return Response(*self._table.evaluate(np.asarray(gap, dtype=np.float64)))
+
+    def shape(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return f, f' and f'' of the table, normalised so that f(0) = 1."""
+        energy, pressure, stiffness = self.evaluate(x * self.range)
+        scale = -1.0 / self.work_of_adhesion
+        return scale * energy, -scale * self.range * pressure, scale * self.range**2 * stiffness
+
+    @property
+    def reference_work(self) -> float:
+        """The largest |v| of the table."""
+        return self._table.largest_energy
+
+    @property
+    def limitation(self) -> str:
+        """Say where the table ends if it ends too early."""
+        return self._table.limitation
+
+    def reach(self, tolerance: float) -> float:
+        """Return the gap beyond which |v| ≤ tolerance · reference_work; the table's end if it ends before."""
+        return self._table.reach(tolerance * self.reference_work)
+
+    def tail_energy(self, gap: ArrayLike) -> FloatArray:
+        """Return ∫ v dg from `gap` to the end of the table; NaN if it ends too early."""
+        return self._table.tail_energy(np.asarray(gap, dtype=np.float64))
+
+    def scaled(self, normal: float, energy: float) -> Tabulated:
+        """Return the table in other units."""
+
+        def divided(values: tuple[float, ...] | None, unit: float) -> tuple[float, ...] | None:
+            return None if values is None else tuple(value / unit for value in values)
+
+        gaps = tuple(gap / normal for gap in self.gaps)
+        return Tabulated(gaps, divided(self.energies, energy), divided(self.pressures, energy / normal))
+
+
+INTERACTIONS: Final[Mapping[str, type[Interaction]]] = {
+    law.name: law for law in Interaction.__subclasses__() if law.name
+}

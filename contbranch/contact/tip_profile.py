@@ -1,0 +1,274 @@
+"""A tip given by a table of heights."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from typing import ClassVar, Final, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import CubicSpline, PPoly
+
+from contbranch.contact.tables import increasing_from_zero, numbers
+from contbranch.contact.tip_shape import Tip, parabolic_scales
+from contbranch.errors import InputError
+
+__all__ = ["Profile"]
+
+FloatArray = NDArray[np.float64]
+End = Literal["not-a-knot", "clamped", "natural"]
+
+_MOST_ROWS: Final = 1000  # the fit solves a dense system of that order
+_QUARTER: Final = 0.5 * math.pi
+
+
+@dataclass(frozen=True, eq=False)
+class ProfileTable:
+    """The transform ζ of a tabulated tip: a cubic spline from 0, and its jumps of the third derivative.
+
+    Attributes
+    ----------
+    transform
+        ζ with knots at the radii; its last piece, beyond them, is of second degree.
+    knots, jumps
+        (n-1,) the radii but the first, and the jumps J of the third derivative there: beyond a knot b, a cubic
+        J (t-b)³/6 is added to ζ.
+    radius
+        Radius of curvature that sets the tip's scales.
+    """
+
+    transform: PPoly
+    integral: PPoly
+    square_integral: PPoly
+    knots: FloatArray
+    jumps: FloatArray
+    radius: float
+
+    @staticmethod
+    def of(radii: FloatArray, heights: FloatArray, sharp: bool) -> ProfileTable:
+        """Return the table whose tip has the (n,) `heights` at `radii`.
+
+        Raises
+        ------
+        InputError
+            If the two do not increase from 0 or ζ does not, so that there would be more than one rim.
+        """
+        increasing_from_zero(radii, "radii")
+        if heights.size != radii.size:
+            raise InputError(f"heights: {heights.size} numbers for {radii.size} radii; must be as many")
+        increasing_from_zero(heights, "heights")
+        if radii.size > _MOST_ROWS:
+            raise InputError(f"radii: {radii.size} entries; must be at most {_MOST_ROWS}: thin out the table")
+        pieces = _fit(radii, heights, sharp, "not-a-knot")
+        if pieces(radii[-1], 2) < 0.0:  # would bend down beyond the table: let it end straight
+            pieces = _fit(radii, heights, sharp, "natural")
+        pieces = _continued(pieces)
+        if not _rises(pieces):
+            raise InputError("heights: their Abel transform does not increase everywhere; smooth or thin out the table")
+        apex = 0.0 if sharp else float(pieces(0.0, 2)) / 2.0
+        outer = float(radii[-1] ** 2 / (2.0 * heights[-1]))
+        radius = 1.0 / apex if apex * outer > 0.01 else outer
+        squares = np.array([np.convolve(piece, piece) for piece in pieces.c.T]).T
+        jumps = np.diff(_third_derivatives(pieces))
+        square_integral = PPoly(squares, pieces.x).antiderivative()
+        return ProfileTable(pieces, pieces.antiderivative(), square_integral, radii[1:], jumps, radius)
+
+    def height_derivative(self, r: FloatArray) -> FloatArray:
+        """Return z'(r) = (2/π) ∫_0^r ζ' t/√(r²-t²) dt/r, of the shape of `r`."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            slope = (2.0 / math.pi) * self._integrals(r, 0.0)[1] / r
+        return np.where(r > 0.0, slope, (2.0 / math.pi) * self.transform(0.0, 1))
+
+    def shape_gap(self, rho: FloatArray, a: float) -> tuple[FloatArray, FloatArray]:
+        """Return g = (2/π) ∫_a^r (ζ(t) - ζ(a))/√(r²-t²) dt and its derivative with respect to `a` at fixed ρ."""
+        gap, moment, r2, angle = self._integrals(rho, a)
+        ratio = np.divide(a, r2, out=np.zeros_like(r2), where=r2 > 0.0)
+        slope = ratio * moment - float(self.transform(a, 1)) * angle
+        return (2.0 / math.pi) * gap, (2.0 / math.pi) * slope
+
+    def _integrals(self, rho: FloatArray, a: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Return ∫_a^r (ζ - ζ(a))/√(r²-t²) dt, ∫_a^r ζ' t/√(r²-t²) dt, r² and arccos(a/r).
+
+        With I_m(b) = ∫_b^r (t-b)^m/√(r²-t²) dt = r^m K_m(arccos(b/r)), the cubic at `a` and every knot b between `a`
+        and r add their multiples of the I_m.
+        """
+        r2 = rho * rho + a * a
+        r = np.sqrt(r2)
+        angle = np.where(r2 > 0.0, np.arctan2(rho, a), _QUARTER)
+        c = [float(self.transform(a, order)) / math.factorial(order) for order in range(4)]
+        first, second, third = (r**m * _moment(m, angle) for m in (1, 2, 3))
+        gap = c[1] * first + c[2] * second + c[3] * third
+        moment = c[1] * (first + a * angle) + 2.0 * c[2] * (second + a * first) + 3.0 * c[3] * (third + a * second)
+        outside = self.knots > a
+        knots, jumps = self.knots[outside], self.jumps[outside] / 6.0
+        if knots.size:
+            height = np.maximum((r[..., None] - knots) * (r[..., None] + knots), 0.0)
+            angles = np.arctan2(np.sqrt(height), knots)
+            second, third = r2[..., None] * _moment(2, angles), (r2 * r)[..., None] * _moment(3, angles)
+            gap = gap + third @ jumps
+            moment = moment + 3.0 * (third @ jumps + second @ (jumps * knots))
+        return gap, moment, r2, angle
+
+
+def _fit(radii: FloatArray, heights: FloatArray, sharp: bool, end: End) -> PPoly:
+    """Return the spline ζ whose tip has the `heights`: they are linear in its values at the radii."""
+    start: End = "not-a-knot" if sharp else "clamped"
+    bases = CubicSpline(radii, np.eye(radii.size), bc_type=(start, end))
+    matrix = sum(_cell_moments(radii, power) @ bases.c[3 - power] for power in (1, 2, 3))
+    values = np.zeros_like(radii)
+    values[1:] = np.linalg.solve((2.0 / math.pi) * np.asarray(matrix)[:, 1:], heights[1:])
+    coefficients = CubicSpline(radii, values, bc_type=(start, end)).c
+    if not sharp:
+        coefficients[2, 0] = 0.0  # the slope at the apex, which rounding could make negative
+    return PPoly(coefficients, radii)
+
+
+def _cell_moments(radii: FloatArray, power: int) -> FloatArray:
+    """Return ∫ d(s^power)/ds arccos(t/r) dt, (n-1, n-1), over the cells (s = t - their start) for all radii r > 0."""
+    x, w = np.polynomial.legendre.leggauss(14)
+    x, w = 0.5 * (x + 1.0), 0.5 * w
+    moments = np.zeros((radii.size - 1, radii.size - 1))
+    widths = np.diff(radii)
+    for row, r in enumerate(radii[1:]):
+        width = widths[:row, None]
+        angle = np.arccos((radii[:row, None] + width * x) / r)
+        moments[row, :row] = (angle * x ** (power - 1)) @ w * (power * widths[:row] ** power)
+        # the cell that ends at r: with t = r - width v² the arccosine, 2 arcsin √((r-t)/2r), is smooth in v
+        angle = 2.0 * np.arcsin(x * math.sqrt(0.5 * widths[row] / r))
+        moments[row, row] = (angle * (1.0 - x * x) ** (power - 1) * 2.0 * x) @ w * (power * widths[row] ** power)
+    return moments
+
+
+def _third_derivatives(pieces: PPoly) -> FloatArray:
+    """Return the third derivative of each piece of a spline from the second ones at the knots.
+
+    So they agree to rounding with a second derivative that is continuous; those of the pieces themselves do not, and
+    the difference grows with the cube of the distance from the knot.
+    """
+    second = 2.0 * pieces.c[1]
+    last = np.asarray(pieces(pieces.x[-1], 2))
+    steps = np.diff(pieces.x).reshape(-1, *([1] * (second.ndim - 1)))
+    return np.asarray(np.diff(np.concatenate([second, last[None]]), axis=0) / steps)
+
+
+def _continued(pieces: PPoly) -> PPoly:
+    """Return the pieces with a last one of second degree that goes on with value, slope and curvature."""
+    end = float(pieces.x[-1])
+    last = np.array([[0.0], [0.5 * float(pieces(end, 2))], [float(pieces(end, 1))], [float(pieces(end))]])
+    return PPoly(np.concatenate([pieces.c, last], axis=1), np.append(pieces.x, 2.0 * end))
+
+
+def _rises(pieces: PPoly) -> bool:
+    """Whether the cubic pieces have a positive slope for t > 0: at their ends and where the slope is least."""
+    slope = pieces.derivative()
+    with np.errstate(divide="ignore", invalid="ignore"):
+        vertex = -slope.c[1] / (2.0 * slope.c[0])
+    inside = (vertex > 0.0) & (vertex < np.diff(slope.x))
+    places = np.concatenate([slope.x[1:], (slope.x[:-1] + np.where(inside, vertex, 0.0))[inside]])
+    return bool(np.all(slope(places) > 0.0) and slope(0.0) >= 0.0)
+
+
+def _moment(m: int, angle: FloatArray) -> FloatArray:
+    """Return K_m(θ) = ∫_0^θ (cos φ - cos θ)^m dφ for θ in [0, π/2], m = 1, 2, 3, of the shape of `angle`."""
+    square = angle * angle
+    x = square * (2.0 / _QUARTER**2) - 1.0
+    return np.asarray(np.polynomial.chebyshev.chebval(x, _moment_series(m)) * square**m * angle)
+
+
+@cache
+def _moment_series(m: int) -> FloatArray:
+    """Return the Chebyshev coefficients of K_m(θ)/θ^(2m+1), an entire function of θ², on 0 ≤ θ ≤ π/2."""
+    x, w = np.polynomial.legendre.leggauss(24)
+    x, w = 0.5 * (x + 1.0), 0.5 * w
+
+    places = np.polynomial.chebyshev.chebpts1(12)
+    angle = _QUARTER * np.sqrt(0.5 * (places + 1.0))[:, None]
+    # cos φ - cos θ = 2 sin((θ+φ)/2) sin((θ-φ)/2): no cancellation; and sin u = u sinc(u/π)
+    plus, minus = 0.5 * (1.0 + x), 0.5 * (1.0 - x)
+    product = 2.0 * plus * minus * np.sinc(plus * angle / math.pi) * np.sinc(minus * angle / math.pi)
+    return np.asarray(np.polynomial.chebyshev.chebfit(places, product**m @ w, 11))
+
+
+@dataclass(frozen=True)
+class Profile(Tip):
+    """A tip given by a table of heights, joined so that its Abel transform is a cubic spline.
+
+    Attributes
+    ----------
+    radii
+        (n,) 4 ≤ n ≤ 1000, increasing from 0, lengths.
+    heights
+        (n,) increasing from 0.
+    apex
+        ``"smooth"``: horizontal at r = 0; ``"sharp"``: its slope there follows from the table.
+
+    Notes
+    -----
+    ζ is the cubic spline with knots at the radii whose tip has exactly the heights given. Beyond the last radius ζ goes
+    on with its last curvature (as for a parabola), or straight (as for a cone) where that would be negative.
+    """
+
+    name: ClassVar[str] = "profile"
+    dimensions: ClassVar[Mapping[str, str]] = {"radii": "length", "heights": "length", "apex": "text"}
+
+    radii: tuple[float, ...]
+    heights: tuple[float, ...]
+    apex: str = "smooth"
+    _table: ProfileTable = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        if self.apex not in ("smooth", "sharp"):
+            raise InputError(f"apex: {self.apex!r}; must be 'smooth' or 'sharp'")
+        radii, heights = numbers(self.radii, "radii"), numbers(self.heights, "heights")
+        object.__setattr__(self, "radii", tuple(radii.tolist()))
+        object.__setattr__(self, "heights", tuple(heights.tolist()))
+        object.__setattr__(self, "_table", ProfileTable.of(radii, heights, self.apex == "sharp"))
+
+    @property
+    def apex_exponent(self) -> float:
+        """2 for a smooth apex, 1 for a sharp one."""
+        return 1.0 if self.apex == "sharp" else 2.0
+
+    @property
+    def natural_length(self) -> float:
+        """The radius of curvature at a smooth apex, r²/(2z) of the last entry for a sharp or flat one."""
+        return self._table.radius
+
+    def height(self, r: ArrayLike) -> FloatArray:
+        """Return the profile: the table's heights at its radii."""
+        return self._table.shape_gap(np.asarray(r, dtype=np.float64), 0.0)[0]
+
+    def height_derivative(self, r: ArrayLike) -> FloatArray:
+        """Return z'(r)."""
+        return self._table.height_derivative(np.asarray(r, dtype=np.float64))
+
+    def transform(self, t: ArrayLike) -> FloatArray:
+        """Return the spline ζ(t)."""
+        return np.asarray(self._table.transform(np.asarray(t, dtype=np.float64)))
+
+    def transform_derivative(self, t: ArrayLike) -> FloatArray:
+        """Return ζ'(t)."""
+        return np.asarray(self._table.transform(np.asarray(t, dtype=np.float64), 1))
+
+    def transform_integral(self, a: ArrayLike) -> FloatArray:
+        """Return the spline's integral."""
+        return np.asarray(self._table.integral(np.asarray(a, dtype=np.float64)))
+
+    def transform_square_integral(self, a: ArrayLike) -> FloatArray:
+        """Return the integral of the spline's square."""
+        return np.asarray(self._table.square_integral(np.asarray(a, dtype=np.float64)))
+
+    def shape_gap(self, rho: ArrayLike, a: float) -> tuple[FloatArray, FloatArray]:
+        """Return the gap and its slope, exact for the spline."""
+        return self._table.shape_gap(np.asarray(rho, dtype=np.float64), a)
+
+    def reduced_scales(self, adhesion_length: float) -> tuple[float, float]:
+        """Return the scales of the parabola of radius `natural_length`, (23) and (24)."""
+        return parabolic_scales(self.natural_length, adhesion_length)
+
+    def scaled(self, in_plane: float, normal: float) -> Profile:
+        """Return the table in other units."""
+        return Profile(tuple(r / in_plane for r in self.radii), tuple(z / normal for z in self.heights), self.apex)

@@ -1,0 +1,1 @@
+"""What every curve of contact equilibria needs, whatever the model."""

@@ -1,0 +1,117 @@
+"""Names of folds and the thresholds they define."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from contbranch.contact.interactions import Interaction, Layered
+from contbranch.results.diagram import Event
+
+__all__ = ["fold_name", "number_layers", "thresholds"]
+
+# Folds at which a control has a maximum along the curve, and a minimum.
+MAXIMA, MINIMA = ("squeeze-out", "jump-in"), ("wetting", "pull-off")
+
+
+def fold_name(interaction: Interaction | None, control: str | None, load: float, lost_on_increase: bool) -> str:
+    """Name of a fold at which a stable part ends.
+
+    Attraction: ``jump-in`` when stability is lost on approach, ``pull-off`` on retraction; repulsion: ``squeeze-out``
+    when it
+    is lost on increasing the control, ``wetting`` on decreasing it. Where both signs occur, the sign of the load
+    decides (jump-in exists under displacement control only: under load control it would lie at infinite separation).
+
+    Parameters
+    ----------
+    lost_on_increase : bool
+        Whether the stable part lies at smaller values of the control.
+    """
+    works = [term.work_of_adhesion for term in interaction.terms] if interaction is not None else []
+    mixed = min(works, default=0.0) < 0 < max(works, default=0.0) or any(
+        isinstance(term, Layered) for term in (interaction.terms if interaction is not None else ())
+    )
+    attracts = load < 0 if mixed else max(works, default=0.0) > 0
+    if mixed and control == "load" and lost_on_increase:
+        attracts = False
+    if attracts:
+        return "jump-in" if lost_on_increase else "pull-off"
+    return "squeeze-out" if lost_on_increase else "wetting"
+
+
+def number_layers(
+    names: Sequence[str | None], controls: Sequence[str | None], interaction: Interaction | None
+) -> list[str | None]:
+    """Names of a cascade of layers numbered from the wall: ``squeeze-out-1``, …; other names as they are.
+
+    The curve comes from far away, so the last fold is closest to the wall. Along it every layer has a maximum of the
+    load and then one of the displacement, a minimum of the displacement and then one of the load, the inner two only
+    where displacement control is unstable, too: they bear the number of the load's. Maxima (``squeeze-out``,
+    ``jump-in``) and minima (``wetting`` or, where the load is negative, ``pull-off``) are counted apart.
+    """
+    numbered = list(names)
+    terms = interaction.terms if interaction is not None else ()
+    if not any(isinstance(term, Layered) for term in terms):
+        return numbered
+    groups = {group: [k for k, name in enumerate(names) if name in group] for group in (MAXIMA, MINIMA)}
+    by_load = {group: [k for k in members if controls[k] == "load"] for group, members in groups.items()}
+    counts = [sum(controls[k] == c for k in members) for members in groups.values() for c in set(controls)]
+    if max(counts, default=0) < 2:
+        return numbered
+    for group, members in groups.items():
+        layers = {k: number for number, k in enumerate(reversed(by_load[group]), start=1)}
+        alone = {k: number for number, k in enumerate(reversed(members), start=1)}
+        for k in members:
+            if k in layers:
+                number = layers[k]
+            elif not layers:
+                number = alone[k]
+            else:
+                side = [j for j in layers if (j < k) == (group is MAXIMA)]
+                number = layers[min(side or layers, key=lambda j, k=k: abs(j - k))]
+            numbered[k] = f"{names[k]}-{number}"
+    return numbered
+
+
+def thresholds(events: Sequence[Event], repulsive: bool) -> dict[str, float]:
+    """Named loads, displacements and radii of a diagram's events; no key for what does not exist.
+
+    Of several folds with one name the outermost counts: the lowest for pull-off and wetting, the highest for the
+    others. A repulsion without folds squeezes out continuously, at first touch.
+    """
+    found: dict[str, float] = {}
+    for control in ("load", "displacement"):
+        for name in ("pull-off", "jump-in", "squeeze-out", "wetting"):
+            named = [e for e in events if e.kind == "fold" and e.control == control and _base(e.name) == name]
+            if not named:
+                continue
+            lowest = name in ("pull-off", "wetting")
+            outermost = (min if lowest else max)(named, key=lambda e: getattr(e, control))
+            key = name.replace("-", "_")
+            if not (name == "jump-in" and control == "load"):
+                found[f"{key}_{control}"] = getattr(outermost, control)
+            if outermost.contact_radius > 0:
+                radius = f"{key}_radius" if control == "load" else f"{key}_displacement_radius"
+                if radius in _RADII:
+                    found[radius] = outermost.contact_radius
+    touches = [e for e in events if e.kind == "touch"]
+    if touches:
+        found["touch_load"], found["touch_displacement"] = touches[0].load, touches[0].displacement
+        for control in ("load", "displacement") if repulsive else ():
+            if not any(e.kind == "fold" and e.control == control for e in events):
+                for name in ("squeeze_out", "wetting"):
+                    found[f"{name}_{control}"] = found[f"touch_{control}"]
+    return found
+
+
+_RADII = {
+    "pull_off_radius",
+    "squeeze_out_radius",
+    "wetting_radius",
+    "pull_off_displacement_radius",
+    "jump_in_displacement_radius",
+}
+
+
+def _base(name: str | None) -> str | None:
+    """A fold's name without the number of its layer."""
+    return name.rstrip("0123456789").rstrip("-") if name else None

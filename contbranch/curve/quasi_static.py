@@ -1,0 +1,265 @@
+"""Quasi-static paths along a curve of equilibria: up and down, with a jump wherever stability is lost.
+
+What a path needs to know of the curve is a `Walk`; each model provides one. The control is raised from where the curve
+starts to where it ends, then lowered again. A stable part ends at a fold of the control; there the system jumps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbranch.control import Control
+from contbranch.results.diagram import State
+
+__all__ = ["Jump", "Leg", "Stop", "Walk", "next_along", "quasi_static"]
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Stop:
+    """A state on the curve, exact within its error estimates.
+
+    Attributes
+    ----------
+    piece : int
+        It lies between the rows `piece` and ``piece + 1``; −1 for before the first row.
+    state : State
+        Reduced units.
+    place : object
+        Where the model has it.
+    row : int or None
+        Its row, if it is one.
+    uncertainty : float
+        Error estimate of V − F d at its load, which is stationary with respect to errors of the state.
+    """
+
+    piece: int
+    state: State
+    place: Any = None
+    row: int | None = None
+    uncertainty: float = 1e-14
+
+
+class Walk(Protocol):
+    """A curve under one control, as a path needs it. Rows are points; pieces lie between them."""
+
+    @property
+    def control(self) -> Control:
+        """The control, reduced units."""
+
+    @property
+    def follows(self) -> bool:
+        """Whether `relaxed` is asked even where only one state is lower, since others may not be on the curve."""
+
+    @property
+    def values(self) -> Array:
+        """What is controlled at the rows, (M,); monotone between them."""
+
+    @property
+    def unstable(self) -> Integers:
+        """Morse index under the control on the pieces, (M − 1,)."""
+
+    @property
+    def rising(self) -> Integers:
+        """Signs of the change of what is controlled on the pieces, which change at its folds only, (M − 1,)."""
+
+    def folds(self) -> dict[int, Stop]:
+        """The folds of the control, by row."""
+
+    def row(self, row: int) -> State:
+        """The state of a row, without profile."""
+
+    def stop(self, row: int) -> Stop:
+        """A row as a stop."""
+
+    def between(self, begin: Stop, end: Stop, count: int) -> list[State]:
+        """States between two stops on one piece of the curve, without profiles."""
+
+    def crossing(self, piece: int, value: float) -> Stop:
+        """The state on a piece at a value of the control."""
+
+    def before(self, value: float) -> Stop | None:
+        """The state before the first row at a value; None if the control does not reach it there."""
+
+    def work(self, begin: Stop, end: Stop) -> float:
+        """∫ F dd along the curve between two stops."""
+
+    def relaxed(self, fold: Stop, candidates: Sequence[Stop]) -> Stop | None:
+        """Which of several stable states overdamped relaxation from a fold reaches; None for none of them."""
+
+
+@dataclass(frozen=True)
+class Leg:
+    """A stable part followed in one direction of the control (+1: raised), from a stop over rows to a stop."""
+
+    direction: int
+    rows: tuple[int, ...]
+    begin: Stop | None
+    end: Stop | None
+
+
+@dataclass(frozen=True)
+class Jump:
+    """A jump at a fold: where from, where to (None: nowhere, to infinite separation), and at which row the fold is."""
+
+    row: int
+    direction: int
+    begin: Stop
+    end: Stop | None
+    others: tuple[Stop, ...] = field(default=(), repr=False)
+
+
+def quasi_static(walk: Walk) -> tuple[list[Leg], list[Jump]]:
+    """The path up and down, as legs on stable parts and the jumps between them.
+
+    The path starts at the curve's first row if that is stable, otherwise at the first stable part along the curve: at
+    zero if the control has this value there, or at the fold where it begins.
+    """
+    legs: list[Leg] = []
+    jumps: list[Jump] = []
+    folds = walk.folds()
+    start = _start(walk, folds)
+    if start is None:
+        return legs, jumps
+    piece, begin, row = start
+    for direction in (1, -1):
+        while True:
+            leg, fold_row = _followed(walk, folds, piece, direction, begin, row)
+            legs.append(leg)
+            if fold_row is None:
+                break
+            jump = _jump(walk, folds, fold_row, direction, leg)
+            jumps.append(jump)
+            if jump.end is None:
+                return legs, jumps
+            if jump.end.piece < 0:
+                legs.append(Leg(direction, (), jump.end, None))
+                return legs, jumps
+            piece, begin, row = jump.end.piece, jump.end, None
+        last = legs[-1]
+        # The way back starts where this one has ended, a row at an end of the curve.
+        row = last.rows[-1] if last.rows else None
+        if row is not None:
+            piece, begin = min(row, len(walk.unstable) - 1), None
+    return legs, jumps
+
+
+def _start(walk: Walk, folds: dict[int, Stop]) -> tuple[int, Stop | None, int | None] | None:
+    """Piece, stop and row at which the path starts."""
+    unstable, values = walk.unstable, walk.values
+    stable = np.flatnonzero(unstable == 0)
+    if len(stable) == 0:
+        return None
+    first = int(stable[0])
+    if first == 0:
+        return 0, None, 0
+    piece = first
+    while piece < len(unstable) and unstable[piece] == 0:
+        if min(values[piece], values[piece + 1]) < 0.0 <= max(values[piece], values[piece + 1]):
+            return piece, walk.crossing(piece, 0.0), None
+        piece += 1
+    return first, folds.get(first), None
+
+
+def _followed(
+    walk: Walk, folds: dict[int, Stop], piece: int, direction: int, begin: Stop | None, row: int | None
+) -> tuple[Leg, int | None]:
+    """Follow a stable part while the control moves in a direction; return the leg, and the fold's row where it ends."""
+    rows = [] if row is None else [row]
+    sense = direction * (1 if walk.rising[piece] > 0 else -1)
+    while True:
+        ahead = piece + 1 if sense > 0 else piece
+        if ahead in folds:
+            return Leg(direction, tuple(rows), begin, folds[ahead]), ahead
+        if not rows or rows[-1] != ahead:
+            rows.append(ahead)
+        piece += sense
+        if not 0 <= piece < len(walk.unstable) or walk.unstable[piece] != 0:
+            return Leg(direction, tuple(rows), begin, None), None
+
+
+def _jump(walk: Walk, folds: dict[int, Stop], row: int, direction: int, leg: Leg) -> Jump:
+    """The jump from a fold to the state that overdamped relaxation reaches.
+
+    The energy of system and drive falls during the relaxation: only states below the fold can be reached, and if there
+    is just one that is stable, it is. Between several the relaxation itself decides.
+    """
+    fold, control = folds[row], walk.control
+    value = control.value(fold.state.load, fold.state.displacement)
+
+    def height(state: State) -> float:
+        return state.energy + control.potential(value, state.load, state.displacement)
+
+    candidates = []
+    outside = walk.before(value) if walk.unstable[0] == 0 and value < walk.values[0] else None
+    if outside is not None:
+        candidates.append(outside)
+    for piece in np.flatnonzero(walk.unstable == 0):
+        low, high = sorted((walk.values[piece], walk.values[piece + 1]))
+        if low < value <= high and piece not in (row - 1, row):
+            candidates.append(walk.crossing(int(piece), value))
+    below = [stop for stop in candidates if height(stop.state) < height(fold.state)]
+    # Where the curve need not hold all states, relaxations are followed; under load they may have no end.
+    followed = walk.follows and (below or control.kind != "load")
+    if len(below) < 2 and not followed:
+        return Jump(row, direction, fold, below[0] if below else None)
+    end = walk.relaxed(fold, below)
+    return Jump(row, direction, fold, end, tuple(stop for stop in below if stop is not end))
+
+
+def next_along(walk: Walk, fold: Stop, candidates: Sequence[Stop]) -> tuple[Stop, bool]:
+    """Of stable states lower than a fold the next one along the curve, and whether energies show that it is reached.
+
+    Beyond the fold the curve goes on as the saddle that has just merged with the stable state; on its other side lies
+    the next stable one. The relaxation goes downhill, and from there a neighbour can only be reached over the saddle
+    between them: not if that is as high as the fold. (Saddles that are not on the curve are not considered.)
+
+    Parameters
+    ----------
+    walk : Walk
+    fold : Stop
+        With its row; the path comes from its stable side.
+    candidates : sequence of Stop
+        Stable states at the fold's value of the control; at least one.
+    """
+    row, control, unstable, values = fold.row, walk.control, walk.unstable, walk.values
+    assert row is not None
+    onward = row > 0 and unstable[row - 1] == 0
+    value = control.value(fold.state.load, fold.state.displacement)
+
+    def beyond(stop: Stop) -> bool:
+        return (stop.piece >= row) == onward
+
+    def away(stop: Stop) -> float:
+        return abs(stop.piece + 0.5 - row)
+
+    def height(state: State) -> float:
+        return state.energy + control.potential(value, state.load, state.displacement)
+
+    ahead = [stop for stop in candidates if beyond(stop)]
+    if not ahead:
+        return min(candidates, key=away), False
+    found = min(ahead, key=away)
+    low, high = np.minimum(values[:-1], values[1:]), np.maximum(values[:-1], values[1:])
+    passed = (low < value) & (value <= high) & (unstable > 0)
+
+    def separated(other: Stop) -> bool:
+        begin, end = (found.piece + 1, other.piece) if other.piece > found.piece else (other.piece + 1, found.piece)
+        if not beyond(other):  # of the way there the part behind the fold; the other one leads to the state found
+            begin, end = (begin, row - 1) if onward else (row + 1, end)
+        saddles = [piece for piece in range(max(begin, 0), end) if passed[piece]]
+        return any(height(walk.crossing(piece, value).state) >= height(fold.state) for piece in saddles)
+
+    neighbours = [
+        min(group, key=away)
+        for group in ([s for s in ahead if s is not found], [s for s in candidates if not beyond(s)])
+        if group
+    ]
+    return found, all(separated(stop) for stop in neighbours)

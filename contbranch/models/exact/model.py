@@ -1,0 +1,46 @@
+"""The exact model: a parabola with Maugis-Dugdale attraction, whose equilibria are known in closed form."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from contbranch.contact.contact import Contact
+from contbranch.contact.interactions import MaugisDugdale
+from contbranch.contact.tips import Parabola
+from contbranch.errors import InputError
+from contbranch.models.exact.curve import ExactCurve
+
+__all__ = ["Exact", "ExactCurve"]
+
+
+@dataclass(frozen=True)
+class Exact:
+    """The choice of the exact model: a parabola with Maugis-Dugdale attraction, without discretisation."""
+
+    name: ClassVar[str] = "exact"
+
+    def obstacle(self, contact: Contact) -> str | None:
+        """Return why the model does not represent a contact, as the end of a sentence, or None if it does."""
+        if not isinstance(contact.tip.axisymmetric, Parabola):
+            shape = contact.tip.name or type(contact.tip).__name__
+            return f"the closed form holds for a parabola, not for a tip of the shape {shape}"
+        if not isinstance(contact.interaction, MaugisDugdale):
+            law = "no interaction" if contact.interaction is None else contact.interaction.name or "another law"
+            return f"the closed form holds for the law maugis-dugdale alone, not for {law}"
+        if contact.interaction.work_of_adhesion <= 0.0:
+            return "for repulsion the true solution has a ring of constant gap that the closed form does not contain"
+        return None
+
+    def curve(self, contact: Contact) -> ExactCurve:
+        """Return the curve of equilibria of a contact, in its reduced units.
+
+        Raises
+        ------
+        InputError
+            If the model does not represent the contact; the message says why.
+        """
+        obstacle, tabor = self.obstacle(contact), contact.tabor
+        if obstacle is not None or tabor is None:
+            raise InputError(f"model exact does not represent this contact: {obstacle}; choose axisymmetric or auto")
+        return ExactCurve(tabor)

@@ -1,0 +1,1 @@
+"""Results as plots, HDF5 files, JSON documents and text; no physics."""

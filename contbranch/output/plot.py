@@ -1,0 +1,369 @@
+"""Publication plots: bifurcation diagrams, profiles of gap and pressure, local exponents.
+
+Figures are one column wide and drawn without pyplot, so that they need no display and keep no global state. Colours are
+those of Okabe and Ito, which stay apart for colour-blind readers; line style and marker shape repeat what colour says.
+"""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from numpy.typing import NDArray
+
+from contbranch.errors import InputError
+from contbranch.output.plot_curve import Line, Piece, fine_profile, pieces, smooth_line
+from contbranch.output.plot_labels import place_labels
+from contbranch.output.plot_style import STYLE as _STYLE
+from contbranch.output.plot_style import new_figure as _figure
+from contbranch.output.plot_view import arrange_panels, axis_label, check_observables, has_natural_units, view
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from contbranch.results.diagram import Diagram, Event, State
+
+__all__ = ["SUFFIXES", "bifurcation_diagram", "check_suffix", "local_exponent", "overview", "profiles", "save_figure"]
+
+Array = NDArray[np.float64]
+
+SUFFIXES: Final = (".pdf", ".png", ".svg")
+
+_STABLE, _UNSTABLE, _TOUCH, _GREY = "#0072B2", "#D55E00", "#009E73", "#555555"
+_SYMMETRY: Final = "#CC79A7"
+_MODES: Final = 6  # up to so many losses of symmetry are all labelled; of more, those of the least and the largest m
+_KNOWN: Final = 0.1  # local exponents with a larger error are not drawn
+_SERIES: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+
+
+def bifurcation_diagram(diagram: Diagram, x: str = "load", y: str = "contact_radius") -> Figure:
+    """Draw `y` against `x`: solid where stable under the diagram's control, dashed where not, folds and touch marked.
+
+    Parameters
+    ----------
+    diagram : Diagram
+    x, y : str
+        Two of ``load``, ``displacement``, ``contact_radius``, ``central_gap`` and ``energy``.
+
+    Raises
+    ------
+    InputError
+        For another observable.
+    """
+    if not _drawable(diagram):
+        return _nothing_to_draw(diagram)
+    with mpl.rc_context(_STYLE):
+        figure = _figure(2.7)
+        axes = figure.subplots()
+        _draw_curve(axes, diagram, _lines(diagram), x, y)
+        _finish(figure, [axes], diagram, [(x, y)])
+    return figure
+
+
+def overview(diagram: Diagram) -> Figure:
+    """Draw contact radius against load above load against displacement, as `bifurcation_diagram` draws one of them."""
+    if not _drawable(diagram):
+        return _nothing_to_draw(diagram)
+    panels = [("load", "contact_radius"), ("displacement", "load")]
+    with mpl.rc_context(_STYLE):
+        figure = _figure(4.9)
+        both = list(figure.subplots(2, 1))
+        lines = _lines(diagram)
+        for axes, (x, y), letter in zip(both, panels, "ab", strict=True):
+            _draw_curve(axes, diagram, lines, x, y)
+            axes.set_title(f"({letter})", loc="left", fontsize=8.5, pad=4.0)
+        _finish(figure, both, diagram, panels)
+    return figure
+
+
+def _drawable(diagram: Diagram) -> bool:
+    """Whether there is a line to draw: two points at least on every branch."""
+    return bool(diagram.branches) and all(len(branch) > 1 for branch in diagram.branches)
+
+
+def _nothing_to_draw(diagram: Diagram) -> Figure:
+    """Return a figure that says why there is no curve."""
+    with mpl.rc_context(_STYLE):
+        figure = _figure(1.2)
+        words = textwrap.fill(f"No curve could be traced. {diagram.message}", 60)
+        figure.text(0.5, 0.5, words, ha="center", va="center")
+    return figure
+
+
+def profiles(state: State, unit_names: dict[str, str] | None = None) -> Figure:
+    """Draw gap and pressure of a state against the radius; `unit_names` as in ``contact.units.names``.
+
+    Raises
+    ------
+    InputError
+        If the state has no profile.
+    """
+    profile = state.profile
+    if profile is None:
+        raise InputError("state: it has no profile; take a state of a traced diagram or of solve")
+    names = unit_names or {}
+    fine = fine_profile(profile, state.contact_radius)
+    shown = fine.r <= _interesting_radius(state)
+    r = fine.r[shown]
+    with mpl.rc_context(_STYLE):
+        figure = _figure(3.8)
+        above, below = figure.subplots(2, 1, sharex=True)
+        above.plot(r, fine.gap[shown], color=_STABLE)
+        below.plot(r, fine.pressure[shown], color=_STABLE, label="total")
+        if state.contact_radius > 0.0:
+            below.plot(r, fine.wall_pressure[shown], color=_UNSTABLE, linestyle="--", label="wall")
+            below.legend()
+        below.axhline(0.0, color=_GREY, linewidth=0.5, zorder=0)
+        for axes in (above, below):
+            if state.contact_radius > 0.0:
+                axes.axvline(state.contact_radius, color=_GREY, linewidth=0.6, linestyle=":", zorder=0)
+            axes.margins(x=0.0)
+        if state.contact_radius > 0.0:
+            above.annotate(
+                "$a_c$", (state.contact_radius, 1.0), (3.0, -3.0), xycoords=above.get_xaxis_transform(),
+                textcoords="offset points", va="top", color=_GREY,
+            )  # fmt: skip
+        above.set_ylim(bottom=-0.04 * float(np.max(fine.gap[shown], initial=1e-300)))
+        above.set_ylabel(axis_label("gap", names, False))
+        below.set_ylabel(axis_label("pressure", names, False))
+        below.set_xlabel(axis_label("r", names, False))
+        figure.align_ylabels()
+    return figure
+
+
+def local_exponent(diagram: Diagram, events: Sequence[Event] | None = None) -> Figure:
+    """Draw the local exponents of events against the excess of the control, with lines at 1/2 and 1/3.
+
+    Parameters
+    ----------
+    diagram : Diagram
+    events : sequence of Event, optional
+        Folds and touches of the diagram; default: the named folds under its control.
+
+    Raises
+    ------
+    InputError
+        If there is no such event, or an event has no local exponent.
+    """
+    chosen = [e for e in diagram.folds(diagram.control) if e.name] if events is None else list(events)
+    if not chosen:
+        raise InputError(f"events: no fold under {diagram.control} control has a name; give events of the diagram")
+    names = diagram.unit_names
+    with mpl.rc_context(_STYLE):
+        figure = _figure(2.7)
+        axes = figure.subplots()
+        for level, text in ((1 / 2, "1/2"), (1 / 3, "1/3")):
+            axes.axhline(level, color=_GREY, linewidth=0.6, linestyle=":", zorder=0)
+            axes.annotate(
+                text, (1.0, level), (3.0, 0.0), xycoords=axes.get_yaxis_transform(), textcoords="offset points",
+                va="center", color=_GREY, fontsize=7.0, annotation_clip=False,
+            )  # fmt: skip
+        for event, color in zip(chosen, _SERIES * (1 + len(chosen) // len(_SERIES)), strict=False):
+            _draw_exponent(axes, diagram, event, color)
+        axes.set_xscale("log")
+        shown = np.concatenate([line.get_ydata() for line in axes.get_lines()])
+        axes.set_ylim(max(min(shown.min(), 1 / 3) - 0.05, -0.2), min(max(shown.max(), 1 / 2) + 0.05, 1.2))
+        axes.margins(x=0.02)
+        symbol = r"\Delta d" if all(e.control == "displacement" for e in chosen) else r"\Delta F_N"
+        unit = names.get("displacement" if "d" in symbol[-1] else "load", "")
+        axes.set_xlabel(f"Excess over the event ${symbol}$" + (f" ({unit})" if unit else ""))
+        axes.set_ylabel(r"Local exponent $\kappa_\mathrm{local}$")
+        axes.legend()
+    return figure
+
+
+def check_suffix(path: str | Path, field: str = "path") -> None:
+    """Raise InputError unless `path` ends in a suffix that can be drawn."""
+    if Path(path).suffix.lower() not in SUFFIXES:
+        known = f"{', '.join(SUFFIXES[:-1])} or {SUFFIXES[-1]}"
+        raise InputError(f"{field}: '{path}' has no known suffix; must end in {known}")
+
+
+def save_figure(figure: Figure, path: str | Path) -> None:
+    """Write a figure as PNG, PDF or SVG, by the suffix of `path`.
+
+    Raises
+    ------
+    InputError
+        For another suffix, or if the file cannot be written.
+    """
+    check_suffix(path)
+    kind = Path(path).suffix.lower()[1:]
+    dates = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}.get(kind)
+    try:
+        with mpl.rc_context(_STYLE):
+            figure.savefig(path, dpi=300, metadata=dates, format=kind)
+    except OSError as error:
+        reason = error.strerror or error
+        raise InputError(f"path: '{path}' cannot be written ({reason}); give a writable file") from None
+
+
+def _interesting_radius(state: State) -> float:
+    """Return the radius up to which a profile is shown: where its pressure fades, beyond the contact at any rate."""
+    profile = state.profile
+    assert profile is not None
+    strength = np.abs(profile.pressure)
+    loud = np.flatnonzero(strength > 0.01 * np.max(strength, initial=0.0))
+    reach = 1.25 * float(profile.r[loud[-1]]) if loud.size else float(profile.r[-1])
+    return max(reach, 1.5 * state.contact_radius)
+
+
+# One curve
+
+
+def _draw_curve(axes: Axes, diagram: Diagram, lines: Sequence[Line], x: str, y: str) -> None:
+    """Draw the branches with their stability, mark the events and set limits and axis labels."""
+    check_observables(x, y)
+    reduced = _has_natural_units(diagram)
+    axes.set_xlabel(axis_label(x, diagram.unit_names, reduced))
+    axes.set_ylabel(axis_label(y, diagram.unit_names, reduced))
+    for line in lines:
+        for piece in pieces(line, x, y):
+            _draw_piece(axes, piece)
+    for event in _marked(diagram):
+        _draw_marker(axes, diagram, event, x, y)
+    limits = view(diagram, lines, x, y)
+    if limits is not None:
+        axes.set_xlim(*limits.x)
+        axes.set_ylim(*limits.y)
+    for name, draw in ((x, axes.axvline), (y, axes.axhline)):
+        if name in ("load", "displacement"):
+            draw(0.0, color=_GREY, linewidth=0.4, alpha=0.6, zorder=0)
+
+
+def _lines(diagram: Diagram) -> list[Line]:
+    return [smooth_line(diagram, number) for number in range(len(diagram.branches))]
+
+
+def _has_natural_units(diagram: Diagram) -> bool:
+    """Whether numbers are in the units R, E and |Δγ| of a parabola, which the axis labels then name."""
+    return not diagram.unit_names and diagram.contact is not None and has_natural_units(diagram.contact)
+
+
+def _draw_piece(axes: Axes, piece: Piece) -> None:
+    if piece.stable:
+        axes.plot(piece.x, piece.y, color=_STABLE, solid_capstyle="round", solid_joinstyle="round", zorder=3)
+    else:
+        axes.plot(piece.x, piece.y, color=_UNSTABLE, linestyle=(0, (3.2, 1.6)), dash_joinstyle="round", zorder=2)
+
+
+def _marked(diagram: Diagram) -> list[Event]:
+    """Return the events that get a marker: named folds, touches, and where symmetry is lost."""
+    return [e for e in diagram.events if (e.kind == "fold" and e.name) or e.kind in ("touch", "symmetry")]
+
+
+def _marker(diagram: Diagram, event: Event) -> dict[str, Any]:
+    """Return the style of an event's marker: full for folds under the diagram's control, empty for the other's."""
+    if event.kind == "touch":
+        return {"marker": "D", "markersize": 4.0, "markerfacecolor": _TOUCH, "markeredgecolor": "white"}
+    if event.kind == "symmetry":
+        return {"marker": "p", "markersize": 5.2, "markerfacecolor": _SYMMETRY, "markeredgecolor": "white"}
+    own = event.control == diagram.control
+    marker = {"load": "o", "displacement": "s"}.get(event.control or "", "^")
+    return {
+        "marker": marker,
+        "markersize": 4.8 if own else 4.2,
+        "markerfacecolor": "black" if own else "white",
+        "markeredgecolor": "white" if own else "black",
+    }
+
+
+def _draw_marker(axes: Axes, diagram: Diagram, event: Event, x: str, y: str) -> None:
+    if x == "energy" or y == "energy":
+        return  # events carry no energy
+    own = event.control == diagram.control  # drawn on top
+    level = 5.0 if event.kind == "touch" else 6.0 if own else 4.0
+    place = (getattr(event, x), getattr(event, y))
+    axes.plot(*place, linestyle="none", markeredgewidth=0.7, zorder=level, **_marker(diagram, event))
+
+
+def _finish(figure: Figure, panels: Sequence[Axes], diagram: Diagram, observables: Sequence[tuple[str, str]]) -> None:
+    """Add the legend above the panels, then, when the layout is final, labels where they hide nothing."""
+    handles = _legend(diagram)
+    figure.legend(
+        handles=handles,
+        loc="upper center",
+        bbox_to_anchor=(0.5, 1.0),
+        ncols=2,
+        columnspacing=1.6,
+        handletextpad=0.5,
+        borderpad=0.1,
+        borderaxespad=0.2,
+    )
+    arrange_panels(figure, panels, rows=(len(handles) + 1) // 2)
+    for axes, (x, y) in zip(panels, observables, strict=True):
+        if "energy" in (x, y):
+            continue
+        marked = _labelled(axes, diagram, x, y)
+        texts = [_label(event) for event in marked]
+        points = np.array([[getattr(event, x), getattr(event, y)] for event in marked]).reshape(-1, 2)
+        emphasis = [event.kind != "fold" or event.control == diagram.control for event in marked]
+        place_labels(axes, points, texts, ["black" if own else _GREY for own in emphasis])
+
+
+def _labelled(axes: Axes, diagram: Diagram, x: str, y: str) -> list[Event]:
+    """Return the marked events without those that have the label of another one at the same place."""
+    kept: dict[str, list[Array]] = {}
+    events = []
+    modes = [e.mode for e in diagram.events if e.mode is not None]
+    shown = set(modes if len(modes) <= _MODES else (min(modes), max(modes)))
+    for event in sorted(_marked(diagram), key=lambda e: e.control != diagram.control):
+        if event.kind == "symmetry" and event.mode not in shown:
+            continue
+        pixel = axes.transData.transform([getattr(event, x), getattr(event, y)])
+        same = kept.setdefault(_label(event), [])
+        if all(np.hypot(*(pixel - other)) > 6.0 for other in same):
+            same.append(pixel)
+            events.append(event)
+    return events
+
+
+def _label(event: Event) -> str:
+    return f"$m = {event.mode}$" if event.kind == "symmetry" else event.name or "touch"
+
+
+def _legend(diagram: Diagram) -> list[Line2D]:
+    """Return a handle for each line style and marker that occurs."""
+    stable = {bool(np.any(b.unstable(diagram.control) == 0)) for b in diagram.branches}
+    unstable = {bool(np.any(b.unstable(diagram.control) > 0)) for b in diagram.branches}
+    handles = []
+    if True in stable:
+        handles.append(Line2D([], [], color=_STABLE, label=f"stable ({diagram.control} control)"))
+    if True in unstable:
+        handles.append(Line2D([], [], color=_UNSTABLE, linestyle=(0, (3.2, 1.6)), label="unstable"))
+    seen = set()
+    for event in sorted(_marked(diagram), key=lambda e: (e.kind == "fold", e.kind, e.control != diagram.control)):
+        label = {"touch": "first touch", "symmetry": "loss of symmetry"}.get(
+            event.kind, f"fold, {event.control} control"
+        )
+        if label not in seen:
+            seen.add(label)
+            handles.append(
+                Line2D([], [], linestyle="none", markeredgewidth=0.7, label=label, **_marker(diagram, event))
+            )
+    return handles
+
+
+def _draw_exponent(axes: Axes, diagram: Diagram, event: Event, color: str) -> None:
+    """Draw κ_local of one event with its error band and the crossover."""
+    found = diagram.local_exponent(event)
+    good = np.isfinite(found.kappa) & (found.excess > 0.0) & ~(found.error > _KNOWN)
+    excess, kappa = found.excess[good], found.kappa[good]
+    error = np.nan_to_num(found.error[good], nan=0.0)
+    label = event.name or event.kind
+    if event.control:
+        label += f" ({event.control})"
+    axes.plot(excess, kappa, color=color, label=label)
+    axes.fill_between(excess, kappa - error, kappa + error, color=color, alpha=0.25, linewidth=0.0)
+    crossover = None if event.exponent is None else event.exponent.crossover_load
+    if crossover is not None and excess.size and excess[0] < crossover < excess[-1]:
+        at = float(np.interp(np.log(crossover), np.log(excess), kappa))
+        axes.plot(crossover, at, marker="|", markersize=9.0, color=color)
+        symbol = r"$\Delta d_\times$" if event.control == "displacement" else r"$\Delta F_\times$"
+        axes.annotate(symbol, (crossover, at), (2.0, 5.0), textcoords="offset points", color=color, fontsize=7.0)

@@ -1,0 +1,180 @@
+"""Smooth lines: a branch turns round at its folds and nowhere else, a profile has its kink at the rim."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline, PchipInterpolator
+
+from contbranch.results.diagram import Profile
+
+if TYPE_CHECKING:
+    from contbranch.results.diagram import Branch, Diagram, Event
+
+__all__ = ["COORDINATES", "Line", "Piece", "fine_profile", "pieces", "smooth_line"]
+
+Array = NDArray[np.float64]
+Columns = dict[str, Array]
+
+COORDINATES: Final = ("load", "displacement", "contact_radius", "central_gap", "energy")
+
+_FINE: Final = 24  # points drawn for each step of the trace
+
+
+class Line(NamedTuple):
+    """A finely drawn branch.
+
+    Attributes
+    ----------
+    columns : dict of array (M,)
+        Every observable.
+    step : array (M,)
+        The step of the curve a point lies on; the last point of a step is the first of the next, once each.
+    position : array (M,)
+        Position on the branch in units of its points.
+    stable : array (number of steps,)
+        Whether a step is stable under the diagram's control.
+    """
+
+    columns: Columns
+    step: NDArray[np.int64]
+    position: Array
+    stable: NDArray[np.bool_]
+
+
+class Piece(NamedTuple):
+    """A part of a line with one stability: coordinates (M,) and whether it is stable."""
+
+    x: Array
+    y: Array
+    stable: bool
+
+
+def smooth_line(diagram: Diagram, number: int) -> Line:
+    """Return branch `number` with located folds and touches inserted and its steps filled in.
+
+    The trace takes long steps where the curve is smooth. Load, displacement and the contact coordinate (a², or minus
+    the central gap) are joined by cubic splines of the arc length between one touch and the next. Between two events
+    all of them are monotonic; where a spline is not, a monotonic cubic takes its place.
+    """
+    branch = diagram.branches[number]
+    events = [e for e in diagram.events if e.branch == number and e.kind in ("fold", "touch")]
+    knots, position, unstable, touches = _knots(diagram, branch, events)
+    if len(position) < 2:
+        return Line(knots, np.zeros(len(position), dtype=np.int64), position, np.zeros(0, dtype=bool))
+    length = _arc_length(knots, events)
+    steps = np.arange(len(position) - 1)
+    fine = (steps[:, None] + np.arange(_FINE) / _FINE).ravel()
+    fine = np.append(fine, len(position) - 1.0)
+    at = np.interp(fine, np.arange(len(position)), length)
+    columns = {name: np.interp(fine, np.arange(len(position)), knots[name]) for name in COORDINATES}
+    coordinate = np.where(knots["contact_radius"] > 0.0, knots["contact_radius"] ** 2, -knots["central_gap"])
+    for start, stop in pairwise([0, *touches, len(position) - 1]):
+        here = (fine >= start) & (fine <= stop)
+        part = slice(start, stop + 1)
+        for name in ("load", "displacement", "energy"):
+            columns[name][here] = _filled(length[part], knots[name][part], at[here])
+        smooth = _filled(length[part], coordinate[part], at[here])
+        columns["contact_radius"][here] = np.sqrt(np.maximum(smooth, 0.0))
+        columns["central_gap"][here] = np.maximum(-smooth, 0.0)
+    step = np.minimum(fine.astype(np.int64), len(steps) - 1)
+    return Line(columns, step, np.interp(fine, np.arange(len(position)), position), _stability(unstable))
+
+
+def pieces(line: Line, x: str, y: str) -> list[Piece]:
+    """Return the parts of a line between changes of stability; each starts where the one before ends."""
+    found = []
+    cuts = [0, *(np.flatnonzero(line.stable[1:] != line.stable[:-1]) + 1).tolist(), len(line.stable)]
+    for start, stop in pairwise(cuts):
+        if stop > start:
+            part = slice(start * _FINE, stop * _FINE + 1)
+            found.append(Piece(line.columns[x][part], line.columns[y][part], bool(line.stable[start])))
+    return found
+
+
+def fine_profile(profile: Profile, contact_radius: float) -> Profile:
+    """Return a profile with its steps filled in by monotonic cubics, inside and outside the contact apart."""
+    r = profile.r
+    fine = np.unique(r[:-1, None] + np.diff(r)[:, None] * np.linspace(0.0, 1.0, 9))
+    columns = []
+    for values in (profile.gap, profile.pressure, profile.wall_pressure):
+        filled = np.interp(fine, r, values)
+        for side, here in (
+            (r <= contact_radius, fine <= contact_radius),
+            (r >= contact_radius, fine >= contact_radius),
+        ):
+            if np.count_nonzero(side) > 2:
+                inner = here & (fine >= r[side][0]) & (fine <= r[side][-1])
+                filled[inner] = PchipInterpolator(r[side], values[side])(fine[inner])
+        columns.append(filled)
+    return Profile(fine, *columns)
+
+
+def _knots(
+    diagram: Diagram, branch: Branch, events: list[Event]
+) -> tuple[Columns, Array, NDArray[np.int64], list[int]]:
+    """Return points and events in order: columns, positions, unstable modes and the indices of touches.
+
+    Unstable modes are -1 at a fold of the diagram's control and -2 at other events. Points that are events themselves,
+    and points that are not finite, are left out.
+    """
+    position = np.arange(len(branch), dtype=np.float64)
+    keep = np.isfinite(branch.load) & np.isfinite(branch.displacement)
+    keep &= np.isfinite(branch.contact_radius) & np.isfinite(branch.central_gap)
+    for event in events:
+        keep &= np.abs(position - event.position) > 1e-6
+    flags = [-1 if e.kind == "fold" and e.control == diagram.control else -2 for e in events]
+    unstable = np.asarray(branch.unstable(diagram.control), dtype=np.int64)
+    energy = np.interp([e.position for e in events], position, branch.energy)  # events carry none
+    columns = {
+        name: np.concatenate(
+            [getattr(branch, name)[keep], energy if name == "energy" else [getattr(e, name) for e in events]]
+        ).astype(np.float64)
+        for name in COORDINATES
+    }
+    position = np.concatenate([position[keep], [e.position for e in events]])
+    order = np.argsort(position, kind="stable")
+    unstable = np.concatenate([unstable[keep], np.array(flags, dtype=np.int64)])
+    is_touch = np.concatenate([np.zeros(np.count_nonzero(keep), dtype=bool), [e.kind == "touch" for e in events]])
+    ordered = {name: column[order] for name, column in columns.items()}
+    return ordered, position[order], unstable[order], np.flatnonzero(is_touch[order]).tolist()
+
+
+def _arc_length(knots: Columns, events: list[Event]) -> Array:
+    """Return the length along the curve at its knots, in the plane of load and displacement scaled by their extent."""
+    steps = np.zeros(len(knots["load"]) - 1)
+    for name in ("load", "displacement", "contact_radius"):
+        values = [getattr(e, name) for e in events] or knots[name].tolist()
+        extent = (max(values) - min(values)) or float(np.ptp(knots[name])) or 1.0
+        steps = np.hypot(steps, np.diff(knots[name]) / extent)
+    return np.concatenate([[0.0], np.cumsum(np.maximum(steps, 1e-12 * (1.0 + np.sum(steps))))])
+
+
+def _filled(knots: Array, values: Array, at: Array) -> Array:
+    """Return a cubic spline at `at`, with a monotonic cubic in the steps where the spline is not monotonic."""
+    if len(knots) < 3:
+        return np.interp(at, knots, values)
+    spline = np.asarray(CubicSpline(knots, values)(at))
+    monotonic = np.asarray(PchipInterpolator(knots, values)(at))
+    step = np.clip(np.searchsorted(knots, at, side="right") - 1, 0, len(knots) - 2)
+    low = np.minimum(values[:-1], values[1:])[step]
+    high = np.maximum(values[:-1], values[1:])[step]
+    slack = 1e-9 * (high - low)
+    leaves = np.zeros(len(knots) - 1, dtype=bool)
+    np.logical_or.at(leaves, step, (spline < low - slack) | (spline > high + slack))
+    return np.where(leaves[step], monotonic, spline)
+
+
+def _stability(unstable: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Return for each step (M - 1,) whether it is stable, from the unstable modes of the M knots."""
+    stable = np.zeros(len(unstable) - 1, dtype=bool)
+    for i in range(len(stable)):
+        known = [n == 0 for n in unstable[i : i + 2] if n >= 0]
+        if known:
+            stable[i] = all(known)
+        elif i > 0:  # between two events inside one step: a fold turns stability over, a touch keeps it
+            stable[i] = not stable[i - 1] if unstable[i] == -1 else stable[i - 1]
+    return stable

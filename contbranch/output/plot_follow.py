@@ -1,0 +1,262 @@
+"""Publication plots of followed events: an observable against the parameter, and diagrams of regions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import pairwise
+from typing import TYPE_CHECKING, Final
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from contbranch.errors import InputError
+from contbranch.output.plot_labels import place_labels
+from contbranch.output.plot_style import BLUE, GREY, ORANGE, STYLE, new_figure
+from contbranch.output.plot_view import axis_label
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from contbranch.results.followed import Followed
+    from contbranch.results.phase import PhaseDiagram
+
+__all__ = ["followed_curve", "phase_figure"]
+
+Array = NDArray[np.float64]
+
+_OBSERVABLES: Final = ("load", "displacement", "contact_radius", "central_gap")
+_NAMES: Final = {
+    "tabor": r"Tabor coefficient $\mu_\mathrm{T}$",
+    "share": r"Share $\beta$ of the second law",
+    "stiffness": "Spring stiffness $K$",
+    "modulus": "Modulus $E$",
+    "tip.radius": "Tip radius $R$",
+    "parameter": "Parameter",
+}
+_FIELDS: Final = {
+    "range": "Range $z_0$",
+    "work_of_adhesion": r"Work of adhesion $\Delta\gamma$",
+    "wavelength": r"Wavelength $\lambda$",
+    "phase": r"Phase $\varphi$",
+}
+# Parts of a curve at which its drawn line may have a corner.
+_CORNERS: Final = ("cusp", "cusp-at-touch", "fold-through-touch", "through-touch")
+_TOUCH: Final = "#009E73"
+_MARKERS: Final = {
+    "cusp": "o",
+    "cusp-at-touch": "D",
+    "fold-through-touch": "D",
+    "coincidence": "s",
+    "through-touch": "D",
+}
+_LOGARITHMIC: Final = 4.0  # ratio of the largest to the least value from which the axis is logarithmic
+_DASHES: Final = (0, (3.2, 1.6))
+# Colours of the regions (states without contact, states with contact).
+_REGIONS: Final = {
+    (0, 0): "#F3F3F3",
+    (1, 0): "#DCEAF7",
+    (0, 1): "#FBE3D0",
+    (1, 1): "#D5EBD8",
+    (0, 2): "#F6C9A4",
+    (2, 0): "#B5D3EE",
+}
+_MANY: Final = "#E3D5EA"
+
+
+def followed_curve(followed: Followed, y: str = "load") -> Figure:
+    """Draw an observable of a followed event against the parameter: solid with contact, dashed without.
+
+    Parameters
+    ----------
+    y : str
+        ``load``, ``displacement``, ``contact_radius`` or ``central_gap``.
+
+    Raises
+    ------
+    InputError
+        For another observable.
+    """
+    _check(y)
+    with mpl.rc_context(STYLE):
+        figure = new_figure(2.7)
+        axes = figure.subplots()
+        logarithmic = _spacing(axes, followed.parameter, followed.curve[followed.parameter])
+        for x, values, contact in _lines(followed, y, logarithmic):
+            axes.plot(x, values, color=BLUE, linestyle="-" if contact else _DASHES, zorder=3)
+        marked = [one for one in followed.special if one.kind in _MARKERS and np.isfinite(one.value)]
+        for one in marked:
+            _mark(axes, one.kind, one.value, getattr(one, y))
+        _label(axes, followed.parameter, followed.unit_names, y, _natural(followed))
+        axes.legend(handles=_legend(followed), loc="best", title=_title(followed), title_fontsize=7.0, alignment="left")
+        figure.canvas.draw()
+        figure.set_layout_engine("none")
+        points = np.array([[one.value, getattr(one, y)] for one in marked]).reshape(-1, 2)
+        place_labels(axes, points, [one.kind.replace("-", " ") for one in marked], ["black"] * len(marked))
+    return figure
+
+
+def phase_figure(phase: PhaseDiagram) -> Figure:
+    """Draw the regions of a phase diagram, their boundaries, and the special points on them."""
+    y = phase.control
+    with mpl.rc_context(STYLE):
+        figure = new_figure(3.0)
+        axes = figure.subplots()
+        logarithmic = _spacing(axes, phase.parameter, phase.values)
+        values, levels, without, within = phase.fine()
+        code = without * 10 + within
+        present = sorted({(int(c) // 10, int(c) % 10) for c in np.unique(code)})
+        colors = mpl.colors.ListedColormap([_REGIONS.get(pair, _MANY) for pair in present])
+        index = np.searchsorted([a * 10 + b for a, b in present], code)
+        axes.pcolormesh(
+            values, levels, index.T, cmap=colors, vmin=-0.5, vmax=len(present) - 0.5, shading="nearest", zorder=0,
+            rasterized=True,
+        )  # fmt: skip
+        marked = []
+        for followed in phase.boundaries:
+            touch = followed.event.kind == "touch"
+            for x, line, contact in _lines(followed, y, logarithmic):
+                style = "-" if contact or touch else _DASHES
+                axes.plot(x, line, color=_TOUCH if touch else BLUE if contact else ORANGE, linestyle=style, zorder=3)
+            marked += [one for one in followed.special if one.kind in _MARKERS and one.control in (None, y)]
+        kept: list[tuple[float, float]] = []
+        texts = []
+        for one in sorted(marked, key=lambda one: one.kind == "fold-through-touch"):
+            place = (one.value, getattr(one, y))
+            if all(not np.allclose(place, other, rtol=1e-4, atol=1e-4) for other in kept):
+                kept.append(place)
+                texts.append(one.kind.replace("-", " "))
+                _mark(axes, one.kind, *place)
+        axes.set_xlim(values[0], values[-1])
+        axes.set_ylim(levels[0], levels[-1])
+        _label(axes, phase.parameter, phase.unit_names, y, False)
+        figure.legend(handles=_regions(phase, present), loc="outside upper center", ncols=2, columnspacing=1.2)
+        figure.canvas.draw()
+        figure.set_layout_engine("none")
+        place_labels(axes, np.array(kept).reshape(-1, 2), texts, ["black"] * len(texts))
+    return figure
+
+
+def _check(y: str) -> None:
+    if y not in _OBSERVABLES:
+        raise InputError(f"y: {y!r}; must be one of {', '.join(_OBSERVABLES)}")
+
+
+def _spacing(axes: Axes, parameter: str, values: Array) -> bool:
+    """Make the axis of the parameter logarithmic where its values ask for it.
+
+    A stiffness runs from 0, load control, to infinity, displacement control; any other axis shows its zero.
+    """
+    finite = values[np.isfinite(values) & ((values != 0.0) | (parameter != "stiffness"))]
+    logarithmic = bool(finite.size and finite.min() > 0 and finite.max() > _LOGARITHMIC * finite.min())
+    if logarithmic:
+        axes.set_xscale("log")
+        if finite.max() < 100.0 * finite.min():
+            axes.xaxis.set_major_formatter(mpl.ticker.FuncFormatter(lambda value, _: f"{value:g}"))
+            axes.xaxis.set_minor_formatter(mpl.ticker.NullFormatter())
+            axes.xaxis.set_major_locator(
+                mpl.ticker.LogLocator(
+                    subs=(1.0, 2.0, 3.0, 5.0) if finite.max() < 20.0 * finite.min() else (1.0, 2.0, 5.0)
+                )
+            )
+    return logarithmic
+
+
+def _lines(followed: Followed, y: str, logarithmic: bool) -> list[tuple[Array, Array, bool]]:
+    """Smooth lines between the corners of a curve: parameter, observable, and whether there is contact."""
+    curve = followed.curve
+    x, values = curve[followed.parameter], curve[y]
+    corners = sorted({0, len(x) - 1, *(one.index for one in followed.special if one.kind in _CORNERS)})
+    lines = []
+    for first, last in pairwise(corners):
+        part = slice(first, last + 1)
+        at, level = x[part], values[part]
+        shown = np.isfinite(at) & ((at > 0) | (not logarithmic))
+        at, level = at[shown], level[shown]
+        contact = bool(np.any(curve["contact_radius"][part] > 0))
+        if len(at) < 3:
+            lines.append((at, level, contact))
+            continue
+        coordinate = np.log(at) if logarithmic else at
+        scaled = [c / (np.ptp(c) or 1.0) for c in (coordinate, level)]
+        path = np.concatenate([[0.0], np.cumsum(np.hypot(*(np.diff(c) for c in scaled)))])
+        keep = np.concatenate([[True], np.diff(path) > 0])
+        fine = np.linspace(0.0, path[-1], 400)
+        smooth = [CubicSpline(path[keep], c[keep])(fine) for c in (coordinate, level)]
+        lines.append((np.exp(smooth[0]) if logarithmic else smooth[0], smooth[1], contact))
+    return lines
+
+
+def _mark(axes: Axes, kind: str, x: float, y: float) -> None:
+    face = _TOUCH if "touch" in kind else "black"
+    axes.plot(
+        x, y, linestyle="none", marker=_MARKERS[kind], markersize=4.6, markerfacecolor=face, markeredgecolor="white",
+        markeredgewidth=0.7, zorder=5,
+    )  # fmt: skip
+
+
+def _label(axes: Axes, parameter: str, units: Mapping[str, str], y: str, natural: bool) -> None:
+    axes.set_xlabel(_parameter_label(parameter, units))
+    axes.set_ylabel(axis_label(y, units, natural))
+
+
+def _parameter_label(parameter: str, units: Mapping[str, str]) -> str:
+    """Words, symbol and unit of a parameter."""
+    words, unit = _NAMES.get(parameter, parameter), ""
+    which, _, name = parameter.rpartition(".")
+    if which.startswith("interaction") and name in _FIELDS:
+        number = which.removeprefix("interaction").strip("[]")
+        words = _FIELDS[name] + (f" of law {number}" if number else "")
+    if units:
+        length = name in ("radius", "range", "wavelength", "length")
+        unit = units["radius"] if length else {"stiffness": "nN/nm", "modulus": "nN/nm²"}.get(parameter, "")
+        unit = "nN/nm" if name == "work_of_adhesion" else unit
+    return words + (f" ({unit})" if unit else "")
+
+
+def _natural(followed: Followed) -> bool:
+    """Whether the axis may name the reduced units: they do not change along the curve."""
+    if followed.unit_names or followed.contact.interaction is None or followed.contact.tip.name != "parabola":
+        return False
+    scales = followed.contact.scales
+    fixed = followed.parameter in ("tabor", "stiffness", "share")
+    return fixed and bool(np.allclose([scales.in_plane, scales.normal, scales.modulus], 1.0, rtol=1e-12))
+
+
+def _title(followed: Followed) -> str:
+    event = followed.event
+    return "first touch" if event.kind == "touch" else f"{event.name or 'fold'}, {event.control} control"
+
+
+def _legend(followed: Followed) -> list[Line2D]:
+    radius = followed.curve["contact_radius"]
+    handles = []
+    if np.any(radius > 0):
+        handles.append(Line2D([], [], color=BLUE, label="with contact"))
+    if not np.all(radius > 0):
+        handles.append(Line2D([], [], color=BLUE, linestyle=_DASHES, label="without contact"))
+    return handles
+
+
+def _regions(phase: PhaseDiagram, present: list[tuple[int, int]]) -> list[Patch | Line2D]:
+    """A handle for each kind of region and of boundary."""
+    handles: list[Patch | Line2D] = []
+    for without, within in present:
+        words = [f"{n} {kind}" for n, kind in ((without, "apart"), (within, "in contact")) if n]
+        label = "stable: " + (", ".join(words) or "none")
+        handles.append(
+            Patch(facecolor=_REGIONS.get((without, within), _MANY), edgecolor=GREY, linewidth=0.4, label=label)
+        )
+    kinds = {(f.event.kind == "touch", bool(np.any(f.curve["contact_radius"] > 0))) for f in phase.boundaries}
+    folds = [f for f in phase.boundaries if f.event.kind != "touch"]
+    if any(np.any(f.curve["contact_radius"] > 0) for f in folds):
+        handles.append(Line2D([], [], color=BLUE, label="fold with contact"))
+    if any(np.any(f.curve["contact_radius"] == 0) for f in folds):
+        handles.append(Line2D([], [], color=ORANGE, linestyle=_DASHES, label="fold without contact"))
+    if any(touch for touch, _ in kinds):
+        handles.append(Line2D([], [], color=_TOUCH, label="first touch"))
+    return handles

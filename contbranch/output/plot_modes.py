@@ -1,0 +1,130 @@
+"""Figures of azimuthal modes: gap and pressure against the radius, and the gap seen from above."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Final
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from scipy.interpolate import Akima1DInterpolator
+
+from contbranch.output.plot_style import BLUE, GREY, ORANGE, STYLE, new_figure
+from contbranch.output.plot_view import axis_label
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from contbranch.results.diagram import ModeShape
+
+__all__ = ["mode_figure"]
+
+Array = NDArray[np.float64]
+
+_FAINT: Final = 0.03  # the mode is shown out to where its gap, or its pressure, falls below this part of its largest
+_NAMED: Final = 0.1  # a contact of at least this part of what is shown has its radius named
+_WIDE: Final = 0.2  # and of this part its disc
+_AROUND: Final = 361  # angles of the map
+_ACROSS: Final = 241  # and radii
+_RIM: Final = 0.97  # pressures nearer to the rim, in units of its radius, do not set the scale: they have no bound
+
+
+def mode_figure(shape: ModeShape, contact_radius: float = 0.0, unit_names: Mapping[str, str] | None = None) -> Figure:
+    """Draw a mode: its gap ``η(r) cos mθ`` from above, and η and its pressure against the radius.
+
+    Parameters
+    ----------
+    shape : ModeShape
+    contact_radius : float
+        Of the state, in the unit of ``shape.r``; drawn as a circle.
+    unit_names : mapping, optional
+        As in ``contact.units.names``.
+    """
+    names = unit_names or {}
+    reach = _reach(shape, contact_radius)
+    with mpl.rc_context(STYLE):
+        figure = new_figure(4.5)
+        panels = figure.subplot_mosaic([["map"], ["gap"], ["pressure"]], height_ratios=[2.3, 1, 1])
+        above, gap, pressure = (panels[name] for name in ("map", "gap", "pressure"))
+        _draw_map(above, shape, contact_radius, reach)
+        r = np.linspace(0.0, reach, 800)
+        gap.plot(r, _profile(shape.r, shape.gap, r), color=BLUE)
+        gap.set_ylabel(r"$\delta g\,/\,\max|\delta g|$")
+        _draw_pressure(pressure, shape, contact_radius, r)
+        unit = f"{names['pressure']} per {names['displacement']}" if "pressure" in names else ""
+        pressure.set_ylabel(r"$\delta p\,/\,\max|\delta g|$" + (f"\n({unit})" if unit else ""))
+        pressure.set_xlabel(axis_label("r", names, False))
+        gap.tick_params(labelbottom=False)
+        for axes in (gap, pressure):
+            axes.axhline(0.0, color=GREY, linewidth=0.5, zorder=0)
+            axes.set_xlim(0.0, reach)
+            if contact_radius > 0.0:
+                axes.axvline(contact_radius, color=GREY, linewidth=0.6, linestyle=":", zorder=0)
+        if contact_radius > _NAMED * reach:
+            gap.annotate(
+                "$a_c$", (contact_radius, 1.0), (-3.0, -3.0), xycoords=gap.get_xaxis_transform(),
+                textcoords="offset points", va="top", ha="right", color=GREY,
+            )  # fmt: skip
+        figure.align_ylabels([gap, pressure])
+    return figure
+
+
+def _reach(shape: ModeShape, contact_radius: float) -> float:
+    """Return the radius out to which there is something to see."""
+    outside = shape.r > contact_radius
+    r = shape.r[outside]
+    reach = 1.2 * contact_radius
+    for values in (shape.gap[outside], shape.pressure[outside]):
+        strength = np.abs(values)
+        loud = np.flatnonzero(strength > _FAINT * np.max(strength, initial=0.0))
+        if loud.size:
+            reach = max(reach, float(r[loud[-1]]))
+    return min(1.1 * reach, float(shape.r[-1]))
+
+
+def _profile(r: Array, values: Array, at: Array) -> Array:
+    """Return a mode's profile between its radii; up to the first it rises from zero on the axis."""
+    if at[0] < r[0]:
+        r, values = np.concatenate([[0.0], r]), np.concatenate([[0.0], values])
+    return np.asarray(Akima1DInterpolator(r, values)(at))
+
+
+def _draw_map(axes: Axes, shape: ModeShape, contact_radius: float, reach: float) -> None:
+    theta = np.linspace(0.0, 2.0 * np.pi, _AROUND)
+    r = np.linspace(0.0, reach, _ACROSS)
+    values = _profile(shape.r, shape.gap, r)[:, None] * np.cos(shape.mode * theta)
+    x, y = r[:, None] * np.cos(theta), r[:, None] * np.sin(theta)
+    image = axes.pcolormesh(x, y, values, cmap="RdBu_r", vmin=-1, vmax=1, shading="gouraud", rasterized=True)
+    turn = np.linspace(0.0, 2.0 * np.pi, 400)
+    if contact_radius > 0.0:
+        axes.fill(contact_radius * np.cos(turn), contact_radius * np.sin(turn), facecolor="#D9D9D9", edgecolor=GREY,
+                  linewidth=0.6)  # fmt: skip
+        if contact_radius > _WIDE * reach:
+            axes.annotate("contact", (0.0, 0.0), ha="center", va="center", color=GREY, fontsize=7.0)
+    axes.set_aspect("equal")
+    axes.set_axis_off()
+    axes.set_title(rf"$\delta g = \eta(r)\,\cos\,{shape.mode if shape.mode > 1 else ''}\theta$", fontsize=8.5, pad=3.0)
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    bar = figure.colorbar(image, ax=axes, shrink=0.85, aspect=16, ticks=[-1, 0, 1], pad=0.04)
+    bar.outline.set_linewidth(0.5)
+    bar.ax.minorticks_off()
+
+
+def _draw_pressure(axes: Axes, shape: ModeShape, contact_radius: float, r: Array) -> None:
+    """Draw the pressure, in two parts if there is a rim, where it has no bound from inside and jumps."""
+    if contact_radius <= 0.0:
+        axes.plot(r, _profile(shape.r, shape.pressure, r), color=ORANGE)
+        return
+    inside = shape.r < contact_radius
+    axes.plot(shape.r[inside], shape.pressure[inside], color=ORANGE, linestyle="--", label="wall")
+    beyond = np.concatenate([shape.r[~inside][:1], r[r > shape.r[~inside][0]]])
+    outer = _profile(shape.r[~inside], shape.pressure[~inside], beyond)
+    axes.plot(beyond, outer, color=ORANGE, label="interaction")
+    bounded = shape.pressure[~inside | (shape.r < _RIM * contact_radius)]
+    low, high = min(0.0, float(bounded.min())), max(0.0, float(bounded.max()))
+    margin = 0.15 * (high - low)
+    axes.set_ylim(low - margin, high + margin)
+    axes.legend(loc="best")

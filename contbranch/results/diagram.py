@@ -1,0 +1,493 @@
+"""The result of a trace: branches, events and thresholds with their error estimates, as plain data."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbranch.contact.contact import Contact
+from contbranch.control import Control
+from contbranch.errors import InputError
+from contbranch.results.profile import CellFields, ModeShape, Profile
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = [
+    "Branch",
+    "CellFields",
+    "Cost",
+    "Diagram",
+    "Event",
+    "Exponent",
+    "LocalExponent",
+    "ModeShape",
+    "ModelChoice",
+    "Profile",
+    "Solution",
+    "State",
+    "Window",
+]
+
+Array = NDArray[np.float64]
+EventKind = Literal["fold", "touch", "topology", "symmetry", "inadmissible", "end"]
+
+OBSERVABLES = ("load", "displacement", "contact_radius", "central_gap")
+
+
+@dataclass(frozen=True)
+class State:
+    """One equilibrium, in the contact's units.
+
+    Attributes
+    ----------
+    unstable_load, unstable_displacement : int
+        Morse indices: the number of axisymmetric unstable modes under load and under displacement control.
+    residual : float
+        Largest residual of the equilibrium equations relative to the largest value of the unknown.
+    error : mapping
+        Error estimates of load, displacement, contact_radius and central_gap.
+    profile : Profile or None
+        Gap and pressures.
+    unstable_spring : int or None
+        Morse index under the control of a spring, where one was asked for.
+    unstable_azimuthal : int
+        Number of unstable modes that break the axial symmetry, cos mθ and sin mθ of each m ≥ 1 together counted as one.
+        They do not depend on the control. Modes up to m = 32 are counted (a trace: up to its `modes`).
+    mean_gap : float or None
+        Mean of the gap over the cell, of grid models.
+    in_cell : CellFields, callable or None
+        Fields on the nodes of the cell, or what computes them: ask for them as ``state.cell``.
+    """
+
+    load: float
+    displacement: float
+    contact_radius: float
+    central_gap: float
+    energy: float
+    unstable_load: int
+    unstable_displacement: int
+    residual: float
+    error: Mapping[str, float] = field(default_factory=dict)
+    profile: Profile | None = None
+    unstable_spring: int | None = None
+    unstable_azimuthal: int = 0
+    mean_gap: float | None = None
+    in_cell: CellFields | Callable[[], CellFields] | None = field(default=None, repr=False, compare=False)
+
+    @cached_property
+    def cell(self) -> CellFields:
+        """Gap and pressures on the nodes of the cell, of grid models.
+
+        Raises
+        ------
+        InputError
+            For a state of another model, or one whose fields were not kept.
+        """
+        if self.in_cell is None:
+            raise InputError(
+                "state: it has no fields on a cell; solve with model=cb.Periodic(...) or cb.FreeSpace(...)"
+            )
+        return self.in_cell() if callable(self.in_cell) else self.in_cell
+
+    @property
+    def r(self) -> Array:
+        """Radii of the profile, (M,)."""
+        return self._profile().r
+
+    @property
+    def gap(self) -> Array:
+        """Gap at `r`."""
+        return self._profile().gap
+
+    @property
+    def pressure(self) -> Array:
+        """Total pressure at `r`."""
+        return self._profile().pressure
+
+    @property
+    def wall_pressure(self) -> Array:
+        """The wall's share of the pressure at `r`."""
+        return self._profile().wall_pressure
+
+    def _profile(self) -> Profile:
+        if self.profile is None:
+            raise InputError("state: it was kept without its gap and pressure profiles")
+        return self.profile
+
+    def unstable(self, control: str | Control) -> int:
+        """Morse index under ``"load"``, ``"displacement"`` or ``"spring"`` control.
+
+        Raises
+        ------
+        InputError
+            If the state was not found with a spring.
+        """
+        return int(_of_control(self, control))
+
+    def stable(self, control: str | Control) -> bool:
+        """Whether the state is stable to all modes under ``"load"``, ``"displacement"`` or ``"spring"`` control."""
+        return self.unstable(control) == 0 and self.unstable_azimuthal == 0
+
+
+@dataclass(frozen=True)
+class Window:
+    """A power law fitted over a window of the excess control, ``Δa = prefactor · Δ^kappa`` (the paper's Table 1).
+
+    Attributes
+    ----------
+    start, stop : float
+        Ends of the window in the excess over the fold's control value.
+    kappa, kappa_error, prefactor : float
+        Fitted exponent, its uncertainty (the change of the local exponent across the window) and prefactor.
+    """
+
+    start: float
+    stop: float
+    kappa: float
+    kappa_error: float
+    prefactor: float
+
+
+@dataclass(frozen=True)
+class Exponent:
+    """Critical behaviour at a fold.
+
+    Attributes
+    ----------
+    kappa : float
+        Exponent at the fold itself: 1/2 at every quadratic fold.
+    crossover_load : float or None
+        Excess of the fold's control (load or displacement) at which the next term of the expansion has changed the
+        order parameter as much as the leading one.
+    window : Window or None
+        The fit over a window, which measures the crossover.
+    prefactor : float
+        c of the normal form ``order parameter = c · excess^(1/2)``.
+    order_parameter : str
+        ``"contact_radius"``, or ``"central_gap"`` at a fold without contact.
+    """
+
+    kappa: float
+    crossover_load: float | None
+    window: Window | None
+    prefactor: float | None = None
+    order_parameter: str = "contact_radius"
+
+
+@dataclass(frozen=True)
+class LocalExponent:
+    """Local exponent ``dln|Δorder parameter| / dlnΔ`` on the contact side of a fold or touch.
+
+    Attributes
+    ----------
+    excess : array (M,)
+        Excess ΔF of the load (or displacement) over the event's, increasing.
+    order_parameter : array (M,)
+        Distance of the contact radius (or central gap) from its value at the event.
+    kappa, error : array (M,)
+        Local exponent and its error estimate.
+    """
+
+    excess: Array
+    order_parameter: Array
+    kappa: Array
+    error: Array
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something that happens on the curve; every number is in the contact's units.
+
+    Attributes
+    ----------
+    kind : str
+        ``fold``, ``touch``, ``topology`` (a part of the contact set is born or vanishes), ``symmetry``,
+        ``inadmissible`` or ``end``.
+    control : str or None
+        Control whose fold this is: ``load``, ``displacement`` or ``spring``.
+    name : str or None
+        ``pull-off``, ``jump-in``, ``squeeze-out``, ``wetting``; None for a fold that bounds no stable part.
+    load, displacement, contact_radius, central_gap : float
+    error : mapping
+        Error estimate of each of the four.
+    critical : Exponent, callable or None
+        Critical exponent (folds), or what computes it: ask for it as ``event.exponent``.
+    stiffness : float or None
+        Stiffness of the spring (spring folds).
+    message : str
+        What happened, where the kind does not say it all.
+    branch, position : int, float
+        Branch, and position on it in units of points (between points i and i + 1: i + 0.5).
+    mode : int or None
+        Number m of the azimuthal mode that changes stability (symmetry).
+    mode_shape : ModeShape or None
+        Gap and pressure of that mode.
+    verdict : str or None
+        Of a fold on a grid: ``"stays"``, ``"moves"`` or ``"vanishes"`` on the grid with twice the nodes a side, where
+        that was examined, or ``"unresolved"`` if it differs from the next fold by less than the lattice's error. One
+        that vanishes or is unresolved is the lattice's own and bears no name.
+    origin : object or None
+        What `contbranch.follow` needs to follow the event; None for events read from a file.
+    """
+
+    kind: EventKind
+    load: float
+    displacement: float
+    contact_radius: float
+    central_gap: float
+    error: Mapping[str, float]
+    control: str | None = None
+    name: str | None = None
+    critical: Exponent | Callable[[], Exponent | None] | None = field(default=None, repr=False, compare=False)
+    stiffness: float | None = None
+    message: str = ""
+    branch: int = 0
+    position: float = 0.0
+    origin: Any = field(default=None, repr=False, compare=False)
+    mode: int | None = None
+    mode_shape: ModeShape | None = field(default=None, repr=False, compare=False)
+    verdict: str | None = None
+
+    @cached_property
+    def exponent(self) -> Exponent | None:
+        """Critical exponent of a fold; computed when it is asked for, since it costs some tens of solutions."""
+        return self.critical() if callable(self.critical) else self.critical
+
+
+@dataclass(frozen=True)
+class Branch:
+    """One connected curve of equilibria, as arrays over its points, in the contact's units.
+
+    Attributes
+    ----------
+    load, displacement, contact_radius, central_gap, energy : array (M,)
+    unstable_load, unstable_displacement : integer array (M,)
+        Morse indices under load and displacement control.
+    load_error, displacement_error : array (M,)
+        Error estimates of load and displacement at every point.
+    unstable_spring : integer array (M,) or None
+        Morse index under the control of the spring of the diagram, if it has one.
+    unstable_azimuthal : integer array (M,) or None
+        Number of unstable modes of all m ≥ 1 (see `State`), which can differ from zero only where
+        `unstable_displacement` does; None where it has not been examined.
+    critical : array (M,), callable or None
+        The critical eigenvalue, or what computes it: ask for it as ``branch.critical_eigenvalue``.
+    fft_pairs : integer array (M,) or None
+        Pairs of transforms spent on each point by a grid model.
+    """
+
+    load: Array
+    displacement: Array
+    contact_radius: Array
+    central_gap: Array
+    energy: Array
+    unstable_load: NDArray[np.int64]
+    unstable_displacement: NDArray[np.int64]
+    load_error: Array
+    displacement_error: Array
+    profiles: Sequence[Profile | Callable[[], Profile]] = field(default=(), repr=False)
+    unstable_spring: NDArray[np.int64] | None = None
+    unstable_azimuthal: NDArray[np.int64] | None = None
+    critical: Array | Callable[[], Array] | None = field(default=None, repr=False)
+    fft_pairs: NDArray[np.int64] | None = None
+
+    def __len__(self) -> int:
+        return len(self.load)
+
+    @property
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """The arrays by name, those that the branch has."""
+        found = {
+            item.name: getattr(self, item.name) for item in fields(self) if item.name not in ("profiles", "critical")
+        }
+        return {name: values for name, values in found.items() if values is not None}
+
+    @cached_property
+    def critical_eigenvalue(self) -> Array | None:
+        """Largest eigenvalue of the azimuthal modes at every point, (M,); computed when asked for, None where unknown.
+
+        It is that of m = 1, which is the largest of all m ≥ 1; a state is stable to all of them if and only if it is
+        below 1.
+        """
+        return self.critical() if callable(self.critical) else self.critical
+
+    def state(self, i: int) -> State:
+        """Point `i` with its profile: r, gap, pressure and wall_pressure."""
+        profile: Profile | Callable[[], Profile] | None = self.profiles[i] if len(self.profiles) else None
+        return State(
+            load=float(self.load[i]),
+            displacement=float(self.displacement[i]),
+            contact_radius=float(self.contact_radius[i]),
+            central_gap=float(self.central_gap[i]),
+            energy=float(self.energy[i]),
+            unstable_load=int(self.unstable_load[i]),
+            unstable_displacement=int(self.unstable_displacement[i]),
+            residual=0.0,
+            error={"load": float(self.load_error[i]), "displacement": float(self.displacement_error[i])},
+            profile=profile() if callable(profile) else profile,
+            unstable_spring=None if self.unstable_spring is None else int(self.unstable_spring[i]),
+            unstable_azimuthal=0 if self.unstable_azimuthal is None else int(self.unstable_azimuthal[i]),
+        )
+
+    def unstable(self, control: str | Control) -> NDArray[np.int64]:
+        """Morse index under ``"load"``, ``"displacement"`` or ``"spring"`` control, (M,).
+
+        Raises
+        ------
+        InputError
+            If the branch was not traced with a spring.
+        """
+        return np.asarray(_of_control(self, control))
+
+
+def _of_control(source: State | Branch, control: str | Control) -> Any:
+    """The Morse index (or indices) of a state or branch under a control."""
+    kind = control.kind if isinstance(control, Control) else control
+    found = {
+        "load": source.unstable_load,
+        "displacement": source.unstable_displacement,
+        "spring": source.unstable_spring,
+    }.get(kind)
+    if found is None:
+        raise InputError(f"control: {kind!r}; must be load, displacement, or spring where one was asked for")
+    return found
+
+
+@dataclass(frozen=True)
+class ModelChoice:
+    """Which model was used, why, and how many unknowns it had at most."""
+
+    kind: Literal["exact", "axisymmetric", "periodic", "free"]
+    why: str
+    unknowns: int
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Wall time in seconds, Newton iterations and pairs of transforms (those spent on stability apart)."""
+
+    wall_s: float
+    newton: int
+    fft_pairs: int = 0
+    stability_pairs: int = 0
+
+
+@dataclass(frozen=True)
+class Diagram:
+    """A bifurcation diagram.
+
+    Attributes
+    ----------
+    contact : Contact or None
+        What was traced (None when a file's contact cannot be rebuilt, for laws defined outside the package).
+    branches : tuple of Branch
+    events : tuple of Event
+        In the order in which they lie on the curve.
+    thresholds : dict
+        Named loads, displacements and radii; no key for what does not exist.
+    model : ModelChoice
+    control : str
+        The control whose stability plots speak of: ``load``, ``displacement`` or ``spring``.
+    stiffness : float or None
+        Stiffness of that spring.
+    accuracy : float
+        Error allowed to every event, relative to max(1, |value|) in reduced units.
+    status, message : str
+        ``"complete"`` or ``"incomplete"``, and the reason.
+    """
+
+    contact: Contact | None
+    branches: tuple[Branch, ...]
+    events: tuple[Event, ...]
+    thresholds: Mapping[str, float]
+    model: ModelChoice
+    cost: Cost
+    control: str = "load"
+    accuracy: float = 1e-6
+    status: Literal["complete", "incomplete"] = "complete"
+    message: str = ""
+    description: Mapping[str, Any] = field(default_factory=dict)
+    unit_names: Mapping[str, str] = field(default_factory=dict)
+    local_exponents: Callable[[Event], LocalExponent] | Mapping[int, LocalExponent] | None = field(
+        default=None, repr=False
+    )
+    stiffness: float | None = None
+
+    def folds(self, control: str | None = None) -> Iterator[Event]:
+        """The folds of one control, or all of them."""
+        return (e for e in self.events if e.kind == "fold" and (control is None or e.control == control))
+
+    def local_exponent(self, event: Event) -> LocalExponent:
+        """Local exponent κ_local(ΔF) on the contact side of a fold or touch, with its error estimate.
+
+        Raises
+        ------
+        InputError
+            If the event is not a fold or touch of this diagram, or the diagram keeps no curve to take it from.
+        """
+        if event.kind not in ("fold", "touch") or event not in self.events:
+            raise InputError(
+                f"event: {event.kind} is not a fold or touch of this diagram; take one from diagram.events"
+            )
+        source = self.local_exponents
+        if callable(source):
+            return source(event)
+        found = (source or {}).get(self.events.index(event))
+        if found is None:
+            raise InputError("event: this diagram keeps no local exponent for it; trace the contact again")
+        return found
+
+    def save(self, path: str | Path) -> None:
+        """Write an HDF5 file; see ``docs/file-layout.md``."""
+        from contbranch.output.hdf5 import save
+
+        save(self, path)
+
+    def plot_mode(self, event: Event) -> Figure:
+        """Draw the mode that changes stability at a symmetry event: gap and pressure over r, and the gap from above.
+
+        Raises
+        ------
+        InputError
+            If the event has no mode.
+        """
+        from contbranch.output.plot_modes import mode_figure
+
+        if event.mode_shape is None:
+            raise InputError(f"event: {event.kind} has no azimuthal mode; take a symmetry event")
+        return mode_figure(event.mode_shape, event.contact_radius, self.unit_names)
+
+    def plot(self, x: str = "load", y: str = "contact_radius") -> Figure:
+        """Draw observable `y` against `x` with dashed unstable parts and marked events."""
+        from contbranch.output.plot import bifurcation_diagram
+
+        return bifurcation_diagram(self, x, y)
+
+
+@dataclass(frozen=True)
+class Solution(State):
+    """The equilibrium that `solve` returns: a State, and where it comes from.
+
+    Attributes
+    ----------
+    model : ModelChoice
+    cost : Cost
+    status, message : str
+        The message says how many equilibria there are, if that is known.
+    states : tuple of State
+        The equilibria found, this one first.
+    """
+
+    model: ModelChoice = field(default_factory=lambda: ModelChoice("axisymmetric", "", 0))
+    cost: Cost = field(default_factory=lambda: Cost(0.0, 0))
+    status: Literal["complete", "incomplete"] = "complete"
+    message: str = ""
+    states: tuple[State, ...] = ()
+    contact: Contact | None = None

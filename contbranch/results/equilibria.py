@@ -1,0 +1,79 @@
+"""All equilibria at one value of the load or the displacement, and the barriers between them. Plain data."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+from contbranch.contact.contact import Contact
+from contbranch.results.diagram import Cost, ModelChoice, State
+
+__all__ = ["Barrier", "Equilibria"]
+
+
+class Barrier(NamedTuple):
+    """What separates two neighbouring stable states: the unstable one between them on the curve.
+
+    Attributes
+    ----------
+    stable : (int, int)
+        Numbers of the two states in `Equilibria.states`.
+    saddle : int
+        Number of the state between them, which has one unstable direction.
+    heights : (float, float)
+        Energy of contact and drive at the saddle minus that at either state.
+    """
+
+    stable: tuple[int, int]
+    saddle: int
+    heights: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Equilibria:
+    """Coexisting equilibria: what `contbranch.find_all` returns; a sequence of its states.
+
+    Attributes
+    ----------
+    states : tuple of State
+        Those on the traced curve in the order of the curve, then what is not connected to it.
+    connected : tuple of bool
+        Whether each lies on the traced curve.
+    barriers : tuple of Barrier
+        Between neighbouring stable states on the curve.
+    window : (float, float)
+        Displacements between which equilibria were looked for.
+    control : str
+        Whose stability counts.
+    stiffness : float or None
+        Of the spring.
+    model, cost, status, message
+        As of a Diagram.
+    """
+
+    states: tuple[State, ...]
+    connected: tuple[bool, ...]
+    barriers: tuple[Barrier, ...]
+    window: tuple[float, float]
+    control: str
+    model: ModelChoice
+    cost: Cost
+    stiffness: float | None = None
+    status: Literal["complete", "incomplete"] = "complete"
+    message: str = ""
+    contact: Contact | None = None
+
+    def __len__(self) -> int:
+        return len(self.states)
+
+    def __iter__(self) -> Iterator[State]:
+        return iter(self.states)
+
+    def __getitem__(self, number: int) -> State:
+        return self.states[number]
+
+    @property
+    def stable(self) -> tuple[State, ...]:
+        """The stable ones under the control."""
+        return tuple(state for state in self.states if state.stable(self.control))

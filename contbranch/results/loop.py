@@ -1,0 +1,146 @@
+"""The result of a hysteresis loop: the quasi-static path, its jumps and the energy they dissipate. Plain data."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbranch.contact.contact import Contact
+from contbranch.results.diagram import Cost, ModelChoice, State
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["Hysteresis", "Jump", "Path"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Path:
+    """Stable states in the order in which they are passed, in the contact's units.
+
+    Attributes
+    ----------
+    load, displacement, contact_radius, central_gap, energy : array (M,)
+    position : array (M,)
+        What is controlled: the load, the displacement, or the far end of the spring d + F/K.
+    direction : integer array (M,)
+        1 while it is raised, −1 while it is lowered.
+    leg : integer array (M,)
+        Number of the leg, from 0; between two legs there is a jump or the turn.
+    """
+
+    load: Array
+    displacement: Array
+    contact_radius: Array
+    central_gap: Array
+    energy: Array
+    position: Array
+    direction: NDArray[np.int64]
+    leg: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return len(self.load)
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        found: NDArray[Any] = getattr(self, name)
+        return found
+
+
+@dataclass(frozen=True)
+class Jump:
+    """A jump at a fold; what it starts from is called ``from`` in documents and `start` here (``from`` is a keyword).
+
+    Attributes
+    ----------
+    name : str or None
+        Name of the fold: ``pull-off``, ``jump-in``, ``squeeze-out``, ``wetting``.
+    position : float
+        What is controlled, which does not change during the jump.
+    start : State
+        The fold.
+    to : State or None
+        Where overdamped relaxation from the fold ends; None: at infinite separation.
+    dissipated : float or None
+        Energy of contact and drive at the fold minus that after the jump; None where it has no bound.
+    error : float or None
+        Its error estimate.
+    others : tuple of State
+        Stable states of lower energy than the fold that the relaxation does not reach.
+    """
+
+    name: str | None
+    position: float
+    start: State
+    to: State | None
+    dissipated: float | None
+    error: float | None
+    others: tuple[State, ...] = field(default=(), repr=False)
+    _area: Callable[[], float] | None = field(default=None, repr=False, compare=False)
+
+    @cached_property
+    def area(self) -> float | None:
+        """Area between the branches: ∫ (F_drive − F) dd along the curve, by quadrature: a check of `dissipated`.
+
+        Both agree to about the accuracy asked, relative to the energies of the contact: on the meshes along the way
+        dV = F dd holds to their discretisation errors only, while `dissipated` needs the ends alone. None where there
+        is no state after the jump, or no curve that joins it with the fold.
+        """
+        return None if self._area is None else self._area()
+
+
+# The document's key is a keyword of the language, which only getattr can spell.
+setattr(Jump, "from", property(lambda jump: jump.start))
+
+
+@dataclass(frozen=True)
+class Hysteresis:
+    """A quasi-static loop under one control: what `contbranch.hysteresis` returns.
+
+    Attributes
+    ----------
+    path : Path
+    jumps : tuple of Jump
+        In the order in which they happen.
+    dissipated : float or None
+        Energy dissipated in the whole loop; None where it does not close.
+    error : float or None
+        Its error estimate.
+    closed : bool
+        Whether the path comes back to where it started.
+    model, cost, status, message
+        As of a Diagram; the message says so where the loop does not close.
+    control, stiffness : str, float or None
+    contact : Contact or None
+    """
+
+    path: Path
+    jumps: tuple[Jump, ...]
+    dissipated: float | None
+    error: float | None
+    closed: bool
+    model: ModelChoice
+    cost: Cost
+    control: str
+    stiffness: float | None = None
+    status: Literal["complete", "incomplete"] = "complete"
+    message: str = ""
+    contact: Contact | None = None
+    _area: Callable[[], float] | None = field(default=None, repr=False, compare=False)
+
+    @cached_property
+    def area(self) -> float | None:
+        """Work done by the drive over the closed loop, by quadrature along the stable legs; equals `dissipated`."""
+        return None if self._area is None else self._area()
+
+    def plot(self) -> Figure:
+        """Draw the force curve and the contact radius along the loop, with arrows and jumps."""
+        from contbranch.output.plot_loop import loop_figure
+
+        return loop_figure(self)
