@@ -9,11 +9,10 @@ from typing import Literal
 import numpy as np
 
 from contbranch.continuation.bordered import Bordered, SingularBorderedError, bordered_matrix, factorise
-from contbranch.continuation.curve import BranchPoint, Point
+from contbranch.continuation.curve import BranchPoint, Outcome, Point
 from contbranch.continuation.folds import second_derivative
 from contbranch.continuation.metric import Metric
 from contbranch.continuation.newton import ROUNDING, CorrectionError, border, linearise, solve
-from contbranch.continuation.outcomes import Outcome
 from contbranch.continuation.problem import Array, Problem
 from contbranch.continuation.segment import Segment
 

@@ -6,10 +6,9 @@ import math
 
 import numpy as np
 
-from contbranch.continuation.curve import Fold, Point
+from contbranch.continuation.curve import Fold, Outcome, Point
 from contbranch.continuation.metric import Metric
 from contbranch.continuation.newton import ROUNDING, CorrectionError, border, linearise, residual, solve
-from contbranch.continuation.outcomes import Outcome
 from contbranch.continuation.problem import Array, Problem
 
 __all__ = ["locate_fold", "second_derivative"]

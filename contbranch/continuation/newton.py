@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from contbranch.continuation.bordered import Bordered, SingularBorderedError, factorise
+from contbranch.continuation.curve import Outcome
 from contbranch.continuation.metric import Metric
-from contbranch.continuation.outcomes import Outcome
 from contbranch.continuation.problem import Array, Linearisation, Problem
 
 __all__ = ["Corrected", "CorrectionError", "correct", "correct_start", "linearise", "residual", "tangent_at"]

@@ -7,12 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from contbranch.continuation.curve import BranchPoint, Curve, Point
+from contbranch.continuation.curve import BranchPoint, Curve, End, Outcome, Point
 from contbranch.continuation.follow import Branch, follow
 from contbranch.continuation.metric import Balance, Metric
 from contbranch.continuation.newton import CorrectionError
 from contbranch.continuation.options import Options, StopAt
-from contbranch.continuation.outcomes import End, Outcome
 from contbranch.continuation.problem import Array
 from contbranch.continuation.trace import interval_around, joined
 from contbranch.continuation.walk import annotated, corrected_point

@@ -9,14 +9,13 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from contbranch.continuation.curve import Curve, Located, Point
+from contbranch.continuation.curve import Curve, End, Located, Outcome, Point
 from contbranch.continuation.edge import Range
 from contbranch.continuation.events import Event
 from contbranch.continuation.follow import Branch, follow
 from contbranch.continuation.metric import Balance
 from contbranch.continuation.newton import CorrectionError, border, correct_start, linearise, tangent_at
 from contbranch.continuation.options import Options, StopAt
-from contbranch.continuation.outcomes import End, Outcome
 from contbranch.continuation.problem import Array, Problem
 from contbranch.continuation.walk import annotated
 from contbranch.errors import InputError
