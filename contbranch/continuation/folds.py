@@ -17,8 +17,11 @@ ITERATIONS = 40
 _FOURTH_ROOT_OF_ROUNDING = ROUNDING**0.25
 
 
-def second_derivative(problem: Problem, x: Array, p: float, u: Array, a: float, metric: Metric, here: Array) -> Array:
+def second_derivative(
+    problem: Problem, x: Array, p: float, along: tuple[Array, float], metric: Metric, here: Array
+) -> Array:
     """Return d²F(x + s u, p + s a)/ds² at s = 0: the problem's own, else a second difference of residuals."""
+    u, a = along
     own = problem.second_derivative(x, p, u, a)
     if own is not None:
         return own
@@ -73,7 +76,7 @@ def locate_fold(
         bordered = border(problem, x, p, at, row)
         back_x, back_p = solve(bordered, -at[0], 0.0, p)
         phi, sigma = solve(bordered, np.zeros_like(x), 1.0, p)
-        d = second_derivative(problem, x, p, phi, sigma, metric, at[0])
+        d = second_derivative(problem, x, p, (phi, sigma), metric, at[0])
         bend_x, bend_p = solve(bordered, -d, 0.0, p)
         if bend_p == 0.0:
             raise CorrectionError(Outcome.STEP_TOO_SMALL, "(The parameter's second derivative vanishes.)")
