@@ -1,0 +1,256 @@
+"""What a model offers: its equilibria as a problem F(x, p) = 0, with what can be seen of them in the plane (d, F)."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple, Self
+
+import numpy as np
+
+from contbranch.continuation import Options, Point, Problem
+from contbranch.continuation.newton import tangent_at
+from contbranch.continuation.problem import Array
+from contbranch.continuation.walk import annotated
+from contbranch.control import Control
+from contbranch.results.profile import Profile
+
+if TYPE_CHECKING:
+    from contbranch.contact.contact import Contact
+
+__all__ = ["STEPS", "Defect", "EquilibriumProblem", "Rates", "Succession", "Values", "Work", "equilibrium", "oriented"]
+
+STEPS = Options(
+    angle=0.3,
+    angle_limit=0.8,
+    tolerance=1e-9,
+    noise=1e5,
+    first_step=0.05,
+    detect_folds=False,
+    detect_branch_points=False,
+    maximum_points=40_000,
+)
+
+
+class Values(NamedTuple):
+    """What is seen of an equilibrium, reduced units."""
+
+    load: float
+    displacement: float
+    contact_radius: float
+    central_gap: float
+    energy: float
+
+
+class Rates(NamedTuple):
+    """Derivatives of the observables along a direction of the curve."""
+
+    load: float
+    displacement: float
+    contact_radius: float
+    central_gap: float
+
+
+class Defect(NamedTuple):
+    """Signed discretisation errors of load and displacement, and the size of that of the state."""
+
+    load: float
+    displacement: float
+    state: float
+
+    def relative(self, values: Values) -> float:
+        """The larger error of load and displacement, each relative to max(1, |value|)."""
+        return max(
+            abs(self.load) / max(1.0, abs(values.load)),
+            abs(self.displacement) / max(1.0, abs(values.displacement)),
+        )
+
+
+@dataclass
+class Work:
+    """What has been spent on one curve, counted by all its problems together."""
+
+    newton: int = 0
+    unknowns: int = 0
+
+
+@dataclass(frozen=True)
+class Succession:
+    """How a curve goes on behind the end of one problem.
+
+    Attributes
+    ----------
+    kind : str
+        Of the event there: ``"touch"``, ``"topology"``; empty where only the representation changes.
+    event : Point
+        Where: the last row of the problem that ends.
+    starts : tuple of Point
+        First point of the next problem, with its tangent along the curve; further ones are tried where the curve does
+        not leave from it.
+    same : bool
+        Whether event and start are one equilibrium, which then is one row; otherwise both are rows.
+    dropped : int
+        Rows of the problem that ends to be forgotten before the event's row is appended.
+    step : float or None
+        Length of the first step as `EquilibriumProblem.balance` understands it.
+    message : str
+    """
+
+    kind: str
+    event: Point
+    starts: tuple[Point, ...]
+    same: bool = True
+    dropped: int = 1
+    step: float | None = None
+    message: str = ""
+
+
+class EquilibriumProblem(Problem):
+    """Equilibria of one contact in reduced units, as long as one representation serves: a piece of its curve.
+
+    A model writes the equations (`residual`, `linearise`, `inner`, `dual`), what is seen of a state (`values`,
+    `rates`, `unstable`, `profile`), where the representation ends and what goes on there (`margins`,
+    `parameter_range`, `successor`), and how it is discretised (`finer`, `resolving`, `carried`, `defect`). The curve,
+    its folds, indices, error estimates, paths and exponents are made of these in `contbranch.curve`.
+
+    Attributes
+    ----------
+    scale : float
+        Shortest length of the interaction: the unit in which lengths along the curve are measured.
+    work : Work
+    """
+
+    scale: float
+    work: Work
+
+    # -- the curve ----------------------------------------------------------------------------------------------------
+    @abstractmethod
+    def start(self, control: Control) -> Point:
+        """The first equilibrium of the curve (without interaction, or next to it), along the way it is to be followed.
+
+        Asked of the first problem of the chain only. A soft spring feels the interaction farther away.
+        """
+
+    @property
+    def parameter_range(self) -> tuple[float, float]:
+        """Parameters between which this representation holds; arriving at an edge is the event ``"edge"``."""
+        return -np.inf, np.inf
+
+    def steps(self, start: Point) -> Options:
+        """Step control of the piece that begins at a point."""
+        return STEPS
+
+    def margins(self, x: Array, p: float) -> Mapping[str, float]:
+        """Signed distances, positive as long as this representation holds; the curve is cut where one vanishes."""
+        return {}
+
+    def successor(self, name: str, points: Sequence[Point]) -> Succession | None:
+        """What goes on behind the margin (or ``"edge"``) of that name, reached by the last of the piece's points.
+
+        None: nothing, the curve ends there. `ending` says why.
+
+        Raises
+        ------
+        ModelError
+            If it could not be found.
+        """
+        return None
+
+    def ending(self, name: str, point: Point) -> str:
+        """Why a curve that ends at a point is incomplete; `name` is a margin, or empty if it could not be followed."""
+        return ""
+
+    def before(self, control: Control, value: float) -> Point | None:
+        """An equilibrium close to the one with a value of a control farther away than the start; None without."""
+        return None
+
+    # -- what is seen -------------------------------------------------------------------------------------------------
+    @abstractmethod
+    def values(self, x: Array, p: float) -> Values:
+        """Load, displacement, contact radius, central gap, energy."""
+
+    @abstractmethod
+    def rates(self, x: Array, p: float, x_rate: Array, p_rate: float) -> Rates:
+        """Derivatives of load, displacement, contact radius and central gap along a direction, exact."""
+
+    @abstractmethod
+    def unstable(self, x: Array, p: float) -> int:
+        """Morse index at fixed displacement for axisymmetric modes, by inertia or eigenvalues of the second variation.
+
+        It is asked at a few points, as a check and where the way along the curve leaves two answers open.
+        """
+
+    @abstractmethod
+    def profile(self, x: Array, p: float) -> Profile:
+        """Gap and pressures over the radius."""
+
+    def observables(self, x: Array, p: float) -> Mapping[str, float]:
+        """The values, by name."""
+        return self.values(x, p)._asdict()
+
+    # -- discretisations ----------------------------------------------------------------------------------------------
+    def finer(self) -> Self:
+        """The same problem with errors smaller by orders; itself where there is nothing to refine."""
+        return self
+
+    def halved(self) -> Self:
+        """The same problem with halved panels, for states that are not smooth; by default `finer`."""
+        return self.finer()
+
+    def carried(self, vector: Array, x: Array, other: Self) -> Array:
+        """A state or direction at the state x, on another discretisation of the same problem."""
+        return vector
+
+    def resolving(self, point: Point, tolerance: float) -> Self:
+        """A discretisation made for a state; itself where it serves.
+
+        Parameters
+        ----------
+        point : Point
+            Of this problem.
+        tolerance : float
+            Error wanted of load and displacement, relative to max(1, |value|).
+        """
+        return self
+
+    def defect(self, point: Point) -> Defect:
+        """Estimated discretisation errors of a point: of its load and displacement, and of its state."""
+        return Defect(0.0, 0.0, 0.0)
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns, where it can be refined."""
+        return 1
+
+    @property
+    def rounding(self) -> float:
+        """Rounding errors of values, relative to max(1, |value|)."""
+        return 4e-14
+
+    # -- families -----------------------------------------------------------------------------------------------------
+    def member(self, contact: Contact) -> Self:
+        """The same discretisation for another contact (reduced units), with the parameter meaning the same."""
+        raise NotImplementedError
+
+
+def equilibrium(point: Point) -> EquilibriumProblem:
+    """The problem of a point of a contact's curve.
+
+    Raises
+    ------
+    TypeError
+        If it is not an `EquilibriumProblem`.
+    """
+    problem = point.problem
+    if isinstance(problem, EquilibriumProblem):
+        return problem
+    raise TypeError(f"{type(problem).__name__} is not an EquilibriumProblem")
+
+
+def oriented(problem: EquilibriumProblem, x: Array, p: float, direction: tuple[Array, float]) -> Point:
+    """The point with its unit tangent, along the direction given rather than against it."""
+    u, a, _ = tangent_at(problem, x, p)
+    along = problem.inner(u, direction[0]) + a * direction[1]
+    sign = 1.0 if along >= 0 else -1.0
+    return annotated(Point(problem, x, p, sign * u, sign * a), label="start")
