@@ -17,9 +17,9 @@ from contbranch.models.choice import Model, choose
 from contbranch.models.exact.model import Exact
 from contbranch.models.exact.outcome import exact_outcome, exact_state
 from contbranch.models.run import check
-from contbranch.models.threads import one_thread
 from contbranch.results.diagram import ModelChoice, Solution, State
 from contbranch.results.equilibria import Barrier, Equilibria
+from contbranch.threads import one_thread
 
 __all__ = ["best_of", "find_all"]
 

@@ -21,9 +21,9 @@ from contbranch.models.event_curve import RawEventCurve, RawPoint, RawSpecial
 from contbranch.models.exact.follow import follow_exact
 from contbranch.models.exact.results import ExactEvent
 from contbranch.models.run import COARSEST, FINEST
-from contbranch.models.threads import one_thread
 from contbranch.results.diagram import Cost, Event, ModelChoice
 from contbranch.results.followed import Followed, FollowedPoint, Special
+from contbranch.threads import one_thread
 
 __all__ = ["follow", "follow_in"]
 

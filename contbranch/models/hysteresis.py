@@ -29,9 +29,9 @@ from contbranch.models.rings.journey import Target as RingTarget
 from contbranch.models.rings.paths import RingWalk
 from contbranch.models.rings.trace import trace as trace_rings
 from contbranch.models.run import check
-from contbranch.models.threads import one_thread
 from contbranch.results.diagram import Cost, Diagram, ModelChoice, State
 from contbranch.results.loop import Hysteresis, Jump, Path
+from contbranch.threads import one_thread
 
 __all__ = ["hysteresis"]
 

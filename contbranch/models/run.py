@@ -16,8 +16,8 @@ from contbranch.models.choice import Model, choose
 from contbranch.models.exact.model import Exact
 from contbranch.models.exact.outcome import exact_outcome, exact_state
 from contbranch.models.grid import FreeSpace, Periodic
-from contbranch.models.threads import one_thread
 from contbranch.results.diagram import Cost, Diagram, ModelChoice, Solution, State
+from contbranch.threads import one_thread
 
 __all__ = ["check", "solve", "trace"]
 
