@@ -6,7 +6,7 @@ import math
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple, Self
+from typing import TYPE_CHECKING, ClassVar, NamedTuple, Self
 
 import numpy as np
 
@@ -20,7 +20,18 @@ from contbranch.results.profile import Profile
 if TYPE_CHECKING:
     from contbranch.contact.contact import Contact
 
-__all__ = ["STEPS", "Defect", "EquilibriumProblem", "Rates", "Succession", "Values", "Work", "equilibrium", "oriented"]
+__all__ = [
+    "STEPS",
+    "Defect",
+    "EquilibriumProblem",
+    "Rates",
+    "Search",
+    "Succession",
+    "Values",
+    "Work",
+    "equilibrium",
+    "oriented",
+]
 
 STEPS = Options(
     angle=0.3,
@@ -107,6 +118,25 @@ class Succession:
     message: str = ""
 
 
+@dataclass(frozen=True)
+class Search:
+    """Where equilibria off the curve are looked for.
+
+    Attributes
+    ----------
+    problem : EquilibriumProblem
+        On a coarse discretisation that can hold all that the curve's rows hold.
+    starts : tuple of (state, parameter)
+        From which to search, besides the rows.
+    size : float
+        What the norm of a state is measured in.
+    """
+
+    problem: EquilibriumProblem
+    starts: tuple[tuple[Array, float], ...]
+    size: float
+
+
 class EquilibriumProblem(Problem):
     """Equilibria of one contact in reduced units, as long as one representation serves: a piece of its curve.
 
@@ -120,10 +150,13 @@ class EquilibriumProblem(Problem):
     scale : float
         Shortest length of the interaction: the unit in which lengths along the curve are measured.
     work : Work
+    complete_by : str
+        Why the curve holds every equilibrium there is, as the end of a sentence; empty where that is not known.
     """
 
     scale: float
     work: Work
+    complete_by: ClassVar[str] = ""
 
     # -- the curve ----------------------------------------------------------------------------------------------------
     @abstractmethod
@@ -206,6 +239,16 @@ class EquilibriumProblem(Problem):
         It is asked at a few points, as a check and where the way along the curve leaves two answers open.
         """
 
+    def breaking(self, x: Array, p: float, unstable: int) -> int:
+        """Number of unstable modes without axial symmetry, as far as the model examines them.
+
+        Parameters
+        ----------
+        unstable : int
+            Morse index at fixed displacement.
+        """
+        return 0
+
     @abstractmethod
     def profile(self, x: Array, p: float) -> Profile:
         """Gap and pressures over the radius."""
@@ -252,6 +295,36 @@ class EquilibriumProblem(Problem):
     def rounding(self) -> float:
         """Rounding errors of values, relative to max(1, |value|)."""
         return 4e-14
+
+    # -- off the curve ------------------------------------------------------------------------------------------------
+    def gradients(self, x: Array, p: float) -> tuple[Array, Array]:
+        """Derivatives of load and displacement with respect to the state, (n,) each; a search asks for them."""
+        rates = [self.rates(x, p, unit, 0.0) for unit in np.eye(len(x))]
+        return np.array([rate.load for rate in rates]), np.array([rate.displacement for rate in rates])
+
+    def search(self, points: Sequence[Point]) -> Search | None:
+        """Where to look for equilibria off the curve, given its rows in this representation; None: nowhere."""
+        return None
+
+    def relaxed(
+        self, fold: Point, control: Control, direction: int, others: Sequence[Point], guarded: bool
+    ) -> int | None:
+        """Which of several stable states overdamped relaxation from a fold reaches; None where that cannot be told.
+
+        Parameters
+        ----------
+        fold : Point
+            Of this problem.
+        control : Control
+            Held at its value at the fold.
+        direction : int
+            1 if the fold was reached by raising the control, −1 by lowering it.
+        others : sequence of Point
+            In the same representation.
+        guarded : bool
+            Whether the relaxation may leave what this representation can hold, which then ends it.
+        """
+        return None
 
     # -- families -----------------------------------------------------------------------------------------------------
     def member(self, contact: Contact) -> Self:
