@@ -124,7 +124,7 @@ def linked(begin: Point, end: Point) -> tuple[Point, Point]:
     problem, other = equilibrium(begin), equilibrium(end)
     if other is problem:
         return begin, end
-    if type(other) is not type(problem):
+    if not problem.joins(other):
         raise CorrectionError(*_unlike)
     from contbranch.curve.refine import settled
 
