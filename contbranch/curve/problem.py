@@ -107,6 +107,8 @@ class Succession:
     step : float or None
         Length of the first step as `EquilibriumProblem.balance` understands it.
     message : str
+    margin : str
+        What vanishes at the event, as a margin of the event's problem; empty: what ended the piece.
     """
 
     kind: str
@@ -116,6 +118,7 @@ class Succession:
     dropped: int = 1
     step: float | None = None
     message: str = ""
+    margin: str = ""
 
 
 @dataclass(frozen=True)
@@ -222,6 +225,10 @@ class EquilibriumProblem(Problem):
     def before(self, control: Control, value: float) -> Point | None:
         """An equilibrium close to the one with a value of a control farther away than the start; None without."""
         return None
+
+    def joins(self, other: EquilibriumProblem) -> bool:
+        """Whether the other problem's states are states of this representation, on a discretisation of their own."""
+        return type(other) is type(self)
 
     # -- what is seen -------------------------------------------------------------------------------------------------
     @abstractmethod

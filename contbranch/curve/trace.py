@@ -167,7 +167,7 @@ class _Tracing:
         self.points.append(found.event)
         row = len(self.points) - 1
         if found.kind:
-            self.marks.append(Mark(row, found.kind, found.event, margin=margin, message=found.message))
+            self.marks.append(Mark(row, found.kind, found.event, margin=found.margin or margin, message=found.message))
             self._met(found.event)
         if not found.same:
             self.gaps.add(row)

@@ -124,6 +124,6 @@ def linked(begin: Point, end: Point) -> tuple[Point, Point]:
     problem = equilibrium(begin)
     if end.problem is problem:
         return begin, end
-    if type(end.problem) is not type(problem):
-        raise CorrectionError(Outcome.STEP_TOO_SMALL, "(Two problems of different kinds have no curve in common.)")
+    if not problem.joins(equilibrium(end)):
+        raise CorrectionError(Outcome.STEP_TOO_SMALL, "(Two representations have no piece of curve in common.)")
     return begin, settled(moved(end, problem))
