@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple, Self
 
 import numpy as np
 
-from contbranch.continuation import Options, Point, Problem
+from contbranch.continuation import Balance, Metric, Options, Point, Problem
 from contbranch.continuation.newton import tangent_at
 from contbranch.continuation.problem import Array
 from contbranch.continuation.walk import annotated
@@ -106,6 +107,8 @@ class Succession:
     step : float or None
         Length of the first step as `EquilibriumProblem.balance` understands it.
     message : str
+    margin : str
+        What vanishes at the event, as a margin of the event's problem; empty: what ended the piece.
     """
 
     kind: str
@@ -115,6 +118,7 @@ class Succession:
     dropped: int = 1
     step: float | None = None
     message: str = ""
+    margin: str = ""
 
 
 @dataclass(frozen=True)
@@ -174,6 +178,30 @@ class EquilibriumProblem(Problem):
         """Step control of the piece that begins at a point."""
         return STEPS
 
+    def metric(self, x: Array) -> Metric:
+        """Lengths along the curve at a state: of the state relative to itself, of the parameter in its own unit."""
+        return Metric(math.sqrt(self.inner(x, x)) + self.scale, 1.0)
+
+    def balance(self, start: Point, step: float | None = None) -> Balance:
+        """Scales of state and parameter with which a piece begins: how far both will go, by the tangent.
+
+        Parameters
+        ----------
+        step : float, optional
+            `Succession.step`.
+        """
+        low, high = self.parameter_range
+        parameter = high - low if math.isfinite(high - low) else max(1.0, abs(start.parameter))
+        slope, size = (math.sqrt(self.inner(v, v)) for v in (start.tangent_x, start.x))
+        rate = abs(start.tangent_parameter)
+        state = slope / rate * parameter if rate > 0 else math.inf
+        if state > 10 * size > 0:  # close to a fold the tangent says nothing about how far the state will go
+            state = 10 * size
+            parameter = max(state * rate / slope, 1e-6 * parameter)
+        if not (math.isfinite(state) and state > 0):
+            state = size or 1.0
+        return Balance(state, parameter)
+
     def margins(self, x: Array, p: float) -> Mapping[str, float]:
         """Signed distances, positive as long as this representation holds; the curve is cut where one vanishes."""
         return {}
@@ -197,6 +225,10 @@ class EquilibriumProblem(Problem):
     def before(self, control: Control, value: float) -> Point | None:
         """An equilibrium close to the one with a value of a control farther away than the start; None without."""
         return None
+
+    def joins(self, other: EquilibriumProblem) -> bool:
+        """Whether the other problem's states are states of this representation, on a discretisation of their own."""
+        return type(other) is type(self)
 
     # -- what is seen -------------------------------------------------------------------------------------------------
     @abstractmethod
