@@ -81,9 +81,14 @@ class ExactProblem(EquilibriumProblem):
     def slopes(self, p: float) -> Rates:
         """Its derivatives with respect to p."""
 
+    def state(self, p: float) -> Array:
+        """Load and displacement of the closed form."""
+        curve = self.curve(p)
+        return np.array([float(curve.load), float(curve.displacement)])
+
     def residual(self, x: Array, p: float) -> Array:
         """How far load and displacement are from the closed form."""
-        return x - np.array([float(value) for value in self.curve(p)[:2]])
+        return x - self.state(p)
 
     def jacobian(self, x: Array, p: float) -> Array:
         """The identity."""
@@ -124,7 +129,7 @@ class ExactProblem(EquilibriumProblem):
 
     def at(self, p: float) -> Point:
         """The equilibrium of a parameter, with its tangent along the curve."""
-        return oriented(self, np.array([float(value) for value in self.curve(p)[:2]]), p, (np.zeros(2), 1.0))
+        return oriented(self, self.state(p), p, (np.zeros(2), 1.0))
 
     def start(self, control: Control) -> Point:
         """Beyond the range, where no control feels the interaction."""
