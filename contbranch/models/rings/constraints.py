@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from contbranch.models.axisymmetric.mesh import legendre_values
+from contbranch.models.quadrature import legendre_values
 
 from .layout import Region
 from .problem import Fields, RingProblem

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ellipe, ellipkm1
 
-from contbranch.models.axisymmetric.mesh import gauss, legendre_values, panel_rule
+from contbranch.models.quadrature import gauss, legendre_values, panel_rule
 
 __all__ = ["Grid", "Panels"]
 
