@@ -1,4 +1,4 @@
-"""Events of a curve to the accuracy asked for: located anew on discretisations made for them, compared with finer ones."""
+"""Events of a curve to the accuracy asked for: located on discretisations made for them, compared with finer ones."""
 
 from __future__ import annotations
 
