@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import ClassVar
 
 from contbranch.continuation import Event, EventPoint, Happening, Options, Point, Segment, find_root
@@ -264,7 +265,7 @@ class Folds(Event):
         found = [(passage, *self._zero(passage, options, resolution)) for passage in passages]
         found.sort(key=lambda one: one[1])
         thetas = [theta for _, theta, _ in found]
-        if len(found) > 1 and min(b - a for a, b in zip(thetas, thetas[1:], strict=False)) < 4 * SHARP:
+        if len(found) > 1 and min(b - a for a, b in pairwise(thetas)) < 4 * SHARP:
             order = [control.kind for control in self._turned(passages[0].part)]
             found.sort(key=lambda one: order.index(one[0].control.kind) if one[0].control.kind in order else -1)
             thetas = [sum(thetas) / len(thetas)] * len(found)

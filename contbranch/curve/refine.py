@@ -1,5 +1,4 @@
-"""Events of a curve to the accuracy asked for: located anew on discretisations made for them, compared with finer ones.
-"""
+"""Events of a curve to the accuracy asked for: located on discretisations made for them, compared with finer ones."""
 
 from __future__ import annotations
 
@@ -14,7 +13,7 @@ from contbranch.curve.events import FoldEvent
 from contbranch.curve.problem import EquilibriumProblem, Rates, equilibrium
 from contbranch.errors import ModelError
 
-__all__ = ["OPTIONS", "Four", "Found", "moved", "numbers", "on_curve", "refine", "settled", "upright"]
+__all__ = ["OPTIONS", "Found", "Four", "moved", "numbers", "on_curve", "refine", "settled", "upright"]
 
 Four = tuple[float, float, float, float]
 
@@ -273,8 +272,7 @@ def _nudged(place: _Place, event: Event) -> tuple[float, Four] | None:
     held = event.control.kind if isinstance(event, FoldEvent) else ""
     share = [0.5 if held == name else 1.0 for name in ("load", "displacement")] + [1.0, 1.0]
     load, displacement, radius, gap = (
-        value + part * rate * step
-        for value, part, rate in zip(numbers(point), share, line.rates(point), strict=True)
+        value + part * rate * step for value, part, rate in zip(numbers(point), share, line.rates(point), strict=True)
     )
     speed = line.speed(point) * point.tangent_parameter
     return point.parameter + speed * step, (load, displacement, radius, gap)
