@@ -29,7 +29,7 @@ from contbranch.results.diagram import (
 )
 from contbranch.threads import one_thread
 
-__all__ = ["RawCurve", "RawEvent", "assemble", "state_in_reduced", "state_in_units"]
+__all__ = ["RawCurve", "RawEvent", "assemble", "fold_names", "state_in_reduced", "state_in_units"]
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -188,7 +188,8 @@ class _Scaling:
         )
 
 
-def _names(contact: Contact, events: Sequence[RawEvent]) -> list[str | None]:
+def fold_names(contact: Contact, events: Sequence[RawEvent]) -> list[str | None]:
+    """Names of events, None for those without."""
     names = []
     for raw in events:
         name = raw.name
@@ -245,7 +246,7 @@ def _branch(scaling: _Scaling, curve: RawCurve) -> Branch:
 def assemble(contact: Contact, curve: RawCurve, choice: ModelChoice, control: Control, accuracy: float) -> Diagram:
     """The diagram of a curve: events named, thresholds collected, everything in the contact's own units."""
     scaling = _Scaling(contact)
-    names = _names(contact, curve.events)
+    names = fold_names(contact, curve.events)
     events = tuple(_event(contact, scaling, raw, name) for raw, name in zip(curve.events, names, strict=True))
     raws = [*curve.events]
     branches = [_branch(scaling, curve)]
