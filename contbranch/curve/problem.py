@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple, Self
+from typing import TYPE_CHECKING, ClassVar, NamedTuple, Self
 
 import numpy as np
 
-from contbranch.continuation import Options, Point, Problem
+from contbranch.continuation import Balance, Metric, Options, Point, Problem
 from contbranch.continuation.newton import tangent_at
 from contbranch.continuation.problem import Array
 from contbranch.continuation.walk import annotated
@@ -19,7 +20,18 @@ from contbranch.results.profile import Profile
 if TYPE_CHECKING:
     from contbranch.contact.contact import Contact
 
-__all__ = ["STEPS", "Defect", "EquilibriumProblem", "Rates", "Succession", "Values", "Work", "equilibrium", "oriented"]
+__all__ = [
+    "STEPS",
+    "Defect",
+    "EquilibriumProblem",
+    "Rates",
+    "Search",
+    "Succession",
+    "Values",
+    "Work",
+    "equilibrium",
+    "oriented",
+]
 
 STEPS = Options(
     angle=0.3,
@@ -109,6 +121,25 @@ class Succession:
     margin: str = ""
 
 
+@dataclass(frozen=True)
+class Search:
+    """Where equilibria off the curve are looked for.
+
+    Attributes
+    ----------
+    problem : EquilibriumProblem
+        On a coarse discretisation that can hold all that the curve's rows hold.
+    starts : tuple of (state, parameter)
+        From which to search, besides the rows.
+    size : float
+        What the norm of a state is measured in.
+    """
+
+    problem: EquilibriumProblem
+    starts: tuple[tuple[Array, float], ...]
+    size: float
+
+
 class EquilibriumProblem(Problem):
     """Equilibria of one contact in reduced units, as long as one representation serves: a piece of its curve.
 
@@ -122,10 +153,13 @@ class EquilibriumProblem(Problem):
     scale : float
         Shortest length of the interaction: the unit in which lengths along the curve are measured.
     work : Work
+    complete_by : str
+        Why the curve holds every equilibrium there is, as the end of a sentence; empty where that is not known.
     """
 
     scale: float
     work: Work
+    complete_by: ClassVar[str] = ""
 
     # -- the curve ----------------------------------------------------------------------------------------------------
     @abstractmethod
@@ -143,6 +177,30 @@ class EquilibriumProblem(Problem):
     def steps(self, start: Point) -> Options:
         """Step control of the piece that begins at a point."""
         return STEPS
+
+    def metric(self, x: Array) -> Metric:
+        """Lengths along the curve at a state: of the state relative to itself, of the parameter in its own unit."""
+        return Metric(math.sqrt(self.inner(x, x)) + self.scale, 1.0)
+
+    def balance(self, start: Point, step: float | None = None) -> Balance:
+        """Scales of state and parameter with which a piece begins: how far both will go, by the tangent.
+
+        Parameters
+        ----------
+        step : float, optional
+            `Succession.step`.
+        """
+        low, high = self.parameter_range
+        parameter = high - low if math.isfinite(high - low) else max(1.0, abs(start.parameter))
+        slope, size = (math.sqrt(self.inner(v, v)) for v in (start.tangent_x, start.x))
+        rate = abs(start.tangent_parameter)
+        state = slope / rate * parameter if rate > 0 else math.inf
+        if state > 10 * size > 0:  # close to a fold the tangent says nothing about how far the state will go
+            state = 10 * size
+            parameter = max(state * rate / slope, 1e-6 * parameter)
+        if not (math.isfinite(state) and state > 0):
+            state = size or 1.0
+        return Balance(state, parameter)
 
     def margins(self, x: Array, p: float) -> Mapping[str, float]:
         """Signed distances, positive as long as this representation holds; the curve is cut where one vanishes."""
@@ -187,6 +245,16 @@ class EquilibriumProblem(Problem):
 
         It is asked at a few points, as a check and where the way along the curve leaves two answers open.
         """
+
+    def breaking(self, x: Array, p: float, unstable: int) -> int:
+        """Number of unstable modes without axial symmetry, as far as the model examines them.
+
+        Parameters
+        ----------
+        unstable : int
+            Morse index at fixed displacement.
+        """
+        return 0
 
     @abstractmethod
     def profile(self, x: Array, p: float) -> Profile:
@@ -234,6 +302,36 @@ class EquilibriumProblem(Problem):
     def rounding(self) -> float:
         """Rounding errors of values, relative to max(1, |value|)."""
         return 4e-14
+
+    # -- off the curve ------------------------------------------------------------------------------------------------
+    def gradients(self, x: Array, p: float) -> tuple[Array, Array]:
+        """Derivatives of load and displacement with respect to the state, (n,) each; a search asks for them."""
+        rates = [self.rates(x, p, unit, 0.0) for unit in np.eye(len(x))]
+        return np.array([rate.load for rate in rates]), np.array([rate.displacement for rate in rates])
+
+    def search(self, points: Sequence[Point]) -> Search | None:
+        """Where to look for equilibria off the curve, given its rows in this representation; None: nowhere."""
+        return None
+
+    def relaxed(
+        self, fold: Point, control: Control, direction: int, others: Sequence[Point], guarded: bool
+    ) -> int | None:
+        """Which of several stable states overdamped relaxation from a fold reaches; None where that cannot be told.
+
+        Parameters
+        ----------
+        fold : Point
+            Of this problem.
+        control : Control
+            Held at its value at the fold.
+        direction : int
+            1 if the fold was reached by raising the control, −1 by lowering it.
+        others : sequence of Point
+            In the same representation.
+        guarded : bool
+            Whether the relaxation may leave what this representation can hold, which then ends it.
+        """
+        return None
 
     # -- families -----------------------------------------------------------------------------------------------------
     def member(self, contact: Contact) -> Self:

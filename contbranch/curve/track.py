@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from contbranch.continuation import Point
-from contbranch.continuation.newton import CorrectionError
+from contbranch.continuation import CorrectionError, Outcome, Point
 from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.curve.angle import Hodograph
 from contbranch.curve.problem import EquilibriumProblem, Work, equilibrium
+from contbranch.curve.refine import moved, settled
 
-__all__ = ["Mark", "Track"]
+__all__ = ["Mark", "Track", "linked"]
 
 Array = NDArray[np.float64]
 
@@ -121,29 +121,9 @@ def linked(begin: Point, end: Point) -> tuple[Point, Point]:
     CorrectionError
         If the second is not found there.
     """
-    problem, other = equilibrium(begin), equilibrium(end)
-    if other is problem:
+    problem = equilibrium(begin)
+    if end.problem is problem:
         return begin, end
-    if not problem.joins(other):
-        raise CorrectionError(*_unlike)
-    from contbranch.curve.refine import settled
-
+    if not problem.joins(equilibrium(end)):
+        raise CorrectionError(Outcome.STEP_TOO_SMALL, "(Two representations have no piece of curve in common.)")
     return begin, settled(moved(end, problem))
-
-
-def moved(point: Point, problem: EquilibriumProblem) -> Point:
-    """A point carried to another discretisation, not yet a solution there."""
-    old = equilibrium(point)
-    if old is problem:
-        return point
-    return replace(
-        point,
-        problem=problem,
-        x=old.carried(point.x, point.x, problem),
-        tangent_x=old.carried(point.tangent_x, point.x, problem),
-    )
-
-
-def rows_of(points: Sequence[Point]) -> dict[str, Array]:
-    """The observables of points as columns."""
-    return {name: np.array([point.observables[name] for point in points]) for name in points[0].observables}

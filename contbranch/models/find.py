@@ -11,15 +11,15 @@ import numpy as np
 from contbranch.contact.contact import Contact
 from contbranch.contact.units import finite_number
 from contbranch.control import Control, Spring, as_control
+from contbranch.curve.outcome import RawCurve, state_in_units
 from contbranch.errors import InputError
 from contbranch.models.choice import Model, choose
 from contbranch.models.exact.model import Exact
 from contbranch.models.exact.outcome import exact_outcome, exact_state
-from contbranch.models.outcome import RawCurve, state_in_units
 from contbranch.models.run import check
-from contbranch.models.threads import one_thread
 from contbranch.results.diagram import ModelChoice, Solution, State
 from contbranch.results.equilibria import Barrier, Equilibria
+from contbranch.threads import one_thread
 
 __all__ = ["best_of", "find_all"]
 

@@ -12,6 +12,7 @@ from contbranch.contact.family import Family, Vary, family_of
 from contbranch.contact.units import finite_number
 from contbranch.continuation import Event as LocatedEvent
 from contbranch.control import Control, as_control
+from contbranch.curve.outcome import Origin
 from contbranch.errors import InputError
 from contbranch.models.axisymmetric.locate import Place
 from contbranch.models.axisymmetric.symmetry import SymmetryEvent
@@ -19,11 +20,10 @@ from contbranch.models.axisymmetric.two_parameters import follow_event
 from contbranch.models.event_curve import RawEventCurve, RawPoint, RawSpecial
 from contbranch.models.exact.follow import follow_exact
 from contbranch.models.exact.results import ExactEvent
-from contbranch.models.outcome import Origin
 from contbranch.models.run import COARSEST, FINEST
-from contbranch.models.threads import one_thread
 from contbranch.results.diagram import Cost, Event, ModelChoice
 from contbranch.results.followed import Followed, FollowedPoint, Special
+from contbranch.threads import one_thread
 
 __all__ = ["follow", "follow_in"]
 

@@ -12,6 +12,7 @@ import numpy as np
 from contbranch.contact.contact import Contact
 from contbranch.contact.units import positive_number
 from contbranch.control import LOAD, Control, Spring
+from contbranch.curve.outcome import RawCurve, assemble, state_in_units
 from contbranch.curve.quasi_static import Jump as RawJump
 from contbranch.curve.quasi_static import Leg, Stop, quasi_static
 from contbranch.models.axisymmetric.paths import TracedWalk
@@ -23,15 +24,14 @@ from contbranch.models.exact.walk import ExactWalk
 from contbranch.models.grid import FreeSpace, Periodic
 from contbranch.models.grid.paths import GridWalk
 from contbranch.models.grid.trace import trace as trace_grid
-from contbranch.models.outcome import RawCurve, assemble, state_in_units
 from contbranch.models.rings import Rings
 from contbranch.models.rings.journey import Target as RingTarget
 from contbranch.models.rings.paths import RingWalk
 from contbranch.models.rings.trace import trace as trace_rings
 from contbranch.models.run import check
-from contbranch.models.threads import one_thread
 from contbranch.results.diagram import Cost, Diagram, ModelChoice, State
 from contbranch.results.loop import Hysteresis, Jump, Path
+from contbranch.threads import one_thread
 
 __all__ = ["hysteresis"]
 

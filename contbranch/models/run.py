@@ -10,14 +10,14 @@ from dataclasses import fields as dataclass_fields
 from contbranch.contact.contact import Contact
 from contbranch.contact.units import finite_number, positive_number
 from contbranch.control import Control, Spring, as_control
+from contbranch.curve.outcome import RawCurve, assemble, state_in_reduced, state_in_units
 from contbranch.errors import InputError
 from contbranch.models.choice import Model, choose
 from contbranch.models.exact.model import Exact
 from contbranch.models.exact.outcome import exact_outcome, exact_state
 from contbranch.models.grid import FreeSpace, Periodic
-from contbranch.models.outcome import RawCurve, assemble, state_in_reduced, state_in_units
-from contbranch.models.threads import one_thread
 from contbranch.results.diagram import Cost, Diagram, ModelChoice, Solution, State
+from contbranch.threads import one_thread
 
 __all__ = ["check", "solve", "trace"]
 

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from contbranch.contact.contact import Contact
 from contbranch.continuation import Curve, Event, EventPoint, Outcome, Point
 from contbranch.control import LOAD, Control
+from contbranch.curve.outcome import RawCurve, RawEvent
 from contbranch.curve.stability import Indices, morse_indices
-from contbranch.models.outcome import RawCurve, RawEvent
 from contbranch.results.diagram import Cost, Profile
 
 from .critical import critical_exponent, sampled_exponent

@@ -9,7 +9,7 @@ from typing import ClassVar
 from contbranch.contact.contact import Contact
 from contbranch.contact.interactions import MaugisDugdale
 from contbranch.control import LOAD, Control
-from contbranch.models.outcome import RawCurve
+from contbranch.curve.outcome import RawCurve
 from contbranch.results.diagram import State
 
 from .azimuthal import LARGEST_MODE

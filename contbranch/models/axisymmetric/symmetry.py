@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbranch.continuation import CorrectionError, Event, Point
-from contbranch.models.outcome import RawEvent
+from contbranch.curve.outcome import RawEvent
 
 from .azimuthal import LARGEST_MODE, Count, CriticalMode, counted, critical_eigenvalue, eigenvalues, mode_shape
 from .locate import Place, locate, refine

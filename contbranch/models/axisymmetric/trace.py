@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from contbranch.contact.contact import Contact
 from contbranch.continuation import Curve, Event, Options, Outcome, Point, StopAt, trace_curve
 from contbranch.control import DISPLACEMENT, LOAD, Control
+from contbranch.curve.outcome import RawCurve
 from contbranch.curve.stability import Indices
 from contbranch.errors import InputError, ModelError
-from contbranch.models.outcome import RawCurve
 from contbranch.models.rings.handover import joined
 from contbranch.models.rings.journey import Target as RingTarget
 from contbranch.results.diagram import Cost

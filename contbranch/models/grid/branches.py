@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbranch.control import DISPLACEMENT, LOAD, Control
-from contbranch.models.outcome import RawCurve
+from contbranch.curve.outcome import RawCurve
 from contbranch.results.diagram import Cost
 
 from .kept import kept_symmetry

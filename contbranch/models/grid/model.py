@@ -10,9 +10,9 @@ from contbranch.contact.contact import Contact
 from contbranch.contact.height_map import HeightMap
 from contbranch.contact.units import positive_number
 from contbranch.control import LOAD, Control
+from contbranch.curve.outcome import RawCurve
 from contbranch.errors import InputError
 from contbranch.grid_size import grid_points
-from contbranch.models.outcome import RawCurve
 from contbranch.results.diagram import State
 
 from .branches import with_branches

@@ -10,8 +10,8 @@ from itertools import pairwise
 import numpy as np
 
 from contbranch.control import DISPLACEMENT, LOAD, Control
+from contbranch.curve.outcome import RawCurve
 from contbranch.errors import InputError, ModelError
-from contbranch.models.outcome import RawCurve
 from contbranch.results.diagram import Cost, State
 
 from .accuracy import Comparison, held, no_comparison

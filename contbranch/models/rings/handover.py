@@ -12,12 +12,12 @@ import numpy as np
 from contbranch.contact.tips import Tip
 from contbranch.continuation import CorrectionError, Point
 from contbranch.control import Control
+from contbranch.curve.outcome import RawCurve
 from contbranch.curve.stability import Indices
 from contbranch.errors import ModelError
 from contbranch.models.axisymmetric.equations import Equations
 from contbranch.models.axisymmetric.equations import Fields as DiscFields
 from contbranch.models.axisymmetric.problem import ContactProblem
-from contbranch.models.outcome import RawCurve
 
 from .journey import Journey, Target
 from .law import BandedLaw

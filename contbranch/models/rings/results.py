@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from contbranch.continuation import CorrectionError, Event, Point
 from contbranch.control import LOAD, Control
+from contbranch.curve.outcome import RawCurve, RawEvent
 from contbranch.curve.stability import Indices, morse_indices
 from contbranch.errors import ModelError
-from contbranch.models.outcome import RawCurve, RawEvent
 from contbranch.results.diagram import Cost, LocalExponent, Profile
 
 from .accuracy import JUMP, Values, refine, ring_problem, row_error

@@ -11,9 +11,9 @@ from contbranch.contact.contact import Contact
 from contbranch.continuation import CorrectionError, Event, Point, find_root
 from contbranch.continuation.walk import corrected_point
 from contbranch.control import DISPLACEMENT, LOAD, Control
+from contbranch.curve.outcome import RawCurve
 from contbranch.curve.stability import Indices
 from contbranch.errors import InputError, ModelError
-from contbranch.models.outcome import RawCurve
 from contbranch.results.diagram import Profile, State
 
 from .accuracy import JUMP, OPTIONS, SAFETY, Values, locate, moved, refine, ring_problem, settled

@@ -11,9 +11,9 @@ import numpy as np
 from contbranch.contact.contact import Contact
 from contbranch.continuation import CorrectionError, Point
 from contbranch.control import DISPLACEMENT, LOAD, Control
+from contbranch.curve.outcome import RawCurve
 from contbranch.curve.stability import Indices
 from contbranch.errors import ModelError
-from contbranch.models.outcome import RawCurve
 from contbranch.results.diagram import Cost
 
 from .journey import Journey, Target

@@ -13,7 +13,6 @@ from contbranch.contact.contact import Contact
 from contbranch.control import Control
 from contbranch.curve.naming import fold_name, number_layers, thresholds
 from contbranch.errors import InputError
-from contbranch.models.threads import one_thread
 from contbranch.results.diagram import (
     Branch,
     CellFields,
@@ -28,6 +27,7 @@ from contbranch.results.diagram import (
     State,
     Window,
 )
+from contbranch.threads import one_thread
 
 __all__ = ["RawCurve", "RawEvent", "assemble", "state_in_reduced", "state_in_units"]
 
