@@ -16,8 +16,8 @@ from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.curve.outcome import RawCurve
 from contbranch.curve.stability import Indices
 from contbranch.errors import InputError, ModelError
-from contbranch.models.rings.handover import joined
-from contbranch.models.rings.journey import Target as RingTarget
+from contbranch.models.old_rings.handover import joined
+from contbranch.models.old_rings.journey import Target as RingTarget
 from contbranch.results.diagram import Cost
 
 from .adapt import start_edges

@@ -78,9 +78,7 @@ def vanished(point: Point) -> Succession:
     return Succession(kind, event, (begun(start),), same=False, step=step, message=message, margin="breach")
 
 
-def along(
-    start: Point, width: float, events: Sequence[Event], arrived: Callable[[Point], bool] | None = None
-) -> Point:
+def along(start: Point, width: float, events: Sequence[Event], arrived: Callable[[Point], bool] | None = None) -> Point:
     """The last point of the curve from a start on, in steps of a width at first, as far as events or `arrived` say."""
     problem = equilibrium(start)
     balance, everywhere = problem.balance(start, FIRST * width), Range(-math.inf, math.inf)

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from contbranch.continuation import Point
 from contbranch.models.quadrature import legendre_values
 
-from .layout import Layout, Region
 from .equations import Fields, RingEquations, rings
+from .layout import Region
 
 __all__ = ["NARROW_RING", "Breach", "begun", "least_margin", "narrowness"]
 
@@ -73,8 +73,11 @@ def begun(point: Point) -> Point:
 
 def narrowness(problem: RingEquations, fields: Fields) -> float:
     """The smallest width over that at which its region vanishes, less 1; at most 1."""
-    widths = problem.widths(fields) / fields.grid.edges[-1] if problem.edges else ()
-    return min([1.0, *(w / least - 1 for w, least in zip(widths, problem.vanishing, strict=False) if least > 0)])
+    if not any(problem.vanishing):
+        return 1.0
+    least = np.array(problem.vanishing)
+    shares = problem.widths(fields) / fields.grid.edges[-1]
+    return min(1.0, float((shares[least > 0] / least[least > 0]).min()) - 1)
 
 
 def breaches(problem: RingEquations, fields: Fields) -> Iterator[Breach]:

@@ -9,9 +9,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from .equations import Fields, RingEquations
 from .layout import Layout
 from .panels import Panels
-from .equations import Fields, RingEquations
 
 __all__ = ["adapted", "finer", "order_for", "panel_errors", "start_panels"]
 

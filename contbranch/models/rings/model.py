@@ -10,11 +10,15 @@ from contbranch.contact.contact import Contact
 from contbranch.contact.interactions import MaugisDugdale
 from contbranch.control import LOAD, Control
 from contbranch.curve.outcome import RawCurve
+from contbranch.models.old_rings.journey import Target
+from contbranch.models.old_rings.solve import solve_all
+from contbranch.models.old_rings.trace import trace
 from contbranch.results.diagram import State
 
-from .journey import Target
-from .solve import solve_all
-from .trace import trace
+from .equations import Setting
+from .law import BandedLaw
+from .problem import RingProblem
+from .start import distance, floating
 
 __all__ = ["Rings"]
 
@@ -40,6 +44,11 @@ class Rings:
         if not laws:
             return "there is no interaction with which the contact could begin"
         return None
+
+    def problem(self, contact: Contact, accuracy: float) -> RingProblem:
+        """The first problem of a reduced contact's curve, with nothing at rest."""
+        setting = Setting(contact.axisymmetric_tip, BandedLaw(contact.interaction), accuracy)
+        return RingProblem(setting, *floating(setting, distance(setting)))
 
     def trace(
         self,

@@ -19,9 +19,9 @@ from contbranch.results.profile import Profile
 
 from .changes import born, vanished
 from .constraints import NARROW_RING, least_margin, narrowness
-from .equations import RingEquations
-from .meshing import finer, remeshed
-from .newton import resolved
+from .equations import RingEquations, rings
+from .meshing import adapted, finer
+from .newton import remeshed
 from .profile import profile_of
 from .stability import unstable_modes
 from .start import beginning, farther
@@ -37,8 +37,8 @@ JUMP = 0.1
 ROUNDING = 1e-12
 # Pressures below this share of the interaction's own, 1/range, do not matter for the steps of a curve without contact.
 STATE_FLOOR = 0.02
-# Panels for an event aim at this part of the accuracy.
-AIM = 0.1
+# Panels for an event aim at this part of the accuracy, in so many rounds.
+AIM, ROUNDS = 0.1, 3
 # An edge beyond this share of a tip's extent has reached its end.
 NEAR_END = 0.95
 
@@ -78,7 +78,7 @@ class RingProblem(RingEquations):
 
     def successor(self, name: str, points: Sequence[Point]) -> Succession:
         """The layout with a new region where an inequality fails, or without the region that has all but vanished."""
-        return born(points[-1]) if name == "breach" else vanished(points)
+        return born(points[-1]) if name == "breach" else vanished(points[-1])
 
     def ending(self, name: str, point: Point) -> str:
         """A sentence if the contact has come to the end of a tip of finite extent."""
@@ -90,13 +90,26 @@ class RingProblem(RingEquations):
     # -- discretisations ----------------------------------------------------------------------------------------------
     def adapt(self, x: Array, p: float) -> Adaptation | None:
         """Split and join panels where the solution asks for it."""
-        return self.adapted(x, p, self.setting.tolerance)
+        panels = adapted(self, self.fields(x, p), self.setting.tolerance)
+        if panels is None:
+            return None
+        other = self.on(panels)
+        return Adaptation(other, self.carried(x, x, other), lambda vector: self.carried(vector, x, other))
 
-    def resolving(self, point: Point, tolerance: float) -> RingProblem:
+    def resolving(self, point: Point, tolerance: float) -> Self:
         """Panels made for a state."""
-        return resolved(point, AIM * tolerance, rounds=3)[0]
+        problem: Self = self
+        for _ in range(ROUNDS):
+            try:
+                found = remeshed(point, AIM * tolerance)
+            except CorrectionError:  # joined panels may be too coarse to find it
+                break
+            if found is None:
+                break
+            point, problem = found, problem.on(rings(found).panels)
+        return problem
 
-    def finer(self) -> RingProblem:
+    def finer(self) -> Self:
         """Panels on which the present ones' errors have all but vanished."""
         return self.on(finer(self.panels))
 
@@ -124,4 +137,3 @@ class RingProblem(RingEquations):
     def profile(self, x: Array, p: float) -> Profile:
         """Gap and pressures over the radius."""
         return profile_of(self, self.fields(x, p))
-

@@ -32,6 +32,8 @@ def change(problem: RingEquations, breach: Breach, growing: bool) -> tuple[str, 
         kind = "touch" if level == 0 and centre and alone else "topology"
     else:
         verb, kind = "lifts from" if growing else "comes to rest at", "topology"
-        opens = ("a disc opens into a ring", "an annulus opens") if growing else ("a ring closes to a disc", "an annulus closes")
-        shape = f": {opens[0 if centre else 1]}"
-    return kind, f"The surface {verb} {where} {place}{shape}. {CONE}"
+        opens = ("a disc opens into a ring", "an annulus opens")
+        closes = ("a ring closes to a disc", "an annulus closes")
+        shape = f": {(opens if growing else closes)[0 if centre else 1]}"
+    sentence = f"The surface {verb} {where} {place}{shape}."
+    return kind, sentence if kind == "touch" else f"{sentence} {CONE}"

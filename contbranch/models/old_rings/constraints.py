@@ -1,0 +1,137 @@
+"""The inequalities of contact: where a layout of regions stops being right, and what comes instead."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbranch.models.quadrature import legendre_values
+
+from .layout import Region
+from .problem import Fields, RingProblem
+
+__all__ = ["Breach", "breaches", "least_margin"]
+
+Array = NDArray[np.float64]
+
+# Next to an edge both gap and pressure come to their bounds; an extremum there counts only beyond this share of the
+# largest value, which discretisation does not reach.
+EDGE_NOISE = 1e-6
+# ... nor beyond this absolute share, which rounding does not reach; regions narrower than this share of the outermost
+# edge are all edge.
+ROUNDING, NARROW = 1e-8, 0.02
+# A pressure that answers a given gap is determined the worse the narrower the region.
+PRESSURE_NOISE = 3e-8
+# ... and at a jump the gap passes the level by what the ring left out would prevent.
+JUMP_NOISE = 1e-4
+# Places on a panel at which its polynomial is sampled for an extremum.
+SAMPLES = (np.arange(33)) / 32
+
+
+@dataclass(frozen=True)
+class Breach:
+    """The place in a region where an inequality is closest to failing.
+
+    Attributes
+    ----------
+    margin : float
+        Gap to the next level (in units of the interaction's range) or pressure to its bound (in units of the largest);
+        negative: the layout is wrong.
+    region : int
+    radius : float
+        0: at the centre.
+    new : Region
+        What begins there.
+    """
+
+    margin: float
+    region: int
+    radius: float
+    new: Region
+
+
+def breaches(problem: RingProblem, fields: Fields) -> Iterator[Breach]:
+    """The interior extrema of gaps and pressures against their bounds, in every region."""
+    law = problem.setting.law
+    scale = problem.setting.scale
+    largest = max(float(np.abs(fields.pressure).max(initial=0.0)), 1e-300)
+    for k, region in enumerate(problem.layout.regions):
+        if k >= fields.grid.region[-1] + 1:
+            continue
+        if region.rests:
+            low, high = law.bounds(region.index)
+            yield from _extrema(problem, fields, k, (fields.pressure - low) / largest, Region(False, region.index))
+            if math.isfinite(high):
+                upper = Region(False, region.index - 1)
+                yield from _extrema(problem, fields, k, (high - fields.pressure) / largest, upper)
+        else:
+            gap = (fields.gap - law.levels[region.index]) / scale
+            yield from _extrema(problem, fields, k, gap, Region(True, region.index))
+            ceiling = law.ceiling(region.index)
+            outermost = k == len(problem.layout.regions) - 1 and not problem.layout.bounded
+            if math.isfinite(ceiling) and not outermost:
+                yield from _extrema(problem, fields, k, (ceiling - fields.gap) / scale, Region(True, region.index + 1))
+
+
+def least_margin(problem: RingProblem, fields: Fields) -> Breach | None:
+    """The inequality closest to failing; None if no gap and no pressure has an extremum against its bound."""
+    if "breach" not in fields.derived:
+        found = list(breaches(problem, fields))
+        fields.derived["breach"] = min(found, key=lambda breach: breach.margin) if found else None
+    breach = fields.derived["breach"]
+    assert breach is None or isinstance(breach, Breach)
+    return breach
+
+
+def _extrema(problem: RingProblem, fields: Fields, region: int, margin: Array, new: Region) -> Iterator[Breach]:
+    grid = fields.grid
+    own = np.flatnonzero(grid.of_node == region)
+    if len(own) < 3:
+        return
+    values = margin[own]
+    inner_edge, outer_edge = region > 0, region < problem.edges
+    jumps = [e for e in (region - 1, region) if 0 <= e < problem.edges and problem.layout.jump(e)]
+    noise = JUMP_NOISE if jumps else EDGE_NOISE * float(np.abs(values).max()) + ROUNDING
+    share = float(problem.widths(fields)[region] / grid.edges[-1]) if outer_edge else 1.0
+    narrow = share < NARROW
+    if problem.layout.regions[region].rests:
+        noise += PRESSURE_NOISE / share
+    if region == 0:
+        centre = float(grid.at_end(0, outer=False) @ margin)
+        if centre <= values[0]:
+            yield Breach(centre + noise if narrow else centre, region, 0.0, new)
+    lower = np.flatnonzero((values[1:-1] <= values[:-2]) & (values[1:-1] < values[2:])) + 1
+    for i in lower:
+        value, radius, panel = _refined(problem, fields, margin, int(own[i]))
+        first, last = grid.region.searchsorted(region), grid.region.searchsorted(region, side="right") - 1
+        at_edge = narrow or (inner_edge and panel == first) or (outer_edge and panel == last)
+        if region == 0 and i == 1 and values[0] < value:
+            continue
+        yield Breach(value + noise if at_edge else value, region, radius, new)
+
+
+def _refined(problem: RingProblem, fields: Fields, margin: Array, node: int) -> tuple[float, float, int]:
+    """The minimum near a node from the polynomials of its panel and the neighbours in its region."""
+    grid = fields.grid
+    panel = node // grid.order
+    coefficients = grid.coefficients(margin)
+    best = (math.inf, 0.0, panel)
+    for k in (panel - 1, panel, panel + 1):
+        if not (0 <= k < grid.count) or grid.region[k] != grid.region[panel] or grid.sign[k] == 2:
+            continue
+        x = SAMPLES
+        values = coefficients[k] @ legendre_values(grid.order, 2 * x - 1)
+        i = int(np.argmin(values))
+        low, high = x[max(i - 1, 0)], x[min(i + 1, len(x) - 1)]
+        for _ in range(3):  # the bracket shrinks by 16 each time
+            x = low + (high - low) * SAMPLES
+            values = coefficients[k] @ legendre_values(grid.order, 2 * x - 1)
+            i = int(np.argmin(values))
+            low, high = x[max(i - 1, 0)], x[min(i + 1, len(x) - 1)]
+        if values[i] < best[0]:
+            best = (float(values[i]), float(grid.sample(k, np.array([x[i]]))[0]), k)
+    return best

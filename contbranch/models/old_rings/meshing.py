@@ -1,0 +1,139 @@
+"""Panels that resolve a solution, and finer ones that measure what they leave out."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .layout import Layout
+from .panels import Panels
+from .problem import Fields, RingProblem
+
+__all__ = ["adapted", "finer", "order_for", "panel_errors", "start_panels"]
+
+Array = NDArray[np.float64]
+
+# Breaks of a piece between an edge and the far end of its region, in shares of its length in √distance.
+BOUNDED = (0.3,)
+# The panel next to an edge is split at this share: the solution has higher-order logarithms there.
+GRADING = 0.3
+# ... but not below this share of the piece: a pressure that answers a given gap is determined the worse the narrower
+# the panels.
+FINEST = 0.05
+# Neighbouring panels differ by no more than this factor in their outer ends.
+GROWTH = 3.0
+# The panel at the centre is cut so far from it: an apex is felt there.
+APEX_GRADING = 0.25
+# Higher order by this share makes the finer panels.
+FINER_SHARE = 3
+
+
+def order_for(tolerance: float) -> int:
+    """Nodes a panel for a tolerance."""
+    return int(min(16, max(8, round(6 - 0.7 * math.log10(tolerance)))))
+
+
+def start_panels(layout: Layout, order: int, width: float, reach: float, infinite: bool) -> Panels:
+    """Panels for a first solution: `width` over which the pressure varies beyond the last edge, `reach` of the law."""
+    pieces = 2 * layout.edges - 1 if layout.edges else 0
+    outer: tuple[float, ...] = ()
+    if not layout.bounded:
+        count = max(1, math.ceil(math.log2(max(reach / width, 2.0))))
+        radii = reach * 0.5 ** np.arange(count - 1, -1, -1.0)
+        outer = tuple(float(y) for y in (np.sqrt(radii) if layout.edges else radii))
+    return Panels(order, (BOUNDED,) * pieces, outer, infinite)
+
+
+def finer(panels: Panels) -> Panels:
+    """Panels on which the present ones' errors have all but vanished."""
+    halves = tuple(
+        (*((GRADING * piece[0],) if GRADING * piece[0] > FINEST else ()), *piece) if piece else (GRADING,)
+        for piece in panels.halves
+    )
+    if halves:  # towards the centre, where a tip may have an apex
+        first = halves[0]
+        halves = ((*first, 1 - APEX_GRADING * (1 - first[-1])), *halves[1:])
+    outer = panels.outer
+    if outer:
+        far = (2 * outer[-1],) if panels.infinite else ()
+        outer = (GRADING * outer[0], *outer, *far)
+    return replace(panels, order=panels.order + max(4, panels.order // FINER_SHARE), halves=halves, outer=outer)
+
+
+def panel_errors(problem: RingProblem, fields: Fields) -> Array:
+    """Load that each panel may miss: the tail of the Legendre series of the pressure times the panel's area, (P,)."""
+    grid = fields.grid
+    coefficients = np.abs(grid.coefficients(fields.pressure))
+    tail = coefficients[:, -2:].max(axis=1)
+    area = 2 * math.pi * (grid.weights * grid.r).reshape(grid.count, -1).sum(axis=1)
+    density = np.abs(fields.pressure).reshape(grid.count, -1).max(axis=1)
+    # On the panel to infinity the area has no end; the pressure there has.
+    ring = 2 * math.pi * (grid.weights * grid.r * np.abs(fields.pressure)).reshape(grid.count, -1).sum(axis=1)
+    infinite = grid.sign == 2
+    # ... whose series may look complete where that of the integrand, which the load adds up, is not.
+    own = np.polynomial.legendre.leggauss(grid.order)[1] / 2
+    integrand = grid.weights * grid.r * fields.pressure / np.tile(own, grid.count)
+    missed = 2 * math.pi * np.abs(grid.coefficients(integrand))[:, -2:].max(axis=1)
+    share = np.divide(tail, density, out=np.zeros_like(tail), where=density > 0)
+    return np.asarray(np.where(infinite, np.maximum(missed, ring * np.minimum(1.0, share)), tail * area))
+
+
+def adapted(problem: RingProblem, fields: Fields, allowed: float) -> Panels | None:
+    """Panels with those split that miss too much load and those joined that need not be apart; None: no change."""
+    errors = panel_errors(problem, fields)
+    share = allowed / max(4.0, len(errors) ** 0.5)
+    panels = problem.panels
+    halves: list[tuple[float, ...]] = []
+    at = 0
+    for k, piece in enumerate(panels.halves):
+        own = errors[at : at + len(piece) + 1]
+        at += len(piece) + 1
+        # Pieces anchored at their outer end list their panels from the centre, their breaks from the anchor.
+        reverse = k == 0 or k % 2 == 0
+        halves.append(_cut((0.0, *piece, 1.0), own[::-1] if reverse else own, share, FINEST, k == 0)[1:-1])
+    outer = panels.outer
+    if outer:
+        own = errors[at:]
+        infinite = panels.infinite
+        inside = own[: len(outer)]
+        outer = _cut((0.0, *outer), inside, share, 0.0, False)[1:]
+        if infinite and own[-1] > share:
+            outer = (*outer, 1.5 * outer[-1])
+        elif infinite and own[-1] < 1e-3 * share and len(outer) > 2 and inside[-1] < 1e-3 * share:
+            outer = outer[:-1]
+    found = replace(panels, halves=tuple(halves), outer=outer)
+    return None if found == panels else found
+
+
+def _cut(breaks: tuple[float, ...], errors: Array, share: float, finest: float, apex: bool) -> tuple[float, ...]:
+    """Breaks with too inaccurate panels cut and needless ones removed.
+
+    The cuts are graded next to the anchor, down to `finest`, and next to an apex.
+    """
+    kept: list[float] = [breaks[0]]
+    merged = False
+    pairs = list(pairwise(breaks))
+    for k, (a, b) in enumerate(pairs):
+        grown = k > 0 and b > GROWTH * a
+        cut = a + (GRADING if k == 0 else 0.5) * (b - a)
+        if apex and k == len(pairs) - 1 and k > 0:
+            cut = b - APEX_GRADING * (b - a)
+        if (errors[k] > share or grown) and cut > finest:
+            kept.append(cut)
+        joins = (
+            k + 1 < len(pairs)
+            and not merged
+            and max(errors[k], errors[k + 1]) < 1e-5 * share
+            and (k == 0 or pairs[k + 1][1] <= GROWTH * a)
+            and (k > 0 or len(pairs) > 2)
+        )
+        if joins:
+            merged = True
+            continue
+        merged = False
+        kept.append(b)
+    return tuple(kept)

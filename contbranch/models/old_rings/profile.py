@@ -1,0 +1,34 @@
+"""Gap and pressures of a state as functions of the radius."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from contbranch.results.diagram import Profile
+
+from .problem import Fields, RingProblem
+
+__all__ = ["profile_of"]
+
+# Radii beyond the last edge, in units of it, at which the gap is given.
+OUTSIDE = 1 + np.linspace(0.0, 1.0, 17)[1:] ** 2
+
+
+def profile_of(problem: RingProblem, fields: Fields) -> Profile:
+    """Gap, total pressure and the wall's share of it: what exceeds the law's own pressure where the gap is closed."""
+    grid, law = fields.grid, problem.setting.law
+    rests, level = problem.resting(grid)
+    wall = np.zeros(grid.size)
+    for k, region in enumerate(problem.layout.regions):
+        if region.rests and region.index == 0:
+            own = grid.of_node == k
+            wall[own] = fields.pressure[own] - law.pressure(0, 0)
+    r, gap, pressure = grid.r, np.where(rests, level, fields.gap), fields.pressure
+    if problem.layout.bounded:  # beyond the last edge there is no pressure, but a gap
+        beyond = np.minimum(grid.edges[-1] * OUTSIDE, problem.setting.tip.extent)
+        lift = grid.lift_at(beyond, fields.pressure)
+        none = np.zeros_like(beyond)
+        r = np.concatenate([r, beyond])
+        gap = np.concatenate([gap, problem.setting.tip.height(beyond) - fields.displacement + lift])
+        pressure, wall = np.concatenate([pressure, none]), np.concatenate([wall, none])
+    return Profile(r, gap, pressure, wall)
