@@ -31,7 +31,6 @@ from contbranch.contact.tips import (
 )
 from contbranch.control import Spring
 from contbranch.errors import InputError, ModelError
-from contbranch.models import find_all, follow, hysteresis, phase_diagram, solve, trace
 from contbranch.models.axisymmetric import Axisymmetric
 from contbranch.models.exact.model import Exact
 from contbranch.models.grid import FreeSpace, GridWarning, Periodic

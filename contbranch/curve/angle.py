@@ -112,7 +112,7 @@ class Turning:
     def __init__(self, controls: Sequence[Control]) -> None:
         self.controls = controls
         self.angles: list[float] = []
-        self.present: float | None = None
+        self.present = 0.0
         self.signs: dict[str, int] = {}
 
     def begin(self, load: float, displacement: float) -> None:
@@ -122,7 +122,6 @@ class Turning:
 
     def row(self, load: float, displacement: float) -> list[Control]:
         """A row reached without a fold on the way, by its rates; the folds that were passed all the same, in order."""
-        assert self.present is not None
         raw = math.atan2(load, displacement)
         turn = short_way(raw - self.present)
         missed = []
@@ -142,7 +141,6 @@ class Turning:
 
     def fold(self, control: Control) -> None:
         """A row at a fold."""
-        assert self.present is not None
         clockwise = self.clockwise(control)
         place = (self.present - alpha(control)) / math.pi
         near = round(place)
@@ -153,7 +151,6 @@ class Turning:
 
     def corner(self, turn: float) -> None:
         """The curve leaves a row in another direction than it came."""
-        assert self.present is not None
         self.present += turn
         self.signs = {}
         self._know(math.sin(self.present), math.cos(self.present))
@@ -169,7 +166,6 @@ class Turning:
 
     def _piece(self, angle: float) -> None:
         """Append the piece that ends in a direction."""
-        assert self.present is not None
         middle = (self.present + angle) / 2
         for control in self.controls:  # both ends on one fold's direction: the piece lies on the side of its sign
             place = (middle - alpha(control)) / math.pi

@@ -15,7 +15,7 @@ from contbranch.continuation.newton import tangent_at
 from contbranch.continuation.problem import Array
 from contbranch.continuation.walk import annotated
 from contbranch.control import Control
-from contbranch.results.profile import Profile
+from contbranch.results.profile import ModeShape, Profile
 
 if TYPE_CHECKING:
     from contbranch.contact.contact import Contact
@@ -77,6 +77,31 @@ class Defect(NamedTuple):
             abs(self.load) / max(1.0, abs(values.load)),
             abs(self.displacement) / max(1.0, abs(values.displacement)),
         )
+
+
+@dataclass(frozen=True)
+class Count:
+    """Numbers of unstable azimuthal modes of one state.
+
+    Attributes
+    ----------
+    modes : tuple of int
+        n_1, n_2, … up to the last one that is not zero; cos mθ and sin mθ count as one.
+    complete : bool
+        Whether all larger m are known to be stable; otherwise the limit was reached.
+    """
+
+    modes: tuple[int, ...] = ()
+    complete: bool = True
+
+    @property
+    def total(self) -> int:
+        """Number of unstable modes of all m ≥ 1."""
+        return sum(self.modes)
+
+    def of(self, m: int) -> int:
+        """n_m."""
+        return self.modes[m - 1] if m <= len(self.modes) else 0
 
 
 @dataclass
@@ -246,15 +271,25 @@ class EquilibriumProblem(Problem):
         It is asked at a few points, as a check and where the way along the curve leaves two answers open.
         """
 
-    def breaking(self, x: Array, p: float, unstable: int) -> int:
-        """Number of unstable modes without axial symmetry, as far as the model examines them.
+    def azimuthal(self, x: Array, p: float, unstable: int, limit: int = 32, near: int = 1) -> Count | None:
+        """Numbers of unstable modes cos mθ, m = 1 … limit; None where the model does not examine them.
 
         Parameters
         ----------
         unstable : int
             Morse index at fixed displacement.
+        near : int
+            A guess of the last unstable m.
         """
-        return 0
+        return None
+
+    def mode_eigenvalue(self, x: Array, p: float, mode: int, index: int = 1) -> float:
+        """An eigenvalue of an azimuthal mode, counted from the largest: the mode is unstable where it exceeds 1."""
+        raise NotImplementedError
+
+    def mode_shape(self, x: Array, p: float, mode: int, index: int = 1) -> ModeShape:
+        """Gap and pressure of the mode of that eigenvalue."""
+        raise NotImplementedError
 
     @abstractmethod
     def profile(self, x: Array, p: float) -> Profile:
@@ -287,6 +322,10 @@ class EquilibriumProblem(Problem):
         tolerance : float
             Error wanted of load and displacement, relative to max(1, |value|).
         """
+        return self
+
+    def coarser(self, point: Point, tolerance: float) -> Self:
+        """A discretisation with fewer unknowns that serves a tolerance at a state; itself if there is none."""
         return self
 
     def defect(self, point: Point) -> Defect:
@@ -333,10 +372,39 @@ class EquilibriumProblem(Problem):
         """
         return None
 
+    def rows_within(self, tolerance: float) -> Self:
+        """The first problem of the chain with rows as accurate as this, as far as round-off allows."""
+        return self
+
     # -- families -----------------------------------------------------------------------------------------------------
-    def member(self, contact: Contact) -> Self:
-        """The same discretisation for another contact (reduced units), with the parameter meaning the same."""
+    def member(self, contact: Contact, tolerance: float | None = None) -> Self:
+        """The same discretisation for another contact, with the parameter meaning the same.
+
+        Parameters
+        ----------
+        contact : Contact
+            In one set of reduced units for the whole family, so that its own scales need not be 1.
+        tolerance : float, optional
+            Error of load and displacement that `adapt` allows from now on.
+        """
         raise NotImplementedError
+
+    @property
+    def power(self) -> float:
+        """m where load and displacement are smooth functions of p^(1/m) next to p = 0."""
+        return 1.0
+
+    @property
+    def beyond_edge(self) -> bool:
+        """Whether the equations go on smoothly beyond the edges of the parameter, so that states there are defined."""
+        return False
+
+    def across(self, x: Array, p: float) -> Sequence[Point]:
+        """A state at an edge of the parameter as one of the problem behind it, with its tangent in either sense.
+
+        Further ones are tried where the curve does not leave from the first; none where nothing is known.
+        """
+        return ()
 
 
 def equilibrium(point: Point) -> EquilibriumProblem:

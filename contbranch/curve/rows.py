@@ -150,7 +150,7 @@ def _event(track: Track, mark: Mark, found: Found) -> RawEvent:
         return replace(
             event,
             message=f"{mark.message} {CONE}".strip(),
-            local_exponent=lambda: sampled_exponent(replace(found, point=ahead), LOAD, touch=True),
+            local_exponent=lambda: sampled_exponent(found, LOAD, ahead),
         )
     return event
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -190,7 +190,9 @@ class _Tracing:
         if self.request.progress is not None and len(self.points) % 5 == 0:
             share = 0.1 + 0.8 * max(0.0, point.observables["load"]) / max(self.end.target, 1.0)
             load = point.observables["load"]
-            self.request.progress(min(share, 0.9), f"load {load:.4g}, contact {point.observables['contact_radius']:.4g}")
+            self.request.progress(
+                min(share, 0.9), f"load {load:.4g}, contact {point.observables['contact_radius']:.4g}"
+            )
         return False
 
     # -- folds in corners, indices ------------------------------------------------------------------------------------
@@ -251,8 +253,3 @@ def _stopped(branch: Branch) -> str:
         event = branch.events[-1][0]
         return event.name if isinstance(event, EventPoint) else ""
     return EDGE if branch.end.outcome is Outcome.REACHED_EDGE else ""
-
-
-def kinds(controls: Sequence[Control]) -> dict[str, Control]:
-    """Controls by kind."""
-    return {control.kind: control for control in controls}

@@ -9,13 +9,14 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from contbranch.continuation import CorrectionError, Outcome, Point
+from contbranch.continuation import CorrectionError, Event, Outcome, Point, Segment, find_root
+from contbranch.continuation.walk import point_on
 from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.curve.angle import Hodograph
 from contbranch.curve.problem import EquilibriumProblem, Work, equilibrium
-from contbranch.curve.refine import moved, settled
+from contbranch.curve.refine import OPTIONS, moved, settled
 
-__all__ = ["Mark", "Track", "linked"]
+__all__ = ["Mark", "Track", "between", "linked", "piece"]
 
 Array = NDArray[np.float64]
 
@@ -127,3 +128,37 @@ def linked(begin: Point, end: Point) -> tuple[Point, Point]:
     if not problem.joins(equilibrium(end)):
         raise CorrectionError(Outcome.STEP_TOO_SMALL, "(Two representations have no piece of curve in common.)")
     return begin, settled(moved(end, problem))
+
+
+def between(ends: tuple[Point, Point] | None, event: Event, tolerance: float = 1e-8) -> tuple[float, Point]:
+    """Where an event vanishes between two points of `Track.link`, to a share of the piece: the share, and the point.
+
+    Where both values have one sign, which differences between two discretisations can cause, the end with the smaller.
+
+    Raises
+    ------
+    CorrectionError
+        If the curve cannot be followed there.
+    """
+    if ends is None:
+        raise CorrectionError(Outcome.STEP_TOO_SMALL, "(The curve is not followed between these rows.)")
+    begin, end = ends
+    first, last = event.value(begin), event.value(end)
+    if (first > 0) == (last > 0):
+        return (0.0, begin) if abs(first) < abs(last) else (1.0, end)
+    segment = piece(begin, end)
+    share = find_root(lambda s: event.value(point_on(segment, s, OPTIONS)[0]), (0.0, first), (1.0, last), tolerance)
+    return share, point_on(segment, share, OPTIONS)[0]
+
+
+def piece(begin: Point, end: Point) -> Segment:
+    """The piece of curve between two points of one discretisation, with tangents along it."""
+    problem = equilibrium(begin)
+
+    def along(point: Point) -> Point:
+        metric = problem.metric(end.x)
+        dx, dp = end.x - begin.x, end.parameter - begin.parameter
+        ahead = metric.dot(problem, dx, dp, point.tangent_x, point.tangent_parameter)
+        return point if ahead >= 0 else point.turned()
+
+    return Segment(along(begin), along(end), problem.metric(end.x))

@@ -24,10 +24,10 @@ from contbranch.models.exact.walk import ExactWalk
 from contbranch.models.grid import FreeSpace, Periodic
 from contbranch.models.grid.paths import GridWalk
 from contbranch.models.grid.trace import trace as trace_grid
-from contbranch.models.old_rings.journey import Target as RingTarget
-from contbranch.models.old_rings.paths import RingWalk
-from contbranch.models.old_rings.trace import trace as trace_rings
 from contbranch.models.rings import Rings
+from contbranch.models.rings.journey import Target as RingTarget
+from contbranch.models.rings.paths import RingWalk
+from contbranch.models.rings.trace import trace as trace_rings
 from contbranch.models.run import check
 from contbranch.results.diagram import Cost, Diagram, ModelChoice, State
 from contbranch.results.loop import Hysteresis, Jump, Path

@@ -13,8 +13,8 @@ from contbranch.continuation import CorrectionError, Point
 from contbranch.control import Control
 from contbranch.curve.quasi_static import Stop, next_along
 from contbranch.errors import ModelError
-from contbranch.models.old_rings.paths import RingWalk
-from contbranch.models.old_rings.trace import Traced as RingTraced
+from contbranch.models.rings.paths import RingWalk
+from contbranch.models.rings.trace import Traced as RingTraced
 from contbranch.results.diagram import State
 
 from .arc import points_between, work_along

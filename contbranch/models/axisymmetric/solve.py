@@ -10,7 +10,7 @@ import numpy as np
 from contbranch.contact.contact import Contact
 from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.errors import InputError, ModelError
-from contbranch.models.old_rings.solve import indices_on, state_between
+from contbranch.models.rings.solve import indices_on, state_between
 from contbranch.results.diagram import State
 
 from .crossing import Crossing, cross, cross_before, pieces_at, state_apart, state_at

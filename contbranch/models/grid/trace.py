@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.curve.outcome import RawCurve
 from contbranch.curve.stability import Indices, morse_indices
-from contbranch.models.axisymmetric.symmetry import merged
+from contbranch.curve.symmetry import merged
 from contbranch.results.diagram import Cost
 
 from .accuracy import Comparison, compared, no_comparison, touched
