@@ -25,6 +25,8 @@ SHARP = 1e-10
 UNTESTED = 0.1
 # A quadratic slope of opposite signs at its ends has one zero, unless its error is this share of its values.
 CERTAIN = 0.3
+# ... or its steepness at the zero is not so much larger than the error: then three zeros may lie there.
+STEEP = 6.0
 # How often a step is halved in search of hidden pairs of folds.
 DEPTH = 6
 
@@ -230,7 +232,7 @@ class Folds(Event):
             if end == 0.0 or (begin == 0.0 and math.copysign(1.0, begin) == math.copysign(1.0, end)):
                 continue  # what is controlled rests, or a fold at the very end: the next step has it
             passes = math.copysign(1.0, begin) != math.copysign(1.0, end)
-            clear = doubt < CERTAIN * max(abs(begin), abs(end)) if passes else slope_keeps_sign(cubic, doubt)
+            clear = _passes_once(cubic, doubt) if passes else slope_keeps_sign(cubic, doubt)
             if not clear and depth:
                 return self._halves(part, doubts, options, depth, (offset, share))
             if passes:
@@ -326,6 +328,17 @@ class Folds(Event):
             name=passage.control.kind,
         )
         return Happening(passage.offset + passage.share * theta, located)
+
+
+def _passes_once(cubic: tuple[float, float, float, float], doubt: float) -> bool:
+    """Whether a slope with opposite signs at the ends has one zero: it is bent too little there for its error to matter.
+    """
+    _, c1, c2, c3 = cubic
+    end = abs(c1 + 2 * c2 + 3 * c3)
+    steepness = abs(2 * c2 + 6 * c3 * _zero_of_slope(c1, c2, c3))
+    # A pair may hide next to an end whose slope is smaller than the error.
+    apart = end > doubt and (abs(c1) > doubt or c1 == 0.0)
+    return apart and doubt < CERTAIN * max(abs(c1), end) and steepness > STEEP * doubt
 
 
 def _zero_of_slope(c1: float, c2: float, c3: float) -> float:
