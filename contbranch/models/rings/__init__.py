@@ -7,6 +7,13 @@ inequalities), `legs` (the curve of one layout), `changes` (the next one), `topo
 `model`.
 """
 
-from .model import Rings
+from typing import TYPE_CHECKING
+
+from contbranch._lazy import lazily
+
+if TYPE_CHECKING:
+    from contbranch.models.rings.model import Rings
 
 __all__ = ["Rings"]
+
+__getattr__, __dir__ = lazily(__name__, {".model": "Rings"})
