@@ -18,7 +18,7 @@ def lazily(package: str, homes: Mapping[str, str]) -> tuple[Callable[[str], Any]
     package : str
         Its ``__name__``.
     homes : mapping
-        Names, separated by blanks, by the module, relative to the package, that they come from; none: the module itself.
+        Names, separated by blanks, by the module that they come from, relative to the package; none: the module.
     """
     where = {name: module for module, names in homes.items() for name in names.split()}
     modules = {module.rpartition(".")[2]: module for module, names in homes.items() if not names}

@@ -251,6 +251,10 @@ def _fail(message: str, status: int) -> int:
 
 
 def _request(asked: Values) -> Request:
+    if asked.source is not None:
+        from contbranch.contact.text import read_text
+
+        read_text(Path(asked.source))  # that it is missing is said before any library is imported
     from contbranch.cli.request import make_request
 
     return make_request(asked)
