@@ -5,6 +5,7 @@ Describe a contact (`Contact`: a tip, an interaction law, a modulus), then `trac
 one of them. Closed-form theories are in `contbranch.theory`, continuation of any problem in `contbranch.continuation`.
 """
 
+from contbranch.api import find_all, hysteresis, solve, trace
 from contbranch.contact.contact import Contact
 from contbranch.contact.interactions import (
     Exponential,

@@ -263,7 +263,7 @@ def _solve(request: Request, where: dict[str, Any], every: bool) -> Solution:
     if not every:
         found: Solution = _with_progress("solve", request, **where)
         return found
-    from contbranch.models.find import best_of
+    from contbranch.api import best_of
 
     return best_of(_with_progress("find_all", request, **where))
 

@@ -8,14 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from contbranch.continuation import CorrectionError, Point, find_root
-from contbranch.continuation.segment import Segment
-from contbranch.continuation.walk import point_on
+from contbranch.continuation import CorrectionError, Point
 from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.curve.events import Reached
 from contbranch.curve.problem import Rates, equilibrium
-from contbranch.curve.refine import OPTIONS, Found, moved, refine, settled
-from contbranch.curve.track import Track
+from contbranch.curve.refine import Found, moved, refine, settled
+from contbranch.curve.track import Track, between
 from contbranch.errors import ModelError
 from contbranch.results.diagram import State
 
@@ -95,28 +93,12 @@ def crossing(track: Track, piece: int, control: Control | None, value: float, ac
     try:
         ends = track.link(piece)
         # Without a piece in between, the state is next to one of its ends: with the one whose problem has it.
-        nearest = [begin, end.turned()] if ends is None else [bracketed(*ends, event)]
+        nearest = [begin, end.turned()] if ends is None else [between(ends, event, BRACKET)[1]]
         found = [refine(near, event, accuracy) for near in nearest]
     except CorrectionError as error:
         name = "contact radius" if control is None else control.kind
         raise ModelError(f"no state was found on the curve where the {name} is {value:.6g} {error.detail}") from error
     return Crossing(piece, min(found, key=Found.relative_error))
-
-
-def bracketed(begin: Point, end: Point, event: Reached) -> Point:
-    """A point close to where an event vanishes between two points of one discretisation.
-
-    Where both values have one sign, which differences between discretisations can cause, the end with the smaller one.
-    """
-    first, last = event.value(begin), event.value(end)
-    if (first > 0) == (last > 0):
-        return begin if abs(first) < abs(last) else end
-    segment = Segment(begin, end, equilibrium(end).metric(end.x))
-
-    def at(share: float) -> Point:
-        return point_on(segment, share, OPTIONS)[0]
-
-    return at(find_root(lambda share: event.value(at(share)), (0.0, first), (1.0, last), BRACKET))
 
 
 def state_on(track: Track, crossing: Crossing, given: Mapping[str, float] | None = None) -> State:
@@ -149,6 +131,7 @@ def _state(found: Found, indices: Sequence[int], given: Mapping[str, float]) -> 
     energy, uncertain = energy_at(found)
     error["energy"] = uncertain + abs(found.numbers[0]) * found.error[1]
     size = float(np.abs(x).max(initial=0.0))
+    azimuthal = problem.azimuthal(x, p, indices[1])
     return State(
         *numbers.values(),
         energy=energy,
@@ -158,7 +141,7 @@ def _state(found: Found, indices: Sequence[int], given: Mapping[str, float]) -> 
         residual=float(np.abs(problem.residual(x, p)).max() / size) if size else 0.0,
         error=error,
         profile=problem.profile(x, p),
-        unstable_azimuthal=problem.breaking(x, p, indices[1]),
+        unstable_azimuthal=0 if azimuthal is None else azimuthal.total,
     )
 
 
