@@ -277,7 +277,7 @@ def _follow(request: Request, name: str, variation: Variation, limit: float | No
     from contbranch.cli.request_follow import find_event
     from contbranch.contact.family import family_of
     from contbranch.models.choice import choose
-    from contbranch.models.follow import follow
+    from contbranch.curve.follow import follow
     from contbranch.models.grid import FreeSpace, Periodic
 
     if isinstance(choose(request.contact, request.chosen_model)[0], Periodic | FreeSpace):

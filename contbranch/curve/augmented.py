@@ -111,9 +111,10 @@ class Fold(Condition):
 
 @dataclass(frozen=True)
 class Held(Condition):
-    """First touch, or a corner of the curve: at an edge of the parameter."""
+    """First touch, or the fold in another corner of the curve: at an edge of the parameter."""
 
     parameter: float
+    corner: bool = False
 
     def event(self, q: float) -> None:
         """None."""

@@ -101,7 +101,7 @@ def condition_for(family: Family, place: Point, control: Control | None, event: 
     if event is not None:
         return Other(event)
     if control is None or place.parameter in equilibrium(place).parameter_range:
-        return Held(place.parameter)
+        return Held(place.parameter, corner=control is not None)
     return Fold(family, control)
 
 
@@ -210,7 +210,7 @@ class EventCurve:
         events: list[Event] = [Turn(), *(Margin(name) for name in problem.margins(start.x, start.parameter))]
         if isinstance(self.condition, Fold):
             events.append(Meeting("coincidence", self._crossed))
-        elif not self.touching or problem.base.power == 1.0:
+        elif not (isinstance(self.condition, Held) and self.condition.corner):
             events += [Meeting(control.kind, lambda _, c=control: c.weights) for control in (LOAD, DISPLACEMENT)]  # type: ignore[misc]
         if not self.touching:
             events.append(Edge(beside))
