@@ -124,23 +124,26 @@ def _freed(control: Control, rates: Rates) -> int:
 
 def _state(found: Found, indices: Sequence[int], given: Mapping[str, float]) -> State:
     point = found.point
-    problem, x, p = equilibrium(point), point.x, point.parameter
+    problem, state, p = equilibrium(point), point.x, point.parameter
     names = ("load", "displacement", "contact_radius", "central_gap")
-    numbers = dict(zip(names, found.numbers, strict=True)) | dict(given)
+    load, displacement, radius, gap = (given.get(name, x) for name, x in zip(names, found.numbers, strict=True))
     error = dict(zip(names, found.error, strict=True)) | dict.fromkeys(given, 0.0)
     energy, uncertain = energy_at(found)
     error["energy"] = uncertain + abs(found.numbers[0]) * found.error[1]
-    size = float(np.abs(x).max(initial=0.0))
-    azimuthal = problem.azimuthal(x, p, indices[1])
+    size = float(np.abs(state).max(initial=0.0))
+    azimuthal = problem.azimuthal(state, p, indices[1])
     return State(
-        *numbers.values(),
-        energy=energy,
+        load,
+        displacement,
+        radius,
+        gap,
+        energy,
         unstable_load=indices[0],
         unstable_displacement=indices[1],
         unstable_spring=indices[2] if len(indices) > 2 else None,
-        residual=float(np.abs(problem.residual(x, p)).max() / size) if size else 0.0,
+        residual=float(np.abs(problem.residual(state, p)).max() / size) if size else 0.0,
         error=error,
-        profile=problem.profile(x, p),
+        profile=problem.profile(state, p),
         unstable_azimuthal=0 if azimuthal is None else azimuthal.total,
     )
 
