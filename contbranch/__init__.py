@@ -5,6 +5,7 @@ Describe a contact (`Contact`: a tip, an interaction law, a modulus), then `trac
 one of them. Closed-form theories are in `contbranch.theory`, continuation of any problem in `contbranch.continuation`.
 """
 
+from contbranch.api import find_all, hysteresis, phase_diagram, solve, trace
 from contbranch.contact.contact import Contact
 from contbranch.contact.interactions import (
     Exponential,
@@ -30,6 +31,7 @@ from contbranch.contact.tips import (
     TipShape,
 )
 from contbranch.control import Spring
+from contbranch.curve.follow import follow
 from contbranch.errors import InputError, ModelError
 from contbranch.models.axisymmetric import Axisymmetric
 from contbranch.models.exact.model import Exact

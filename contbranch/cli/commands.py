@@ -276,8 +276,8 @@ def _limit(request: Request, max_load: str | None) -> float | None:
 def _follow(request: Request, name: str, variation: Variation, limit: float | None) -> Followed:
     from contbranch.cli.request_follow import find_event
     from contbranch.contact.family import family_of
-    from contbranch.models.choice import choose
     from contbranch.curve.follow import follow
+    from contbranch.models.choice import choose
     from contbranch.models.grid import FreeSpace, Periodic
 
     if isinstance(choose(request.contact, request.chosen_model)[0], Periodic | FreeSpace):

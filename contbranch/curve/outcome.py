@@ -29,7 +29,7 @@ from contbranch.results.diagram import (
 )
 from contbranch.threads import one_thread
 
-__all__ = ["RawCurve", "RawEvent", "assemble", "state_in_reduced", "state_in_units"]
+__all__ = ["RawCurve", "RawEvent", "assemble", "fold_names", "state_in_reduced", "state_in_units"]
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -189,7 +189,8 @@ class _Scaling:
         )
 
 
-def _names(contact: Contact, events: Sequence[RawEvent]) -> list[str | None]:
+def fold_names(contact: Contact, events: Sequence[RawEvent]) -> list[str | None]:
+    """Names of events, None for those without."""
     names = []
     for raw in events:
         name = raw.name
@@ -246,15 +247,14 @@ def _branch(scaling: _Scaling, curve: RawCurve) -> Branch:
 def assemble(contact: Contact, curve: RawCurve, choice: ModelChoice, control: Control, accuracy: float) -> Diagram:
     """The diagram of a curve: events named, thresholds collected, everything in the contact's own units."""
     scaling = _Scaling(contact)
-    names = _names(contact, curve.events)
-    named = zip(curve.events, names, strict=True)
-    events = tuple(_event(contact, scaling, raw, name, choice.name) for raw, name in named)
+    named = zip(curve.events, fold_names(contact, curve.events), strict=True)
+    events = tuple(_event(contact, scaling, raw, name, choice.kind) for raw, name in named)
     raws = [*curve.events]
     branches = [_branch(scaling, curve)]
     for number, other in enumerate(curve.others, start=1):
         branches.append(_branch(scaling, other))
         raws += other.events
-        others = (_event(contact, scaling, raw, None, choice.name) for raw in other.events)
+        others = (_event(contact, scaling, raw, None, choice.kind) for raw in other.events)
         events += tuple(replace(event, branch=number) for event in others)
     terms = contact.interaction.terms if contact.interaction is not None else ()
     repulsive = bool(terms) and all(term.work_of_adhesion < 0 for term in terms)

@@ -150,7 +150,7 @@ def _state(found: Found, indices: Sequence[int], given: Mapping[str, float]) -> 
     error["energy"] = uncertain + abs(found.numbers[0]) * found.error[1]
     size = float(np.abs(x).max(initial=0.0))
     return State(
-        **numbers,
+        *numbers.values(),
         energy=energy,
         unstable_load=indices[0],
         unstable_displacement=indices[1],
@@ -186,5 +186,5 @@ def energy_at(found: Found) -> tuple[float, float]:
 
 def seen(point: Point) -> State:
     """A point of the curve as a state without profile and indices, as a path shows it."""
-    values = equilibrium(point).values(point.x, point.parameter)
-    return State(*values, unstable_load=0, unstable_displacement=0, residual=0.0)
+    load, displacement, radius, gap, energy = equilibrium(point).values(point.x, point.parameter)
+    return State(load, displacement, radius, max(gap, 0.0), energy, 0, 0, 0.0)
