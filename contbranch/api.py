@@ -1,4 +1,4 @@
-"""`trace`, `solve`, `find_all`, `hysteresis` and `phase_diagram`: from a contact to its results, whatever the model."""
+"""`trace`, `solve`, `find_all` and `hysteresis`: from a contact to its results, whatever the model."""
 
 from __future__ import annotations
 
@@ -315,15 +315,14 @@ def phase_diagram(
     InputError
         If an argument cannot be used.
     """
-    asked = _ask(contact, control, accuracy, "auto", progress)
-    kind = asked.control.kind
+    kind = as_control(control).kind
     if kind == "spring" or vary == "stiffness":
         raise InputError("control: a spring; phase diagrams are for load and displacement control")
     if len(between) != 2 or not between[0] < between[1]:
         raise InputError(f"between: {tuple(between)}; give two values, the lower one first")
     if samples < 3:
         raise InputError(f"samples: {samples}; must be at least 3")
-    if not asked.curves.followable:
+    if contact.tip.axisymmetric is None:
         raise InputError("contact: its tip needs a grid; phase diagrams are made of curves that grids cannot follow")
     family = family_of(contact, vary, between[0], start)
     low, high = map(float, between)

@@ -17,10 +17,9 @@ from contbranch.curve.problem import equilibrium
 
 __all__ = ["Ceiling", "FoldEvent", "Folds", "Margin", "Reached", "rates"]
 
-# Relative to their place in a step, events are located so coarsely while tracing; they are refined afterwards.
-COARSE = 0.03
-# Folds of two controls on one part of a step are told apart as far as this share of it.
-SHARP = 1e-10
+# Relative to their place in a step, folds are located so coarsely while tracing (they are refined afterwards); where
+# there are several on one part of a step, as sharply as it takes to tell them apart, down to the last.
+SHARPER = (0.03, 1e-3, 1e-5, 1e-7, 1e-10)
 # Error of a cubic's slope, as a share of its largest value, where no earlier step tells.
 UNTESTED = 0.1
 # A quadratic slope of opposite signs at its ends has one zero, unless its error is this share of its values.
@@ -243,7 +242,8 @@ class Folds(Event):
         self, part: Segment, doubts: Slopes, options: Options, depth: int, place: tuple[float, float]
     ) -> list[_Passage]:
         """The folds on both halves of a part."""
-        middle = annotated(point_on(part, 0.5, options)[0])
+        middle = point_on(part, 0.5, options)[0]
+        middle = replace(middle, observables=equilibrium(middle).values(middle.x, middle.parameter)._asdict())
         left, right = Segment(part.begin, middle, part.metric), Segment(middle, part.end, part.metric)
         halved: Slopes = {}
         for control in self.controls:
@@ -262,12 +262,14 @@ class Folds(Event):
 
     # -- where they are -----------------------------------------------------------------------------------------------
     def _located(self, passages: list[_Passage], options: Options) -> list[Happening]:
-        """Folds of different controls on one part, in order."""
-        resolution = COARSE if len(passages) == 1 else SHARP
-        found = [(passage, *self._zero(passage, options, resolution)) for passage in passages]
-        found.sort(key=lambda one: one[1])
-        thetas = [theta for _, theta, _ in found]
-        if len(found) > 1 and min(b - a for a, b in pairwise(thetas)) < 4 * SHARP:
+        """Folds of different controls on one part, in order: located as sharply as it takes to tell them apart."""
+        for resolution in SHARPER if len(passages) > 1 else SHARPER[:1]:
+            found = [(passage, *self._zero(passage, options, resolution)) for passage in passages]
+            found.sort(key=lambda one: one[1])
+            thetas = [theta for _, theta, _ in found]
+            if all(b - a > 4 * resolution * b for a, b in pairwise(thetas)):
+                break
+        else:
             order = [control.kind for control in self._turned(passages[0].part)]
             found.sort(key=lambda one: order.index(one[0].control.kind) if one[0].control.kind in order else -1)
             thetas = [sum(thetas) / len(thetas)] * len(found)
@@ -331,7 +333,7 @@ class Folds(Event):
 
 
 def _passes_once(cubic: tuple[float, float, float, float], doubt: float) -> bool:
-    """Whether a slope with opposite signs at the ends has one zero: it is bent too little there for its error to matter."""
+    """Whether a slope with opposite signs at the ends has one zero, as far as its error tells."""
     _, c1, c2, c3 = cubic
     end = abs(c1 + 2 * c2 + 3 * c3)
     steepness = abs(2 * c2 + 6 * c3 * _zero_of_slope(c1, c2, c3))

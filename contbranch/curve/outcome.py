@@ -247,7 +247,8 @@ def _branch(scaling: _Scaling, curve: RawCurve) -> Branch:
 def assemble(contact: Contact, curve: RawCurve, choice: ModelChoice, control: Control, accuracy: float) -> Diagram:
     """The diagram of a curve: events named, thresholds collected, everything in the contact's own units."""
     scaling = _Scaling(contact)
-    named = zip(curve.events, fold_names(contact, curve.events), strict=True)
+    names = fold_names(contact, curve.events)
+    named = zip(curve.events, names, strict=True)
     events = tuple(_event(contact, scaling, raw, name, choice.kind) for raw, name in named)
     raws = [*curve.events]
     branches = [_branch(scaling, curve)]
