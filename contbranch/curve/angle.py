@@ -121,7 +121,10 @@ class Turning:
         self._know(load, displacement)
 
     def row(self, load: float, displacement: float) -> list[Control]:
-        """A row reached without a fold on the way, by its rates; the folds that were passed all the same, in order."""
+        """A row reached without a fold on the way, by its rates; the folds that were passed all the same, in order.
+
+        These then are at the row: the piece before it counts as it began.
+        """
         raw = math.atan2(load, displacement)
         turn = short_way(raw - self.present)
         missed = []
@@ -133,7 +136,8 @@ class Turning:
             sign = self.signs.get(control.kind, 0)
             if control not in missed and sign and math.sin(found - alpha(control)) * sign < 0:
                 found = alpha(control) + math.pi * round((found - alpha(control)) / math.pi)
-        self._piece(found)
+        self._piece(self.present if missed else found)
+        self.present = found
         for control in missed:
             self.signs.pop(control.kind, None)
         self._know(load, displacement)
