@@ -10,20 +10,23 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from contbranch.contact.contact import Contact
+from contbranch.contact.family import Vary, family_of
 from contbranch.contact.units import finite_number, positive_number
 from contbranch.control import Control, Spring, as_control
 from contbranch.curve.curves import Coexisting, Curves, Model
 from contbranch.curve.loop import loop
 from contbranch.curve.outcome import assemble, state_in_reduced, state_in_units
+from contbranch.curve.phase import Regions
 from contbranch.curve.trace import Request
 from contbranch.errors import InputError
 from contbranch.models.choice import choose, curves
 from contbranch.results.diagram import Cost, Diagram, ModelChoice, Solution, State
 from contbranch.results.equilibria import Barrier, Equilibria
 from contbranch.results.loop import Hysteresis
+from contbranch.results.phase import PhaseDiagram
 from contbranch.threads import one_thread
 
-__all__ = ["best_of", "find_all", "hysteresis", "solve", "trace"]
+__all__ = ["best_of", "find_all", "hysteresis", "phase_diagram", "solve", "trace"]
 
 Progress = Callable[[float, str], None]
 
@@ -269,6 +272,67 @@ def hysteresis(
     asked = _ask(contact, control, accuracy, model, progress)
     route = asked.curves.path(replace(asked.request, target=_limit(contact, max_load)))
     return loop(contact, route, asked.control, asked.choice(route.curve.unknowns), asked.timed(route.curve.cost))
+
+
+def phase_diagram(
+    contact: Contact,
+    vary: Vary = "tabor",
+    between: Sequence[float] = (0.25, 4.0),
+    control: str = "load",
+    *,
+    start: float | None = None,
+    samples: int = 17,
+    accuracy: float = 1e-6,
+    progress: Progress | None = None,
+) -> PhaseDiagram:
+    """Find the regions of a parameter and a control by the number and kind of stable states.
+
+    The contact is traced at values of the parameter; every fold of the control and every first touch met there is
+    followed to both ends, unless it lies on a curve that is known. Folds that appear and vanish between neighbouring
+    values are missed: ask for more samples.
+
+    Parameters
+    ----------
+    contact : Contact
+    vary : str or callable
+        As for `follow`, apart from a stiffness.
+    between : pair of floats
+        Values of the parameter.
+    control : {"load", "displacement"}
+    start : float, optional
+        Present value of the parameter of a function.
+    samples : int
+        Values at which the contact is traced, at least 3.
+    accuracy : float
+        Of the boundaries, as for `follow`.
+
+    Returns
+    -------
+    PhaseDiagram
+
+    Raises
+    ------
+    InputError
+        If an argument cannot be used.
+    """
+    kind = as_control(control).kind
+    if kind == "spring" or vary == "stiffness":
+        raise InputError("control: a spring; phase diagrams are for load and displacement control")
+    if len(between) != 2 or not between[0] < between[1]:
+        raise InputError(f"between: {tuple(between)}; give two values, the lower one first")
+    if samples < 3:
+        raise InputError(f"samples: {samples}; must be at least 3")
+    if contact.tip.axisymmetric is None:
+        raise InputError("contact: its tip needs a grid; phase diagrams are made of curves that grids cannot follow")
+    family = family_of(contact, vary, between[0], start)
+    low, high = map(float, between)
+    if family.spacing == "logarithmic" and low * high <= 0:
+        raise InputError(f"between: {tuple(between)}; both must have the sign of the present {family.name}")
+
+    def traced(member: Contact) -> Diagram:
+        return trace(member, control=kind, accuracy=max(accuracy, 1e-5))
+
+    return Regions(family, kind, (low, high), accuracy, traced).find(samples, progress)
 
 
 # -- what is asked ----------------------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""An event followed along its curve in a second parameter: through first touch, past cusps, and where it meets others."""
+"""An event followed along its curve in a second parameter: through first touch, past cusps, where it meets others."""
 
 from __future__ import annotations
 
@@ -59,8 +59,7 @@ class Turn(Event):
 
 
 class Edge(Event):
-    """First touch, or another edge of the equilibria's parameter: exactly, or where there are no states beyond, close to
-    it."""
+    """First touch, or another edge of the equilibria's parameter: exactly, or, with no states beyond, close to it."""
 
     name = "touch"
     terminal = True
@@ -119,8 +118,8 @@ class EventCurve:
         Error allowed to every number, relative to max(1, |value|) in reduced units.
     progress : callable or None
     rows : list of FollowedPoint
-        Along the curve, in the contact's units; the special ones are `Special`. It begins at the event or, followed both
-        ways, at the end with the lower value.
+        Along the curve, in the contact's units; the special ones are `Special`. It begins at the event or, followed
+        both ways, at the end with the lower value.
     complete, message : bool, str
     """
 
@@ -334,15 +333,14 @@ class EventCurve:
 
     def _scaled(self, found: Found, at: Point, of_value: float = 0.0) -> FollowedPoint:
         units = self._units(at)
-        numbers = [value * unit for value, unit in zip(found.numbers, units, strict=True)]
+        load, displacement, radius, gap = (value * unit for value, unit in zip(found.numbers, units, strict=True))
         error = {key: float(e) * unit for key, e, unit in zip(KEYS, found.error, units, strict=True)}
-        return FollowedPoint(
-            self.family.name, self._value(at.parameter), *numbers, {self.family.name: of_value, **error}
-        )
+        error[self.family.name] = of_value
+        return FollowedPoint(self.family.name, self._value(at.parameter), load, displacement, radius, gap, error)
 
     def _relative(self, row: FollowedPoint, point: Point) -> float:
         units = self._units(point)
-        return max(row.error[k] / max(unit, abs(getattr(row, k))) for k, unit in zip(KEYS, units, strict=True))
+        return max(row.error[k] / max(unit, abs(float(getattr(row, k)))) for k, unit in zip(KEYS, units, strict=True))
 
     def _row(self, point: Point) -> FollowedPoint:
         """The event at the parameter of a point of the curve, located there on discretisations made for it."""

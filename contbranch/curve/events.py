@@ -333,8 +333,7 @@ class Folds(Event):
 
 
 def _passes_once(cubic: tuple[float, float, float, float], doubt: float) -> bool:
-    """Whether a slope with opposite signs at the ends has one zero: it is bent too little there for its error to matter.
-    """
+    """Whether a slope with opposite signs at the ends has one zero, as far as its error tells."""
     _, c1, c2, c3 = cubic
     end = abs(c1 + 2 * c2 + 3 * c3)
     steepness = abs(2 * c2 + 6 * c3 * _zero_of_slope(c1, c2, c3))

@@ -9,7 +9,6 @@ import numpy as np
 
 from contbranch.contact.family import Family, Vary, family_of
 from contbranch.contact.units import finite_number
-from contbranch.continuation import Event as LocatedEvent
 from contbranch.continuation import Point
 from contbranch.control import Control, as_control
 from contbranch.curve.event_curve import KEYS, EventCurve, condition_for

@@ -249,13 +249,13 @@ def assemble(contact: Contact, curve: RawCurve, choice: ModelChoice, control: Co
     scaling = _Scaling(contact)
     names = fold_names(contact, curve.events)
     named = zip(curve.events, names, strict=True)
-    events = tuple(_event(contact, scaling, raw, name, choice.name) for raw, name in named)
+    events = tuple(_event(contact, scaling, raw, name, choice.kind) for raw, name in named)
     raws = [*curve.events]
     branches = [_branch(scaling, curve)]
     for number, other in enumerate(curve.others, start=1):
         branches.append(_branch(scaling, other))
         raws += other.events
-        others = (_event(contact, scaling, raw, None, choice.name) for raw in other.events)
+        others = (_event(contact, scaling, raw, None, choice.kind) for raw in other.events)
         events += tuple(replace(event, branch=number) for event in others)
     terms = contact.interaction.terms if contact.interaction is not None else ()
     repulsive = bool(terms) and all(term.work_of_adhesion < 0 for term in terms)

@@ -56,8 +56,8 @@ class Regions:
     def find(self, samples: int, progress: Callable[[float, str], None] | None = None) -> PhaseDiagram:
         """Trace curves at so many values, and follow what bounds their parts."""
         began, family = time.perf_counter(), self.family
-        ends = [family.coordinate(value) for value in self.between]
-        values = [family.value(float(q)) for q in np.linspace(*ends, samples)]
+        low, high = (family.coordinate(value) for value in self.between)
+        values = [family.value(float(q)) for q in np.linspace(low, high, samples)]
         values[0], values[-1] = self.between
         for k, value in enumerate(values):
             if progress is not None:

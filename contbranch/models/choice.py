@@ -11,7 +11,7 @@ from contbranch.models.exact.model import Exact
 from contbranch.models.grid import FreeSpace, LatticeCurves, Periodic
 from contbranch.models.rings import Rings
 
-__all__ = ["axisymmetric", "choose", "curves"]
+__all__ = ["axisymmetric", "choose", "curves", "on_grid"]
 
 Lattice = Periodic | FreeSpace
 NAMED: dict[str, type[Exact | Axisymmetric | Lattice]] = {
@@ -54,6 +54,11 @@ def choose(contact: Contact, model: str | Model | Lattice = "auto") -> tuple[Mod
 def curves(contact: Contact, model: Model | Lattice) -> Curves:
     """The curves of a contact by a model: on a lattice, or of its equilibrium problem."""
     return LatticeCurves(contact, model) if isinstance(model, Lattice) else FollowedCurves(contact, model)
+
+
+def on_grid(model: Model | Lattice) -> bool:
+    """Whether a model is one of lattices, whose events cannot be followed."""
+    return isinstance(model, Lattice)
 
 
 def axisymmetric(contact: Contact) -> Model | None:

@@ -59,6 +59,8 @@ STATE_FLOOR = 0.3
 # Below this radius parameter meshes are graded down to this share of the radius, each panel longer by this factor than
 # the one inside; if those are too many panels, by a larger one: the tinier the radius, the less its scale matters.
 SMALL, SHARE, GRADING, PANELS = 1e-6, 0.5, 4.0, 8
+# Estimates of the rows' errors are those of one Newton step on a finer mesh.
+ROW_SAFETY = 3.0
 # A coarser mesh is worth its while if it has fewer unknowns by this factor; rounds in which it is made.
 FEWER, COARSENINGS = 0.8, 4
 # From first touch up to this parameter the rate of the load comes from the slope dF/dd, which keeps its digits
@@ -476,7 +478,7 @@ class ContactProblem(EquilibriumProblem):
         contact = self.resolution.contact
         if contact is None:
             return self
-        return first_problem(contact, self.resolution.accuracy, tolerance)
+        return first_problem(contact, self.resolution.accuracy, tolerance / ROW_SAFETY)
 
     def member(self, contact: Contact, tolerance: float | None = None) -> ContactProblem:
         """The same mesh and side of first touch for another contact, with the contact coordinate's scale and power."""

@@ -6,6 +6,13 @@ elastic response), `equations` (equilibrium), `constraints` (the inequalities), 
 `handover` (curves that begin with a disc), `model`.
 """
 
-from .model import Rings
+from typing import TYPE_CHECKING
+
+from contbranch._lazy import lazily
+
+if TYPE_CHECKING:
+    from contbranch.models.rings.model import Rings
 
 __all__ = ["Rings"]
+
+__getattr__, __dir__ = lazily(__name__, {".model": "Rings"})
