@@ -24,7 +24,10 @@ SHARP = 1e-10
 # Error of a cubic's slope, as a share of its largest value, where no earlier step tells.
 UNTESTED = 0.1
 # A quadratic slope of opposite signs at its ends has one zero, unless its error is this share of its values.
-CERTAIN = 0.3
+CERTAIN = 0.1
+# The error of a cubic is θ² (1 − θ)² times a constant, first of all: its slope's largest error in units of the error in
+# the middle, where that of the slope vanishes.
+QUARTIC = 16 * math.sqrt(3) / 9
 # How often a step is halved in search of hidden pairs of folds.
 DEPTH = 6
 
@@ -245,11 +248,12 @@ class Folds(Event):
         left, right = Segment(part.begin, middle, part.metric), Segment(middle, part.end, part.metric)
         halved: Slopes = {}
         for control in self.controls:
-            _, c1, c2, c3 = self._cubic(part, control)
+            c0, c1, c2, c3 = self._cubic(part, control)
+            own = middle.observables
+            off = control.weighted(own["load"], own["displacement"]) - (c0 + c1 / 2 + c2 / 4 + c3 / 8)
             # Slopes per half a part are half as large.
-            here = self._slope(middle, control) * left.scale_end
-            off = abs(here - (c1 + c2 + 0.75 * c3) / 2)
-            halved[control.kind] = SAFETY * off + doubts[control.kind] / 16
+            turned = self._slope(middle, control) * left.scale_end - (c1 + c2 + 0.75 * c3) / 2
+            halved[control.kind] = SAFETY * (abs(turned) + QUARTIC * abs(off) / 16) + doubts[control.kind] / 16
         offset, half = place[0], place[1] / 2
         found = self._passages(left, halved, options, depth - 1, offset, half)
         for control in self.controls:
