@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
+from contbranch.models.axisymmetric.trace import Target, trace
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
@@ -20,7 +21,6 @@ from contbranch.contact.interaction_law import Interaction
 from contbranch.models.axisymmetric.mesh import Mesh
 from contbranch.models.axisymmetric.problem import ContactProblem
 from contbranch.models.axisymmetric.slope import load_per_displacement
-from contbranch.models.axisymmetric.trace import Target, trace
 
 __all__ = ["Sample", "Side", "contact_of", "fold_in_contact", "fold_side", "softening", "touch_side"]
 

@@ -5,15 +5,15 @@ from __future__ import annotations
 import json
 
 import pytest
-
-import contbranch as cb
-from contbranch.cli import main
-from contbranch.control import DISPLACEMENT, LOAD
 from contbranch.models.axisymmetric.crossing import pieces_at
 from contbranch.models.axisymmetric.paths import TracedWalk
 from contbranch.models.axisymmetric.search import disconnected
 from contbranch.models.axisymmetric.solve import crossings
 from contbranch.models.axisymmetric.trace import Target, trace
+
+import contbranch as cb
+from contbranch.cli import main
+from contbranch.control import DISPLACEMENT, LOAD
 
 
 @pytest.mark.parametrize(("load", "count"), [(30.0, 1), (60.0, 3), (100.0, 1)])

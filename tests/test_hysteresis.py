@@ -7,14 +7,14 @@ import math
 
 import numpy as np
 import pytest
+from contbranch.models.axisymmetric.paths import TracedWalk
+from contbranch.models.axisymmetric.trace import Target, trace
 
 import contbranch as cb
 from contbranch.cli import main
 from contbranch.control import as_control
 from contbranch.curve.quasi_static import quasi_static
-from contbranch.models.axisymmetric.paths import TracedWalk
-from contbranch.models.axisymmetric.trace import Target, trace
-from contbranch.output.document import loop_document
+from contbranch.output.document import document as document_of
 
 LAMBDA = (2 * math.pi / 9) ** (1 / 3)
 """Reduced Tabor coefficient for Maugis' λ = 1, (43) with its misprint corrected."""
@@ -109,7 +109,7 @@ def test_attraction_under_a_load_never_comes_back():
     assert jump.to is None
     assert jump.dissipated is None
     assert "infinite separation" in loop.message
-    document = loop_document(loop)
+    document = document_of(loop)
     assert document["dissipated"] is None
     assert document["jumps"][0]["to"] is None
     json.dumps(document, allow_nan=False)

@@ -17,17 +17,15 @@ from contbranch.curve.problem import equilibrium
 
 __all__ = ["Ceiling", "FoldEvent", "Folds", "Margin", "Reached", "rates"]
 
-# Relative to their place in a step, events are located so coarsely while tracing; they are refined afterwards.
-COARSE = 0.03
-# Folds of two controls on one part of a step are told apart as far as this share of it.
-SHARP = 1e-10
+# Relative to their place in a step, folds are located so coarsely while tracing (they are refined afterwards); where
+# there are several on one part of a step, as sharply as it takes to tell them apart, down to the last.
+SHARPER = (0.03, 1e-3, 1e-5, 1e-7, 1e-10)
 # Error of a cubic's slope, as a share of its largest value, where no earlier step tells.
 UNTESTED = 0.1
 # A quadratic slope of opposite signs at its ends has one zero, unless its error is this share of its values.
-CERTAIN = 0.1
-# The error of a cubic is θ² (1 − θ)² times a constant, first of all: its slope's largest error in units of the error in
-# the middle, where that of the slope vanishes.
-QUARTIC = 16 * math.sqrt(3) / 9
+CERTAIN = 0.3
+# ... or its steepness at the zero is not so much larger than the error: then three zeros may lie there.
+STEEP = 6.0
 # How often a step is halved in search of hidden pairs of folds.
 DEPTH = 6
 
@@ -233,7 +231,7 @@ class Folds(Event):
             if end == 0.0 or (begin == 0.0 and math.copysign(1.0, begin) == math.copysign(1.0, end)):
                 continue  # what is controlled rests, or a fold at the very end: the next step has it
             passes = math.copysign(1.0, begin) != math.copysign(1.0, end)
-            clear = doubt < CERTAIN * max(abs(begin), abs(end)) if passes else slope_keeps_sign(cubic, doubt)
+            clear = _passes_once(cubic, doubt) if passes else slope_keeps_sign(cubic, doubt)
             if not clear and depth:
                 return self._halves(part, doubts, options, depth, (offset, share))
             if passes:
@@ -244,16 +242,16 @@ class Folds(Event):
         self, part: Segment, doubts: Slopes, options: Options, depth: int, place: tuple[float, float]
     ) -> list[_Passage]:
         """The folds on both halves of a part."""
-        middle = annotated(point_on(part, 0.5, options)[0])
+        middle = point_on(part, 0.5, options)[0]
+        middle = replace(middle, observables=equilibrium(middle).values(middle.x, middle.parameter)._asdict())
         left, right = Segment(part.begin, middle, part.metric), Segment(middle, part.end, part.metric)
         halved: Slopes = {}
         for control in self.controls:
-            c0, c1, c2, c3 = self._cubic(part, control)
-            own = middle.observables
-            off = control.weighted(own["load"], own["displacement"]) - (c0 + c1 / 2 + c2 / 4 + c3 / 8)
+            _, c1, c2, c3 = self._cubic(part, control)
             # Slopes per half a part are half as large.
-            turned = self._slope(middle, control) * left.scale_end - (c1 + c2 + 0.75 * c3) / 2
-            halved[control.kind] = SAFETY * (abs(turned) + QUARTIC * abs(off) / 16) + doubts[control.kind] / 16
+            here = self._slope(middle, control) * left.scale_end
+            off = abs(here - (c1 + c2 + 0.75 * c3) / 2)
+            halved[control.kind] = SAFETY * off + doubts[control.kind] / 16
         offset, half = place[0], place[1] / 2
         found = self._passages(left, halved, options, depth - 1, offset, half)
         for control in self.controls:
@@ -264,12 +262,14 @@ class Folds(Event):
 
     # -- where they are -----------------------------------------------------------------------------------------------
     def _located(self, passages: list[_Passage], options: Options) -> list[Happening]:
-        """Folds of different controls on one part, in order."""
-        resolution = COARSE if len(passages) == 1 else SHARP
-        found = [(passage, *self._zero(passage, options, resolution)) for passage in passages]
-        found.sort(key=lambda one: one[1])
-        thetas = [theta for _, theta, _ in found]
-        if len(found) > 1 and min(b - a for a, b in pairwise(thetas)) < 4 * SHARP:
+        """Folds of different controls on one part, in order: located as sharply as it takes to tell them apart."""
+        for resolution in SHARPER if len(passages) > 1 else SHARPER[:1]:
+            found = [(passage, *self._zero(passage, options, resolution)) for passage in passages]
+            found.sort(key=lambda one: one[1])
+            thetas = [theta for _, theta, _ in found]
+            if all(b - a > 4 * resolution * b for a, b in pairwise(thetas)):
+                break
+        else:
             order = [control.kind for control in self._turned(passages[0].part)]
             found.sort(key=lambda one: order.index(one[0].control.kind) if one[0].control.kind in order else -1)
             thetas = [sum(thetas) / len(thetas)] * len(found)
@@ -330,6 +330,16 @@ class Folds(Event):
             name=passage.control.kind,
         )
         return Happening(passage.offset + passage.share * theta, located)
+
+
+def _passes_once(cubic: tuple[float, float, float, float], doubt: float) -> bool:
+    """Whether a slope with opposite signs at the ends has one zero, as far as its error tells."""
+    _, c1, c2, c3 = cubic
+    end = abs(c1 + 2 * c2 + 3 * c3)
+    steepness = abs(2 * c2 + 6 * c3 * _zero_of_slope(c1, c2, c3))
+    # A pair may hide next to an end whose slope is smaller than the error.
+    apart = end > doubt and (abs(c1) > doubt or c1 == 0.0)
+    return apart and doubt < CERTAIN * max(abs(c1), end) and steepness > STEEP * doubt
 
 
 def _zero_of_slope(c1: float, c2: float, c3: float) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -92,7 +93,7 @@ def disconnected(
     found: list[Found] = []
     joints = [0, *sorted(track.onward), len(track.points) - 1]
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # trial states may be anything
-        for first, last in zip(joints, joints[1:], strict=False):
+        for first, last in pairwise(joints):
             points = [track.onward.get(first, track.points[first]), *track.points[first + 1 : last + 1]]
             offer = equilibrium(points[0]).search(points)
             if offer is None:

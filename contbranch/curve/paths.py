@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from contbranch.continuation import CorrectionError, Point
 from contbranch.control import Control
 from contbranch.curve.outcome import RawEvent
-from contbranch.curve.problem import equilibrium
+from contbranch.curve.problem import Values, equilibrium
 from contbranch.curve.quasi_static import Stop, next_along
 from contbranch.curve.refine import Found
 from contbranch.curve.solve import Crossing, before, crossing, energy_at, seen, state_on
@@ -83,7 +83,9 @@ class CurveWalk:
 
     def row(self, row: int) -> State:
         """The state of a row, without profile."""
-        return seen(self.track.points[row])
+        own = self.track.points[row].observables
+        load, displacement, radius, gap, energy = (own[name] for name in Values._fields)
+        return State(load, displacement, radius, max(gap, 0.0), energy, 0, 0, 0.0)
 
     def stop(self, row: int) -> Stop:
         """A row as a stop."""
@@ -134,8 +136,9 @@ class CurveWalk:
         points: list[Point] = []
         try:
             piece = self._joined(begin, end)
-            for k in range(count) if isinstance(piece, Piece) else ():
-                points.append(piece.point((k + 1) / (count + 1)))
+            if isinstance(piece, Piece):
+                for k in range(count):
+                    points.append(piece.point((k + 1) / (count + 1)))
         except CorrectionError:
             return points
         return points
@@ -175,14 +178,14 @@ class CurveWalk:
         none of them, it is the next one along the curve, and `notes` says so unless the energies along the curve
         decide.
         """
-        kind = type(fold.place.problem)
-        alike = [stop for stop in candidates if type(stop.place.problem) is kind]
+        problem = equilibrium(fold.place)
+        alike = [stop for stop in candidates if problem.joins(equilibrium(stop.place))]
         if alike and fold.row is not None:
             # From the tangents: far away the values of neighbouring rows differ by less than their errors.
             direction = 1 if self.rising[max(fold.row - 1, 0)] > 0 else -1
-            guarded = any(type(point.problem) is not kind for point in self.track.points)
+            guarded = not all(problem.joins(equilibrium(point)) for point in self.track.points)
             places = [stop.place for stop in alike]
-            reached = equilibrium(fold.place).relaxed(fold.place, self.control, direction, places, guarded)
+            reached = problem.relaxed(fold.place, self.control, direction, places, guarded)
             if reached is not None:
                 return alike[reached]
         end, certain = next_along(self, fold, candidates)

@@ -377,9 +377,34 @@ class EquilibriumProblem(Problem):
         return self
 
     # -- families -----------------------------------------------------------------------------------------------------
-    def member(self, contact: Contact) -> Self:
-        """The same discretisation for another contact (reduced units), with the parameter meaning the same."""
+    def member(self, contact: Contact, tolerance: float | None = None) -> Self:
+        """The same discretisation for another contact, with the parameter meaning the same.
+
+        Parameters
+        ----------
+        contact : Contact
+            In one set of reduced units for the whole family, so that its own scales need not be 1.
+        tolerance : float, optional
+            Error of load and displacement that `adapt` allows from now on.
+        """
         raise NotImplementedError
+
+    @property
+    def power(self) -> float:
+        """m where load and displacement are smooth functions of p^(1/m) next to p = 0."""
+        return 1.0
+
+    @property
+    def beyond_edge(self) -> bool:
+        """Whether the equations go on smoothly beyond the edges of the parameter, so that states there are defined."""
+        return False
+
+    def across(self, x: Array, p: float) -> Sequence[Point]:
+        """A state at an edge of the parameter as one of the problem behind it, with its tangent in either sense.
+
+        Further ones are tried where the curve does not leave from the first; none where nothing is known.
+        """
+        return ()
 
 
 def equilibrium(point: Point) -> EquilibriumProblem:

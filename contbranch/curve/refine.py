@@ -38,11 +38,15 @@ ITERATIONS = 14
 
 @dataclass(frozen=True)
 class Found:
-    """An event, or a state asked for: load, displacement, contact radius, central gap, their errors, and the point."""
+    """An event, or a state asked for: load, displacement, contact radius, central gap, their errors, and the point.
+
+    The error of the point's own parameter is known where that was compared with a finer discretisation's.
+    """
 
     numbers: Four
     error: Four
     point: Point
+    parameter_error: float = 0.0
 
     def relative_error(self) -> float:
         """Largest error relative to max(1, |value|)."""
@@ -182,7 +186,7 @@ def _located(place: _Place, event: Event | None) -> _Place:
             best = (abs(value), point)
         if value == 0.0 or (stalled and abs(step) < 1e-8 * line.unit):
             break
-    uncertainty = best[0] / abs(steepness) if steepness else 0.0
+    uncertainty = (best[0] + event.noise) / abs(steepness) if steepness else 0.0
     return _Place(best[1], steepness, min(uncertainty, 1e-3 * line.unit))
 
 
@@ -230,12 +234,12 @@ def _best(place: _Place, event: Event | None, accuracy: float) -> Found | None:
             problem = equilibrium(place.point)
             finer = problem.finer()
             if finer is problem:
-                return _compared(place, numbers(place.point), accuracy)
+                return _compared(place, None, accuracy)
             fine = replace(place, point=moved(place.point, finer))
             there = None if event is None else _nudged(fine, event)
             if there is None:
                 fine = _located(fine, event)
-                there = numbers(fine.point)
+                there = fine.point.parameter, numbers(fine.point)
             found = _compared(place, there, accuracy)
             error = found.relative_error()
             if best is None or error < best.relative_error():
@@ -252,8 +256,8 @@ def _best(place: _Place, event: Event | None, accuracy: float) -> Found | None:
     return best
 
 
-def _nudged(place: _Place, event: Event) -> Four | None:
-    """What `numbers` will be at the event, from one point close to it; None if it is not close.
+def _nudged(place: _Place, event: Event) -> tuple[float, Four] | None:
+    """What parameter and `numbers` will be at the event, from one point close to it; None if it is not close.
 
     The event is as far away as one Newton step says; over that distance the observables change at their rates.
     """
@@ -270,25 +274,29 @@ def _nudged(place: _Place, event: Event) -> Four | None:
     load, displacement, radius, gap = (
         value + part * rate * step for value, part, rate in zip(numbers(point), share, line.rates(point), strict=True)
     )
-    return load, displacement, radius, gap
+    speed = line.speed(point) * point.tangent_parameter
+    return point.parameter + speed * step, (load, displacement, radius, gap)
 
 
-def _compared(place: _Place, there: Four, accuracy: float) -> Found:
-    here = numbers(place.point)
-    rounding = equilibrium(place.point).rounding
-    floor = rounding + (FLOOR * accuracy if there is not here else 0.0)
-    # What rounding leaves open of the place moves contact radius and gap; load and displacement are all but stationary.
-    open_place = [0.0, 0.0, 0.0, 0.0]
-    if place.uncertainty:
-        line = _Line(place.point)
-        moves = line.rates(place.point)
-        open_place[2:] = [abs(moves.contact_radius * place.uncertainty), abs(moves.central_gap * place.uncertainty)]
-    exact = (False, False, here[2] == there[2] == 0.0, here[3] == there[3] == 0.0)
-    error = [
-        0.0 if none else SAFETY * abs(a - b) + floor * max(1.0, abs(a)) + 2 * p
-        for a, b, p, none in zip(here, there, open_place, exact, strict=True)
-    ]
-    return Found(here, (error[0], error[1], error[2], error[3]), place.point)
+def _compared(place: _Place, finer: tuple[float, Four] | None, accuracy: float) -> Found:
+    """The event with error estimates; `finer`: parameter and numbers on the finer discretisation, if there is one."""
+    point, here = place.point, numbers(place.point)
+    parameter, there = finer or (point.parameter, here)
+    floor = equilibrium(point).rounding + (FLOOR * accuracy if finer else 0.0)
+    along, moves = 0.0, Rates(0.0, 0.0, 0.0, 0.0)
+    if place.uncertainty:  # what rounding leaves open of the place
+        line = _Line(point)
+        along, moves = line.speed(point) * point.tangent_parameter, line.rates(point)
+
+    def error(a: float, b: float, rate: float) -> float:
+        return SAFETY * abs(a - b) + floor * max(1.0, abs(a)) + 2 * abs(rate * place.uncertainty)
+
+    load, displacement, radius, gap = (
+        # Without contact the radius is exactly zero, in contact the gap is.
+        0.0 if k > 1 and a == b == 0.0 else error(a, b, rate)
+        for k, (a, b, rate) in enumerate(zip(here, there, moves, strict=True))
+    )
+    return Found(here, (load, displacement, radius, gap), point, error(point.parameter, parameter, along))
 
 
 def _by_defect(point: Point, event: Event | None) -> Found:

@@ -149,8 +149,12 @@ def _state(found: Found, indices: Sequence[int], given: Mapping[str, float]) -> 
     energy, uncertain = energy_at(found)
     error["energy"] = uncertain + abs(found.numbers[0]) * found.error[1]
     size = float(np.abs(x).max(initial=0.0))
+    count = problem.azimuthal(x, p, indices[1])
     return State(
-        **numbers,
+        load=numbers["load"],
+        displacement=numbers["displacement"],
+        contact_radius=numbers["contact_radius"],
+        central_gap=numbers["central_gap"],
         energy=energy,
         unstable_load=indices[0],
         unstable_displacement=indices[1],
@@ -158,7 +162,7 @@ def _state(found: Found, indices: Sequence[int], given: Mapping[str, float]) -> 
         residual=float(np.abs(problem.residual(x, p)).max() / size) if size else 0.0,
         error=error,
         profile=problem.profile(x, p),
-        unstable_azimuthal=problem.breaking(x, p, indices[1]),
+        unstable_azimuthal=count.total if count is not None else 0,
     )
 
 
@@ -186,5 +190,5 @@ def energy_at(found: Found) -> tuple[float, float]:
 
 def seen(point: Point) -> State:
     """A point of the curve as a state without profile and indices, as a path shows it."""
-    values = equilibrium(point).values(point.x, point.parameter)
-    return State(*values, unstable_load=0, unstable_displacement=0, residual=0.0)
+    load, displacement, radius, gap, energy = equilibrium(point).values(point.x, point.parameter)
+    return State(load, displacement, radius, max(gap, 0.0), energy, 0, 0, 0.0)

@@ -27,6 +27,8 @@ END_FACTOR, LEAST_END = 1.4, 10.0
 # Changes of the problem after which a trace gives up.
 PIECES = 80
 EDGE = "edge"
+# Where rows count themselves, in integrals along the curve, they are as accurate as this, as far as round-off allows.
+FINE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -72,6 +74,8 @@ def trace(problem: EquilibriumProblem, request: Request) -> Track:
     """Follow the curve of a contact from the start of its first problem through all that succeed it."""
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # answered by shorter steps, or reported
         try:
+            if request.fine:
+                problem = problem.rows_within(max(FINE, request.accuracy))
             start = problem.start(request.control)
         except (InputError, KeyboardInterrupt):
             raise

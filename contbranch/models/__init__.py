@@ -1,1 +1,1 @@
-"""Models: each a folder with its equations."""
+"""Models of a contact, the choice between them, and what they are asked."""

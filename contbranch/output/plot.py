@@ -23,13 +23,23 @@ from contbranch.output.plot_labels import place_labels
 from contbranch.output.plot_style import STYLE as _STYLE
 from contbranch.output.plot_style import new_figure as _figure
 from contbranch.output.plot_view import arrange_panels, axis_label, check_observables, has_natural_units, view
+from contbranch.results.diagram import Diagram, Solution
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from contbranch.results.diagram import Diagram, Event, State
+    from contbranch.results.diagram import Event, State
 
-__all__ = ["SUFFIXES", "bifurcation_diagram", "check_suffix", "local_exponent", "overview", "profiles", "save_figure"]
+__all__ = [
+    "SUFFIXES",
+    "bifurcation_diagram",
+    "check_suffix",
+    "draw",
+    "local_exponent",
+    "overview",
+    "profiles",
+    "save_figure",
+]
 
 Array = NDArray[np.float64]
 
@@ -40,6 +50,16 @@ _SYMMETRY: Final = "#CC79A7"
 _MODES: Final = 6  # up to so many losses of symmetry are all labelled; of more, those of the least and the largest m
 _KNOWN: Final = 0.1  # local exponents with a larger error are not drawn
 _SERIES: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+
+
+def draw(result: Any) -> Figure:
+    """Draw a result as the command line does: a diagram as its `overview`, a solution as its `profiles`."""
+    if isinstance(result, Diagram):
+        return overview(result)
+    if isinstance(result, Solution):
+        return profiles(result, {} if result.contact is None else result.contact.units.names)
+    figure: Figure = result.plot()
+    return figure
 
 
 def bifurcation_diagram(diagram: Diagram, x: str = "load", y: str = "contact_radius") -> Figure:

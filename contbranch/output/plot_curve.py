@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline, PchipInterpolator
 
+from contbranch.output.smooth import monotonic, spline
 from contbranch.results.diagram import Profile
 
 if TYPE_CHECKING:
@@ -108,7 +108,7 @@ def fine_profile(profile: Profile, contact_radius: float) -> Profile:
         ):
             if np.count_nonzero(side) > 2:
                 inner = here & (fine >= r[side][0]) & (fine <= r[side][-1])
-                filled[inner] = PchipInterpolator(r[side], values[side])(fine[inner])
+                filled[inner] = monotonic(r[side], values[side], fine[inner])
         columns.append(filled)
     return Profile(fine, *columns)
 
@@ -157,15 +157,14 @@ def _filled(knots: Array, values: Array, at: Array) -> Array:
     """Return a cubic spline at `at`, with a monotonic cubic in the steps where the spline is not monotonic."""
     if len(knots) < 3:
         return np.interp(at, knots, values)
-    spline = np.asarray(CubicSpline(knots, values)(at))
-    monotonic = np.asarray(PchipInterpolator(knots, values)(at))
+    free, bound = spline(knots, values, at), monotonic(knots, values, at)
     step = np.clip(np.searchsorted(knots, at, side="right") - 1, 0, len(knots) - 2)
     low = np.minimum(values[:-1], values[1:])[step]
     high = np.maximum(values[:-1], values[1:])[step]
     slack = 1e-9 * (high - low)
     leaves = np.zeros(len(knots) - 1, dtype=bool)
-    np.logical_or.at(leaves, step, (spline < low - slack) | (spline > high + slack))
-    return np.where(leaves[step], monotonic, spline)
+    np.logical_or.at(leaves, step, (free < low - slack) | (free > high + slack))
+    return np.where(leaves[step], bound, free)
 
 
 def _stability(unstable: NDArray[np.int64]) -> NDArray[np.bool_]:

@@ -11,12 +11,12 @@ import numpy as np
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from contbranch.errors import InputError
 from contbranch.output.plot_labels import place_labels
 from contbranch.output.plot_style import BLUE, GREY, ORANGE, STYLE, new_figure
 from contbranch.output.plot_view import axis_label
+from contbranch.output.smooth import spline
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -186,7 +186,7 @@ def _lines(followed: Followed, y: str, logarithmic: bool) -> list[tuple[Array, A
         path = np.concatenate([[0.0], np.cumsum(np.hypot(*(np.diff(c) for c in scaled)))])
         keep = np.concatenate([[True], np.diff(path) > 0])
         fine = np.linspace(0.0, path[-1], 400)
-        smooth = [CubicSpline(path[keep], c[keep])(fine) for c in (coordinate, level)]
+        smooth = [spline(path[keep], c[keep], fine) for c in (coordinate, level)]
         lines.append((np.exp(smooth[0]) if logarithmic else smooth[0], smooth[1], contact))
     return lines
 

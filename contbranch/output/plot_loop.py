@@ -8,10 +8,10 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
 
 from contbranch.output.plot_style import BLUE, ORANGE, STYLE, new_figure
 from contbranch.output.plot_view import arrange_panels, axis_label, has_natural_units
+from contbranch.output.smooth import monotonic
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -113,7 +113,7 @@ def _smooth(x: Array, y: Array) -> tuple[Array, Array]:
         return x, y
     length = np.concatenate([[0.0], np.cumsum(step[step > 0.0])])
     fine = np.interp(np.arange((len(x) - 1) * _FINE + 1) / _FINE, np.arange(len(x)), length)
-    return PchipInterpolator(length, x)(fine), PchipInterpolator(length, y)(fine)
+    return monotonic(length, x, fine), monotonic(length, y, fine)
 
 
 def _arrow(axes: Axes, x: Array, y: Array, color: str) -> None:

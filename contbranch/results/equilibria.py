@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import ClassVar, Literal, NamedTuple
 
 from contbranch.contact.contact import Contact
 from contbranch.results.diagram import Cost, ModelChoice, State
+from contbranch.results.record import Result, described, record
 
 __all__ = ["Barrier", "Equilibria"]
 
@@ -30,8 +30,8 @@ class Barrier(NamedTuple):
     heights: tuple[float, float]
 
 
-@dataclass(frozen=True)
-class Equilibria:
+@record
+class Equilibria(Result):
     """Coexisting equilibria: what `contbranch.find_all` returns; a sequence of its states.
 
     Attributes
@@ -52,17 +52,18 @@ class Equilibria:
         As of a Diagram.
     """
 
-    states: tuple[State, ...]
-    connected: tuple[bool, ...]
-    barriers: tuple[Barrier, ...]
-    window: tuple[float, float]
-    control: str
-    model: ModelChoice
-    cost: Cost
-    stiffness: float | None = None
-    status: Literal["complete", "incomplete"] = "complete"
-    message: str = ""
-    contact: Contact | None = None
+    format: ClassVar[str] = "contbranch-equilibria"
+    states: tuple[State, ...] = described()
+    connected: tuple[bool, ...] = described()
+    barriers: tuple[Barrier, ...] = described()
+    window: tuple[float, float] = described("displacement")
+    control: str = described()
+    model: ModelChoice = described()
+    cost: Cost = described()
+    stiffness: float | None = described("stiffness", written="if known", default=None)
+    status: Literal["complete", "incomplete"] = described(default="complete")
+    message: str = described(default="")
+    contact: Contact | None = described(written=False, default=None)
 
     def __len__(self) -> int:
         return len(self.states)

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contbranch.contact.contact import Contact
+from contbranch.errors import InputError
 from contbranch.results.diagram import Cost, Event, ModelChoice
+from contbranch.results.record import Record, Result, described, record
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -20,8 +22,8 @@ __all__ = ["Followed", "FollowedPoint", "Special"]
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class FollowedPoint:
+@record
+class FollowedPoint(Record):
     """An event at one value of a parameter; every number is in the contact's units.
 
     Attributes
@@ -35,16 +37,20 @@ class FollowedPoint:
         Error estimates of the four and, under its name, of the parameter.
     """
 
-    parameter: str
-    value: float
-    load: float
-    displacement: float
-    contact_radius: float
-    central_gap: float
-    error: Mapping[str, float]
+    parameter: str = described()
+    value: float = described()
+    load: float = described("load")
+    displacement: float = described("displacement")
+    contact_radius: float = described("contact_radius")
+    central_gap: float = described("central_gap")
+    error: Mapping[str, float] = described()
+
+    def items(self) -> dict[str, Any]:
+        """What documents hold: the parameter under its own name, too."""
+        return {**super().items(), self.parameter: self.value}
 
 
-@dataclass(frozen=True)
+@record
 class Special(FollowedPoint):
     """A point of codimension two on a followed event, or an end that means something.
 
@@ -63,14 +69,14 @@ class Special(FollowedPoint):
     message : str
     """
 
-    kind: str = ""
-    index: int = 0
-    control: str | None = None
-    message: str = ""
+    kind: str = described(default="")
+    index: int = described(default=0)
+    control: str | None = described(default=None)
+    message: str = described(default="")
 
 
-@dataclass(frozen=True)
-class Followed:
+@record
+class Followed(Result):
     """An event along a parameter.
 
     Attributes
@@ -89,29 +95,41 @@ class Followed:
         What was followed.
     """
 
-    parameter: str
-    curve: Mapping[str, Array]
-    error: Mapping[str, Array]
-    special: tuple[Special, ...]
-    event: Event
-    contact: Contact
-    model: ModelChoice
-    cost: Cost
-    accuracy: float
-    status: Literal["complete", "incomplete"] = "complete"
-    message: str = ""
-    unit_names: Mapping[str, str] = field(default_factory=dict)
-    solver: Callable[[float], tuple[FollowedPoint, ...]] | None = field(default=None, repr=False)
+    format: ClassVar[str] = "contbranch-follow"
+    parameter: str = described()
+    curve: Mapping[str, Array] = described()
+    error: Mapping[str, Array] = described()
+    special: tuple[Special, ...] = described()
+    event: Event = described()
+    contact: Contact = described(written=False)
+    model: ModelChoice = described()
+    cost: Cost = described()
+    accuracy: float = described()
+    status: Literal["complete", "incomplete"] = described(default="complete")
+    message: str = described(default="")
+    unit_names: Mapping[str, str] = described(written=False, default_factory=dict)
+    solver: Callable[[float], tuple[FollowedPoint, ...]] | None = described(
+        written=False, computed=lambda followed: None, default=None
+    )
+
+    def body(self) -> dict[str, Any]:
+        """All but the exponent of what was followed, which changes along the curve and takes long."""
+        event = replace(self.event, critical=None).items()
+        del event["exponent"]
+        return {**self.items(), "event": event}
 
     def at(self, value: float) -> tuple[FollowedPoint, ...]:
         """The event at exactly one value of the parameter, as often as the curve passes it: solved, not interpolated.
 
         Raises
         ------
+        InputError
+            If the curve was pickled: follow the event again.
         ModelError
             If it is not found again.
         """
-        assert self.solver is not None
+        if self.solver is None:
+            raise InputError("followed: it was pickled without what solves it; follow the event again")
         return self.solver(value)
 
     def plot(self, y: str | None = None) -> Figure:
@@ -120,9 +138,3 @@ class Followed:
         from contbranch.output.plot_follow import followed_curve
 
         return followed_curve(self, y or ("displacement" if self.event.control == "displacement" else "load"))
-
-    def document(self) -> dict[str, Any]:
-        """Return the JSON document, format ``contbranch-follow``."""
-        from contbranch.output.document_follow import follow_document
-
-        return follow_document(self)

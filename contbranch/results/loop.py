@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contbranch.contact.contact import Contact
 from contbranch.results.diagram import Cost, ModelChoice, State
+from contbranch.results.record import Record, Result, described, record
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -21,8 +21,8 @@ __all__ = ["Hysteresis", "Jump", "Path"]
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Path:
+@record
+class Path(Record):
     """Stable states in the order in which they are passed, in the contact's units.
 
     Attributes
@@ -36,14 +36,14 @@ class Path:
         Number of the leg, from 0; between two legs there is a jump or the turn.
     """
 
-    load: Array
-    displacement: Array
-    contact_radius: Array
-    central_gap: Array
-    energy: Array
-    position: Array
-    direction: NDArray[np.int64]
-    leg: NDArray[np.int64]
+    load: Array = described("load")
+    displacement: Array = described("displacement")
+    contact_radius: Array = described("contact_radius")
+    central_gap: Array = described("central_gap")
+    energy: Array = described("energy")
+    position: Array = described()
+    direction: NDArray[np.int64] = described()
+    leg: NDArray[np.int64] = described()
 
     def __len__(self) -> int:
         return len(self.load)
@@ -53,8 +53,8 @@ class Path:
         return found
 
 
-@dataclass(frozen=True)
-class Jump:
+@record
+class Jump(Record):
     """A jump at a fold; what it starts from is called ``from`` in documents and `start` here (``from`` is a keyword).
 
     Attributes
@@ -75,14 +75,16 @@ class Jump:
         Stable states of lower energy than the fold that the relaxation does not reach.
     """
 
-    name: str | None
-    position: float
-    start: State
-    to: State | None
-    dissipated: float | None
-    error: float | None
-    others: tuple[State, ...] = field(default=(), repr=False)
-    _area: Callable[[], float] | None = field(default=None, repr=False, compare=False)
+    name: str | None = described()
+    position: float = described()
+    start: State = described(key="from")
+    to: State | None = described()
+    dissipated: float | None = described("energy")
+    error: float | None = described("energy")
+    others: tuple[State, ...] = described(written=False, default=(), repr=False)
+    _area: float | Callable[[], float] | None = described(
+        "energy", written=False, computed=lambda jump: jump.area, default=None
+    )
 
     @cached_property
     def area(self) -> float | None:
@@ -92,15 +94,15 @@ class Jump:
         dV = F dd holds to their discretisation errors only, while `dissipated` needs the ends alone. None where there
         is no state after the jump, or no curve that joins it with the fold.
         """
-        return None if self._area is None else self._area()
+        return self._area() if callable(self._area) else self._area
 
 
 # The document's key is a keyword of the language, which only getattr can spell.
 setattr(Jump, "from", property(lambda jump: jump.start))
 
 
-@dataclass(frozen=True)
-class Hysteresis:
+@record
+class Hysteresis(Result):
     """A quasi-static loop under one control: what `contbranch.hysteresis` returns.
 
     Attributes
@@ -120,24 +122,27 @@ class Hysteresis:
     contact : Contact or None
     """
 
-    path: Path
-    jumps: tuple[Jump, ...]
-    dissipated: float | None
-    error: float | None
-    closed: bool
-    model: ModelChoice
-    cost: Cost
-    control: str
-    stiffness: float | None = None
-    status: Literal["complete", "incomplete"] = "complete"
-    message: str = ""
-    contact: Contact | None = None
-    _area: Callable[[], float] | None = field(default=None, repr=False, compare=False)
+    format: ClassVar[str] = "contbranch-loop"
+    path: Path = described()
+    jumps: tuple[Jump, ...] = described()
+    dissipated: float | None = described("energy")
+    error: float | None = described("energy")
+    closed: bool = described()
+    model: ModelChoice = described()
+    cost: Cost = described()
+    control: str = described()
+    stiffness: float | None = described("stiffness", written="if known", default=None)
+    status: Literal["complete", "incomplete"] = described(default="complete")
+    message: str = described(default="")
+    contact: Contact | None = described(written=False, default=None)
+    _area: float | Callable[[], float] | None = described(
+        "energy", written=False, computed=lambda loop: loop.area, default=None
+    )
 
     @cached_property
     def area(self) -> float | None:
         """Work done by the drive over the closed loop, by quadrature along the stable legs; equals `dissipated`."""
-        return None if self._area is None else self._area()
+        return self._area() if callable(self._area) else self._area
 
     def plot(self) -> Figure:
         """Draw the force curve and the contact radius along the loop, with arrows and jumps."""

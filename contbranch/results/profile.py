@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
+
+from contbranch.results.record import Record, described, record
 
 __all__ = ["CellFields", "ModeShape", "Profile"]
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Profile:
+@record
+class Profile(Record):
     """Fields of one state as functions of the radius, in the contact's units.
 
     Attributes
@@ -22,14 +22,14 @@ class Profile:
         Radius (increasing, from the centre), gap, total pressure and the wall's share of it (zero outside the contact).
     """
 
-    r: Array
-    gap: Array
-    pressure: Array
-    wall_pressure: Array
+    r: Array = described("radius")
+    gap: Array = described("gap")
+    pressure: Array = described("pressure")
+    wall_pressure: Array = described("pressure")
 
 
-@dataclass(frozen=True)
-class ModeShape:
+@record
+class ModeShape(Record):
     """A variation ``cos(mode · θ)`` of an axisymmetric state, as a function of the radius.
 
     Attributes
@@ -45,14 +45,14 @@ class ModeShape:
         the contact it grows without bound towards the rim, which shifts.
     """
 
-    mode: int
-    r: Array
-    gap: Array
-    pressure: Array
+    mode: int = described()
+    r: Array = described("radius")
+    gap: Array = described()
+    pressure: Array = described()
 
 
-@dataclass(frozen=True)
-class CellFields:
+@record
+class CellFields(Record):
     """Fields on the nodes of a square cell, in the contact's units; the tip's middle is at x = y = 0.
 
     Attributes
@@ -63,8 +63,8 @@ class CellFields:
         Gap, total pressure, and the wall's share of it (zero outside the contact).
     """
 
-    x: Array
-    y: Array
-    gap: Array
-    pressure: Array
-    wall_pressure: Array
+    x: Array = described("radius")
+    y: Array = described("radius")
+    gap: Array = described("gap")
+    pressure: Array = described("pressure")
+    wall_pressure: Array = described("pressure")

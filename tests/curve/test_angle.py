@@ -63,8 +63,10 @@ class Arc:
     def turning_points(self):
         """Folds of the displacement, and by how much the index changes there: up where dF/dd goes from −∞ to +∞."""
         places = sorted(root for root in self.displacement.roots if 0 < root < 1)
-        return [(s, 1 if self.load(s) * (self.displacement(s + 1e-14) - self.displacement(s - 1e-14)) > 0 else -1)
-                for s in places]
+        return [
+            (s, 1 if self.load(s) * (self.displacement(s + 1e-14) - self.displacement(s - 1e-14)) > 0 else -1)
+            for s in places
+        ]
 
     def folds(self, control):
         """All roots of F' + K d', complex ones included."""
@@ -118,8 +120,13 @@ class Drawn(EquilibriumProblem):
         return oriented(self, np.zeros(1), 0.0, (np.ones(1), 1.0))
 
     def values(self, x, p):
-        return Values(self.origin[0] + self.arc.load.integral(p), self.origin[1] + self.arc.displacement.integral(p),
-                      0.0, 1.0, 0.0)
+        return Values(
+            self.origin[0] + self.arc.load.integral(p),
+            self.origin[1] + self.arc.displacement.integral(p),
+            0.0,
+            1.0,
+            0.0,
+        )
 
     def rates(self, x, p, x_rate, p_rate):
         return Rates(p_rate * self.arc.load(p), p_rate * self.arc.displacement(p), 0.0, 0.0)
@@ -145,7 +152,9 @@ def drawn(arcs):
     """The first problem of a curve; its index starts so high that it is never negative."""
     lowest, problem = 0, Drawn(arcs, 0, (0.0, 0.0), 0)
     while True:
-        lowest = min(lowest, *(problem.unstable(None, s + 1e-15) for s in (0.0, *(s for s, _ in problem.arc.turning_points))), 0)
+        lowest = min(
+            lowest, *(problem.unstable(None, s + 1e-15) for s in (0.0, *(s for s, _ in problem.arc.turning_points))), 0
+        )
         end = oriented(problem, np.ones(1), 1.0, (np.ones(1), 1.0))
         joint = problem.successor("edge", [end])
         if joint is None:
@@ -162,11 +171,19 @@ def expected(arcs, controls):
             passed = []
             for control in controls:
                 u, v = before.along(control, 1.0), arc.along(control, 0.0)
-                u, v = u / np.hypot(before.load(1.0), before.displacement(1.0)), v / np.hypot(arc.load(0.0), arc.displacement(0.0))
+                u, v = (
+                    u / np.hypot(before.load(1.0), before.displacement(1.0)),
+                    v / np.hypot(arc.load(0.0), arc.displacement(0.0)),
+                )
                 if u * v < 0:  # the chord between the two directions crosses that of the folds at this share
                     passed.append((u / (u - v), control))
             found += [(float(number), control) for _, control in sorted(passed, key=lambda one: one[0])]
-        own = [(number + s, control) for control in controls for s in arc.folds(control) if isinstance(s, float) and 0 < s < 1]
+        own = [
+            (number + s, control)
+            for control in controls
+            for s in arc.folds(control)
+            if isinstance(s, float) and 0 < s < 1
+        ]
         found += sorted(own, key=lambda one: one[0])
     return found
 
@@ -225,7 +242,9 @@ def check(arcs, spring):
 def indices_between(first, ends, control, controls, known):
     """Index under a control, and the sign of its change, in the middle between neighbouring folds."""
     problems = [first]
-    while (joint := problems[-1].successor("edge", [oriented(problems[-1], np.ones(1), 1.0, (np.ones(1), 1.0))])) is not None:
+    while (
+        joint := problems[-1].successor("edge", [oriented(problems[-1], np.ones(1), 1.0, (np.ones(1), 1.0))])
+    ) is not None:
         problems.append(joint.starts[0].problem)
     found = []
     for low, high in pairwise(ends):

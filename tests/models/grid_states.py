@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from contbranch.models.axisymmetric.trace import Target, Traced, trace
 
 import contbranch as cb
 from contbranch.models.axisymmetric.azimuthal import counted, eigenvalues
-from contbranch.models.axisymmetric.trace import Target, Traced, trace
 from contbranch.models.grid.lattice import Lattice
 from contbranch.models.grid.newton import Equilibrium, Hold, newton
 from contbranch.models.grid.problem import GridProblem

@@ -8,14 +8,14 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from contbranch.models.axisymmetric.marks import Mark, confirmed, ordered
+from contbranch.models.axisymmetric.trace import Target, trace
 
 import contbranch as cb
 from contbranch.continuation import CorrectionError
 from contbranch.control import DISPLACEMENT, LOAD
 from contbranch.models.axisymmetric import locate
-from contbranch.models.axisymmetric.marks import Mark, confirmed, ordered
 from contbranch.models.axisymmetric.slope import load_per_displacement
-from contbranch.models.axisymmetric.trace import Target, trace
 
 SOFTENING = 1.6956803312
 """C of dF/dd = 2a − C μ_T^(5/2) at a tiny contact of the soft Gauss repulsion; quadrature of 3∫[(H(0) − H(t))/t²]² dt

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from contbranch.models.axisymmetric.trace import Target, Traced, trace
 
 import contbranch as cb
-from contbranch.models.axisymmetric.trace import Target, Traced, trace
 
 CASES = [
     pytest.param(cb.Contact.reduced(cb.Exponential, 1.0), id="exponential"),

@@ -6,6 +6,8 @@ import json
 
 import numpy as np
 import pytest
+from contbranch.models.axisymmetric.symmetry import critical_at
+from contbranch.models.axisymmetric.trace import Target, trace
 from ring_kernel import Rings, disc_rings, ring_eigenvalues
 
 import contbranch as cb
@@ -18,9 +20,7 @@ from contbranch.models.axisymmetric.azimuthal import (
     unstable_count,
 )
 from contbranch.models.axisymmetric.modal import ModeSpace, inner_mode_pressure
-from contbranch.models.axisymmetric.symmetry import critical_at
-from contbranch.models.axisymmetric.trace import Target, trace
-from contbranch.output.document import diagram_document
+from contbranch.output.document import document as document_of
 from contbranch.output.plot_modes import mode_figure
 
 TABOR = 2.0
@@ -258,7 +258,7 @@ def test_results_carry_modes(cascade, tmp_path):
     np.testing.assert_allclose(shape.r, reduced.mode_shape.r * scales.in_plane)
     np.testing.assert_allclose(shape.pressure, reduced.mode_shape.pressure * scales.pressure / scales.normal)
 
-    document = diagram_document(diagram)
+    document = document_of(diagram)
     json.dumps(document, allow_nan=False)
     assert {item["mode"] for item in document["events"] if item["kind"] != "symmetry"} == {None}
     assert document["events"][diagram.events.index(event)]["mode"] == event.mode

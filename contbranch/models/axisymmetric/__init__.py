@@ -9,6 +9,13 @@ reaches), `arc`, `relaxation` and `paths` (hysteresis); with a second parameter 
 `meetings`, `special` and `two_parameters`; `model`.
 """
 
-from .model import Axisymmetric
+from typing import TYPE_CHECKING
+
+from contbranch._lazy import lazily
+
+if TYPE_CHECKING:
+    from contbranch.models.axisymmetric.model import Axisymmetric
 
 __all__ = ["Axisymmetric"]
+
+__getattr__, __dir__ = lazily(__name__, {".model": "Axisymmetric"})

@@ -8,14 +8,12 @@ from typing import ClassVar
 from contbranch.contact.contact import Contact
 from contbranch.contact.interactions import MaugisDugdale
 
-from .problem import ContactProblem, first_problem
+from .problem import ROW_SAFETY, ContactProblem, first_problem
 
 __all__ = ["Axisymmetric"]
 
 # Meshes of a trace need not be as fine as those of its events, which are located anew.
 TRACE_TOLERANCE = 1e-6
-# Estimates of the rows' errors are those of one Newton step on a finer mesh, and have a floor.
-ROW_SAFETY = 3.0
 
 
 @dataclass(frozen=True)

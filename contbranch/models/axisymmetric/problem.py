@@ -59,6 +59,8 @@ STATE_FLOOR = 0.3
 # Below this radius parameter meshes are graded down to this share of the radius, each panel longer by this factor than
 # the one inside; if those are too many panels, by a larger one: the tinier the radius, the less its scale matters.
 SMALL, SHARE, GRADING, PANELS = 1e-6, 0.5, 4.0, 8
+# Estimates of the rows' errors are those of one Newton step on a finer mesh.
+ROW_SAFETY = 3.0
 # A coarser mesh is worth its while if it has fewer unknowns by this factor; rounds in which it is made.
 FEWER, COARSENINGS = 0.8, 4
 # From first touch up to this parameter the rate of the load comes from the slope dF/dd, which keeps its digits
@@ -133,10 +135,6 @@ class ContactProblem(EquilibriumProblem):
         self._weights = mesh.weights
         self.work = resolution.work
         self.work.unknowns = max(self.work.unknowns, mesh.size)
-
-    def in_contact(self) -> ContactProblem:
-        """The same problem on the other side of first touch, with a contact disc."""
-        return ContactProblem(self.equations.touching(True), self.scale, self.resolution, self.sharpness)
 
     # -- the equations ------------------------------------------------------------------------------------------------
     def coordinate(self, u: float) -> float:
@@ -238,9 +236,20 @@ class ContactProblem(EquilibriumProblem):
         problem = equilibrium(last)
         if not isinstance(problem, ContactProblem):
             return None
-        # A stiff film answers a tiny contact on a length far below the innermost panel: then with graded panels.
-        starts = (problem.in_contact().touching(last.x), *problem.in_contact().graded(last.x))
-        return Succession("touch", last, starts)
+        return Succession("touch", last, problem.across(last.x, 0.0))
+
+    def across(self, x: Array, p: float) -> tuple[Point, ...]:
+        """First touch on the other side.
+
+        A stiff film answers a tiny contact on a length far below the innermost panel: then with graded panels.
+        """
+        if p != 0.0:
+            return ()
+        touching = not self.equations.contact
+        other = ContactProblem(self.equations.touching(touching), self.scale, self.resolution, self.sharpness)
+        if touching:
+            return other.touching(x), *other.graded(x)
+        return (other.touching(other.solve_at(x, 0.0)),)
 
     def touching(self, x: Array) -> Point:
         """First touch as a point of the side in contact, towards larger contacts."""
@@ -469,14 +478,26 @@ class ContactProblem(EquilibriumProblem):
         contact = self.resolution.contact
         if contact is None:
             return self
-        return first_problem(contact, self.resolution.accuracy, tolerance)
+        return first_problem(contact, self.resolution.accuracy, tolerance / ROW_SAFETY)
 
-    def member(self, contact: Contact) -> ContactProblem:
+    def member(self, contact: Contact, tolerance: float | None = None) -> ContactProblem:
         """The same mesh and side of first touch for another contact, with the contact coordinate's scale and power."""
-        tip, old = contact.axisymmetric_tip, self.equations
+        tip, old, resolution = contact.axisymmetric_tip, self.equations, self.resolution
+        if tolerance is not None:
+            resolution = Resolution(tolerance, order_for(tolerance), work=self.work)
         coordinate = ContactCoordinate(tip, old.coordinate.power)
         equations = Equations(tip, contact.interaction, old.mesh, coordinate, old.contact)
-        return ContactProblem(equations, self.scale, self.resolution, self.sharpness)
+        return ContactProblem(equations, self.scale, resolution, self.sharpness)
+
+    @property
+    def power(self) -> float:
+        """In contact the load has a term of order a³ beside a²: it is smooth in the radius a and not in a^m ~ u."""
+        return self.equations.coordinate.power if self.equations.contact else 1.0
+
+    @property
+    def beyond_edge(self) -> bool:
+        """Without contact the equations go on into u > 0, where the gap would be negative at the centre."""
+        return not self.equations.contact
 
     def graded(self, x: Array) -> list[Point]:
         """First touch with panels graded down to the length on which elasticity answers the interaction."""

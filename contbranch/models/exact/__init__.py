@@ -1,5 +1,12 @@
 """The exact model: a parabola with Maugis-Dugdale attraction, whose equilibria are known in closed form."""
 
-from contbranch.models.exact.model import Exact, ExactCurve
+from typing import TYPE_CHECKING
+
+from contbranch._lazy import lazily
+
+if TYPE_CHECKING:
+    from contbranch.models.exact.model import Exact, ExactCurve
 
 __all__ = ["Exact", "ExactCurve"]
+
+__getattr__, __dir__ = lazily(__name__, {".model": "Exact ExactCurve"})
