@@ -20,6 +20,7 @@ from contbranch.curve.problem import (
     Defect,
     EquilibriumProblem,
     Rates,
+    Search,
     Succession,
     Values,
     Work,
@@ -34,6 +35,8 @@ from .azimuthal import counted, eigenvalues, mode_shape
 from .equations import ContactCoordinate, Equations, Fields
 from .mesh import Mesh
 from .profile import profile_of
+from .relaxation import Release
+from .search import search_from
 from .slope import load_per_displacement
 
 if TYPE_CHECKING:
@@ -207,7 +210,7 @@ class ContactProblem(EquilibriumProblem):
             far = law.reach(max(negligible, np.finfo(float).tiny))
             width = _radius_at(contact, min(far, 4 * max(term.range for term in law.terms)))
             edges = start_edges(width, max(_radius_at(contact, far), 2 * width))
-            problem = self._on(Mesh(edges, self.resolution.order))
+            problem = self.on_mesh(Mesh(edges, self.resolution.order))
             u = self.parameter(-max(far, self.scale))
         self.resolution.far = u
         none = np.zeros(problem.size)
@@ -443,7 +446,8 @@ class ContactProblem(EquilibriumProblem):
         carried = self.equations.mesh.interpolate(x, mesh.nodes)
         return problem, problem.solve_at(carried, p) if solve else carried
 
-    def _on(self, mesh: Mesh, sharpness: float | None = None) -> ContactProblem:
+    def on_mesh(self, mesh: Mesh, sharpness: float | None = None) -> ContactProblem:
+        """The problem on another mesh."""
         sharpness = self.sharpness if sharpness is None else sharpness
         return ContactProblem(self.equations.on(mesh), self.scale, self.resolution, sharpness)
 
@@ -454,11 +458,11 @@ class ContactProblem(EquilibriumProblem):
 
     def finer(self) -> ContactProblem:
         """On panels of higher order."""
-        return self._on(self.equations.mesh.finer)
+        return self.on_mesh(self.equations.mesh.finer)
 
     def halved(self) -> ContactProblem:
         """On halved panels."""
-        return self._on(self.equations.mesh.halved())
+        return self.on_mesh(self.equations.mesh.halved())
 
     def carried(self, vector: Array, x: Array, other: EquilibriumProblem) -> Array:
         """A function of tau on another problem's mesh."""
@@ -484,7 +488,7 @@ class ContactProblem(EquilibriumProblem):
             return self
         count = min(PANELS, math.ceil(math.log(mesh.innermost / length) / math.log(GRADING)))
         inner = mesh.innermost * (length / mesh.innermost) ** (np.arange(count, 0, -1) / count)
-        return self._on(Mesh(np.concatenate([[0.0], inner, mesh.edges[1:]]), mesh.order))
+        return self.on_mesh(Mesh(np.concatenate([[0.0], inner, mesh.edges[1:]]), mesh.order))
 
     def coarser(self, point: Point, tolerance: float) -> ContactProblem:
         """A mesh with clearly fewer nodes that serves a tolerance."""
@@ -496,6 +500,22 @@ class ContactProblem(EquilibriumProblem):
             if problem.relative_error(problem.fields(x, point.parameter)) <= tolerance:
                 return problem
         return self
+
+    # -- off the curve ------------------------------------------------------------------------------------------------
+    def gradients(self, x: Array, p: float) -> tuple[Array, Array]:
+        """Derivatives of load and displacement with respect to h, (N,) each."""
+        return self.equations.gradients(self.fields(x, p))
+
+    def search(self, points: Sequence[Point]) -> Search | None:
+        """On one mesh, from rows and undeformed states; without interaction there is nothing to find."""
+        return None if self.equations.interaction is None else search_from(self, points)
+
+    def relaxed(
+        self, fold: Point, control: Control, direction: int, others: Sequence[Point], guarded: bool
+    ) -> int | None:
+        """Followed with a viscous half space, see `relaxation`."""
+        y, goals = self.coordinate(fold.parameter), [self.coordinate(other.parameter) for other in others]
+        return Release(self.equations, fold.x, y, self.scale, control, direction, guarded).nearest(goals)
 
     def rows_within(self, tolerance: float) -> ContactProblem:
         """The first problem of the chain with rows as accurate as this."""
