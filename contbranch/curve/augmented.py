@@ -48,8 +48,8 @@ STENCILS = {
     (True, True): ([0.0, 1.0, 2.0, 3.0, 4.0], [-25 / 12, 4.0, -3.0, 4 / 3, -0.25]),
 }
 STEP, FINE_STEP = 1e-4, 2e-3
-# ... over lengths in w that are small against its own value, but not below this one; the residual's own step in q.
-LEAST_LENGTH, RESIDUAL_STEP = 1e-2, 1e-5
+# ... over lengths in w that are small against its own value, but not below this one; step of other differences.
+LEAST_LENGTH, RATE_STEP = 1e-2, 1e-5
 # A state farther from equilibrium than this, relative to itself, is moved onto it before the condition is taken.
 NEAR = 1e-9
 # The border is p itself where the tangent has at least this component of it; otherwise a reference direction, replaced
@@ -340,8 +340,8 @@ class Augmented(EquilibriumProblem):
         """dR/dq at fixed (x, p)."""
         if self.locus.family.spacing == "angle":
             return np.zeros_like(x)
-        above, below = (self.member(q + step).residual(x, p) for step in (RESIDUAL_STEP, -RESIDUAL_STEP))
-        return np.asarray((above - below) / (2 * RESIDUAL_STEP))
+        above, below = (self.member(q + step).residual(x, p) for step in (RATE_STEP, -RATE_STEP))
+        return np.asarray((above - below) / (2 * RATE_STEP))
 
     def _stencil(self, one_sided: bool) -> tuple[Array, Array]:
         """Offsets and weights of a difference over a unit length."""
@@ -393,12 +393,9 @@ class Augmented(EquilibriumProblem):
         return self.member(p).values(*self.split(x))
 
     def rates(self, x: Array, p: float, x_rate: Array, p_rate: float) -> Rates:
-        """Of the equilibrium: exact in the state, by differences in q."""
-        state = self.split(x)
-        found = self.member(p).rates(*state, x_rate[:-1], self._stretch(float(x[-1])) * float(x_rate[-1]))
-        above, below = (self.member(p + step).values(*state) for step in (RESIDUAL_STEP, -RESIDUAL_STEP))
-        share = p_rate / (2 * RESIDUAL_STEP)
-        return Rates(*(rate + share * (a - b) for rate, a, b in zip(found, above, below, strict=False)))
+        """Of the equilibrium, by differences."""
+        above, below = (self.values(x + s * x_rate, p + s * p_rate) for s in (RATE_STEP, -RATE_STEP))
+        return Rates(*((a - b) / (2 * RATE_STEP) for a, b in zip(above[:4], below[:4], strict=True)))
 
     def observables(self, x: Array, p: float) -> Mapping[str, float]:
         """What the equilibrium problem records."""

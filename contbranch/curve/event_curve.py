@@ -169,13 +169,8 @@ class EventCurve:
         size = math.sqrt(base.inner(place.x, place.x)) or base.scale
         locus = Locus(self.family, self.condition, (self.interval.low, self.interval.high), size)
         problem = base.member(self.family.reduced(self.q)[0], self.tolerance)
-        own = replace(place, problem=problem)
-        for _ in range(REMESHES):  # the event may come from a trace for fewer digits
-            if problem.defect(own).relative(problem.values(own.x, own.parameter)) <= self.tolerance:
-                break
-            problem = problem.resolving(own, self.tolerance)
-            own = settled(moved(own, problem))
-        x = own.x
+        own = self._resolved(replace(place, problem=problem))  # the event may come from a trace for fewer digits
+        problem, x = equilibrium(own), own.x
         if self.touching:  # its tangent, on its own side
             v, a, _ = tangent_at(problem, x, own.parameter)
             own = replace(own, tangent_x=v, tangent_parameter=a)
@@ -184,6 +179,15 @@ class EventCurve:
         z = system.joined(x, own.parameter)
         point = to_point(system, correct(system, z, self.q, row, system.metric(z), precise=True), system.metric(z))
         return annotated(replace(point, parameter=self.q), label="start")
+
+    def _resolved(self, point: Point) -> Point:
+        """A point on a discretisation as fine as the curve needs."""
+        for _ in range(REMESHES):
+            problem = equilibrium(point)
+            if problem.defect(point).relative(problem.values(point.x, point.parameter)) <= self.tolerance:
+                break
+            point = settled(moved(point, problem.resolving(point, self.tolerance)))
+        return annotated(point, label="")
 
     def _onward(self, start: Point) -> tuple[list[Point], End]:
         """The curve from a point along its tangent, through first touch as often as it comes there, and how it ends."""
@@ -277,14 +281,14 @@ class EventCurve:
                 w = other.root(edge) + inward * beside
                 try:
                     z = np.append(state.x + (other.parameter(w) - edge) * rate, w)
-                    start = _at_place(other, z, touch.parameter)
+                    start = self._resolved(_at_place(other, z, touch.parameter))
                 except CorrectionError as error:
                     failure = error
                     continue
                 if not self.interval.contains(start.parameter):
                     failure = CorrectionError(Outcome.REACHED_EDGE, "(The curve leaves the range at first touch.)")
                     continue
-                start = annotated(start if start.tangent_x[-1] * inward > 0 else start.turned(), label="")
+                start = start if start.tangent_x[-1] * inward > 0 else start.turned()
                 points, end = self._piece(start, beside)
                 if points:
                     return [start, *points], end

@@ -68,6 +68,8 @@ class ExactProblem(EquilibriumProblem):
         What has been spent, counted by all pieces together.
     """
 
+    complete_by = "all there are, by the closed form"
+
     def __init__(self, zone: Zone, work: Work) -> None:
         self.zone, self.work = zone, work
         self.scale = float(zone.interaction_range)
@@ -139,7 +141,7 @@ class ExactProblem(EquilibriumProblem):
         """The displacement itself beyond the range, where a spring has no load; there a load does not tell states."""
         return None if control.kind == "load" or value >= -self.scale else self.at(value / self.scale)
 
-    def member(self, contact: Contact) -> Self:
+    def member(self, contact: Contact, tolerance: float | None = None) -> Self:
         """The same piece of another contact's curve."""
         return type(self)(zone_of(contact), self.work)
 
@@ -204,9 +206,18 @@ class Apart(ExactProblem):
         displacement = (c - self.bend) * growth / float(self.zone.radius)
         return Rates(load, displacement, 0.0, -displacement - 2.0 * float(self.zone.strain) * growth)
 
+    @property
+    def beyond_edge(self) -> bool:
+        """The displacement goes on as a quadratic function of c."""
+        return True
+
+    def across(self, x: Array, p: float) -> tuple[Point, ...]:
+        """First touch in contact."""
+        return (Touching(self.zone, self.work).at(0.0),) if p == 0.0 else ()
+
     def successor(self, name: str, points: Sequence[Point]) -> Succession:
         """First touch."""
-        return Succession("touch", points[-1], (Touching(self.zone, self.work).at(0.0),))
+        return Succession("touch", points[-1], self.across(points[-1].x, 0.0))
 
 
 class Touching(ExactProblem):
@@ -220,6 +231,15 @@ class Touching(ExactProblem):
     def parameter_range(self) -> tuple[float, float]:
         """From first touch on."""
         return 0.0, math.inf
+
+    @property
+    def power(self) -> float:
+        """Load and displacement are smooth in the contact radius, of which p is about the square."""
+        return 2.0
+
+    def across(self, x: Array, p: float) -> tuple[Point, ...]:
+        """First touch without contact."""
+        return (Apart(self.zone, self.work).at(0.0),)
 
     def tangent(self, p: float) -> Array:
         """tan θ."""
