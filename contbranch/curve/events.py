@@ -153,7 +153,7 @@ class _Passage:
     end: float
     offset: float
     share: float
-    zero: tuple[float, Point] | None = None
+    zero: tuple[float, Point]
 
 
 class Folds(Event):
@@ -248,9 +248,9 @@ class Folds(Event):
             if not clear and depth:
                 return self._halves(part, doubts, options, depth, (offset, share))
             if passes:
-                found.append(_Passage(control, part, begin, end, offset, share))
-        if depth and found:
-            found = [replace(passage, zero=self._zero(passage, options, SHARPER[0])) for passage in found]
+                found.append(_Passage(control, part, begin, end, offset, share, (0.0, part.begin)))
+        found = [replace(passage, zero=self._zero(passage, options, SHARPER[0])) for passage in found]
+        if depth:
             sampled = doubts | {p.control.kind: SAFETY * self._error(p) for p in found if p.zero[0]}
             if not all(_passes_once(self._cubic(part, p.control), sampled[p.control.kind]) for p in found):
                 return self._halves(part, sampled, options, depth, (offset, share))
@@ -260,10 +260,9 @@ class Folds(Event):
         """Largest error of the slope of a cubic, from what it says at the fold that it led to."""
         c0, c1, c2, c3 = self._cubic(passage.part, passage.control)
         theta, point = passage.zero
-        values = equilibrium(point).values(point.x, point.parameter)
-        off = passage.control.weighted(values.load, values.displacement) - (
-            c0 + theta * (c1 + theta * (c2 + theta * c3))
-        )
+        load, displacement = equilibrium(point).values(point.x, point.parameter)[:2]
+        foretold = c0 + theta * (c1 + theta * (c2 + theta * c3))
+        off = passage.control.weighted(load, displacement) - foretold
         turned = c1 + theta * (2 * c2 + theta * 3 * c3)
         one = theta * (1 - theta)
         return QUARTIC / 16 * math.hypot(off, turned) / math.hypot(one * one, 2 * one * (1 - 2 * theta))
@@ -295,10 +294,8 @@ class Folds(Event):
     def _located(self, passages: list[_Passage], options: Options) -> list[Happening]:
         """Folds of different controls on one part, in order: located as sharply as it takes to tell them apart."""
         for resolution in SHARPER if len(passages) > 1 else SHARPER[:1]:
-            found = [
-                (p, *(p.zero if p.zero and resolution == SHARPER[0] else self._zero(p, options, resolution)))
-                for p in passages
-            ]
+            coarse = resolution == SHARPER[0]
+            found = [(p, *(p.zero if coarse else self._zero(p, options, resolution))) for p in passages]
             found.sort(key=lambda one: one[1])
             thetas = [theta for _, theta, _ in found]
             if all(b - a > 4 * resolution * b for a, b in pairwise(thetas)):
