@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,7 +21,7 @@ from contbranch.continuation.walk import annotated, to_point
 from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.curve.augmented import STEPS, Augmented, Condition, Fold, Held, Locus, Other, augmented
 from contbranch.curve.events import Margin, rates
-from contbranch.curve.problem import EquilibriumProblem, equilibrium
+from contbranch.curve.problem import equilibrium
 from contbranch.curve.refine import Found, moved, refine, settled
 from contbranch.errors import ModelError
 from contbranch.results.followed import FollowedPoint, Special
@@ -42,6 +43,15 @@ REMESHES = 3
 COARSE = 0.03
 # What differences leave undecided of a tangent's component.
 TANGENT_NOISE = 2e-10
+OTHERS = {"load": LOAD, "displacement": DISPLACEMENT}
+CUSP = "Two folds merge: a cusp. The curve goes on as the other fold."
+PAIR = "Two events of this kind merge: the parameter has an extremum along them."
+COINCIDENCE = "Load and displacement have their folds at the same state, and with them every spring."
+MEETING = "A fold of this control lies exactly at first touch."
+MET = "A fold of this control lies at the same state."
+THROUGH = "The fold passes first touch: on one side it has contact, on the other none."
+CORNER = "Two folds, one with contact and one without, meet at first touch and end there: a kinked cusp."
+AT_TOUCH = "The event lies exactly at first touch."
 KEYS = ("load", "displacement", "contact_radius", "central_gap")
 ENDED = (Outcome.REACHED_EDGE, Outcome.STARTED_ON_EDGE)
 
@@ -59,7 +69,7 @@ class Turn(Event):
 
 
 class Edge(Event):
-    """First touch, or another edge of the equilibria's parameter: exactly, or, with no states beyond, close to it."""
+    """First touch, or another edge of the equilibria's parameter; close to it, where there are no states beyond."""
 
     name = "touch"
     terminal = True
@@ -174,7 +184,7 @@ class EventCurve:
         if self.touching:  # its tangent, on its own side
             v, a, _ = tangent_at(problem, x, own.parameter)
             own = replace(own, tangent_x=v, tangent_parameter=a)
-        system = Augmented(locus, problem, (own.tangent_x, own.tangent_parameter))
+        system = Augmented(locus, problem, _tangent(own))
         row = np.zeros(x.size + 1), 1.0
         z = system.joined(x, own.parameter)
         point = to_point(system, correct(system, z, self.q, row, system.metric(z), precise=True), system.metric(z))
@@ -196,12 +206,10 @@ class EventCurve:
             if end.outcome is not Outcome.STOPPED_AT_EVENT or points[-1].label != "touch":
                 break
             try:
-                self._touched(points)
-                following = self._beyond(points[-1], augmented(points[-2] if len(points) > 1 else start).base)
+                beyond, end = self._beyond(points)
             except CorrectionError as error:
                 return points, End(error.outcome, f"(Beyond first touch: {error.detail})")
-            points += following[0]
-            end = following[1]
+            points += beyond
         return points, end
 
     def _piece(self, start: Point, beside: float) -> tuple[list[Point], End]:
@@ -214,7 +222,7 @@ class EventCurve:
         if isinstance(self.condition, Fold):
             events.append(Meeting("coincidence", self._crossed))
         elif not (isinstance(self.condition, Held) and self.condition.corner):
-            events += [Meeting(control.kind, lambda _, c=control: c.weights) for control in (LOAD, DISPLACEMENT)]  # type: ignore[misc]
+            events += [Meeting("load", lambda _: LOAD.weights), Meeting("displacement", lambda _: DISPLACEMENT.weights)]
         if not self.touching:
             events.append(Edge(beside))
         stop = StopAt(predicate=self._far)
@@ -239,59 +247,44 @@ class EventCurve:
         return abs(rate.load * values.central_gap) <= self.negligible * abs(rate.central_gap)
 
     # -- first touch --------------------------------------------------------------------------------------------------
-    def _touched(self, points: list[Point]) -> None:
-        """Append first touch itself to points that end in a contact too small to go on with."""
-        last = points[-1]
-        problem = augmented(last)
-        if problem.base.beyond_edge:
-            return
-        points[-1] = replace(last, label="")
-        edge = self._edge(last)
-        others = _others(last, edge)
-        if not others:
-            raise CorrectionError(Outcome.STEP_TOO_SMALL, "(Nothing is known of what is there.)")
-        x = settled(others[0]).x
-        other = problem.on(equilibrium(others[0]), (others[0].tangent_x, others[0].tangent_parameter))
-        w = other.root(edge)
-        points.append(replace(_at_place(other, np.append(x, w), last.parameter), label="touch"))
+    def _beyond(self, points: list[Point]) -> tuple[list[Point], End]:
+        """The curve on the other side of first touch, to which points have come.
 
-    def _edge(self, point: Point) -> float:
-        """The edge of the equilibria's parameter next to a point."""
-        problem = augmented(point)
-        p = problem.parameter(float(point.x[-1]))
-        return min(problem.base.parameter_range, key=lambda edge: abs(edge - p))
-
-    def _beyond(self, touch: Point, left: EquilibriumProblem) -> tuple[list[Point], End]:
-        """The curve on the other side of first touch, seen from the representation that was left.
+        A contact too small to go on with is not first touch itself, which is then appended to the points.
 
         Raises
         ------
         CorrectionError
             If it is not found there.
         """
+        last = points[-1]
+        problem = augmented(last)
+        x, p = problem.split(last.x)
+        edge = min(problem.base.parameter_range, key=lambda one: abs(one - p))
+        doors = problem.at(last.parameter).across(x, edge)
+        if doors and not problem.base.beyond_edge:
+            other = problem.on(equilibrium(doors[0]), _tangent(doors[0]))
+            touch = _at_place(other, other.joined(doors[0].x, edge), last.parameter)
+            points[-1:] = [replace(last, label=""), replace(touch, label="touch")]
         failure = CorrectionError(Outcome.STEP_TOO_SMALL, "(The curve was not found there.)")
-        problem, edge = augmented(touch), self._edge(touch)
-        crossed = type(problem.base) is not type(left) or problem.base.parameter_range != left.parameter_range
-        for state in [_own(touch, edge)] if crossed else _others(touch, edge):
-            base = equilibrium(state)
-            rate = state.tangent_x / state.tangent_parameter
-            other = problem.on(base, (rate, 1.0))
-            inward = 1.0 if edge == base.parameter_range[0] else -1.0
-            for beside in BESIDE:
-                w = other.root(edge) + inward * beside
-                try:
-                    z = np.append(state.x + (other.parameter(w) - edge) * rate, w)
-                    start = self._resolved(_at_place(other, z, touch.parameter))
-                except CorrectionError as error:
-                    failure = error
-                    continue
-                if not self.interval.contains(start.parameter):
-                    failure = CorrectionError(Outcome.REACHED_EDGE, "(The curve leaves the range at first touch.)")
-                    continue
-                start = start if start.tangent_x[-1] * inward > 0 else start.turned()
-                points, end = self._piece(start, beside)
-                if points:
-                    return [start, *points], end
+        for door, beside in itertools.product(doors, BESIDE):
+            rate = door.tangent_x / door.tangent_parameter
+            other = problem.on(equilibrium(door), (rate, 1.0))
+            inward = 1.0 if edge == other.base.parameter_range[0] else -1.0
+            w = other.root(edge) + inward * beside
+            try:
+                z = np.append(door.x + (other.parameter(w) - edge) * rate, w)
+                start = self._resolved(_at_place(other, z, points[-1].parameter))
+            except CorrectionError as error:
+                failure = error
+                continue
+            if not self.interval.contains(start.parameter):
+                failure = CorrectionError(Outcome.REACHED_EDGE, "(The curve leaves the range at first touch.)")
+                continue
+            start = start if start.tangent_x[-1] * inward > 0 else start.turned()
+            following, end = self._piece(start, beside)
+            if following:
+                return [start, *following], end
         raise failure
 
     # -- points made precise ------------------------------------------------------------------------------------------
@@ -356,34 +349,35 @@ class EventCurve:
     def _special(self, k: int) -> Special | None:
         """A point of codimension two made precise; None at other points."""
         point = self.points[k]
-        fold = isinstance(self.condition, Fold)
-        before, after = (self.points[min(max(j, 0), len(self.points) - 1)].parameter for j in (k - 1, k + 1))
-        passing = (point.parameter - before) * (after - point.parameter) > 0 or k in (0, len(self.points) - 1)
-        controls = {"load": LOAD, "displacement": DISPLACEMENT}
+        label, fold = point.label or "", isinstance(self.condition, Fold)
         event: Event
-        if point.label == "cusp":
-            kind, event = "cusp", Turn()
-            message = CUSP if fold else PAIR
-        elif point.label == "coincidence":
-            kind, event, message = "coincidence", Meeting("", self._crossed), COINCIDENCE
-        elif point.label in controls:
-            weights = controls[point.label].weights
-            event = Meeting("", lambda _: weights)
+        if label == "cusp":
+            kind, message, event = "cusp", CUSP if fold else PAIR, Turn()
+        elif label == "coincidence":
+            kind, message, event = "coincidence", COINCIDENCE, Meeting(label, self._crossed)
+        elif label in OTHERS:
             kind, message = ("fold-through-touch", MEETING) if self.touching else ("coincidence", MET)
-        elif point.label == "touch":
-            event, message = Edge(), (THROUGH if passing else CORNER) if fold else AT_TOUCH
-            kind = ("fold-through-touch" if passing else "cusp-at-touch") if fold else "through-touch"
+            event = Meeting(label, lambda _: OTHERS[label].weights)
+        elif label == "touch":
+            kind, message, event = "through-touch", AT_TOUCH, Edge()
+            if fold:
+                kind, message = ("fold-through-touch", THROUGH) if self._passing(k) else ("cusp-at-touch", CORNER)
         else:
             return None
         problem = augmented(point)
-        held = problem.held(point)
-        fine = problem.on(problem.base, (held.tangent_x, held.tangent_parameter), fine=point.label == "cusp")
+        fine = problem.on(problem.base, _tangent(problem.held(point)), fine=label == "cusp")
         found = refine(settled(replace(point, problem=fine)), event, self.accuracy)
-        if self.touching or point.label == "touch":
+        if self.touching or label == "touch":
             found = replace(found, numbers=(*found.numbers[:2], 0.0, 0.0), error=(*found.error[:2], 0.0, 0.0))
-        q = found.point.parameter
-        row = self._scaled(found, found.point, found.parameter_error * abs(self.family.rate(q)))
-        return _as_special(row, kind, k, message, point.label if point.label in controls else None)
+        row = self._scaled(found, found.point, found.parameter_error * abs(self.family.rate(found.point.parameter)))
+        return _as_special(row, kind, k, message, label if label in OTHERS else None)
+
+    def _passing(self, k: int) -> bool:
+        """Whether the parameter goes on in the same sense at a point."""
+        if k in (0, len(self.points) - 1):
+            return True
+        before, here, after = (point.parameter for point in self.points[k - 1 : k + 2])
+        return (here - before) * (after - here) > 0
 
     def _ending(self, last: Point, end: End, count: int) -> tuple[str, str]:
         """The kind of special point that an end is, if any, and a sentence."""
@@ -426,19 +420,12 @@ class EventCurve:
         return tuple(found)
 
 
-CUSP = "Two folds merge: a cusp. The curve goes on as the other fold."
-PAIR = "Two events of this kind merge: the parameter has an extremum along them."
-COINCIDENCE = "Load and displacement have their folds at the same state, and with them every spring."
-MEETING = "A fold of this control lies exactly at first touch."
-MET = "A fold of this control lies at the same state."
-THROUGH = "The fold passes first touch: on one side it has contact, on the other none."
-CORNER = "Two folds, one with contact and one without, meet at first touch and end there: a kinked cusp."
-AT_TOUCH = "The event lies exactly at first touch."
-
-
 def _as_special(row: FollowedPoint, kind: str, index: int, message: str, control: str | None = None) -> Special:
-    known = {name: getattr(row, name) for name in ("parameter", "value", *KEYS, "error")}
-    return Special(**known, kind=kind, index=index, control=control, message=message)
+    return Special(**{**vars(row), "kind": kind, "index": index, "control": control, "message": message})
+
+
+def _tangent(point: Point) -> tuple[Array, float]:
+    return point.tangent_x, point.tangent_parameter
 
 
 def _at_place(problem: Augmented, z: Array, q: float) -> Point:
@@ -449,24 +436,11 @@ def _at_place(problem: Augmented, z: Array, q: float) -> Point:
     CorrectionError
         If there is none close by.
     """
-    w = float(z[-1])
-    row = np.zeros(z.size)
-    row[-1] = 1.0
+    row = np.append(np.zeros(z.size - 1), 1.0)
     metric = problem.metric(z)
     corrected = correct(problem, z, q, (row, 0.0), metric, tolerance=1e-12, noise=1e8, precise=True)
     point = to_point(problem, corrected, metric, sign=False)
-    return replace(point, x=np.append(point.x[:-1], w))
-
-
-def _own(touch: Point, edge: float) -> Point:
-    """First touch as an equilibrium on its own side."""
-    problem = augmented(touch).member(touch.parameter)
-    return Point(problem, touch.x[:-1], edge, *tangent_at(problem, touch.x[:-1], edge)[:2])
-
-
-def _others(touch: Point, edge: float) -> Sequence[Point]:
-    """First touch as equilibria of the representations on its other side."""
-    return augmented(touch).member(touch.parameter).across(touch.x[:-1], edge)
+    return replace(point, x=np.append(point.x[:-1], z[-1]))
 
 
 def _between(begin: Point, end: Point, q: float) -> Point:
@@ -477,24 +451,15 @@ def _between(begin: Point, end: Point, q: float) -> Point:
     CorrectionError
         If it is not found.
     """
-    first, last = augmented(begin), augmented(end)
-    if first.base.parameter_range != last.base.parameter_range:  # first touch, carried to the side of its neighbour
-        if begin.label == "touch":
-            begin = _on_side_of(begin, last, end)
-        else:
-            end = _on_side_of(end, first, begin)
-    end = settled(moved(end, augmented(begin)))
-    return replace(land(Segment(begin, end, first.metric(begin.x)), q, STEPS), parameter=q)
-
-
-def _on_side_of(touch: Point, problem: Augmented, neighbour: Point) -> Point:
-    """First touch as a point of another representation."""
-    edge = min(problem.base.parameter_range, key=lambda p: abs(p - problem.split(neighbour.x)[1]))
-    state = _others(touch, edge)[0]
-    base = equilibrium(state)
-    x = base.carried(state.x, state.x, problem.base)
-    point = _at_place(problem, problem.joined(x, edge), touch.parameter)
-    chord = point.x - neighbour.x, point.parameter - neighbour.parameter
-    along = problem.metric(point.x).dot(problem, point.tangent_x, point.tangent_parameter, *chord)
-    ahead = problem.metric(point.x).dot(problem, neighbour.tangent_x, neighbour.tangent_parameter, *chord)
-    return point if along * ahead >= 0 else point.turned()
+    if augmented(begin).base.parameter_range == augmented(end).base.parameter_range:
+        end = settled(moved(end, augmented(begin)))
+        return replace(land(Segment(begin, end, augmented(begin).metric(begin.x)), q, STEPS), parameter=q)
+    # First touch belongs to one of its sides only; the curve is that of the other.
+    touch, own = (begin, end) if begin.label == "touch" else (end, begin)
+    problem, there = augmented(own), augmented(touch)
+    x, p = there.split(touch.x)
+    z = problem.joined(there.base.carried(x, x, problem.base), p)
+    share = (q - touch.parameter) / (own.parameter - touch.parameter)
+    metric, fixed = problem.metric(z), (np.zeros_like(z), 1.0)
+    corrected = correct(problem, z + share * (own.x - z), q, fixed, metric, tolerance=1e-12, noise=1e8, precise=True)
+    return replace(to_point(problem, corrected, metric, sign=False), parameter=q)
