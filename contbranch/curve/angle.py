@@ -121,23 +121,29 @@ class Turning:
         self._know(load, displacement)
 
     def row(self, load: float, displacement: float) -> list[Control]:
-        """A row reached without a fold on the way, by its rates; the folds that were passed all the same, in order."""
+        """A row reached without a fold on the way, by its rates; the folds that were passed all the same, in order.
+
+        These then are at the row: the piece before it counts as it began.
+        """
         raw = math.atan2(load, displacement)
         turn = short_way(raw - self.present)
         missed = []
         for control in in_passing(self.controls, self.present, turn):
             if abs(math.sin(raw - alpha(control))) > ON:
                 missed.append(control)
+        if missed:  # in the corner that this row is
+            self._piece(self.present)
+            self.corner(turn)
+            self._know(load, displacement)
+            return missed
         found = self.present + turn
         for control in self.controls:  # rounding beside a fold's direction
             sign = self.signs.get(control.kind, 0)
-            if control not in missed and sign and math.sin(found - alpha(control)) * sign < 0:
+            if sign and math.sin(found - alpha(control)) * sign < 0:
                 found = alpha(control) + math.pi * round((found - alpha(control)) / math.pi)
         self._piece(found)
-        for control in missed:
-            self.signs.pop(control.kind, None)
         self._know(load, displacement)
-        return missed
+        return []
 
     def fold(self, control: Control) -> None:
         """A row at a fold."""

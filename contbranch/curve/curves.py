@@ -15,7 +15,7 @@ from contbranch.curve.paths import CurveWalk
 from contbranch.curve.problem import EquilibriumProblem
 from contbranch.curve.quasi_static import Jump, Leg, Stop, Walk, quasi_static
 from contbranch.curve.refine import Found
-from contbranch.curve.rows import raw_curve
+from contbranch.curve.rows import ROW_SAFETY, raw_curve
 from contbranch.curve.solve import CONTROLS, Crossing, crossings, state_apart, state_on
 from contbranch.curve.trace import Request, trace
 from contbranch.curve.track import Track
@@ -26,6 +26,8 @@ __all__ = ["EXTENSIONS", "Coexisting", "Curves", "FollowedCurves", "Model", "Rou
 
 # A curve is continued until what a path jumps to lies on it: beyond the fold's value by this share, and as often.
 BEYOND, EXTENSIONS = 1e-3, 3
+# The rows of a path count themselves, in integrals along it: they are as accurate as the events, down to this.
+FINE = 1e-9
 # A curve goes on beyond a value asked for by this share.
 PAST = 1e-9
 
@@ -195,8 +197,9 @@ class FollowedCurves:
 
     def path(self, request: Request) -> Route:
         """The quasi-static path under a control."""
-        problem, control = self.model.problem(self.reduced, request.accuracy), request.control
-        request = replace(request, modes=0, fine=True)
+        control, tolerance = request.control, max(FINE, request.accuracy) / ROW_SAFETY
+        problem = self.model.problem(self.reduced, request.accuracy).rows_within(tolerance)
+        request = replace(request, modes=0)
         for _ in range(EXTENSIONS):
             track = trace(problem, request)
             curve = raw_curve(track, request)

@@ -108,10 +108,19 @@ class Ceiling(Event):
         return self.control.weighted(own["load"], own["displacement"]) - self.target
 
     def happenings(self, segment: Segment, previous: Segment | None, options: Options) -> list[Happening]:
-        """The first passage from below, in contact."""
+        """The first passage from below, in contact; beyond the value already, where it rises."""
         if segment.end.observables["contact_radius"] == 0.0 or self.value(segment.end) < 0.0:
             return []
-        return super().happenings(segment, previous, options)[:1] if self.value(segment.begin) < 0.0 else []
+        if self.value(segment.begin) < 0.0:
+            return super().happenings(segment, previous, options)[:1]
+        values = equilibrium(segment.end).rates(
+            segment.end.x, segment.end.parameter, segment.end.tangent_x, segment.end.tangent_parameter
+        )
+        control = self.control
+        rate = values.contact_radius if control is None else control.weighted(values.load, values.displacement)
+        if rate <= 0.0:
+            return []
+        return [Happening(1.0, EventPoint(segment.end, 0.0, 0.0, name=self.name), terminal=True)]
 
 
 @dataclass(frozen=True)

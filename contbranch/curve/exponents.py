@@ -137,6 +137,8 @@ def sampled_exponent(found: Found, control: Control, ahead: Point | None = None)
             near = on_curve(near, origin + sense * step - near.parameter)
         except CorrectionError:
             break
+        if min(equilibrium(near).margins(near.x, near.parameter).values(), default=1.0) < 0.0:
+            break
         value, order, control_rate, order_rate = side.sample(near)
         excess, change = value - control0, order - order0
         direction = direction or (1 if excess > 0 else -1)

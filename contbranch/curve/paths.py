@@ -179,11 +179,12 @@ class CurveWalk:
         decide.
         """
         problem = equilibrium(fold.place)
-        alike = [stop for stop in candidates if problem.joins(equilibrium(stop.place))]
+        kind = type(problem)
+        alike = [stop for stop in candidates if type(stop.place.problem) is kind]
         if alike and fold.row is not None:
             # From the tangents: far away the values of neighbouring rows differ by less than their errors.
             direction = 1 if self.rising[max(fold.row - 1, 0)] > 0 else -1
-            guarded = not all(problem.joins(equilibrium(point)) for point in self.track.points)
+            guarded = any(type(point.problem) is not kind for point in self.track.points)
             places = [stop.place for stop in alike]
             reached = problem.relaxed(fold.place, self.control, direction, places, guarded)
             if reached is not None:

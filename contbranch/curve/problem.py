@@ -366,7 +366,7 @@ class EquilibriumProblem(Problem):
         direction : int
             1 if the fold was reached by raising the control, −1 by lowering it.
         others : sequence of Point
-            In the same representation.
+            Of problems of the same class.
         guarded : bool
             Whether the relaxation may leave what this representation can hold, which then ends it.
         """

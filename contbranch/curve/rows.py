@@ -146,7 +146,8 @@ def _event(track: Track, mark: Mark, found: Found) -> RawEvent:
             local_exponent=None if corner else lambda: sampled_exponent(found, control),
         )
     if mark.kind == "touch":
-        ahead = track.onward.get(mark.row, found.point)
+        beyond = mark.row + (mark.row in track.gaps)  # where the contact there begins with a size of its own
+        ahead = track.onward.get(mark.row, track.points[beyond])
         return replace(
             event,
             message=f"{mark.message} {CONE}".strip(),

@@ -8,14 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from contbranch.continuation import CorrectionError, Point, find_root
-from contbranch.continuation.segment import Segment
-from contbranch.continuation.walk import point_on
+from contbranch.continuation import CorrectionError, Point
 from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.curve.events import Reached
 from contbranch.curve.problem import Rates, equilibrium
-from contbranch.curve.refine import OPTIONS, Found, moved, refine, settled
-from contbranch.curve.track import Track
+from contbranch.curve.refine import Found, moved, refine, settled
+from contbranch.curve.track import Track, between
 from contbranch.errors import ModelError
 from contbranch.results.diagram import State
 
@@ -95,28 +93,12 @@ def crossing(track: Track, piece: int, control: Control | None, value: float, ac
     try:
         ends = track.link(piece)
         # Without a piece in between, the state is next to one of its ends: with the one whose problem has it.
-        nearest = [begin, end.turned()] if ends is None else [bracketed(*ends, event)]
+        nearest = [begin, end.turned()] if ends is None else [between(ends, event, BRACKET)[1]]
         found = [refine(near, event, accuracy) for near in nearest]
     except CorrectionError as error:
         name = "contact radius" if control is None else control.kind
         raise ModelError(f"no state was found on the curve where the {name} is {value:.6g} {error.detail}") from error
     return Crossing(piece, min(found, key=Found.relative_error))
-
-
-def bracketed(begin: Point, end: Point, event: Reached) -> Point:
-    """A point close to where an event vanishes between two points of one discretisation.
-
-    Where both values have one sign, which differences between discretisations can cause, the end with the smaller one.
-    """
-    first, last = event.value(begin), event.value(end)
-    if (first > 0) == (last > 0):
-        return begin if abs(first) < abs(last) else end
-    segment = Segment(begin, end, equilibrium(end).metric(end.x))
-
-    def at(share: float) -> Point:
-        return point_on(segment, share, OPTIONS)[0]
-
-    return at(find_root(lambda share: event.value(at(share)), (0.0, first), (1.0, last), BRACKET))
 
 
 def state_on(track: Track, crossing: Crossing, given: Mapping[str, float] | None = None) -> State:
@@ -142,27 +124,27 @@ def _freed(control: Control, rates: Rates) -> int:
 
 def _state(found: Found, indices: Sequence[int], given: Mapping[str, float]) -> State:
     point = found.point
-    problem, x, p = equilibrium(point), point.x, point.parameter
+    problem, state, p = equilibrium(point), point.x, point.parameter
     names = ("load", "displacement", "contact_radius", "central_gap")
-    numbers = dict(zip(names, found.numbers, strict=True)) | dict(given)
+    load, displacement, radius, gap = (given.get(name, x) for name, x in zip(names, found.numbers, strict=True))
     error = dict(zip(names, found.error, strict=True)) | dict.fromkeys(given, 0.0)
     energy, uncertain = energy_at(found)
     error["energy"] = uncertain + abs(found.numbers[0]) * found.error[1]
-    size = float(np.abs(x).max(initial=0.0))
-    count = problem.azimuthal(x, p, indices[1])
+    size = float(np.abs(state).max(initial=0.0))
+    azimuthal = problem.azimuthal(state, p, indices[1])
     return State(
-        load=numbers["load"],
-        displacement=numbers["displacement"],
-        contact_radius=numbers["contact_radius"],
-        central_gap=numbers["central_gap"],
-        energy=energy,
+        load,
+        displacement,
+        radius,
+        gap,
+        energy,
         unstable_load=indices[0],
         unstable_displacement=indices[1],
         unstable_spring=indices[2] if len(indices) > 2 else None,
-        residual=float(np.abs(problem.residual(x, p)).max() / size) if size else 0.0,
+        residual=float(np.abs(problem.residual(state, p)).max() / size) if size else 0.0,
         error=error,
-        profile=problem.profile(x, p),
-        unstable_azimuthal=count.total if count is not None else 0,
+        profile=problem.profile(state, p),
+        unstable_azimuthal=0 if azimuthal is None else azimuthal.total,
     )
 
 

@@ -78,16 +78,16 @@ class Breaking:
 
 def symmetry_breaking(track: Track, request: Request) -> Breaking:
     """Numbers of unstable azimuthal modes along a curve, and the events at which they change."""
-    counts: list[Count] = []
+    counts: list[Count | None] = []
     for point, index in zip(track.points, track.hodograph.rows(DISPLACEMENT), strict=True):
-        near = len(counts[-1].modes) if counts else 1
-        count = equilibrium(point).azimuthal(point.x, point.parameter, int(index), request.modes, near)
-        if count is None:
-            return Breaking()
-        counts.append(count)
+        last = counts[-1] if counts else None
+        near = len(last.modes) if last is not None else 1
+        counts.append(equilibrium(point).azimuthal(point.x, point.parameter, int(index), request.modes, near))
     found: list[RawEvent] = []
     lost = 0
     for row, (here, there) in enumerate(pairwise(counts)):
+        if here is None or there is None:
+            continue
         for event in _changes(here, there):
             if request.progress is not None:
                 request.progress(0.98, f"locating the loss of symmetry, m = {event.mode}")
@@ -97,11 +97,13 @@ def symmetry_breaking(track: Track, request: Request) -> Breaking:
             except CorrectionError:
                 lost += 1
     notes = []
-    if not all(count.complete for count in counts):
+    known = tuple(count for count in counts if count is not None)
+    if not all(count.complete for count in known):
         notes.append(f"Azimuthal modes above m = {request.modes} were not examined, and some are unstable.")
     if lost:
         notes.append(f"{lost} symmetry events could not be located: the curve cannot be followed there.")
-    return Breaking(tuple(counts), tuple(sorted(found, key=_position)), not lost, " ".join(notes))
+    everywhere = known if len(known) == len(counts) else ()
+    return Breaking(everywhere, tuple(sorted(found, key=_position)), not lost, " ".join(notes))
 
 
 def critical_eigenvalues(points: Sequence[Point]) -> NDArray[np.float64]:

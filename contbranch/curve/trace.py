@@ -168,14 +168,20 @@ class _Tracing:
             kept = len(self.points) - found.dropped
             self.marks = [mark for mark in self.marks if mark.row < kept]
             del self.points[kept:]
-        self.points.append(found.event)
+        self._append(found.event)
         row = len(self.points) - 1
         if found.kind:
             self.marks.append(Mark(row, found.kind, found.event, margin=found.margin or margin, message=found.message))
             self._met(found.event)
         if not found.same:
-            self.gaps.add(row)
-            self.points.append(found.starts[0])
+            self._append(found.starts[0])
+
+    def _append(self, point: Point) -> None:
+        """Append a row that the present problem's piece has not reached."""
+        last = len(self.points) - 1
+        if last >= 0 and not equilibrium(self.onward.get(last, self.points[last])).joins(equilibrium(point)):
+            self.gaps.add(last)
+        self.points.append(point)
 
     def _stop(self, margin: str, message: str) -> None:
         self.message = message

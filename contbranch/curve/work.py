@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbranch.continuation import Point
-from contbranch.continuation.segment import Segment
 from contbranch.continuation.walk import point_on
 from contbranch.curve.events import rates
 from contbranch.curve.problem import equilibrium
 from contbranch.curve.refine import OPTIONS
+from contbranch.curve.track import piece
 
 __all__ = ["Piece", "corner_work", "work_along"]
 
@@ -71,7 +71,7 @@ class Piece:
         """
         if x in (0.0, 1.0):
             return self.end if x else self.begin
-        segment = Segment(self.begin, self.end, equilibrium(self.end).metric(self.end.x))
+        segment = piece(self.begin, self.end)
         if segment.length == 0.0:
             return self.begin
         begins, ends = self.kinks
@@ -139,14 +139,14 @@ def work_along(begin: Point, pieces: Iterable[Piece | tuple[Point, Point]], end:
     """
     parts: list[float] = []
     last = own(begin)[0]
-    for piece in pieces:
-        if isinstance(piece, Piece):
-            first, load = piece.value(0.0)
-            parts += [load * (first - last), piece.work(tolerance)]
-            last = piece.value(1.0)[0]
+    for part in pieces:
+        if isinstance(part, Piece):
+            first, load = part.value(0.0)
+            parts += [load * (first - last), part.work(tolerance)]
+            last = part.value(1.0)[0]
         else:
-            first, load = own(piece[0])
-            parts += [load * (first - last), corner_work(*piece)]
-            last = own(piece[1])[0]
+            first, load = own(part[0])
+            parts += [load * (first - last), corner_work(*part)]
+            last = own(part[1])[0]
     final, load = own(end)
     return math.fsum([*parts, load * (final - last)])

@@ -23,6 +23,8 @@ from contbranch.results.profile import Profile
 SPRINGS = tuple(Control("spring", stiffness) for stiffness in (0.01, 0.3, 1.0, 4.0, 200.0))
 # Folds of one control keep a distance from each other; directions at the ends of arcs, from those of folds.
 APART, CLEAR = 2e-3, 0.02
+# Folds of different controls are told apart if their places differ by more than some roundings.
+ROUNDED = 4e-15
 
 
 @dataclass(frozen=True)
@@ -202,11 +204,12 @@ def random_arcs(rng):
     for _ in range(rng.integers(1, 4)):
         while True:
             place = rng.uniform(0.1, 0.9, 1 if rng.random() < 0.4 else 0)
-            gap = rng.choice([-1, 1]) * 10 ** rng.uniform(-11, -9.1)
+            gap = rng.choice([-1, 1]) * 10 ** rng.uniform(-10.5, -9.1)
             arc = Arc(slope(rng, place), slope(rng, place + gap))
-            if all(arc.is_clear(control) for control in (LOAD, DISPLACEMENT, *SPRINGS)) and (
-                not arcs or turn(arcs[-1], arc)[1] > np.cos(0.85 * np.pi)
-            ):
+            places = sorted(z for c in (LOAD, DISPLACEMENT, *SPRINGS) for z in arc.folds(c) if isinstance(z, float))
+            clear = all(arc.is_clear(control) for control in (LOAD, DISPLACEMENT, *SPRINGS))
+            clear &= all(b - a > ROUNDED for a, b in pairwise(places))
+            if clear and (not arcs or turn(arcs[-1], arc)[1] > np.cos(0.85 * np.pi)):
                 break
         arcs.append(arc)
     return arcs

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,7 @@ from contbranch.curve.problem import (
     Defect,
     EquilibriumProblem,
     Rates,
+    Search,
     Succession,
     Values,
     Work,
@@ -33,7 +35,12 @@ from .azimuthal import counted, eigenvalues, mode_shape
 from .equations import ContactCoordinate, Equations, Fields
 from .mesh import Mesh
 from .profile import profile_of
+from .relaxation import Release
+from .search import search_from
 from .slope import load_per_displacement
+
+if TYPE_CHECKING:
+    from contbranch.models.rings.handover import Disc
 
 __all__ = ["ContactProblem", "Resolution", "first_problem", "order_for"]
 
@@ -61,6 +68,9 @@ STATE_FLOOR = 0.3
 SMALL, SHARE, GRADING, PANELS = 1e-6, 0.5, 4.0, 8
 # Estimates of the rows' errors are those of one Newton step on a finer mesh.
 ROW_SAFETY = 3.0
+# Rows, from the last admissible one backwards, from which free boundaries take over until one succeeds; the first step
+# from there as a share of the last one.
+TRIES, HANDED = 4, 0.1
 # A coarser mesh is worth its while if it has fewer unknowns by this factor; rounds in which it is made.
 FEWER, COARSENINGS = 0.8, 4
 # From first touch up to this parameter the rate of the load comes from the slope dF/dd, which keeps its digits
@@ -200,7 +210,7 @@ class ContactProblem(EquilibriumProblem):
             far = law.reach(max(negligible, np.finfo(float).tiny))
             width = _radius_at(contact, min(far, 4 * max(term.range for term in law.terms)))
             edges = start_edges(width, max(_radius_at(contact, far), 2 * width))
-            problem = self._on(Mesh(edges, self.resolution.order))
+            problem = self.on_mesh(Mesh(edges, self.resolution.order))
             u = self.parameter(-max(far, self.scale))
         self.resolution.far = u
         none = np.zeros(problem.size)
@@ -229,27 +239,44 @@ class ContactProblem(EquilibriumProblem):
         return {"inadmissible": fields.derived["admissible"] + TOLERATED}
 
     def successor(self, name: str, points: Sequence[Point]) -> Succession | None:
-        """First touch is followed by a disc of contact."""
-        last = points[-1]
-        if name != "edge" or last.parameter != 0.0 or self.equations.contact:
-            return None
-        problem = equilibrium(last)
-        if not isinstance(problem, ContactProblem):
-            return None
-        return Succession("touch", last, problem.across(last.x, 0.0))
+        """First touch is followed by a disc of contact, a contact set that stops being a disc by any other.
 
-    def across(self, x: Array, p: float) -> tuple[Point, ...]:
-        """First touch on the other side.
-
-        A stiff film answers a tiny contact on a length far below the innermost panel: then with graded panels.
+        Raises
+        ------
+        ModelError
+            If the curve is not found again with free boundaries.
         """
-        if p != 0.0:
-            return ()
-        touching = not self.equations.contact
-        other = ContactProblem(self.equations.touching(touching), self.scale, self.resolution, self.sharpness)
-        if touching:
-            return other.touching(x), *other.graded(x)
-        return (other.touching(other.solve_at(x, 0.0)),)
+        last = points[-1]
+        if name == "inadmissible":
+            return self._freed(points)
+        if last.parameter != 0.0 or self.equations.contact:
+            return None
+        # A stiff film answers a tiny contact on a length far below the innermost panel: then with graded panels.
+        disc = ContactProblem(self.equations.touching(True), self.scale, self.resolution, self.sharpness)
+        return Succession("touch", last, (disc.touching(last.x), *disc.graded(last.x)))
+
+    def _freed(self, points: Sequence[Point]) -> Succession:
+        """The curve with free boundaries, from the last row that is admissible."""
+        from contbranch.models.rings.handover import taken_over
+
+        failure = ModelError("no admissible state was left")
+        right = [k for k, point in enumerate(points) if k and _margin(point) > 0.0]
+        for k in reversed(right[-TRIES:]):
+            try:
+                start = taken_over(
+                    self.equations.tip,
+                    self.equations.interaction,
+                    self.resolution.accuracy,
+                    _disc(points[k]),
+                    self.work,
+                )
+            except ModelError as error:
+                failure = error
+                continue
+            here, before = points[k].observables, points[k - 1].observables
+            moved = math.hypot(*(here[name] - before[name] for name in ("contact_radius", "displacement")))
+            return Succession("", points[k], (start,), dropped=len(points) - k, step=HANDED * max(moved, 1e-4))
+        raise failure
 
     def touching(self, x: Array) -> Point:
         """First touch as a point of the side in contact, towards larger contacts."""
@@ -419,7 +446,8 @@ class ContactProblem(EquilibriumProblem):
         carried = self.equations.mesh.interpolate(x, mesh.nodes)
         return problem, problem.solve_at(carried, p) if solve else carried
 
-    def _on(self, mesh: Mesh, sharpness: float | None = None) -> ContactProblem:
+    def on_mesh(self, mesh: Mesh, sharpness: float | None = None) -> ContactProblem:
+        """The problem on another mesh."""
         sharpness = self.sharpness if sharpness is None else sharpness
         return ContactProblem(self.equations.on(mesh), self.scale, self.resolution, sharpness)
 
@@ -430,11 +458,11 @@ class ContactProblem(EquilibriumProblem):
 
     def finer(self) -> ContactProblem:
         """On panels of higher order."""
-        return self._on(self.equations.mesh.finer)
+        return self.on_mesh(self.equations.mesh.finer)
 
     def halved(self) -> ContactProblem:
         """On halved panels."""
-        return self._on(self.equations.mesh.halved())
+        return self.on_mesh(self.equations.mesh.halved())
 
     def carried(self, vector: Array, x: Array, other: EquilibriumProblem) -> Array:
         """A function of tau on another problem's mesh."""
@@ -460,7 +488,7 @@ class ContactProblem(EquilibriumProblem):
             return self
         count = min(PANELS, math.ceil(math.log(mesh.innermost / length) / math.log(GRADING)))
         inner = mesh.innermost * (length / mesh.innermost) ** (np.arange(count, 0, -1) / count)
-        return self._on(Mesh(np.concatenate([[0.0], inner, mesh.edges[1:]]), mesh.order))
+        return self.on_mesh(Mesh(np.concatenate([[0.0], inner, mesh.edges[1:]]), mesh.order))
 
     def coarser(self, point: Point, tolerance: float) -> ContactProblem:
         """A mesh with clearly fewer nodes that serves a tolerance."""
@@ -472,6 +500,22 @@ class ContactProblem(EquilibriumProblem):
             if problem.relative_error(problem.fields(x, point.parameter)) <= tolerance:
                 return problem
         return self
+
+    # -- off the curve ------------------------------------------------------------------------------------------------
+    def gradients(self, x: Array, p: float) -> tuple[Array, Array]:
+        """Derivatives of load and displacement with respect to h, (N,) each."""
+        return self.equations.gradients(self.fields(x, p))
+
+    def search(self, points: Sequence[Point]) -> Search | None:
+        """On one mesh, from rows and undeformed states; without interaction there is nothing to find."""
+        return None if self.equations.interaction is None else search_from(self, points)
+
+    def relaxed(
+        self, fold: Point, control: Control, direction: int, others: Sequence[Point], guarded: bool
+    ) -> int | None:
+        """Followed with a viscous half space, see `relaxation`."""
+        y, goals = self.coordinate(fold.parameter), [self.coordinate(other.parameter) for other in others]
+        return Release(self.equations, fold.x, y, self.scale, control, direction, guarded).nearest(goals)
 
     def rows_within(self, tolerance: float) -> ContactProblem:
         """The first problem of the chain with rows as accurate as this."""
@@ -547,3 +591,29 @@ def _radius_at(contact: Contact, height: float) -> float:
         middle = (low + high) / 2
         low, high = (middle, high) if float(tip.height(np.float64(middle))) < height else (low, middle)
     return high
+
+
+def _margin(point: Point) -> float:
+    """How far a disc is from being wrong, without tolerance."""
+    return equilibrium(point).margins(point.x, point.parameter)["inadmissible"] - TOLERATED
+
+
+def _disc(point: Point) -> Disc:
+    """What a model with free boundaries needs of a state."""
+    from contbranch.models.rings.handover import Disc
+
+    problem = point.problem
+    if not isinstance(problem, ContactProblem):
+        raise TypeError(f"{type(problem).__name__} is not a ContactProblem")
+    fields, equations = problem.fields(point.x, point.parameter), problem.equations
+    a, mesh = fields.rim.radius, equations.mesh
+
+    def pressure(r: Array) -> Array:
+        found = mesh.interpolate(fields.pressure, np.sqrt(np.maximum(r * r - a * a, 0.0)))
+        inside = r < a
+        if inside.any():
+            found[inside] = equations.inner_pressure(fields, r[inside])
+        return found
+
+    along = problem.rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
+    return Disc(a, equations.displacement(fields), np.hypot(mesh.edges[1:], a), pressure, along)

@@ -238,8 +238,8 @@ class RingEquations(EquilibriumProblem):
         return self._weights(u.size) * u
 
     def metric(self, x: Array) -> Metric:
-        """Lengths relative to the state and to the interaction's range."""
-        return Metric(math.sqrt(self.inner(x, x)) + 1e-300, self.scale)
+        """Lengths relative to the state (without pressure: to one) and to the interaction's range."""
+        return Metric(math.sqrt(self.inner(x, x)) or 1.0, self.scale)
 
     # -- observables --------------------------------------------------------------------------------------------------
     def load(self, fields: Fields) -> float:

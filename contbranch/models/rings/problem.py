@@ -14,7 +14,7 @@ from contbranch.continuation import Adaptation, CorrectionError, Options, Point
 from contbranch.continuation.metric import Balance
 from contbranch.continuation.newton import border, linearise, solve
 from contbranch.control import Control
-from contbranch.curve.problem import STEPS, Defect, Succession
+from contbranch.curve.problem import STEPS, Count, Defect, Succession
 from contbranch.results.profile import Profile
 
 from .changes import born, vanished
@@ -133,6 +133,10 @@ class RingProblem(RingEquations):
     def unstable(self, x: Array, p: float) -> int:
         """Morse index at fixed displacement."""
         return unstable_modes(self, self.fields(x, p))
+
+    def azimuthal(self, x: Array, p: float, unstable: int, limit: int = 32, near: int = 1) -> Count | None:
+        """No mode of any symmetry is unstable if v″ ≥ 0 wherever the gap floats; otherwise they are not examined."""
+        return Count() if (self.fields(x, p).stiffness >= 0).all() else None
 
     def profile(self, x: Array, p: float) -> Profile:
         """Gap and pressures over the radius."""
