@@ -40,14 +40,8 @@ from contbranch.results.profile import Profile
 
 __all__ = ["Augmented", "Condition", "Fold", "Held", "Locus", "Other", "augmented"]
 
-# Central and one-sided differences of the condition: nodes and weights, of second order while tracing, of fourth order
-# where tangents themselves are results; their steps.
-STENCILS = {
-    (False, False): ([-1.0, 1.0], [-0.5, 0.5]),
-    (False, True): ([0.0, 1.0, 2.0], [-1.5, 2.0, -0.5]),
-    (True, False): ([-2.0, -1.0, 1.0, 2.0], [1 / 12, -2 / 3, 2 / 3, -1 / 12]),
-    (True, True): ([0.0, 1.0, 2.0, 3.0, 4.0], [-25 / 12, 4.0, -3.0, 4 / 3, -0.25]),
-}
+# Central and one-sided differences of the condition: their steps, of second order while tracing, and of fourth order
+# where tangents themselves are results.
 STEP, FINE_STEP = 1e-4, 2e-3
 # ... over lengths in w that are small against its own value, but not below this one; step of other differences.
 LEAST_LENGTH, RATE_STEP = 1e-2, 1e-5
@@ -346,9 +340,11 @@ class Augmented(EquilibriumProblem):
 
     def _stencil(self, one_sided: bool) -> tuple[Array, Array]:
         """Offsets and weights of a difference over a unit length."""
-        nodes, weights = map(np.array, STENCILS[self.fine, one_sided])
-        step = FINE_STEP if self.fine else STEP
-        return step * nodes, weights / step
+        step, half = (FINE_STEP, 2) if self.fine else (STEP, 1)
+        nodes = np.arange(2.0 * half + 1) - (0 if one_sided else half)
+        weights = np.linalg.solve(np.vander(nodes, increasing=True).T, np.eye(len(nodes))[1])
+        used = np.abs(weights) > ZERO
+        return np.asarray(step * nodes[used]), np.asarray(weights[used] / step)
 
     def _along(self, point: Point, w: float, q: float) -> float:
         """Rate of the condition along the tangent at fixed q, times dp/dw."""
@@ -383,10 +379,6 @@ class Augmented(EquilibriumProblem):
     def parameter_range(self) -> tuple[float, float]:
         """Of the family's coordinate."""
         return self.locus.interval
-
-    def steps(self, start: Point) -> Options:
-        """Step control."""
-        return STEPS
 
     def values(self, x: Array, p: float) -> Values:
         """Of the equilibrium."""
@@ -431,11 +423,6 @@ class Augmented(EquilibriumProblem):
     def finer(self) -> Self:
         """On the finer discretisation."""
         base = self.base.finer()
-        return self if base is self.base else self.on(base)
-
-    def halved(self) -> Self:
-        """With halved panels."""
-        base = self.base.halved()
         return self if base is self.base else self.on(base)
 
     def carried(self, vector: Array, x: Array, other: Self) -> Array:

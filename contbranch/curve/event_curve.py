@@ -10,11 +10,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from contbranch.contact.family import Family
-from contbranch.contact.units import Scales
 from contbranch.continuation import CorrectionError, Event, Outcome, Point, Segment, StopAt, correct
 from contbranch.continuation.edge import Range, land
 from contbranch.continuation.follow import follow
-from contbranch.continuation.newton import tangent_at
 from contbranch.continuation.outcomes import End
 from contbranch.continuation.problem import Array
 from contbranch.continuation.walk import annotated, to_point
@@ -43,7 +41,6 @@ REMESHES = 3
 COARSE = 0.03
 # What differences leave undecided of a tangent's component.
 TANGENT_NOISE = 2e-10
-OTHERS = {"load": LOAD, "displacement": DISPLACEMENT}
 CUSP = "Two folds merge: a cusp. The curve goes on as the other fold."
 PAIR = "Two events of this kind merge: the parameter has an extremum along them."
 COINCIDENCE = "Load and displacement have their folds at the same state, and with them every spring."
@@ -146,9 +143,15 @@ class EventCurve:
         self.known = {self.q: self.family.start, **{self.family.coordinate(value): value for value in self.to}}
         self.interval = Range(min(self.known), max(self.known))
         self.touching = isinstance(self.condition, Held)
+        meetings = [Meeting("load", lambda _: LOAD.weights), Meeting("displacement", lambda _: DISPLACEMENT.weights)]
+        if isinstance(self.condition, Fold):
+            meetings = [Meeting("coincidence", self._crossed)]
+        elif isinstance(self.condition, Held) and self.condition.corner:
+            meetings = []
+        self.meetings: dict[str, Event] = {"cusp": Turn(), **{event.name: event for event in meetings}}
         self.rows: list[FollowedPoint] = []
         self.points: list[Point] = []
-        self.complete, self.message = True, ""
+        self.worst, self.complete, self.message = 0.0, True, ""
 
     # -- the curve ----------------------------------------------------------------------------------------------------
     def trace(self, place: Point) -> None:
@@ -180,15 +183,8 @@ class EventCurve:
         locus = Locus(self.family, self.condition, (self.interval.low, self.interval.high), size)
         problem = base.member(self.family.reduced(self.q)[0], self.tolerance)
         own = self._resolved(replace(place, problem=problem))  # the event may come from a trace for fewer digits
-        problem, x = equilibrium(own), own.x
-        if self.touching:  # its tangent, on its own side
-            v, a, _ = tangent_at(problem, x, own.parameter)
-            own = replace(own, tangent_x=v, tangent_parameter=a)
-        system = Augmented(locus, problem, _tangent(own))
-        row = np.zeros(x.size + 1), 1.0
-        z = system.joined(x, own.parameter)
-        point = to_point(system, correct(system, z, self.q, row, system.metric(z), precise=True), system.metric(z))
-        return annotated(replace(point, parameter=self.q), label="start")
+        system = Augmented(locus, equilibrium(own), _tangent(own))
+        return annotated(_solved(system, system.joined(own.x, own.parameter), self.q), label="start")
 
     def _resolved(self, point: Point) -> Point:
         """A point on a discretisation as fine as the curve needs."""
@@ -218,15 +214,9 @@ class EventCurve:
         if outward and abs(start.tangent_parameter) > 1e-12:
             return [], End(Outcome.STARTED_ON_EDGE)
         problem = augmented(start)
-        events: list[Event] = [Turn(), *(Margin(name) for name in problem.margins(start.x, start.parameter))]
-        if isinstance(self.condition, Fold):
-            events.append(Meeting("coincidence", self._crossed))
-        elif not (isinstance(self.condition, Held) and self.condition.corner):
-            events += [Meeting("load", lambda _: LOAD.weights), Meeting("displacement", lambda _: DISPLACEMENT.weights)]
-        if not self.touching:
-            events.append(Edge(beside))
-        stop = StopAt(predicate=self._far)
-        branch = follow(start, problem.balance(start), self.interval, STEPS, events, stop)
+        margins = (Margin(name) for name in problem.margins(start.x, start.parameter))
+        events = [*self.meetings.values(), *margins, *([] if self.touching else [Edge(beside)])]
+        branch = follow(start, problem.balance(start), self.interval, STEPS, events, StopAt(predicate=self._far))
         return branch.points, branch.end
 
     def _crossed(self, q: float) -> tuple[float, float]:
@@ -239,12 +229,12 @@ class EventCurve:
         if self.progress is not None:
             share = abs(point.parameter - self.q) / self.interval.width
             self.progress(0.6 * share, f"{self.family.name} {self.family.value(point.parameter):.4g}")
-        values = augmented(point).values(point.x, point.parameter)
-        if self.touching or abs(values.load) > self.negligible or values.central_gap < equilibrium(point).scale:
+        load, gap = (point.observables[name] for name in ("load", "central_gap"))
+        if self.touching or abs(load) > self.negligible or gap < equilibrium(point).scale:
             return False
         held = augmented(point).held(point)
         rate = equilibrium(held).rates(held.x, held.parameter, held.tangent_x, held.tangent_parameter)
-        return abs(rate.load * values.central_gap) <= self.negligible * abs(rate.central_gap)
+        return abs(rate.load * gap) <= self.negligible * abs(rate.central_gap)
 
     # -- first touch --------------------------------------------------------------------------------------------------
     def _beyond(self, points: list[Point]) -> tuple[list[Point], End]:
@@ -264,7 +254,7 @@ class EventCurve:
         doors = problem.at(last.parameter).across(x, edge)
         if doors and not problem.base.beyond_edge:
             other = problem.on(equilibrium(doors[0]), _tangent(doors[0]))
-            touch = _at_place(other, other.joined(doors[0].x, edge), last.parameter)
+            touch = _solved(other, other.joined(doors[0].x, edge), last.parameter, place=True)
             points[-1:] = [replace(last, label=""), replace(touch, label="touch")]
         failure = CorrectionError(Outcome.STEP_TOO_SMALL, "(The curve was not found there.)")
         for door, beside in itertools.product(doors, BESIDE):
@@ -274,7 +264,7 @@ class EventCurve:
             w = other.root(edge) + inward * beside
             try:
                 z = np.append(door.x + (other.parameter(w) - edge) * rate, w)
-                start = self._resolved(_at_place(other, z, points[-1].parameter))
+                start = self._resolved(_solved(other, z, points[-1].parameter, place=True))
             except CorrectionError as error:
                 failure = error
                 continue
@@ -308,11 +298,10 @@ class EventCurve:
             self.complete &= end.outcome in ENDED or kind == "infinite-separation"
             messages.append(message)
             if kind:
-                self.rows[k] = _as_special(self.rows[k], kind, k, message)
-        worst = max(self._relative(row, point) for row, point in zip(self.rows, points, strict=True))
-        if worst > self.accuracy:
+                self.rows[k] = _as_special(self.rows[k], k, kind, message)
+        if self.worst > self.accuracy:
             self.complete = False
-            messages.append(f"An error estimate is {worst / self.accuracy:.3g} times the accuracy asked.")
+            messages.append(f"An error estimate is {self.worst / self.accuracy:.3g} times the accuracy asked.")
         self.message = " ".join(dict.fromkeys(filter(None, messages)))
 
     @property
@@ -320,24 +309,19 @@ class EventCurve:
         """The special points, in order."""
         return tuple(row for row in self.rows if isinstance(row, Special))
 
-    def _units(self, point: Point) -> tuple[float, ...]:
-        scales: Scales = self.family.reduced(point.parameter)[1]
-        return scales.load, scales.normal, scales.in_plane, scales.normal
-
     def _value(self, q: float) -> float:
         """Value of the parameter at a coordinate, exactly what was asked for at the ends."""
         return self.known.get(q, self.family.value(q))
 
     def _scaled(self, found: Found, at: Point, of_value: float = 0.0) -> FollowedPoint:
-        units = self._units(at)
+        """In the contact's units."""
+        self.worst = max(self.worst, found.relative_error())
+        scales = self.family.reduced(at.parameter)[1]
+        units = scales.load, scales.normal, scales.in_plane, scales.normal
         load, displacement, radius, gap = (value * unit for value, unit in zip(found.numbers, units, strict=True))
         error = {key: float(e) * unit for key, e, unit in zip(KEYS, found.error, units, strict=True)}
         error[self.family.name] = of_value
         return FollowedPoint(self.family.name, self._value(at.parameter), load, displacement, radius, gap, error)
-
-    def _relative(self, row: FollowedPoint, point: Point) -> float:
-        units = self._units(point)
-        return max(row.error[k] / max(unit, abs(float(getattr(row, k)))) for k, unit in zip(KEYS, units, strict=True))
 
     def _row(self, point: Point) -> FollowedPoint:
         """The event at the parameter of a point of the curve, located there on discretisations made for it."""
@@ -349,28 +333,29 @@ class EventCurve:
     def _special(self, k: int) -> Special | None:
         """A point of codimension two made precise; None at other points."""
         point = self.points[k]
-        label, fold = point.label or "", isinstance(self.condition, Fold)
-        event: Event
-        if label == "cusp":
-            kind, message, event = "cusp", CUSP if fold else PAIR, Turn()
-        elif label == "coincidence":
-            kind, message, event = "coincidence", COINCIDENCE, Meeting(label, self._crossed)
-        elif label in OTHERS:
-            kind, message = ("fold-through-touch", MEETING) if self.touching else ("coincidence", MET)
-            event = Meeting(label, lambda _: OTHERS[label].weights)
-        elif label == "touch":
-            kind, message, event = "through-touch", AT_TOUCH, Edge()
-            if fold:
-                kind, message = ("fold-through-touch", THROUGH) if self._passing(k) else ("cusp-at-touch", CORNER)
-        else:
+        label = point.label or ""
+        if label not in self.meetings and label != "touch":
             return None
         problem = augmented(point)
         fine = problem.on(problem.base, _tangent(problem.held(point)), fine=label == "cusp")
-        found = refine(settled(replace(point, problem=fine)), event, self.accuracy)
+        found = refine(settled(replace(point, problem=fine)), self.meetings.get(label, Edge()), self.accuracy)
         if self.touching or label == "touch":
             found = replace(found, numbers=(*found.numbers[:2], 0.0, 0.0), error=(*found.error[:2], 0.0, 0.0))
         row = self._scaled(found, found.point, found.parameter_error * abs(self.family.rate(found.point.parameter)))
-        return _as_special(row, kind, k, message, label if label in OTHERS else None)
+        return _as_special(row, k, *self._named(label, k), label if label in ("load", "displacement") else None)
+
+    def _named(self, label: str, k: int) -> tuple[str, str]:
+        """Kind and message of a special point."""
+        fold = isinstance(self.condition, Fold)
+        if label == "cusp":
+            return label, CUSP if fold else PAIR
+        if label == "coincidence":
+            return label, COINCIDENCE
+        if label != "touch":
+            return ("fold-through-touch", MEETING) if self.touching else ("coincidence", MET)
+        if not fold:
+            return "through-touch", AT_TOUCH
+        return ("fold-through-touch", THROUGH) if self._passing(k) else ("cusp-at-touch", CORNER)
 
     def _passing(self, k: int) -> bool:
         """Whether the parameter goes on in the same sense at a point."""
@@ -420,7 +405,7 @@ class EventCurve:
         return tuple(found)
 
 
-def _as_special(row: FollowedPoint, kind: str, index: int, message: str, control: str | None = None) -> Special:
+def _as_special(row: FollowedPoint, index: int, kind: str, message: str, control: str | None = None) -> Special:
     return Special(**{**vars(row), "kind": kind, "index": index, "control": control, "message": message})
 
 
@@ -428,19 +413,19 @@ def _tangent(point: Point) -> tuple[Array, float]:
     return point.tangent_x, point.tangent_parameter
 
 
-def _at_place(problem: Augmented, z: Array, q: float) -> Point:
-    """The point of the curve with the state's w: q is found.
+def _solved(problem: Augmented, z: Array, q: float, place: bool = False) -> Point:
+    """The point of the curve at q; with `place` that with the state's w, for which q is found.
 
     Raises
     ------
     CorrectionError
         If there is none close by.
     """
-    row = np.append(np.zeros(z.size - 1), 1.0)
+    row = np.append(np.zeros(z.size - 1), float(place)), float(not place)
     metric = problem.metric(z)
-    corrected = correct(problem, z, q, (row, 0.0), metric, tolerance=1e-12, noise=1e8, precise=True)
+    corrected = correct(problem, z, q, row, metric, tolerance=1e-12, noise=1e8, precise=True)
     point = to_point(problem, corrected, metric, sign=False)
-    return replace(point, x=np.append(point.x[:-1], z[-1]))
+    return replace(point, x=np.append(point.x[:-1], z[-1])) if place else replace(point, parameter=q)
 
 
 def _between(begin: Point, end: Point, q: float) -> Point:
@@ -460,6 +445,4 @@ def _between(begin: Point, end: Point, q: float) -> Point:
     x, p = there.split(touch.x)
     z = problem.joined(there.base.carried(x, x, problem.base), p)
     share = (q - touch.parameter) / (own.parameter - touch.parameter)
-    metric, fixed = problem.metric(z), (np.zeros_like(z), 1.0)
-    corrected = correct(problem, z + share * (own.x - z), q, fixed, metric, tolerance=1e-12, noise=1e8, precise=True)
-    return replace(to_point(problem, corrected, metric, sign=False), parameter=q)
+    return _solved(problem, z + share * (own.x - z), q)
