@@ -215,7 +215,8 @@ class EventCurve:
             return [], End(Outcome.STARTED_ON_EDGE)
         problem = augmented(start)
         margins = (Margin(name) for name in problem.margins(start.x, start.parameter))
-        events = [*self.meetings.values(), *margins, *([] if self.touching else [Edge(beside)])]
+        edged = not self.touching and np.isfinite(problem.base.parameter_range).any()
+        events = [*self.meetings.values(), *margins, *([Edge(beside)] if edged else [])]
         branch = follow(start, problem.balance(start), self.interval, STEPS, events, StopAt(predicate=self._far))
         return branch.points, branch.end
 
