@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from contbranch.models.axisymmetric.trace import Target, trace
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from contbranch.models.axisymmetric.trace import Target, Traced, trace
+from followed import Followed
 
 import contbranch as cb
 
@@ -29,10 +29,8 @@ TOLERANCE = 1e-8
 
 
 @pytest.fixture(scope="module", params=CASES)
-def traced(request) -> Traced:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("contbranch.models.axisymmetric.trace.TRACE_TOLERANCE", TOLERANCE)
-        return trace(request.param, TOLERANCE, Target(), events=False)
+def traced(request) -> Followed:
+    return Followed(request.param, TOLERANCE, TOLERANCE, events=False)
 
 
 def parts(problem, x, u):
