@@ -159,9 +159,13 @@ class EventCurve:
 
         Raises
         ------
+        InputError
+            If the model has no such member of the family.
         ModelError
             If it is not found again.
         """
+        for q in self.known:
+            equilibrium(place).member(self.family.reduced(q)[0])
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             try:
                 start = self._start(place)
