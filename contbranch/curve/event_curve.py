@@ -230,16 +230,17 @@ class EventCurve:
         return -second, first
 
     def _far(self, point: Point) -> bool:
-        """Whether the interaction is negligible: the load, and what the gap could still change of it."""
+        """Whether the interaction is negligible: the load, and its change over a range of the gap."""
         if self.progress is not None:
             share = abs(point.parameter - self.q) / self.interval.width
             self.progress(0.6 * share, f"{self.family.name} {self.family.value(point.parameter):.4g}")
         load, gap = (point.observables[name] for name in ("load", "central_gap"))
-        if self.touching or abs(load) > self.negligible or gap < equilibrium(point).scale:
+        problem = augmented(point)
+        if self.touching or abs(load) > self.negligible or gap < problem.scale:
             return False
-        held = augmented(point).held(point)
+        held = problem.held(point)
         rate = equilibrium(held).rates(held.x, held.parameter, held.tangent_x, held.tangent_parameter)
-        return abs(rate.load * gap) <= self.negligible * abs(rate.central_gap)
+        return abs(rate.load * problem.scale) <= self.negligible * abs(rate.central_gap)
 
     # -- first touch --------------------------------------------------------------------------------------------------
     def _beyond(self, points: list[Point]) -> tuple[list[Point], End]:
@@ -257,10 +258,12 @@ class EventCurve:
         x, p = problem.split(last.x)
         edge = min(problem.base.parameter_range, key=lambda one: abs(one - p))
         doors = problem.at(last.parameter).across(x, edge)
-        if doors and not problem.base.beyond_edge:
-            other = problem.on(equilibrium(doors[0]), _tangent(doors[0]))
-            touch = _solved(other, other.joined(doors[0].x, edge), last.parameter, place=True)
-            points[-1:] = [replace(last, label=""), replace(touch, label="touch")]
+        if not problem.base.beyond_edge:
+            points[-1] = replace(last, label="")
+            for door in doors[:1]:
+                other = problem.on(equilibrium(door), _tangent(door))
+                touch = _solved(other, other.joined(door.x, edge), last.parameter, place=True)
+                points.append(replace(touch, label="touch"))
         failure = CorrectionError(Outcome.STEP_TOO_SMALL, "(The curve was not found there.)")
         for door, beside in itertools.product(doors, BESIDE):
             rate = door.tangent_x / door.tangent_parameter
