@@ -251,9 +251,20 @@ class ContactProblem(EquilibriumProblem):
             return self._freed(points)
         if last.parameter != 0.0 or self.equations.contact:
             return None
-        # A stiff film answers a tiny contact on a length far below the innermost panel: then with graded panels.
-        disc = ContactProblem(self.equations.touching(True), self.scale, self.resolution, self.sharpness)
-        return Succession("touch", last, (disc.touching(last.x), *disc.graded(last.x)))
+        return Succession("touch", last, self.across(last.x, 0.0))
+
+    def across(self, x: Array, p: float) -> tuple[Point, ...]:
+        """First touch on the other side.
+
+        A stiff film answers a tiny contact on a length far below the innermost panel: then with graded panels.
+        """
+        if p != 0.0:
+            return ()
+        disc = not self.equations.contact
+        other = ContactProblem(self.equations.touching(disc), self.scale, self.resolution, self.sharpness)
+        if disc:
+            return other.touching(x), *other.graded(x)
+        return (other.touching(other.solve_at(x, 0.0)),)
 
     def _freed(self, points: Sequence[Point]) -> Succession:
         """The curve with free boundaries, from the last row that is admissible."""
