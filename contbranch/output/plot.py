@@ -79,7 +79,7 @@ def bifurcation_diagram(diagram: Diagram, x: str = "load", y: str = "contact_rad
     if not _drawable(diagram):
         return _nothing_to_draw(diagram)
     with mpl.rc_context(_STYLE):
-        figure = _figure(2.7)
+        figure = _figure(2.7, None)
         axes = figure.subplots()
         _draw_curve(axes, diagram, _lines(diagram), x, y)
         _finish(figure, [axes], diagram, [(x, y)])
@@ -92,12 +92,12 @@ def overview(diagram: Diagram) -> Figure:
         return _nothing_to_draw(diagram)
     panels = [("load", "contact_radius"), ("displacement", "load")]
     with mpl.rc_context(_STYLE):
-        figure = _figure(4.9)
+        figure = _figure(4.9, None)
         both = list(figure.subplots(2, 1))
         lines = _lines(diagram)
         for axes, (x, y), letter in zip(both, panels, "ab", strict=True):
             _draw_curve(axes, diagram, lines, x, y)
-            axes.set_title(f"({letter})", loc="left", fontsize=8.5, pad=4.0)
+            axes.set_title(f"({letter})", loc="left", fontsize=8.5, pad=4.0, y=1.0)
         _finish(figure, both, diagram, panels)
     return figure
 

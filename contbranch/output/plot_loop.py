@@ -35,7 +35,7 @@ def loop_figure(loop: Hysteresis) -> Figure:
     """
     first = "displacement" if loop.control == "load" else "load"
     with mpl.rc_context(STYLE):
-        figure = new_figure(4.9)
+        figure = new_figure(4.9, None)
         if len(loop.path) < 2:
             figure.text(0.5, 0.5, loop.message or "No path.", ha="center", va="center", wrap=True)
             return figure
@@ -46,7 +46,7 @@ def loop_figure(loop: Hysteresis) -> Figure:
             _draw(axes, loop, name)
             axes.set_ylabel(axis_label(name, names, natural))
             axes.set_xlabel(_position_label(loop, names, natural))
-            axes.set_title(f"({letter})", loc="left", fontsize=8.5, pad=4.0)
+            axes.set_title(f"({letter})", loc="left", fontsize=8.5, pad=4.0, y=1.0)
         handles = [
             Line2D([], [], color=_UP, label="approach" if loop.control != "load" else "loading"),
             Line2D([], [], color=_DOWN, label="retraction" if loop.control != "load" else "unloading"),

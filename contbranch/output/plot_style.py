@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -43,8 +43,8 @@ STYLE: Final[Any] = {
 }
 
 
-def new_figure(height: float) -> Figure:
-    """Return an empty figure, one column wide."""
-    figure = Figure(figsize=(WIDTH, height), layout="constrained")
+def new_figure(height: float, layout: Literal["constrained"] | None = "constrained") -> Figure:
+    """Return an empty figure, one column wide; with a layout it is drawn twice, to measure it first."""
+    figure = Figure(figsize=(WIDTH, height), layout=layout)
     FigureCanvasAgg(figure)
     return figure

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib.ticker import ScalarFormatter
 from numpy.typing import NDArray
 
 from contbranch.errors import InputError
@@ -140,12 +141,19 @@ def _inside(line: Line, windows: Mapping[str, tuple[float, float]]) -> NDArray[n
     return inside
 
 
+class _PlainTicks(ScalarFormatter):
+    """Labels of ticks as plain text, which is laid out in a tenth of the time of a formula that looks the same."""
+
+    def format_ticks(self, values: Any) -> list[str]:
+        """Return the labels without what makes them formulas."""
+        return [label.removeprefix(r"$\mathdefault{").removesuffix("}$") for label in super().format_ticks(values)]
+
+
 def arrange_panels(figure: Figure, panels: Sequence[Axes], rows: int) -> None:
     """Place panels one above the other below a legend of some rows.
 
     Only the width of the labels on the left is measured: a general layout engine takes as long as all of the drawing.
     """
-    figure.set_layout_engine("none")
     height = figure.get_figheight()
     slot = (height - _LEGEND_ROW * rows - 0.03) / len(panels)
     title = _TITLE if len(panels) > 1 else 0.08
@@ -153,12 +161,14 @@ def arrange_panels(figure: Figure, panels: Sequence[Axes], rows: int) -> None:
     for axes in panels:
         # Written into the axes, since the number of ticks depends on it, also when the figure is saved.
         axes.tick_params(which="both", labelsize=mpl.rcParams["ytick.labelsize"])
+        for axis in (axes.xaxis, axes.yaxis):
+            axis.set_major_formatter(_PlainTicks())
     for _ in range(2):  # the second time with the ticks that fit
         for i, axes in enumerate(panels):
             bottom = (len(panels) - 1 - i) * slot + _BELOW
             size = (WIDTH - left - _RIGHT, slot - _BELOW - title)
             axes.set_position((left / WIDTH, bottom / height, size[0] / WIDTH, size[1] / height))
-        left = max(_label_width(axes) for axes in panels) + 0.04
+        left = max(_label_width(axes) for axes in panels) + 0.06
 
 
 def _label_width(axes: Axes) -> float:
