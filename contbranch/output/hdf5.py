@@ -19,7 +19,7 @@ from contbranch.errors import InputError
 from contbranch.output.document import VERSION, document, head
 from contbranch.results.diagram import Branch, Cost, Diagram, Event, LocalExponent, ModelChoice, Solution, State
 from contbranch.results.profile import ModeShape, Profile
-from contbranch.results.record import Record, Result, columns, same
+from contbranch.results.record import Record, Result, columns, key_of, kind_of, same, unit_of
 
 if TYPE_CHECKING:
     import h5py
@@ -209,9 +209,9 @@ def _write_array(group: h5py.Group, name: str, values: Any, unit: str | None) ->
 def _write_record(group: h5py.Group, record: Record, names: Mapping[str, str]) -> None:
     """Write numbers and texts of a record as attributes, its arrays as datasets, with their units."""
     for item in fields(record):
-        value, name = record.held(item.name), item.metadata["key"] or item.name
+        value, name = record.held(item.name), key_of(item)
         if isinstance(value, np.ndarray):
-            _write_array(group, name, value, names.get(item.metadata["unit"]))
+            _write_array(group, name, value, names.get(unit_of(item)))
         elif isinstance(value, int | float | str | np.generic):
             group.attrs[name] = value
         elif isinstance(value, tuple) and value:
@@ -267,7 +267,7 @@ def _read_record(kind: type[Kind], group: h5py.Group) -> Kind:
     """Read a record that `_write_record` wrote; KeyError where something is missing that has no default."""
     found: dict[str, Any] = {}
     for item in fields(kind):
-        name = item.metadata["key"] or item.name
+        name = key_of(item)
         if name in group:
             found[item.name] = _read_profiles(group[name]) if "offsets" in group[name] else group[name][()]
         elif name in group.attrs:
@@ -297,7 +297,7 @@ def _assembled(kind: type[Kind], cells: Mapping[tuple[str, ...], Any], path: tup
     """The record of a row of a table, whose cells are found by their path in it."""
     found: dict[str, Any] = {}
     for item in fields(kind):
-        held, within = item.metadata["kind"], (*path, item.name)
+        held, within = kind_of(item), (*path, item.name)
         inside = {other: cell for other, cell in cells.items() if other[: len(within)] == within}
         if held is None:
             continue
