@@ -114,7 +114,7 @@ def _places(at: Array, size: Array, shape: tuple[int, ...]) -> _Places:
 def _size(figure: Any, text: str) -> Array:
     """Return width and height of a text with some room around it, in pixels."""
     extent = Text(0.0, 0.0, text, fontsize=_FONT, figure=figure).get_window_extent(figure.canvas.get_renderer())
-    return np.add([extent.width, extent.height], 2.0 * _ROOM * figure.dpi / 72.0)
+    return np.array([extent.width, extent.height], dtype=np.float64) + 2.0 * _ROOM * float(figure.dpi) / 72.0
 
 
 def _resampled(points: Array) -> Array:

@@ -9,9 +9,8 @@ import numpy as np
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from contbranch.output.plot_style import BLUE, ORANGE, STYLE, new_figure
-from contbranch.output.plot_view import arrange_panels, axis_label, has_natural_units
-from contbranch.output.smooth import monotonic
+from contbranch.output.plot_view import BLUE, ORANGE, STYLE, arrange_panels, axis_label, has_natural_units, new_figure
+from contbranch.output.smooth import smooth
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -113,7 +112,7 @@ def _smooth(x: Array, y: Array) -> tuple[Array, Array]:
         return x, y
     length = np.concatenate([[0.0], np.cumsum(step[step > 0.0])])
     fine = np.interp(np.arange((len(x) - 1) * _FINE + 1) / _FINE, np.arange(len(x)), length)
-    return monotonic(length, x, fine), monotonic(length, y, fine)
+    return smooth(length, x, fine), smooth(length, y, fine)
 
 
 def _arrow(axes: Axes, x: Array, y: Array, color: str) -> None:

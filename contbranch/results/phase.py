@@ -171,13 +171,13 @@ class PhaseDiagram(Result):
 
 def _through(knots: dict[float, float], at: float) -> float:
     """Interpolation without overshoot through knots."""
-    from contbranch.output.smooth import monotonic
+    from contbranch.output.smooth import smooth
 
     places = np.array(sorted(knots))
     levels = np.array([knots[place] for place in places])
     if len(places) < 2 or not np.isfinite(levels).all():
         return float(levels[0])
-    return float(monotonic(places, levels, np.array([at]))[0])
+    return float(smooth(places, levels, np.array([at]))[0])
 
 
 def counted(parts: tuple[Part, ...] | list[Part], levels: Array) -> tuple[Integers, Integers]:
