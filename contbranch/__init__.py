@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from contbranch._lazy import lazily
 
 if TYPE_CHECKING:
+    from contbranch.api import find_all, hysteresis, phase_diagram, solve, trace
     from contbranch.contact.contact import Contact
     from contbranch.contact.interactions import (
         Exponential,
@@ -35,16 +36,12 @@ if TYPE_CHECKING:
         TipShape,
     )
     from contbranch.control import Spring
+    from contbranch.curve.follow import follow
     from contbranch.errors import InputError, ModelError
     from contbranch.models.axisymmetric.model import Axisymmetric
     from contbranch.models.exact.model import Exact
-    from contbranch.models.find import find_all
-    from contbranch.models.follow import follow
     from contbranch.models.grid.model import FreeSpace, Periodic
     from contbranch.models.grid.resolution import GridWarning
-    from contbranch.models.hysteresis import hysteresis
-    from contbranch.models.phase import phase_diagram
-    from contbranch.models.run import solve, trace
     from contbranch.output.hdf5 import load
     from contbranch.results.diagram import Branch, Diagram, Event, Exponent, LocalExponent, Solution, State, Window
     from contbranch.results.equilibria import Barrier, Equilibria
@@ -118,11 +115,8 @@ __getattr__, __dir__ = lazily(
         ".contact.tips": "Cone EllipticParaboloid HeightMap Parabola PowerLaw Profile SphericalCap Tip TipShape",
         ".control": "Spring",
         ".errors": "InputError ModelError",
-        ".models.find": "find_all",
-        ".models.follow": "follow",
-        ".models.hysteresis": "hysteresis",
-        ".models.phase": "phase_diagram",
-        ".models.run": "solve trace",
+        ".api": "find_all hysteresis phase_diagram solve trace",
+        ".curve.follow": "follow",
         ".models.axisymmetric.model": "Axisymmetric",
         ".models.exact.model": "Exact",
         ".models.grid.model": "FreeSpace Periodic",

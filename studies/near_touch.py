@@ -20,7 +20,6 @@ from contbranch.contact.interaction_law import Interaction
 from contbranch.models.axisymmetric.mesh import Mesh
 from contbranch.models.axisymmetric.problem import ContactProblem
 from contbranch.models.axisymmetric.slope import load_per_displacement
-from contbranch.models.axisymmetric.trace import Target, trace
 
 __all__ = ["Sample", "Side", "contact_of", "fold_in_contact", "fold_side", "softening", "touch_side"]
 

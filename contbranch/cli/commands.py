@@ -109,7 +109,7 @@ def _solve(asked: Values) -> Any:
     if not request.controlled:
         where["control"] = None  # that of the quantity given
     if asked.all:
-        from contbranch.models.find import best_of
+        from contbranch.api import best_of
 
         return best_of(_computed("find_all", request, **where))
     from dataclasses import replace
@@ -131,13 +131,12 @@ def _follow(asked: Values) -> Result:
             raise InputError(f"--{option}: missing; write for example --event pull-off --vary tabor=0.25:4")
     from contbranch.cli.request import find_event, parse_vary
     from contbranch.contact.family import family_of
-    from contbranch.models.choice import choose
-    from contbranch.models.follow import follow
-    from contbranch.models.grid import FreeSpace, Periodic
+    from contbranch.curve.follow import follow
+    from contbranch.models.choice import choose, on_grid
 
     name, values = parse_vary(asked.vary, request)
     limit = request.limit(asked.max_load)
-    if isinstance(choose(request.contact, request.chosen_model)[0], Periodic | FreeSpace):
+    if on_grid(choose(request.contact, request.chosen_model)[0]):
         raise InputError("--model: events found on a grid cannot be followed; use the axisymmetric model")
     event = find_event(_computed("trace", request, max_load=limit), asked.event, request.control)
     try:

@@ -7,7 +7,7 @@ zeros along a curve) can be used by themselves.
 
 from contbranch.continuation.bordered import Bordered, SingularBorderedError, factorise
 from contbranch.continuation.curve import BranchPoint, Curve, EventPoint, Fold, IndexChange, Located, Point
-from contbranch.continuation.events import Crossing, Event, Extremum, TangentCrossing
+from contbranch.continuation.events import Crossing, Event, Extremum, Happening, TangentCrossing
 from contbranch.continuation.folds import locate_fold
 from contbranch.continuation.locate import find_root
 from contbranch.continuation.metric import Balance, Metric
@@ -15,6 +15,7 @@ from contbranch.continuation.newton import CorrectionError, correct
 from contbranch.continuation.options import Options, StopAt
 from contbranch.continuation.outcomes import End, Outcome
 from contbranch.continuation.problem import Adaptation, Linearisation, Problem
+from contbranch.continuation.segment import Segment
 from contbranch.continuation.trace import trace_curve
 
 __all__ = [
@@ -30,6 +31,7 @@ __all__ = [
     "EventPoint",
     "Extremum",
     "Fold",
+    "Happening",
     "IndexChange",
     "Linearisation",
     "Located",
@@ -38,6 +40,7 @@ __all__ = [
     "Outcome",
     "Point",
     "Problem",
+    "Segment",
     "SingularBorderedError",
     "StopAt",
     "TangentCrossing",

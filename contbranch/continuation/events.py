@@ -6,14 +6,45 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import ClassVar
 
-from contbranch.continuation.curve import Point
+from contbranch.continuation.curve import EventPoint, Located, Point
+from contbranch.continuation.locate import find_root
+from contbranch.continuation.newton import CorrectionError
+from contbranch.continuation.options import Options
+from contbranch.continuation.outcomes import Outcome
+from contbranch.continuation.probe import (
+    SAFETY,
+    Bracket,
+    Probe,
+    brackets,
+    doubt_about,
+    foretold_to_inside,
+    slope_keeps_sign,
+    value_on_cubic,
+)
 from contbranch.continuation.problem import Array
+from contbranch.continuation.segment import Segment
+from contbranch.continuation.walk import annotated, point_on
 
-__all__ = ["Crossing", "Event", "Extremum", "TangentCrossing"]
+__all__ = ["Crossing", "Event", "Extremum", "Happening", "TangentCrossing", "zeros"]
+
+# Where a step that begins on a zero is taken to begin.
+BEYOND = 1e-6
+# Error of a cubic's slope, as a share of its largest value, where no earlier step tells.
+UNTESTED = 0.1
 
 _CUBE_ROOT_OF_ROUNDING = 6e-6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Happening:
+    """A located event, its position θ within the step, and whether the curve is to end there."""
+
+    theta: float
+    event: Located
+    terminal: bool = False
 
 
 class Event(ABC):
@@ -32,6 +63,8 @@ class Event(ABC):
         Share of the step to which zeros are located; the default is machine precision.
     relative_resolution : float
         The same relative to the position in the step, so that zeros right behind its start are still told from it.
+    noise : float
+        What a value leaves undecided, where it does not have the digits that rounding would leave.
     """
 
     name: str = "event"
@@ -39,6 +72,7 @@ class Event(ABC):
     hidden_pairs: ClassVar[bool] = True
     resolution: ClassVar[float] = 1e-15
     relative_resolution: ClassVar[float] = 0.0
+    noise: ClassVar[float] = 0.0
 
     @abstractmethod
     def value(self, point: Point) -> float:
@@ -50,6 +84,29 @@ class Event(ABC):
         With it, pairs of zeros within a step are excluded from what is known at its ends, without evaluations inside.
         """
         return None
+
+    def happenings(self, segment: Segment, previous: Segment | None, options: Options) -> list[Happening]:
+        """Return what happens within one accepted step, in order along it.
+
+        Default: the zeros of `value`, told by its signs at both ends and, with `hidden_pairs`, by what the cubic
+        through them leaves room for. An event that knows its own zeros better (a count, an angle, a sum over parts)
+        overrides this; points inside the step come from `walk.point_on(segment, theta, options)`.
+
+        Parameters
+        ----------
+        segment : Segment
+            The step, both ends corrected; positions θ run from 0 to 1.
+        previous : Segment or None
+            The step before on the same discretisation, if there is one.
+        options : Options
+            Settings of the trace.
+
+        Returns
+        -------
+        list of Happening
+            Position in the step, located event (an `EventPoint`, or any `Located`), and whether the curve ends there.
+        """
+        return zeros(self, segment, previous, options)
 
 
 @dataclass(frozen=True)
@@ -105,3 +162,92 @@ class Extremum(Event):
         above = problem.observables(point.x + dx, point.parameter + dp)[self.observable]
         below = problem.observables(point.x - dx, point.parameter - dp)[self.observable]
         return (above - below) / (2 * step)
+
+
+def zeros(event: Event, segment: Segment, previous: Segment | None, options: Options) -> list[Happening]:
+    """Return the zeros of an event's value inside the step, in order."""
+
+    def value(point: Point) -> float:
+        return _value(event, point)
+
+    begin, end = value(segment.begin), value(segment.end)
+    same = end != 0.0 and (begin > 0) == (end > 0) and begin != 0.0
+    simple = not event.hidden_pairs or (begin != 0.0 and _one_at_most(segment, previous, event, begin, end))
+    if same and simple:
+        return []
+    if begin == 0.0:
+        begin = value(point_on(segment, BEYOND, options)[0])  # the zero itself belongs to the step before
+        if begin == 0.0:
+            return []  # it vanishes along this part of the curve
+    if not simple:
+        parts = brackets(segment, Probe(value, options, _doubt(segment, previous, value, end)), begin, end)
+    else:
+        parts = [Bracket(segment, (0.0, begin), (1.0, end))] if (begin > 0) != (end > 0) else []
+    found = []
+    for bracket in parts:
+        part, first, last = bracket.segment, bracket.first, bracket.last
+        theta = find_root(
+            partial(_value_on, event, part, options), first, last, event.resolution, event.relative_resolution
+        )
+        point = annotated(point_on(part, theta, options)[0], label=event.name)
+        steepness = abs(last[1] - first[1]) / (last[0] - first[0])
+        miss = abs(value(point)) / steepness + event.resolution + event.relative_resolution * theta
+        change = part.end.x - part.begin.x
+        located = EventPoint(
+            point,
+            4 * miss * abs(part.end.parameter - part.begin.parameter) + 1e-15 * abs(point.parameter),
+            4 * miss * math.sqrt(point.problem.inner(change, change)),
+            name=event.name,
+        )
+        found.append(Happening(bracket.whole(theta), located, event.terminal))
+    return found
+
+
+def _doubt(segment: Segment, previous: Segment | None, value: Callable[[Point], float], end: float) -> float | None:
+    """Return the error to be expected of a function's values on the cubic inside a step."""
+    if previous is None or previous.length == 0.0:
+        return None
+    ratio = segment.length / previous.length
+    foretold = value_on_cubic(previous, 1 + ratio, value)
+    return SAFETY * foretold_to_inside(ratio) * abs(foretold - end)
+
+
+def _one_at_most(segment: Segment, previous: Segment | None, event: Event, begin: float, end: float) -> bool:
+    """Whether the values at both ends, and the event's primitive, exclude more than one zero inside."""
+    first, last = event.primitive(segment.begin), event.primitive(segment.end)
+    if first is None or last is None:
+        return False
+    begin, end = begin * segment.scale_begin, end * segment.scale_end
+    cubic = _cubic(first, last, begin, end)
+    before = None if previous is None or previous.length == 0.0 else event.primitive(previous.begin)
+    if previous is None or before is None:
+        # Nothing foretold this step, as after a change of grid: then the cubic is trusted to this share of its slopes.
+        doubt = UNTESTED * max(abs(begin), abs(end))
+    else:
+        start = _value(event, previous.begin) * previous.scale_begin
+        earlier = _cubic(before, first, start, _value(event, previous.end) * previous.scale_end)
+        doubt = doubt_about(cubic, earlier, segment.length / previous.length)
+    if end != 0.0 and (begin > 0) == (end > 0):
+        return slope_keeps_sign(cubic, doubt)
+    # A quadratic slope of opposite signs at the ends has one zero; more would take an error as large as its values.
+    return doubt < 0.3 * max(abs(begin), abs(end))
+
+
+def _cubic(first: float, last: float, begin: float, end: float) -> tuple[float, float, float, float]:
+    rise = last - first
+    return first, begin, 3 * rise - 2 * begin - end, begin + end - 2 * rise
+
+
+def _value_on(event: Event, segment: Segment, options: Options, theta: float) -> float:
+    return _value(event, point_on(segment, theta, options)[0])
+
+
+def _value(event: Event, point: Point) -> float:
+    try:
+        value = float(event.value(point))
+    except Exception as error:  # the user's code ends the attempt, its text is kept
+        detail = f"({type(error).__name__} in event {event.name!r} at parameter {point.parameter:.6g}: {error})"
+        raise CorrectionError(Outcome.EVALUATION_FAILED, detail) from error
+    if not math.isfinite(value):
+        raise CorrectionError(Outcome.NOT_FINITE, f"(Event {event.name!r} at parameter {point.parameter:.6g}.)")
+    return value

@@ -9,14 +9,14 @@ from dataclasses import dataclass, replace
 from contbranch.continuation.adapting import adapted
 from contbranch.continuation.curve import Fold, Located, Point
 from contbranch.continuation.edge import Range, closes, land
-from contbranch.continuation.events import Event
+from contbranch.continuation.events import Event, Happening
 from contbranch.continuation.metric import Balance, Metric
 from contbranch.continuation.newton import CorrectionError, correct
 from contbranch.continuation.options import Options, StopAt
 from contbranch.continuation.outcomes import End, Outcome
 from contbranch.continuation.probe import surprise
 from contbranch.continuation.problem import Array
-from contbranch.continuation.scan import Happening, LeapError, scan
+from contbranch.continuation.scan import LeapError, scan
 from contbranch.continuation.segment import Segment
 from contbranch.continuation.step import after_failure, judge
 from contbranch.continuation.walk import annotated, to_point

@@ -4,34 +4,27 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import replace
 from itertools import pairwise
 
 from contbranch.continuation.branching import locate_branch_point, unresolved_branch_point
-from contbranch.continuation.curve import EventPoint, Fold, IndexChange, Located, Point
-from contbranch.continuation.events import Event
+from contbranch.continuation.curve import EventPoint, Fold, IndexChange, Located
+from contbranch.continuation.events import BEYOND, Event, Happening
 from contbranch.continuation.folds import locate_fold
 from contbranch.continuation.locate import Sample, find_root
 from contbranch.continuation.newton import CorrectionError
 from contbranch.continuation.options import Options
-from contbranch.continuation.outcomes import Outcome
 from contbranch.continuation.probe import (
-    SAFETY,
     Bracket,
     Probe,
     brackets,
-    doubt_about,
     doubt_about_parameter,
-    foretold_to_inside,
     no_hidden_folds,
-    slope_keeps_sign,
-    value_on_cubic,
 )
 from contbranch.continuation.segment import Segment
 from contbranch.continuation.walk import annotated, point_on
 
-__all__ = ["Happening", "LeapError", "scan"]
+__all__ = ["LeapError", "scan"]
 
 # A curve whose unit tangent has a parameter component below this (in the metric) is vertical up to rounding.
 VERTICAL = 1e-13
@@ -39,25 +32,12 @@ VERTICAL = 1e-13
 # curve next to it the matrix is nearly singular, so an extremum found without the bordered system is less certain.
 COINCIDENT = 1e-6
 COINCIDENT_ON_CURVE = 1e-2
-# Where a step that begins on a zero is taken to begin.
-BEYOND = 1e-6
-# Error of a cubic's slope, as a share of its largest value, where no earlier step tells.
-UNTESTED = 0.1
 # How often a step is halved to explain a change of the Morse index.
 HALVINGS = 40
 
 
 class LeapError(Exception):
     """The step has leapt from one part of the curve to another: both ends lie on it, but not as neighbours."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Happening:
-    """A located event, its position θ within the step, and whether the curve is to end there."""
-
-    theta: float
-    event: Located
-    terminal: bool = False
 
 
 def scan(
@@ -99,7 +79,7 @@ def scan(
             folds = [fold for fold in folds if not _coincident(segment, fold.event, branch[1])]
         found += folds
     for event_function in events:
-        found += _zeros(segment, previous, event_function, options)
+        found += event_function.happenings(segment, previous, options)
     found += _unexplained(segment, found, options)
     return sorted(found, key=lambda happening: happening.theta)
 
@@ -196,95 +176,6 @@ def _fold_on_curve(segment: Segment, theta: float, options: Options) -> Happenin
         null_vector=point.tangent_x / norm,
     )
     return Happening(theta, fold)
-
-
-def _zeros(segment: Segment, previous: Segment | None, event: Event, options: Options) -> list[Happening]:
-    """Return the zeros of a user's event function inside the step."""
-
-    def value(point: Point) -> float:
-        return _value(event, point)
-
-    begin, end = value(segment.begin), value(segment.end)
-    same = end != 0.0 and (begin > 0) == (end > 0) and begin != 0.0
-    simple = not event.hidden_pairs or (begin != 0.0 and _one_at_most(segment, previous, event, begin, end))
-    if same and simple:
-        return []
-    if begin == 0.0:
-        begin = value(point_on(segment, BEYOND, options)[0])  # the zero itself belongs to the step before
-        if begin == 0.0:
-            return []  # it vanishes along this part of the curve
-    if not simple:
-        parts = brackets(segment, Probe(value, options, _doubt(segment, previous, value, end)), begin, end)
-    else:
-        parts = [Bracket(segment, (0.0, begin), (1.0, end))] if (begin > 0) != (end > 0) else []
-    found = []
-    for bracket in parts:
-        part, first, last = bracket.segment, bracket.first, bracket.last
-        theta = find_root(
-            partial(_value_on, event, part, options), first, last, event.resolution, event.relative_resolution
-        )
-        point = annotated(point_on(part, theta, options)[0], label=event.name)
-        steepness = abs(last[1] - first[1]) / (last[0] - first[0])
-        miss = abs(value(point)) / steepness + event.resolution + event.relative_resolution * theta
-        change = part.end.x - part.begin.x
-        located = EventPoint(
-            point,
-            4 * miss * abs(part.end.parameter - part.begin.parameter) + 1e-15 * abs(point.parameter),
-            4 * miss * math.sqrt(point.problem.inner(change, change)),
-            name=event.name,
-        )
-        found.append(Happening(bracket.whole(theta), located, event.terminal))
-    return found
-
-
-def _doubt(segment: Segment, previous: Segment | None, value: Callable[[Point], float], end: float) -> float | None:
-    """Return the error to be expected of a function's values on the cubic inside a step."""
-    if previous is None or previous.length == 0.0:
-        return None
-    ratio = segment.length / previous.length
-    foretold = value_on_cubic(previous, 1 + ratio, value)
-    return SAFETY * foretold_to_inside(ratio) * abs(foretold - end)
-
-
-def _one_at_most(segment: Segment, previous: Segment | None, event: Event, begin: float, end: float) -> bool:
-    """Whether the values at both ends, and the event's primitive, exclude more than one zero inside."""
-    first, last = event.primitive(segment.begin), event.primitive(segment.end)
-    if first is None or last is None:
-        return False
-    begin, end = begin * segment.scale_begin, end * segment.scale_end
-    cubic = _cubic(first, last, begin, end)
-    before = None if previous is None or previous.length == 0.0 else event.primitive(previous.begin)
-    if previous is None or before is None:
-        # Nothing foretold this step, as after a change of grid: then the cubic is trusted to this share of its slopes.
-        doubt = UNTESTED * max(abs(begin), abs(end))
-    else:
-        start = _value(event, previous.begin) * previous.scale_begin
-        earlier = _cubic(before, first, start, _value(event, previous.end) * previous.scale_end)
-        doubt = doubt_about(cubic, earlier, segment.length / previous.length)
-    if end != 0.0 and (begin > 0) == (end > 0):
-        return slope_keeps_sign(cubic, doubt)
-    # A quadratic slope of opposite signs at the ends has one zero; more would take an error as large as its values.
-    return doubt < 0.3 * max(abs(begin), abs(end))
-
-
-def _cubic(first: float, last: float, begin: float, end: float) -> tuple[float, float, float, float]:
-    rise = last - first
-    return first, begin, 3 * rise - 2 * begin - end, begin + end - 2 * rise
-
-
-def _value_on(event: Event, segment: Segment, options: Options, theta: float) -> float:
-    return _value(event, point_on(segment, theta, options)[0])
-
-
-def _value(event: Event, point: Point) -> float:
-    try:
-        value = float(event.value(point))
-    except Exception as error:  # the user's code ends the attempt, its text is kept
-        detail = f"({type(error).__name__} in event {event.name!r} at parameter {point.parameter:.6g}: {error})"
-        raise CorrectionError(Outcome.EVALUATION_FAILED, detail) from error
-    if not math.isfinite(value):
-        raise CorrectionError(Outcome.NOT_FINITE, f"(Event {event.name!r} at parameter {point.parameter:.6g}.)")
-    return value
 
 
 def _unexplained(segment: Segment, found: list[Happening], options: Options) -> list[Happening]:

@@ -370,7 +370,7 @@ def _of_control(source: State | Branch, control: str | Control) -> Any:
 class ModelChoice(Record):
     """Which model was used, why, and how many unknowns it had at most."""
 
-    kind: Literal["exact", "axisymmetric", "periodic", "free"]
+    kind: str
     why: str
     unknowns: int
 

@@ -11,13 +11,18 @@ from continuation_problems import Bratu, graph
 from contbranch.continuation import (
     Crossing,
     Event,
+    EventPoint,
     Extremum,
+    Happening,
     Options,
     Outcome,
     Problem,
     TangentCrossing,
     trace_curve,
 )
+from contbranch.continuation.walk import point_on
+
+SPACING = 5 * math.pi / 12
 
 
 class Spiral(Problem):
@@ -107,6 +112,30 @@ def test_own_event_class_and_curve_of_many_unknowns():
     (event,) = curve.named("height")
     assert event.x.max() == pytest.approx(2.0, abs=1e-12)
     assert np.abs(Bratu(100).residual(event.x, event.parameter)).max() < 1e-8
+
+
+def test_an_event_that_finds_its_own_happenings():
+    """Passages of the spiral's angle through multiples of 5π/12, counted at the ends of a step instead of by signs."""
+
+    class Ticks(Event):
+        name = "tick"
+
+        def value(self, point):
+            return math.remainder(math.atan2(point.x[1], point.x[0]), 2 * math.pi)
+
+        def happenings(self, segment, previous, options):
+            begin = segment.begin.parameter / SPACING
+            turned = math.remainder(self.value(segment.end) - self.value(segment.begin), 2 * math.pi) / SPACING
+            found = []
+            for k in range(math.floor(begin) + 1, math.floor(begin + turned) + 1):
+                share = (k - begin) / turned
+                point, _ = point_on(segment, share, options)
+                found.append(Happening(share, EventPoint(point, 1e-3, 1e-3, name=self.name), terminal=k == 7))
+            return found
+
+    curve = trace_curve(Spiral(), [1.0, 0.0], 0.0, (0.0, 10.0), Options(largest_parameter_step=0.3), events=[Ticks()])
+    assert [e.parameter for e in curve.named("tick")] == pytest.approx(SPACING * np.arange(1, 8), abs=1e-2)
+    assert curve.outcome is Outcome.STOPPED_AT_EVENT
 
 
 def test_failing_event_keeps_the_part_traced():

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from followed import Followed
 
 import contbranch as cb
-from contbranch.models.axisymmetric.trace import Target, Traced, trace
 
 CASES = [
     pytest.param(cb.Contact.reduced(cb.Exponential, 1.0), id="exponential"),
@@ -29,10 +29,8 @@ TOLERANCE = 1e-8
 
 
 @pytest.fixture(scope="module", params=CASES)
-def traced(request) -> Traced:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("contbranch.models.axisymmetric.trace.TRACE_TOLERANCE", TOLERANCE)
-        return trace(request.param, TOLERANCE, Target(), events=False)
+def traced(request) -> Followed:
+    return Followed(request.param, TOLERANCE, TOLERANCE, events=False)
 
 
 def parts(problem, x, u):

@@ -6,17 +6,17 @@ import math
 
 import numpy as np
 import pytest
+from contbranch.models.axisymmetric.conditions import FoldCondition, Surface
+from contbranch.models.axisymmetric.event_problem import EventProblem
+from contbranch.models.axisymmetric.meetings import Turn
+from contbranch.models.axisymmetric.special import located
+from contbranch.models.axisymmetric.two_parameters import follow_event
 
 import contbranch as cb
 from contbranch.contact.family import family_of
 from contbranch.continuation import Options, Point, Problem, trace_curve
 from contbranch.control import DISPLACEMENT, LOAD
-from contbranch.models.axisymmetric.conditions import FoldCondition, Surface
-from contbranch.models.axisymmetric.event_problem import EventProblem
-from contbranch.models.axisymmetric.meetings import Turn
 from contbranch.models.axisymmetric.problem import ControlReached, Resolution
-from contbranch.models.axisymmetric.special import located
-from contbranch.models.axisymmetric.two_parameters import follow_event
 
 CONTACT = cb.Contact.reduced(cb.Gauss, tabor=2.0, sign=-1)
 EVENTS = {(e.name, e.control): e for e in cb.trace(CONTACT, accuracy=1e-9).events if e.kind == "fold"}

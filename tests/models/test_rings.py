@@ -7,16 +7,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from contbranch.models.rings.journey import Target
+from contbranch.models.rings.legs import solved
+from contbranch.models.rings.solve import indices_on, state_between
+from contbranch.models.rings.trace import Traced, trace
 from ring_reference import Rings as Reference
 
 import contbranch as cb
 from contbranch.control import DISPLACEMENT
-from contbranch.models.rings.journey import Target
-from contbranch.models.rings.legs import solved
 from contbranch.models.rings.panels import Grid, Panels
 from contbranch.models.rings.problem import RingProblem
-from contbranch.models.rings.solve import indices_on, state_between
-from contbranch.models.rings.trace import Traced, trace
 
 BLUNT = cb.Contact(cb.PowerLaw(4.0, 1.0), cb.Exponential(-1.0, 1.0))
 """A tip so blunt that its repulsive film is thinnest on a ring, where the wall is touched first."""

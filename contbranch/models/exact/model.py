@@ -8,8 +8,10 @@ from typing import ClassVar
 from contbranch.contact.contact import Contact
 from contbranch.contact.interactions import MaugisDugdale
 from contbranch.contact.tips import Parabola
+from contbranch.curve.problem import Work
 from contbranch.errors import InputError
 from contbranch.models.exact.curve import ExactCurve
+from contbranch.models.exact.problem import Beyond, ExactProblem, zone_of
 
 __all__ = ["Exact", "ExactCurve"]
 
@@ -31,6 +33,19 @@ class Exact:
         if contact.interaction.work_of_adhesion <= 0.0:
             return "for repulsion the true solution has a ring of constant gap that the closed form does not contain"
         return None
+
+    def problem(self, contact: Contact, accuracy: float) -> ExactProblem:
+        """The first piece of the curve of a contact, which is exact whatever the accuracy asked for.
+
+        Raises
+        ------
+        InputError
+            If the model does not represent the contact; the message says why.
+        """
+        obstacle = self.obstacle(contact)
+        if obstacle is not None:
+            raise InputError(f"model exact does not represent this contact: {obstacle}; choose axisymmetric or auto")
+        return Beyond(zone_of(contact), Work())
 
     def curve(self, contact: Contact) -> ExactCurve:
         """Return the curve of equilibria of a contact, in its reduced units.

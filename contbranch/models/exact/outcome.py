@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.curve.exponents import crossover_excess, fitted_window
+from contbranch.curve.outcome import RawCurve, RawEvent
 from contbranch.models.exact.curve import ExactCurve
 from contbranch.models.exact.results import ExactEvent, ExactState
 from contbranch.models.exact.series import LocalExpansion
-from contbranch.models.outcome import RawCurve, RawEvent
 from contbranch.results.diagram import Cost, Exponent, LocalExponent, Profile, State
 
 __all__ = ["exact_outcome", "exact_state", "plain_state"]

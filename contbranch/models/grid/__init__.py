@@ -5,9 +5,12 @@ from typing import TYPE_CHECKING
 from contbranch._lazy import lazily
 
 if TYPE_CHECKING:
+    from contbranch.models.grid.curves import LatticeCurves
     from contbranch.models.grid.model import FreeSpace, Periodic
     from contbranch.models.grid.resolution import GridWarning
 
-__all__ = ["FreeSpace", "GridWarning", "Periodic"]
+__all__ = ["FreeSpace", "GridWarning", "LatticeCurves", "Periodic"]
 
-__getattr__, __dir__ = lazily(__name__, {".model": "FreeSpace Periodic", ".resolution": "GridWarning"})
+__getattr__, __dir__ = lazily(
+    __name__, {".curves": "LatticeCurves", ".model": "FreeSpace Periodic", ".resolution": "GridWarning"}
+)

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ellipe, ellipkm1
 
-from contbranch.models.axisymmetric.mesh import gauss, legendre_values, panel_rule
+from contbranch.models.quadrature import gauss, legendre_values, panel_rule
 
 __all__ = ["Grid", "Panels"]
 
@@ -46,8 +46,6 @@ class Panels:
     outer : tuple of float
         Breaks ``0 < y`` of the region that reaches to infinity: distances from the last edge are y² (with no edge:
         radii y).
-    end : float
-        Radius at which that region ends if the tip does.
     infinite : bool
         Whether a last panel in end/r takes it to infinity.
     """

@@ -13,7 +13,6 @@ from contbranch.contact.contact import Contact
 from contbranch.control import Control
 from contbranch.curve.naming import fold_name, number_layers, thresholds
 from contbranch.errors import InputError
-from contbranch.models.threads import one_thread
 from contbranch.results.diagram import (
     Branch,
     CellFields,
@@ -28,8 +27,9 @@ from contbranch.results.diagram import (
     State,
     Window,
 )
+from contbranch.threads import one_thread
 
-__all__ = ["RawCurve", "RawEvent", "assemble", "state_in_reduced", "state_in_units"]
+__all__ = ["RawCurve", "RawEvent", "assemble", "fold_names", "state_in_reduced", "state_in_units"]
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -121,10 +121,11 @@ class RawCurve:
 
 @dataclass(frozen=True)
 class Origin:
-    """What an event was found in: its contact, and the raw event with its place in the model."""
+    """What an event was found in: its contact, the raw event with its place in the model, and the model's name."""
 
     contact: Contact
     raw: RawEvent
+    model: str
 
 
 class _Scaling:
@@ -188,7 +189,8 @@ class _Scaling:
         )
 
 
-def _names(contact: Contact, events: Sequence[RawEvent]) -> list[str | None]:
+def fold_names(contact: Contact, events: Sequence[RawEvent]) -> list[str | None]:
+    """Names of events, None for those without."""
     names = []
     for raw in events:
         name = raw.name
@@ -199,7 +201,7 @@ def _names(contact: Contact, events: Sequence[RawEvent]) -> list[str | None]:
     return number_layers(names, [raw.control for raw in events], contact.interaction)
 
 
-def _event(contact: Contact, scaling: _Scaling, raw: RawEvent, name: str | None) -> Event:
+def _event(contact: Contact, scaling: _Scaling, raw: RawEvent, name: str | None, model: str) -> Event:
     load, displacement, radius, gap = scaling.values(raw.values)
     keys = ("load", "displacement", "contact_radius", "central_gap")
     source = raw.exponent
@@ -218,7 +220,7 @@ def _event(contact: Contact, scaling: _Scaling, raw: RawEvent, name: str | None)
         mode=raw.mode,
         verdict=raw.verdict,
         mode_shape=None if raw.mode_shape is None else scaling.mode_shape(raw.mode_shape),
-        origin=None if raw.place is None else Origin(contact, raw),
+        origin=None if raw.place is None else Origin(contact, raw, model),
         critical=None if source is None else one_thread(lambda: scaling.exponent(source(), raw.control)),
     )
 
@@ -245,14 +247,15 @@ def _branch(scaling: _Scaling, curve: RawCurve) -> Branch:
 def assemble(contact: Contact, curve: RawCurve, choice: ModelChoice, control: Control, accuracy: float) -> Diagram:
     """The diagram of a curve: events named, thresholds collected, everything in the contact's own units."""
     scaling = _Scaling(contact)
-    names = _names(contact, curve.events)
-    events = tuple(_event(contact, scaling, raw, name) for raw, name in zip(curve.events, names, strict=True))
+    names = fold_names(contact, curve.events)
+    named = zip(curve.events, names, strict=True)
+    events = tuple(_event(contact, scaling, raw, name, choice.kind) for raw, name in named)
     raws = [*curve.events]
     branches = [_branch(scaling, curve)]
     for number, other in enumerate(curve.others, start=1):
         branches.append(_branch(scaling, other))
         raws += other.events
-        others = (_event(contact, scaling, raw, None) for raw in other.events)
+        others = (_event(contact, scaling, raw, None, choice.kind) for raw in other.events)
         events += tuple(replace(event, branch=number) for event in others)
     terms = contact.interaction.terms if contact.interaction is not None else ()
     repulsive = bool(terms) and all(term.work_of_adhesion < 0 for term in terms)

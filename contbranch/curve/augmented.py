@@ -1,0 +1,478 @@
+"""An event as a curve: equilibrium and the event's condition together, with one parameter of the contact free.
+
+    R(x, p; q) = 0                  equilibrium
+    G(x, p; q) = 0                  the condition: for a fold, the rate of what is controlled along the curve of
+                                    equilibria at fixed q
+
+with the state z = (x, w) and the family's coordinate q as parameter (a minimally augmented system: one equation more,
+one unknown more). The tangent v of the curve of equilibria at fixed q comes from the bordered matrix
+
+    [ R_x  R_p ] [ v_x ]   [ 0 ]
+    [   c^T    ] [ v_p ] = [ 1 ].
+
+G is taken at the state moved onto the equilibria by one Newton step with that matrix, at fixed c·(x, p). Its derivative
+is then a multiple of c^T, and only its rates along the two tangents of the surface of equilibria (v, and the change
+with q) are needed, which differences give. They enter the rate of convergence and the tangents, not the solutions.
+
+Conditions are smooth in w, which is p itself or a root of it (`EquilibriumProblem.power`). Events of this curve, where
+q turns round or first touch is passed, are those of codimension two.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from contbranch.contact.family import Family
+from contbranch.continuation import Adaptation, Bordered, Event, Linearisation, Metric, Options, Point
+from contbranch.continuation.newton import border, linearise, solve
+from contbranch.continuation.problem import Array
+from contbranch.control import Control
+from contbranch.curve.events import FoldEvent, rates
+from contbranch.curve.problem import Defect, EquilibriumProblem, Rates, Values, equilibrium
+from contbranch.errors import ModelError
+from contbranch.results.profile import Profile
+
+__all__ = ["Augmented", "Condition", "Fold", "Held", "Locus", "Other", "augmented"]
+
+# Central and one-sided differences of the condition: nodes and weights, of second order while tracing, of fourth order
+# where tangents themselves are results; their steps.
+STENCILS = {
+    (False, False): ([-1.0, 1.0], [-0.5, 0.5]),
+    (False, True): ([0.0, 1.0, 2.0], [-1.5, 2.0, -0.5]),
+    (True, False): ([-2.0, -1.0, 1.0, 2.0], [1 / 12, -2 / 3, 2 / 3, -1 / 12]),
+    (True, True): ([0.0, 1.0, 2.0, 3.0, 4.0], [-25 / 12, 4.0, -3.0, 4 / 3, -0.25]),
+}
+STEP, FINE_STEP = 1e-4, 2e-3
+# ... over lengths in w that are small against its own value, but not below this one; step of other differences.
+LEAST_LENGTH, RATE_STEP = 1e-2, 1e-5
+# A state farther from equilibrium than this, relative to itself, is moved onto it before the condition is taken.
+NEAR = 1e-9
+# The border is p itself where the tangent has at least this component of it; otherwise a reference direction, replaced
+# when it is farther than this (cosine) from the tangent.
+UPRIGHT, ALIGNED = 1e-3, 0.7
+# This far beyond an edge of the parameter is rounding.
+ZERO = 1e-12
+# Linearisations and members that are kept.
+SHEETS, MEMBERS = 4, 8
+STEPS = Options(
+    angle=0.3,
+    angle_limit=0.8,
+    tolerance=1e-9,
+    noise=1e5,
+    first_step=0.02,
+    detect_folds=False,
+    detect_branch_points=False,
+    maximum_points=600,
+)
+
+
+class Condition(ABC):
+    """What makes an equilibrium an event."""
+
+    @abstractmethod
+    def value(self, point: Point, q: float) -> float:
+        """A number that vanishes at the event, smooth; the point has its unit tangent at fixed q."""
+
+    @abstractmethod
+    def event(self, q: float) -> Event | None:
+        """What vanishes along the curve of equilibria at q; None: its parameter is known."""
+
+    def weights(self, q: float) -> tuple[float, float]:
+        """Weights of load and displacement in what is controlled, if it is a fold."""
+        return 0.0, 0.0
+
+
+@dataclass(frozen=True)
+class Fold(Condition):
+    """A fold: the rate of what is controlled along the tangent vanishes."""
+
+    family: Family
+    driven: Control
+
+    def event(self, q: float) -> FoldEvent:
+        """The fold of the control, of which the stiffness may be the parameter itself."""
+        return FoldEvent(self.family.control(q, self.driven))
+
+    def weights(self, q: float) -> tuple[float, float]:
+        """w; (cos q, sin q) where q is the angle arctan K, smooth beyond its ends, too."""
+        if self.family.spacing == "angle":
+            return math.cos(q), math.sin(q)
+        return self.family.control(q, self.driven).weights
+
+    def value(self, point: Point, q: float) -> float:
+        """``w·(F', d')``."""
+        return float(np.dot(self.weights(q), rates(point)))
+
+
+@dataclass(frozen=True)
+class Held(Condition):
+    """First touch, or the fold in another corner of the curve: at an edge of the parameter."""
+
+    parameter: float
+    corner: bool = False
+
+    def event(self, q: float) -> None:
+        """None."""
+        return
+
+    def value(self, point: Point, q: float) -> float:
+        """Distance of the parameter."""
+        return point.parameter - self.parameter
+
+
+@dataclass(frozen=True)
+class Other(Condition):
+    """Any other event of the curves of equilibria: an eigenvalue of a mode that passes 1."""
+
+    what: Event
+
+    def event(self, q: float) -> Event:
+        """It."""
+        return self.what
+
+    def value(self, point: Point, q: float) -> float:
+        """The event's own value."""
+        return self.what.value(point)
+
+
+@dataclass(frozen=True)
+class Locus:
+    """Where an event lies in a family.
+
+    Attributes
+    ----------
+    family : Family
+    condition : Condition
+    interval : (float, float)
+        The family's coordinates between which it is followed.
+    size : float
+        Norm of a typical state: the unit of states in lengths.
+    """
+
+    family: Family
+    condition: Condition
+    interval: tuple[float, float]
+    size: float
+
+
+@dataclass(frozen=True, eq=False)
+class Sheet:
+    """The equilibria of one member around a state: linearisation, bordered matrix, and the state with its tangent."""
+
+    point: Point
+    at: Linearisation
+    bordered: Bordered
+
+    def solve(self, f: Array) -> tuple[Array, float]:
+        """The (x, p) with ``R_x x + R_p p = f`` and no component along the border."""
+        return solve(self.bordered, f, 0.0, self.point.parameter)
+
+
+class Augmented(EquilibriumProblem):
+    """The augmented system on one discretisation of one representation.
+
+    Parameters
+    ----------
+    locus : Locus
+    base : EquilibriumProblem
+        Of any member of the family.
+    reference : (array (n,), float)
+        Direction (x, p) to which tangents are compared: it borders the matrix, and orients them.
+    fine : bool
+        Whether derivatives of the condition are taken to fourth order.
+    """
+
+    def __init__(
+        self, locus: Locus, base: EquilibriumProblem, reference: tuple[Array, float], fine: bool = False
+    ) -> None:
+        self.locus, self.base, self.reference, self.fine = locus, base, reference, fine
+        self.scale, self.work = base.scale, base.work
+        length = math.sqrt(self._inner(reference, reference))
+        direction = reference[0] / length, reference[1] / length
+        self.upright = abs(direction[1]) > UPRIGHT
+        self._border = base.dual(direction[0]) / locus.size**2, direction[1]
+        if self.upright:
+            self._border = np.zeros_like(direction[0]), math.copysign(1.0, direction[1])
+        self._members: dict[float, EquilibriumProblem] = {}
+        self._kept: list[tuple[Array, float, Sheet, Sheet]] = []
+
+    def on(
+        self, base: EquilibriumProblem, reference: tuple[Array, float] | None = None, fine: bool | None = None
+    ) -> Augmented:
+        """The same event on another discretisation or representation."""
+        if reference is None:
+            x, p = self.reference
+            reference = self.base.carried(x, x, base), p
+        return Augmented(self.locus, base, reference, self.fine if fine is None else fine)
+
+    # -- state --------------------------------------------------------------------------------------------------------
+    def parameter(self, w: float) -> float:
+        """The parameter p of w; NaN where this representation has no states."""
+        if not self.base.beyond_edge:
+            low, high = map(self.root, self.base.parameter_range)
+            if not low - ZERO <= w <= high + ZERO:
+                return math.nan
+            w = min(max(w, low), high)
+        return math.copysign(abs(w) ** self.base.power, w)
+
+    def root(self, p: float) -> float:
+        """W of the parameter p."""
+        return math.copysign(abs(p) ** (1 / self.base.power), p)
+
+    def split(self, z: Array) -> tuple[Array, float]:
+        """(x, p) of a state z."""
+        return z[:-1], self.parameter(float(z[-1]))
+
+    def joined(self, x: Array, p: float) -> Array:
+        """The state z of (x, p)."""
+        return np.append(x, self.root(p))
+
+    def _stretch(self, w: float) -> float:
+        """dp/dw."""
+        return self.base.power * abs(w) ** (self.base.power - 1)
+
+    def _clipped(self, p: float) -> float:
+        """P, or the edge beyond which there are no states."""
+        low, high = self.base.parameter_range
+        return p if self.base.beyond_edge else min(max(p, low), high)
+
+    def member(self, q: float) -> EquilibriumProblem:  # type: ignore[override]
+        """The equilibrium problem at q."""
+        key = 0.0 if self.locus.family.spacing == "angle" else q
+        if key not in self._members:
+            if len(self._members) >= MEMBERS:
+                self._members.pop(next(iter(self._members)))
+            self._members[key] = self.base.member(self.locus.family.reduced(q)[0])
+        return self._members[key]
+
+    def _inner(self, u: tuple[Array, float], v: tuple[Array, float]) -> float:
+        return self.base.inner(u[0], v[0]) / self.locus.size**2 + u[1] * v[1]
+
+    def inner(self, u: Array, v: Array) -> float:
+        """Of the states in units of a typical one, plus the product of the last components."""
+        return self._inner((u[:-1], float(u[-1])), (v[:-1], float(v[-1])))
+
+    def dual(self, u: Array) -> Array:
+        """Vector whose product with v is inner(u, v)."""
+        return np.append(self.base.dual(u[:-1]) / self.locus.size**2, u[-1])
+
+    def metric(self, x: Array) -> Metric:
+        """States are measured in units of their own size, the family's coordinate in its own."""
+        return Metric(1.0, 1.0)
+
+    # -- equilibria at fixed q ----------------------------------------------------------------------------------------
+    def sheet(self, x: Array, p: float, q: float) -> Sheet:
+        """Linearisation and tangent at (x, p; q).
+
+        Raises
+        ------
+        ModelError, CorrectionError
+            If the state cannot be evaluated.
+        """
+        if not math.isfinite(p):
+            raise ModelError("no equilibrium beyond the edge of its parameter")
+        problem = self.member(q)
+        at = linearise(problem, x, p)
+        bordered = border(problem, x, p, at, self._border)
+        v, a = solve(bordered, np.zeros_like(x), 1.0, p)
+        length = math.sqrt(self._inner((v, a), (v, a)))
+        return Sheet(Point(problem, x, p, v / length, a / length), at, bordered)
+
+    def sheets(self, z: Array, q: float) -> tuple[Sheet, Sheet]:
+        """The linearisations at a state, and at the equilibrium next to it."""
+        for known, value, own, nearest in self._kept:
+            if known is z and value == q:
+                return own, nearest
+        own = self.sheet(*self.split(z), q)
+        nearest = self._nearest(own, q)
+        self._kept = [(z, q, own, nearest), *self._kept[: SHEETS - 1]]
+        return own, nearest
+
+    def _nearest(self, sheet: Sheet, q: float) -> Sheet:
+        point = sheet.point
+        dx, dp = sheet.solve(-sheet.at.residual)
+        largest = max(float(np.abs(point.x).max()), 1e-3 * self.scale)
+        if float(np.abs(dx).max()) / largest + abs(dp) <= NEAR:
+            return sheet
+        return self.sheet(point.x + dx, self._clipped(point.parameter + dp), q)
+
+    def held(self, point: Point) -> Point:
+        """The equilibrium of a point of this curve, with its unit tangent at fixed q."""
+        return self.sheets(point.x, point.parameter)[1].point
+
+    def _level(self, x: Array, p: float, q: float) -> float:
+        """The condition's value at the equilibrium next to (x, p)."""
+        return self.locus.condition.value(self._nearest(self.sheet(x, p, q), q).point, q)
+
+    # -- the augmented system -----------------------------------------------------------------------------------------
+    def residual(self, x: Array, p: float) -> Array:
+        """(R, G), (n + 1,)."""
+        own, nearest = self.sheets(x, p)
+        return np.append(own.at.residual, self.locus.condition.value(nearest.point, p))
+
+    def jacobian(self, x: Array, p: float) -> Array:
+        """d(R, G)/d(x, w), (n + 1, n + 1)."""
+        return np.asarray(self.linearise(x, p).jacobian)
+
+    def linearise(self, x: Array, p: float) -> Linearisation:
+        """Residual, its derivatives with respect to state and parameter."""
+        own, nearest = self.sheets(x, p)
+        n, w = x.size - 1, float(x[-1])
+        stretch = self._stretch(w)
+        matrix = np.empty((n + 1, n + 1))
+        matrix[:n, :n] = own.at.jacobian
+        matrix[:n, n] = own.at.parameter_derivative * stretch
+        # G changes along the border alone, by its rate along (x, w)' = (dp/dw v_x, v_p).
+        row = np.append(self._border[0] / max(stretch, 1e-8), self._border[1])
+        direction = np.append(stretch * own.point.tangent_x, own.point.tangent_parameter)
+        matrix[n] = self._along(own.point, w, p) * row / float(row @ direction)
+        residual_rate = self._residual_rate(*self.split(x), p)
+        value = self.locus.condition.value(nearest.point, p)
+        change = self._across(own, residual_rate, p)
+        return Linearisation(np.append(own.at.residual, value), matrix, np.append(residual_rate, change))
+
+    def _residual_rate(self, x: Array, p: float, q: float) -> Array:
+        """dR/dq at fixed (x, p)."""
+        if self.locus.family.spacing == "angle":
+            return np.zeros_like(x)
+        above, below = (self.member(q + step).residual(x, p) for step in (RATE_STEP, -RATE_STEP))
+        return np.asarray((above - below) / (2 * RATE_STEP))
+
+    def _stencil(self, one_sided: bool) -> tuple[Array, Array]:
+        """Offsets and weights of a difference over a unit length."""
+        nodes, weights = map(np.array, STENCILS[self.fine, one_sided])
+        step = FINE_STEP if self.fine else STEP
+        return step * nodes, weights / step
+
+    def _along(self, point: Point, w: float, q: float) -> float:
+        """Rate of the condition along the tangent at fixed q, times dp/dw."""
+        x, p, v, a = point.x, point.parameter, point.tangent_x, point.tangent_parameter
+        length = min(1.0, max(abs(w), LEAST_LENGTH))
+        offsets, weights = self._stencil(False)
+        outside = [math.isnan(self.parameter(w + s * length * a)) for s in (offsets[0], offsets[-1])]
+        if any(outside):  # towards the side that has states
+            offsets, weights = self._stencil(True)
+            length = -length if outside[1] else length
+        total = 0.0
+        for offset, weight in zip(offsets * length, weights / length, strict=True):
+            there = self.parameter(w + offset * a)
+            share = (there - p) / a if abs(a) > 1e-8 else offset * self._stretch(w)
+            total += weight * self._level(x + share * v, there, q)
+        return total
+
+    def _across(self, sheet: Sheet, residual_rate: Array, q: float) -> float:
+        """Rate of the condition with q along the surface of equilibria, at fixed c·(x, p)."""
+        x_rate, p_rate = sheet.solve(-residual_rate)
+        x, p = sheet.point.x, sheet.point.parameter
+        return sum(
+            weight * self._level(x + s * x_rate, self._clipped(p + s * p_rate), q + s)
+            for s, weight in zip(*self._stencil(False), strict=True)
+        )
+
+    # -- what is seen -------------------------------------------------------------------------------------------------
+    def start(self, control: Control) -> Point:
+        """None: an event is followed from where it was found."""
+        raise NotImplementedError
+
+    @property
+    def parameter_range(self) -> tuple[float, float]:
+        """Of the family's coordinate."""
+        return self.locus.interval
+
+    def steps(self, start: Point) -> Options:
+        """Step control."""
+        return STEPS
+
+    def values(self, x: Array, p: float) -> Values:
+        """Of the equilibrium."""
+        return self.member(p).values(*self.split(x))
+
+    def rates(self, x: Array, p: float, x_rate: Array, p_rate: float) -> Rates:
+        """Of the equilibrium, by differences."""
+        above, below = (self.values(x + s * x_rate, p + s * p_rate) for s in (RATE_STEP, -RATE_STEP))
+        return Rates(*((a - b) / (2 * RATE_STEP) for a, b in zip(above[:4], below[:4], strict=True)))
+
+    def observables(self, x: Array, p: float) -> Mapping[str, float]:
+        """What the equilibrium problem records."""
+        return self.member(p).observables(*self.split(x))
+
+    def margins(self, x: Array, p: float) -> Mapping[str, float]:
+        """Those of the equilibrium."""
+        return self.member(p).margins(*self.split(x))
+
+    def unstable(self, x: Array, p: float) -> int:
+        """Morse index of the equilibrium at fixed displacement."""
+        return self.member(p).unstable(*self.split(x))
+
+    def profile(self, x: Array, p: float) -> Profile:
+        """Of the equilibrium."""
+        return self.member(p).profile(*self.split(x))
+
+    # -- discretisations ----------------------------------------------------------------------------------------------
+    def adapt(self, x: Array, p: float) -> Adaptation | None:
+        """A discretisation for this solution, and a reference direction close to its tangent, where needed."""
+        point = self.sheets(x, p)[1].point
+        v, a = point.tangent_x, point.tangent_parameter
+        offer = self.member(p).adapt(*self.split(x))
+        if isinstance(offer, Adaptation) and offer.transfer is not None:
+            transfer, base = offer.transfer, equilibrium(Point(offer.problem, offer.x, a, offer.x, a))
+            other = self.on(base, (transfer(v), a))
+            return Adaptation(other, np.append(offer.x, x[-1]), lambda z: np.append(transfer(z[:-1]), z[-1]))
+        aligned = abs(float(self._border[0] @ v) + self._border[1] * a)
+        if aligned >= 0.5 * UPRIGHT if self.upright else aligned >= ALIGNED and abs(a) < 3 * UPRIGHT:
+            return None
+        return Adaptation(self.on(self.base, (v, a)), x, lambda z: z)
+
+    def finer(self) -> Augmented:
+        """On the finer discretisation."""
+        base = self.base.finer()
+        return self if base is self.base else self.on(base)
+
+    def halved(self) -> Augmented:
+        """With halved panels."""
+        base = self.base.halved()
+        return self if base is self.base else self.on(base)
+
+    def carried(self, vector: Array, x: Array, other: EquilibriumProblem) -> Array:
+        """A state or direction on another discretisation."""
+        base = other.base if isinstance(other, Augmented) else other
+        return np.append(self.base.carried(vector[:-1], x[:-1], base), vector[-1])
+
+    def resolving(self, point: Point, tolerance: float) -> Augmented:
+        """A discretisation made for a state."""
+        own = self.held(point)
+        base = equilibrium(own).resolving(own, tolerance)
+        return self if base is own.problem else self.on(base)
+
+    def defect(self, point: Point) -> Defect:
+        """Of the equilibrium."""
+        own = self.held(point)
+        return equilibrium(own).defect(own)
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns of the equilibrium."""
+        return self.base.size
+
+    @property
+    def rounding(self) -> float:
+        """Of the equilibrium."""
+        return self.base.rounding
+
+
+def augmented(point: Point) -> Augmented:
+    """The problem of a point of a followed event.
+
+    Raises
+    ------
+    TypeError
+        If it is none.
+    """
+    if isinstance(point.problem, Augmented):
+        return point.problem
+    raise TypeError(f"{type(point.problem).__name__} is not an Augmented")

@@ -1,0 +1,105 @@
+"""Newton's method from afar: states of a new layout, and states on panels made for them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbranch.continuation import CorrectionError, Outcome, Point
+from contbranch.continuation.newton import border, correct, linearise, residual
+from contbranch.curve.problem import oriented
+
+from .equations import RingEquations, rings
+from .meshing import adapted
+
+__all__ = ["remeshed", "resolved", "solved"]
+
+Array = NDArray[np.float64]
+Row = tuple[Array, float]
+
+# Most iterations, the relative correction from which the iteration is left to itself, the growth of the residual that
+# is accepted, and how often a step is halved to avoid more.
+APPROACHES, NEARLY, GROWS, HALVINGS = 30, 1e-3, 1.5, 6
+# Rounds of meshing and solving for one state.
+ROUNDS = 6
+
+
+def solved(problem: RingEquations, x: Array, d: float, row: Row) -> tuple[Array, float]:
+    """The solution near (x, d) in the plane that `row` is normal to.
+
+    Newton's method, with steps shortened so that edges move by no more than a share of the distances between them and
+    the residual does not grow much: a guess at a new layout may be far from the solution.
+
+    Raises
+    ------
+    CorrectionError
+        If Newton's method fails.
+    """
+    metric, count = problem.metric(x), problem.edges
+    size = math.inf
+    for _ in range(APPROACHES):
+        at = linearise(problem, x, d)
+        dx, dd = border(problem, x, d, at, row).solve(-at[0], 0.0)
+        size = metric.norm(problem, dx, dd)
+        if not math.isfinite(size):
+            break
+        if size < NEARLY:
+            done = correct(problem, x, d, row, metric, tolerance=1e-12, noise=1e6, maximum_iterations=12)
+            return done.x, done.parameter
+        room = np.diff(np.concatenate([[0.0], x[x.size - count :]]))
+        moved = np.abs(dx[x.size - count :]).max(initial=0.0)
+        share = min(1.0, 0.3 * float(room.min()) / moved if moved > 0 else 1.0)
+        before = float(np.abs(at[0]).max())
+        for _ in range(HALVINGS):
+            trial = x + share * dx, d + share * dd
+            try:
+                after = float(np.abs(residual(problem, *trial)).max())
+            except CorrectionError:
+                after = math.inf
+            if after < GROWS * before:
+                break
+            share /= 2
+        x, d = trial
+    raise CorrectionError(Outcome.START_FAILED, f"(Newton's last correction was {size:.2g} of the state.)")
+
+
+def remeshed(point: Point, tolerance: float, row: Row | None = None) -> Point | None:
+    """The point on panels made for it; None if its own serve.
+
+    Parameters
+    ----------
+    tolerance : float
+        Error wanted of the load, relative to max(1, |value|).
+    row : (array (E,), float), optional
+        What is held of edges and displacement; by default the solution is sought across the curve.
+
+    Raises
+    ------
+    CorrectionError
+        If Newton's method fails.
+    """
+    problem, x, d = rings(point), point.x, point.parameter
+    panels = adapted(problem, problem.fields(x, d), tolerance)
+    if panels is None:
+        return None
+    other = problem.on(panels)
+    x, tangent = (problem.carried(vector, point.x, other) for vector in (x, point.tangent_x))
+    along = tangent, point.tangent_parameter
+    if row is None:
+        across = other.metric(x).row(other, *along)
+    else:
+        across = np.concatenate([np.zeros(x.size - problem.edges), row[0]]), row[1]
+    return oriented(other, *solved(other, x, d, across), along)
+
+
+def resolved(point: Point, row: Row | None = None) -> Point:
+    """The point on panels that resolve it; arguments and errors as those of `remeshed`."""
+    tolerance = rings(point).setting.tolerance
+    for _ in range(ROUNDS):
+        found = remeshed(point, tolerance, row)
+        if found is None:
+            break
+        point = found
+    return point
