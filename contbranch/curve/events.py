@@ -19,7 +19,7 @@ __all__ = ["Ceiling", "FoldEvent", "Folds", "Margin", "Reached", "rates"]
 
 # Relative to their place in a step, folds are located so coarsely while tracing (they are refined afterwards); where
 # there are several on one part of a step, as sharply as it takes to tell them apart, down to the last.
-SHARPER = (0.03, 1e-3, 1e-5, 1e-7, 1e-10)
+SHARPER = (3e-3, 1e-3, 1e-5, 1e-7, 1e-10)
 # Error of a cubic's slope, as a share of its largest value, where no earlier step tells.
 UNTESTED = 0.1
 # A quadratic slope of opposite signs at its ends has one zero, unless its error is this share of its values.
