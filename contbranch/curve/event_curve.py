@@ -151,7 +151,7 @@ class EventCurve:
         self.meetings: dict[str, Event] = {"cusp": Turn(), **{event.name: event for event in meetings}}
         self.rows: list[FollowedPoint] = []
         self.points: list[Point] = []
-        self.worst, self.complete, self.message = 0.0, True, ""
+        self.beside, self.worst, self.complete, self.message = 0.0, 0.0, True, ""
 
     # -- the curve ----------------------------------------------------------------------------------------------------
     def trace(self, place: Point) -> None:
@@ -172,7 +172,6 @@ class EventCurve:
             except CorrectionError as error:
                 message = f"follow: the event was not found again at its start. {error.outcome.value} {error.detail}"
                 raise ModelError(message.strip()) from error
-            self.beside = min(BESIDE[0], abs(float(start.x[-1])))
             backward, first = self._onward(start.turned())
             forward, last = self._onward(start)
             points, ends = [*(point.turned() for point in reversed(backward)), start, *forward], (first, last)
@@ -201,14 +200,17 @@ class EventCurve:
 
     def _onward(self, start: Point) -> tuple[list[Point], End]:
         """The curve from a point along its tangent, through first touch as often as it comes there, and how it ends."""
-        points, end = self._piece(start, self.beside)
+        points, end = self._piece(start, min(BESIDE[0], abs(float(start.x[-1]))))
         for _ in range(PASSAGES):
             if end.outcome is not Outcome.STOPPED_AT_EVENT or points[-1].label != "touch":
                 break
             try:
                 beyond, end = self._beyond(points)
             except CorrectionError as error:
-                return points, End(error.outcome, f"(Beyond first touch: {error.detail})")
+                smaller = [beside for beside in BESIDE if beside < self.beside]
+                if not smaller or points[-1].label == "touch":
+                    return points, End(error.outcome, f"(Beyond first touch: {error.detail})")
+                beyond, end = self._piece(points[-1], smaller[0])  # it was not so close
             points += beyond
         return points, end
 
@@ -219,6 +221,7 @@ class EventCurve:
             return [], End(Outcome.STARTED_ON_EDGE)
         problem = augmented(start)
         margins = (Margin(name) for name in problem.margins(start.x, start.parameter))
+        self.beside = beside
         edged = not self.touching and np.isfinite(problem.base.parameter_range).any()
         events = [*self.meetings.values(), *margins, *([Edge(beside)] if edged else [])]
         branch = follow(start, problem.balance(start), self.interval, STEPS, events, StopAt(predicate=self._far))

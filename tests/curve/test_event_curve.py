@@ -218,3 +218,16 @@ def test_any_event_of_the_curve_can_be_followed():
     nearest = min(states, key=lambda state: abs(state.load - point.load))
     for name in ("load", "displacement", "contact_radius", "central_gap"):
         assert getattr(point, name) == pytest.approx(getattr(nearest, name), abs=1e-7)
+
+
+def test_a_fold_that_only_nears_first_touch_is_followed_on():
+    """Wetting of a soft film leaves at ever smaller contact radii, but not at first touch: as separate traces have it."""
+    contact = cb.Contact.reduced(cb.VanDerWaals, 0.25, -1)
+    wetting = next(e for e in cb.trace(contact, accuracy=1e-8).folds("load") if e.name == "wetting")
+    followed = cb.follow(wetting, "tabor", to=0.16, accuracy=1e-8)
+    assert (followed.status, followed.special) == ("complete", ())
+    softer = cb.trace(cb.Contact.reduced(cb.VanDerWaals, 0.16, -1), accuracy=1e-8)
+    other = next(e for e in softer.folds("load") if e.name == "wetting")
+    (point,) = followed.at(0.16)
+    assert point.contact_radius == pytest.approx(other.contact_radius, abs=1e-7)
+    assert point.load == pytest.approx(other.load, abs=point.error["load"] + other.error["load"])
