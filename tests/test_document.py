@@ -106,6 +106,6 @@ def test_a_branch_of_some_hundred_points_takes_milliseconds(repulsion: Diagram, 
     at = np.linspace(0, len(branch) - 1, points).astype(int)
     columns = {n: values[at] for n, values in branch.columns.items()}
     diagram = replace(repulsion, branches=(replace(branch, **columns),))
-    start = time.perf_counter()
+    start = time.process_time()
     json.dumps(document_of(diagram), allow_nan=False)
-    assert time.perf_counter() - start < 0.05
+    assert time.process_time() - start < 0.05

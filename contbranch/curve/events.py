@@ -19,13 +19,16 @@ __all__ = ["Ceiling", "FoldEvent", "Folds", "Margin", "Reached", "rates"]
 
 # Relative to their place in a step, folds are located so coarsely while tracing (they are refined afterwards); where
 # there are several on one part of a step, as sharply as it takes to tell them apart, down to the last.
-SHARPER = (0.03, 1e-3, 1e-5, 1e-7, 1e-10)
+SHARPER = (3e-3, 1e-3, 1e-5, 1e-7, 1e-10)
 # Error of a cubic's slope, as a share of its largest value, where no earlier step tells.
 UNTESTED = 0.1
 # A quadratic slope of opposite signs at its ends has one zero, unless its error is this share of its values.
 CERTAIN = 0.3
 # ... or its steepness at the zero is not so much larger than the error: then three zeros may lie there.
 STEEP = 6.0
+# A cubic's error is θ² (1 − θ)² times a constant, first of all: the largest error of its slope in units of its error in
+# the middle, where that of the slope vanishes.
+QUARTIC = 16 * math.sqrt(3) / 9
 # How often a step is halved in search of hidden pairs of folds.
 DEPTH = 6
 
@@ -150,6 +153,7 @@ class _Passage:
     end: float
     offset: float
     share: float
+    zero: tuple[float, Point]
 
 
 class Folds(Event):
@@ -244,8 +248,24 @@ class Folds(Event):
             if not clear and depth:
                 return self._halves(part, doubts, options, depth, (offset, share))
             if passes:
-                found.append(_Passage(control, part, begin, end, offset, share))
+                found.append(_Passage(control, part, begin, end, offset, share, (0.0, part.begin)))
+        found = [replace(passage, zero=self._zero(passage, options, SHARPER[0])) for passage in found]
+        if depth:
+            sampled = doubts | {p.control.kind: SAFETY * self._error(p) for p in found if p.zero[0]}
+            if not all(_passes_once(self._cubic(part, p.control), sampled[p.control.kind]) for p in found):
+                return self._halves(part, sampled, options, depth, (offset, share))
         return found
+
+    def _error(self, passage: _Passage) -> float:
+        """Largest error of the slope of a cubic, from what it says at the fold that it led to."""
+        c0, c1, c2, c3 = self._cubic(passage.part, passage.control)
+        theta, point = passage.zero
+        load, displacement = equilibrium(point).values(point.x, point.parameter)[:2]
+        foretold = c0 + theta * (c1 + theta * (c2 + theta * c3))
+        off = passage.control.weighted(load, displacement) - foretold
+        turned = c1 + theta * (2 * c2 + theta * 3 * c3)
+        one = theta * (1 - theta)
+        return QUARTIC / 16 * math.hypot(off, turned) / math.hypot(one * one, 2 * one * (1 - 2 * theta))
 
     def _halves(
         self, part: Segment, doubts: Slopes, options: Options, depth: int, place: tuple[float, float]
@@ -256,11 +276,12 @@ class Folds(Event):
         left, right = Segment(part.begin, middle, part.metric), Segment(middle, part.end, part.metric)
         halved: Slopes = {}
         for control in self.controls:
-            _, c1, c2, c3 = self._cubic(part, control)
+            c0, c1, c2, c3 = self._cubic(part, control)
+            own = middle.observables
+            off = control.weighted(own["load"], own["displacement"]) - (c0 + c1 / 2 + c2 / 4 + c3 / 8)
             # Slopes per half a part are half as large.
-            here = self._slope(middle, control) * left.scale_end
-            off = abs(here - (c1 + c2 + 0.75 * c3) / 2)
-            halved[control.kind] = SAFETY * off + doubts[control.kind] / 16
+            turned = self._slope(middle, control) * left.scale_end - (c1 + c2 + 0.75 * c3) / 2
+            halved[control.kind] = SAFETY * (abs(turned) + QUARTIC * abs(off) / 16) + doubts[control.kind] / 16
         offset, half = place[0], place[1] / 2
         found = self._passages(left, halved, options, depth - 1, offset, half)
         for control in self.controls:
@@ -273,7 +294,8 @@ class Folds(Event):
     def _located(self, passages: list[_Passage], options: Options) -> list[Happening]:
         """Folds of different controls on one part, in order: located as sharply as it takes to tell them apart."""
         for resolution in SHARPER if len(passages) > 1 else SHARPER[:1]:
-            found = [(passage, *self._zero(passage, options, resolution)) for passage in passages]
+            coarse = resolution == SHARPER[0]
+            found = [(p, *(p.zero if coarse else self._zero(p, options, resolution))) for p in passages]
             found.sort(key=lambda one: one[1])
             thetas = [theta for _, theta, _ in found]
             if all(b - a > 4 * resolution * b for a, b in pairwise(thetas)):

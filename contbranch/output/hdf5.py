@@ -19,7 +19,7 @@ from contbranch.errors import InputError
 from contbranch.output.document import VERSION, document, head
 from contbranch.results.diagram import Branch, Cost, Diagram, Event, LocalExponent, ModelChoice, Solution, State
 from contbranch.results.profile import ModeShape, Profile
-from contbranch.results.record import Record, Result, columns, same
+from contbranch.results.record import Record, Result, columns, key_of, kind_of, same, unit_of
 
 if TYPE_CHECKING:
     import h5py
@@ -178,51 +178,40 @@ def _write_diagram(file: h5py.File, diagram: Diagram) -> None:
     top = head(diagram)
     names = top.get("unit_names", {})
     file.attrs.update({key: top[key] for key in ("format", "version", "units")})
-    file.attrs.update({key: value for key in _HEAD if (value := getattr(diagram, key)) is not None})
     for key, text in (("unit_names", names), ("contact", top["contact"])):
         file[key] = json.dumps(text, ensure_ascii=False)  # no attribute: a tabulated law may be long
     tip = None if diagram.contact is None else diagram.contact.tip
     if isinstance(tip, HeightMap):  # of which the description has only a digest
-        _write_array(file.create_group("tip"), "heights", tip.heights, names.get("gap"))
-    _write_record(file.create_group("model"), diagram.model, names)
-    _write_record(file.create_group("cost"), diagram.cost, names)
-    file.create_group("thresholds").attrs.update({key: float(value) for key, value in diagram.thresholds.items()})
-    branches = file.create_group("branches")
-    for number, branch in enumerate(diagram.branches):
-        _write_record(branches.create_group(str(number)), branch, names)
-    _write_table(file.create_group("events"), Event, diagram.events)
-    known = {} if diagram.local_exponents is None else diagram.known_exponents()
-    shapes = {number: event.mode_shape for number, event in enumerate(diagram.events)}
-    for key, found in (("local_exponents", known), ("mode_shapes", shapes)):
-        group = file.create_group(key)
-        for number, one in found.items():
-            if one is not None:
-                _write_record(group.create_group(str(number)), one, names)
+        _write(file.create_group("tip"), "heights", tip.heights, names, "gap")
+    shapes = {number: event.mode_shape for number, event in enumerate(diagram.events) if event.mode_shape is not None}
+    for item in fields(diagram):
+        if item.name not in ("contact", "description", "unit_names"):
+            _write(file, item.name, diagram.held(item.name), names)
+    _write(file, "mode_shapes", shapes, names)
 
 
-def _write_array(group: h5py.Group, name: str, values: Any, unit: str | None) -> None:
-    dataset = group.create_dataset(name, data=values)
-    if unit:
-        dataset.attrs["unit"] = unit
-
-
-def _write_record(group: h5py.Group, record: Record, names: Mapping[str, str]) -> None:
-    """Write numbers and texts of a record as attributes, its arrays as datasets, with their units."""
-    for item in fields(record):
-        value, name = record.held(item.name), item.metadata["key"] or item.name
-        if isinstance(value, np.ndarray):
-            _write_array(group, name, value, names.get(item.metadata["unit"]))
-        elif isinstance(value, int | float | str | np.generic):
-            group.attrs[name] = value
-        elif isinstance(value, tuple) and value:
-            _write_profiles(group.create_group(name), value, names)
-
-
-def _write_profiles(group: h5py.Group, profiles: Sequence[Profile], names: Mapping[str, str]) -> None:
-    """Write profiles one after the other, with the places where they begin."""
-    joined = {item.name: [getattr(profile, item.name) for profile in profiles] for item in fields(Profile)}
-    _write_record(group, Profile(**{name: np.concatenate(arrays) for name, arrays in joined.items()}), names)
-    group["offsets"] = np.cumsum([0, *(len(r) for r in joined["r"])])
+def _write(group: h5py.Group, name: str, value: Any, names: Mapping[str, str], quantity: str = "") -> None:
+    """Write a value: an array as dataset with its unit, numbers and texts as attributes, everything else as groups."""
+    if isinstance(value, np.ndarray):
+        group[name] = value
+        if quantity in names:
+            group[name].attrs["unit"] = names[quantity]
+    elif isinstance(value, int | float | str | np.generic):
+        group.attrs[name] = value
+    elif isinstance(value, Record):
+        inner = group.create_group(name)
+        for item in fields(value):
+            _write(inner, key_of(item), value.held(item.name), names, unit_of(item))
+    elif name == "events":
+        _write_table(group.create_group(name), Event, value)
+    elif name == "profiles" and value:
+        joined = {item.name: [getattr(profile, item.name) for profile in value] for item in fields(Profile)}
+        _write(group, name, Profile(**{name: np.concatenate(arrays) for name, arrays in joined.items()}), names)
+        group[name]["offsets"] = np.cumsum([0, *(len(r) for r in joined["r"])])
+    elif name != "profiles" and value is not None:
+        inner = group.create_group(name)
+        for key, one in value.items() if isinstance(value, Mapping) else enumerate(value):
+            _write(inner, str(key), one, names)
 
 
 def _write_table(group: h5py.Group, kind: type[Record], records: Sequence[Record]) -> None:
@@ -267,7 +256,7 @@ def _read_record(kind: type[Kind], group: h5py.Group) -> Kind:
     """Read a record that `_write_record` wrote; KeyError where something is missing that has no default."""
     found: dict[str, Any] = {}
     for item in fields(kind):
-        name = item.metadata["key"] or item.name
+        name = key_of(item)
         if name in group:
             found[item.name] = _read_profiles(group[name]) if "offsets" in group[name] else group[name][()]
         elif name in group.attrs:
@@ -297,7 +286,7 @@ def _assembled(kind: type[Kind], cells: Mapping[tuple[str, ...], Any], path: tup
     """The record of a row of a table, whose cells are found by their path in it."""
     found: dict[str, Any] = {}
     for item in fields(kind):
-        held, within = item.metadata["kind"], (*path, item.name)
+        held, within = kind_of(item), (*path, item.name)
         inside = {other: cell for other, cell in cells.items() if other[: len(within)] == within}
         if held is None:
             continue

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from contbranch.errors import InputError
 from contbranch.output.plot_labels import place_labels
-from contbranch.output.plot_style import BLUE, GREY, ORANGE, STYLE, new_figure
-from contbranch.output.plot_view import axis_label
-from contbranch.output.smooth import spline
+from contbranch.output.plot_view import BLUE, GREY, ORANGE, STYLE, axis_label, has_natural_units, new_figure
+from contbranch.output.smooth import smooth
+from contbranch.results.record import OBSERVABLES
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -29,7 +29,6 @@ __all__ = ["followed_curve", "phase_figure"]
 
 Array = NDArray[np.float64]
 
-_OBSERVABLES: Final = ("load", "displacement", "contact_radius", "central_gap")
 _NAMES: Final = {
     "tabor": r"Tabor coefficient $\mu_\mathrm{T}$",
     "share": r"Share $\beta$ of the second law",
@@ -81,7 +80,8 @@ def followed_curve(followed: Followed, y: str = "load") -> Figure:
     InputError
         For another observable.
     """
-    _check(y)
+    if y not in OBSERVABLES:
+        raise InputError(f"y: {y!r}; must be one of {', '.join(OBSERVABLES)}")
     with mpl.rc_context(STYLE):
         figure = new_figure(2.7)
         axes = figure.subplots()
@@ -141,11 +141,6 @@ def phase_figure(phase: PhaseDiagram) -> Figure:
     return figure
 
 
-def _check(y: str) -> None:
-    if y not in _OBSERVABLES:
-        raise InputError(f"y: {y!r}; must be one of {', '.join(_OBSERVABLES)}")
-
-
 def _spacing(axes: Axes, parameter: str, values: Array) -> bool:
     """Make the axis of the parameter logarithmic where its values ask for it.
 
@@ -186,8 +181,8 @@ def _lines(followed: Followed, y: str, logarithmic: bool) -> list[tuple[Array, A
         path = np.concatenate([[0.0], np.cumsum(np.hypot(*(np.diff(c) for c in scaled)))])
         keep = np.concatenate([[True], np.diff(path) > 0])
         fine = np.linspace(0.0, path[-1], 400)
-        smooth = [spline(path[keep], c[keep], fine) for c in (coordinate, level)]
-        lines.append((np.exp(smooth[0]) if logarithmic else smooth[0], smooth[1], contact))
+        lined = [smooth(path[keep], c[keep], fine, bounded=False) for c in (coordinate, level)]
+        lines.append((np.exp(lined[0]) if logarithmic else lined[0], lined[1], contact))
     return lines
 
 
@@ -220,11 +215,7 @@ def _parameter_label(parameter: str, units: Mapping[str, str]) -> str:
 
 def _natural(followed: Followed) -> bool:
     """Whether the axis may name the reduced units: they do not change along the curve."""
-    if followed.unit_names or followed.contact.interaction is None or followed.contact.tip.name != "parabola":
-        return False
-    scales = followed.contact.scales
-    fixed = followed.parameter in ("tabor", "stiffness", "share")
-    return fixed and bool(np.allclose([scales.in_plane, scales.normal, scales.modulus], 1.0, rtol=1e-12))
+    return followed.parameter in ("tabor", "stiffness", "share") and has_natural_units(followed.contact)
 
 
 def _title(followed: Followed) -> str:

@@ -9,9 +9,8 @@ import numpy as np
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from contbranch.output.plot_style import BLUE, ORANGE, STYLE, new_figure
-from contbranch.output.plot_view import arrange_panels, axis_label, has_natural_units
-from contbranch.output.smooth import monotonic
+from contbranch.output.plot_view import BLUE, ORANGE, STYLE, arrange_panels, axis_label, has_natural_units, new_figure
+from contbranch.output.smooth import smooth
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -35,7 +34,7 @@ def loop_figure(loop: Hysteresis) -> Figure:
     """
     first = "displacement" if loop.control == "load" else "load"
     with mpl.rc_context(STYLE):
-        figure = new_figure(4.9)
+        figure = new_figure(4.9, None)
         if len(loop.path) < 2:
             figure.text(0.5, 0.5, loop.message or "No path.", ha="center", va="center", wrap=True)
             return figure
@@ -46,7 +45,7 @@ def loop_figure(loop: Hysteresis) -> Figure:
             _draw(axes, loop, name)
             axes.set_ylabel(axis_label(name, names, natural))
             axes.set_xlabel(_position_label(loop, names, natural))
-            axes.set_title(f"({letter})", loc="left", fontsize=8.5, pad=4.0)
+            axes.set_title(f"({letter})", loc="left", fontsize=8.5, pad=4.0, y=1.0)
         handles = [
             Line2D([], [], color=_UP, label="approach" if loop.control != "load" else "loading"),
             Line2D([], [], color=_DOWN, label="retraction" if loop.control != "load" else "unloading"),
@@ -113,7 +112,7 @@ def _smooth(x: Array, y: Array) -> tuple[Array, Array]:
         return x, y
     length = np.concatenate([[0.0], np.cumsum(step[step > 0.0])])
     fine = np.interp(np.arange((len(x) - 1) * _FINE + 1) / _FINE, np.arange(len(x)), length)
-    return monotonic(length, x, fine), monotonic(length, y, fine)
+    return smooth(length, x, fine), smooth(length, y, fine)
 
 
 def _arrow(axes: Axes, x: Array, y: Array, color: str) -> None:

@@ -11,8 +11,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.interpolate import Akima1DInterpolator
 
-from contbranch.output.plot_style import BLUE, GREY, ORANGE, STYLE, new_figure
-from contbranch.output.plot_view import axis_label
+from contbranch.output.plot_view import BLUE, GREY, ORANGE, STYLE, axis_label, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

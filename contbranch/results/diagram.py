@@ -65,19 +65,19 @@ class State(Record):
         Fields on the nodes of the cell, or what computes them: ask for them as ``state.cell``.
     """
 
-    load: float = described("load")
-    displacement: float = described("displacement")
-    contact_radius: float = described("contact_radius")
-    central_gap: float = described("central_gap")
-    energy: float = described("energy")
-    unstable_load: int = described()
-    unstable_displacement: int = described()
-    residual: float = described()
+    load: float
+    displacement: float
+    contact_radius: float
+    central_gap: float
+    energy: float
+    unstable_load: int
+    unstable_displacement: int
+    residual: float
     error: Mapping[str, float] = described(kind=dict, default_factory=dict)
     profile: Profile | None = described(written=False, default=None)
     unstable_spring: int | None = described(written="if known", default=None)
-    unstable_azimuthal: int = described(default=0)
-    mean_gap: float | None = described("mean_gap", written="if known", default=None)
+    unstable_azimuthal: int = 0
+    mean_gap: float | None = described(written="if known", default=None)
     in_cell: CellFields | Callable[[], CellFields] | None = described(
         written=False, computed=lambda state: None if state.in_cell is None else state.cell, default=None
     )
@@ -149,11 +149,11 @@ class Window(Record):
         Fitted exponent, its uncertainty (the change of the local exponent across the window) and prefactor.
     """
 
-    start: float = described(kind=float, key="from")
-    stop: float = described(kind=float, key="to")
-    kappa: float = described(kind=float)
-    kappa_error: float = described(kind=float)
-    prefactor: float = described(kind=float)
+    start: float = described(key="from")
+    stop: float = described(key="to")
+    kappa: float
+    kappa_error: float
+    prefactor: float
 
 
 @record
@@ -175,11 +175,11 @@ class Exponent(Record):
         ``"contact_radius"``, or ``"central_gap"`` at a fold without contact.
     """
 
-    kappa: float = described(kind=float)
-    crossover_load: float | None = described(kind=float)
+    kappa: float
+    crossover_load: float | None
     window: Window | None = described(kind=Window)
-    prefactor: float | None = described(kind=float, default=None)
-    order_parameter: str = described(kind=str, default="contact_radius")
+    prefactor: float | None = None
+    order_parameter: str = "contact_radius"
 
 
 @record
@@ -196,10 +196,10 @@ class LocalExponent(Record):
         Local exponent and its error estimate.
     """
 
-    excess: Array = described()
-    order_parameter: Array = described()
-    kappa: Array = described()
-    error: Array = described()
+    excess: Array
+    order_parameter: Array
+    kappa: Array
+    error: Array
 
 
 @record
@@ -239,24 +239,24 @@ class Event(Record):
     """
 
     kind: EventKind = described(kind=str)
-    load: float = described("load", float)
-    displacement: float = described("displacement", float)
-    contact_radius: float = described("contact_radius", float)
-    central_gap: float = described("central_gap", float)
+    load: float
+    displacement: float
+    contact_radius: float
+    central_gap: float
     error: Mapping[str, float] = described(kind=dict)
-    control: str | None = described(kind=str, default=None)
-    name: str | None = described(kind=str, default=None)
+    control: str | None = None
+    name: str | None = None
     critical: Exponent | Callable[[], Exponent | None] | None = described(
         kind=Exponent, key="exponent", computed=lambda event: event.exponent, default=None
     )
-    stiffness: float | None = described("stiffness", float, default=None)
-    message: str = described(kind=str, default="")
-    branch: int = described(kind=int, default=0)
-    position: float = described(kind=float, default=0.0)
+    stiffness: float | None = None
+    message: str = ""
+    branch: int = 0
+    position: float = 0.0
     origin: Any = described(written=False, computed=lambda event: None, default=None)
-    mode: int | None = described(kind=int, default=None)
+    mode: int | None = None
     mode_shape: ModeShape | None = described(written=False, default=None, repr=False, compare=False)
-    verdict: str | None = described(kind=str, default=None)
+    verdict: str | None = None
 
     @cached_property
     def exponent(self) -> Exponent | None:
@@ -286,15 +286,15 @@ class Branch(Record):
         Pairs of transforms spent on each point by a grid model.
     """
 
-    load: Array = described("load")
-    displacement: Array = described("displacement")
-    contact_radius: Array = described("contact_radius")
-    central_gap: Array = described("central_gap")
-    energy: Array = described("energy")
-    unstable_load: Indices = described()
-    unstable_displacement: Indices = described()
-    load_error: Array = described("load")
-    displacement_error: Array = described("displacement")
+    load: Array
+    displacement: Array
+    contact_radius: Array
+    central_gap: Array
+    energy: Array
+    unstable_load: Indices
+    unstable_displacement: Indices
+    load_error: Array
+    displacement_error: Array
     profiles: Sequence[Profile | Callable[[], Profile]] = described(
         written=False,
         computed=lambda branch: tuple(one() if callable(one) else one for one in branch.profiles),
@@ -370,19 +370,19 @@ def _of_control(source: State | Branch, control: str | Control) -> Any:
 class ModelChoice(Record):
     """Which model was used, why, and how many unknowns it had at most."""
 
-    kind: str = described()
-    why: str = described()
-    unknowns: int = described()
+    kind: str
+    why: str
+    unknowns: int
 
 
 @record
 class Cost(Record):
     """Wall time in seconds, Newton iterations and pairs of transforms (those spent on stability apart)."""
 
-    wall_s: float = described()
-    newton: int = described()
-    fft_pairs: int = described(default=0)
-    stability_pairs: int = described(default=0)
+    wall_s: float
+    newton: int
+    fft_pairs: int = 0
+    stability_pairs: int = 0
 
 
 @record
@@ -410,22 +410,22 @@ class Diagram(Result):
     """
 
     format: ClassVar[str] = "contbranch-diagram"
-    contact: Contact | None = described(written=False)
-    branches: tuple[Branch, ...] = described()
-    events: tuple[Event, ...] = described()
-    thresholds: Mapping[str, float] = described()
-    model: ModelChoice = described()
-    cost: Cost = described()
-    control: str = described(default="load")
-    accuracy: float = described(default=1e-6)
-    status: Literal["complete", "incomplete"] = described(default="complete")
-    message: str = described(default="")
-    description: Mapping[str, Any] = described(written=False, default_factory=dict)
-    unit_names: Mapping[str, str] = described(written=False, default_factory=dict)
+    contact: Contact | None
+    branches: tuple[Branch, ...]
+    events: tuple[Event, ...]
+    thresholds: Mapping[str, float]
+    model: ModelChoice
+    cost: Cost
+    control: str = "load"
+    accuracy: float = 1e-6
+    status: Literal["complete", "incomplete"] = "complete"
+    message: str = ""
+    description: Mapping[str, Any] = described(default_factory=dict)
+    unit_names: Mapping[str, str] = described(default_factory=dict)
     local_exponents: Callable[[Event], LocalExponent] | Mapping[int, LocalExponent] | None = described(
         written=False, computed=lambda diagram: diagram.known_exponents(), default=None
     )
-    stiffness: float | None = described("stiffness", written="if known", default=None)
+    stiffness: float | None = described(written="if known", default=None)
 
     def folds(self, control: str | None = None) -> Iterator[Event]:
         """The folds of one control, or all of them."""
@@ -501,7 +501,7 @@ class Solution(State, Result):
     status: Literal["complete", "incomplete"] = described(written=False, default="complete")
     message: str = described(written=False, default="")
     states: tuple[State, ...] = described(written=False, default=())
-    contact: Contact | None = described(written=False, default=None)
+    contact: Contact | None = None
 
     def body(self) -> dict[str, Any]:
         """All states found, or this one."""

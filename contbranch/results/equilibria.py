@@ -53,17 +53,17 @@ class Equilibria(Result):
     """
 
     format: ClassVar[str] = "contbranch-equilibria"
-    states: tuple[State, ...] = described()
-    connected: tuple[bool, ...] = described()
-    barriers: tuple[Barrier, ...] = described()
-    window: tuple[float, float] = described("displacement")
-    control: str = described()
-    model: ModelChoice = described()
-    cost: Cost = described()
-    stiffness: float | None = described("stiffness", written="if known", default=None)
-    status: Literal["complete", "incomplete"] = described(default="complete")
-    message: str = described(default="")
-    contact: Contact | None = described(written=False, default=None)
+    states: tuple[State, ...]
+    connected: tuple[bool, ...]
+    barriers: tuple[Barrier, ...]
+    window: tuple[float, float] = described(unit="displacement")
+    control: str
+    model: ModelChoice
+    cost: Cost
+    stiffness: float | None = described(written="if known", default=None)
+    status: Literal["complete", "incomplete"] = "complete"
+    message: str = ""
+    contact: Contact | None = None
 
     def __len__(self) -> int:
         return len(self.states)

@@ -37,13 +37,13 @@ class FollowedPoint(Record):
         Error estimates of the four and, under its name, of the parameter.
     """
 
-    parameter: str = described()
-    value: float = described()
-    load: float = described("load")
-    displacement: float = described("displacement")
-    contact_radius: float = described("contact_radius")
-    central_gap: float = described("central_gap")
-    error: Mapping[str, float] = described()
+    parameter: str
+    value: float
+    load: float
+    displacement: float
+    contact_radius: float
+    central_gap: float
+    error: Mapping[str, float]
 
     def items(self) -> dict[str, Any]:
         """What documents hold: the parameter under its own name, too."""
@@ -69,10 +69,10 @@ class Special(FollowedPoint):
     message : str
     """
 
-    kind: str = described(default="")
-    index: int = described(default=0)
-    control: str | None = described(default=None)
-    message: str = described(default="")
+    kind: str = ""
+    index: int = 0
+    control: str | None = None
+    message: str = ""
 
 
 @record
@@ -96,18 +96,18 @@ class Followed(Result):
     """
 
     format: ClassVar[str] = "contbranch-follow"
-    parameter: str = described()
-    curve: Mapping[str, Array] = described()
-    error: Mapping[str, Array] = described()
-    special: tuple[Special, ...] = described()
-    event: Event = described()
-    contact: Contact = described(written=False)
-    model: ModelChoice = described()
-    cost: Cost = described()
-    accuracy: float = described()
-    status: Literal["complete", "incomplete"] = described(default="complete")
-    message: str = described(default="")
-    unit_names: Mapping[str, str] = described(written=False, default_factory=dict)
+    parameter: str
+    curve: Mapping[str, Array]
+    error: Mapping[str, Array]
+    special: tuple[Special, ...]
+    event: Event
+    contact: Contact
+    model: ModelChoice
+    cost: Cost
+    accuracy: float
+    status: Literal["complete", "incomplete"] = "complete"
+    message: str = ""
+    unit_names: Mapping[str, str] = described(default_factory=dict)
     solver: Callable[[float], tuple[FollowedPoint, ...]] | None = described(
         written=False, computed=lambda followed: None, default=None
     )

@@ -36,14 +36,14 @@ class Path(Record):
         Number of the leg, from 0; between two legs there is a jump or the turn.
     """
 
-    load: Array = described("load")
-    displacement: Array = described("displacement")
-    contact_radius: Array = described("contact_radius")
-    central_gap: Array = described("central_gap")
-    energy: Array = described("energy")
-    position: Array = described()
-    direction: NDArray[np.int64] = described()
-    leg: NDArray[np.int64] = described()
+    load: Array
+    displacement: Array
+    contact_radius: Array
+    central_gap: Array
+    energy: Array
+    position: Array
+    direction: NDArray[np.int64]
+    leg: NDArray[np.int64]
 
     def __len__(self) -> int:
         return len(self.load)
@@ -75,15 +75,15 @@ class Jump(Record):
         Stable states of lower energy than the fold that the relaxation does not reach.
     """
 
-    name: str | None = described()
-    position: float = described()
+    name: str | None
+    position: float
     start: State = described(key="from")
-    to: State | None = described()
-    dissipated: float | None = described("energy")
-    error: float | None = described("energy")
+    to: State | None
+    dissipated: float | None
+    error: float | None = described(unit="dissipated")
     others: tuple[State, ...] = described(written=False, default=(), repr=False)
     _area: float | Callable[[], float] | None = described(
-        "energy", written=False, computed=lambda jump: jump.area, default=None
+        unit="dissipated", written=False, computed=lambda jump: jump.area, default=None
     )
 
     @cached_property
@@ -123,20 +123,20 @@ class Hysteresis(Result):
     """
 
     format: ClassVar[str] = "contbranch-loop"
-    path: Path = described()
-    jumps: tuple[Jump, ...] = described()
-    dissipated: float | None = described("energy")
-    error: float | None = described("energy")
-    closed: bool = described()
-    model: ModelChoice = described()
-    cost: Cost = described()
-    control: str = described()
-    stiffness: float | None = described("stiffness", written="if known", default=None)
-    status: Literal["complete", "incomplete"] = described(default="complete")
-    message: str = described(default="")
-    contact: Contact | None = described(written=False, default=None)
+    path: Path
+    jumps: tuple[Jump, ...]
+    dissipated: float | None
+    error: float | None = described(unit="dissipated")
+    closed: bool
+    model: ModelChoice
+    cost: Cost
+    control: str
+    stiffness: float | None = described(written="if known", default=None)
+    status: Literal["complete", "incomplete"] = "complete"
+    message: str = ""
+    contact: Contact | None = None
     _area: float | Callable[[], float] | None = described(
-        "energy", written=False, computed=lambda loop: loop.area, default=None
+        unit="dissipated", written=False, computed=lambda loop: loop.area, default=None
     )
 
     @cached_property

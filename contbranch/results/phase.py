@@ -39,8 +39,8 @@ class Part(Record):
 
     start: float = described(key="from")
     stop: float = described(key="to")
-    contact: bool = described()
-    stable: bool = described()
+    contact: bool
+    stable: bool
 
     @property
     def kind(self) -> tuple[bool, bool]:
@@ -69,18 +69,18 @@ class PhaseDiagram(Result):
     """
 
     format: ClassVar[str] = "contbranch-phase"
-    parameter: str = described()
-    control: Literal["load", "displacement"] = described()
-    values: Array = described()
-    parts: tuple[tuple[Part, ...], ...] = described()
-    levels: Array = described()
-    boundaries: tuple[Followed, ...] = described()
-    contact: Contact = described(written=False)
-    cost: Cost = described()
-    logarithmic: bool = described(default=False)
-    status: Literal["complete", "incomplete"] = described(default="complete")
-    message: str = described(default="")
-    unit_names: Mapping[str, str] = described(written=False, default_factory=dict)
+    parameter: str
+    control: Literal["load", "displacement"]
+    values: Array
+    parts: tuple[tuple[Part, ...], ...]
+    levels: Array
+    boundaries: tuple[Followed, ...]
+    contact: Contact
+    cost: Cost
+    logarithmic: bool = False
+    status: Literal["complete", "incomplete"] = "complete"
+    message: str = ""
+    unit_names: Mapping[str, str] = described(default_factory=dict)
 
     @property
     def counts(self) -> dict[str, Integers]:
@@ -171,13 +171,13 @@ class PhaseDiagram(Result):
 
 def _through(knots: dict[float, float], at: float) -> float:
     """Interpolation without overshoot through knots."""
-    from contbranch.output.smooth import monotonic
+    from contbranch.output.smooth import smooth
 
     places = np.array(sorted(knots))
     levels = np.array([knots[place] for place in places])
     if len(places) < 2 or not np.isfinite(levels).all():
         return float(levels[0])
-    return float(monotonic(places, levels, np.array([at]))[0])
+    return float(smooth(places, levels, np.array([at]))[0])
 
 
 def counted(parts: tuple[Part, ...] | list[Part], levels: Array) -> tuple[Integers, Integers]:

@@ -22,10 +22,10 @@ class Profile(Record):
         Radius (increasing, from the centre), gap, total pressure and the wall's share of it (zero outside the contact).
     """
 
-    r: Array = described("radius")
-    gap: Array = described("gap")
-    pressure: Array = described("pressure")
-    wall_pressure: Array = described("pressure")
+    r: Array
+    gap: Array
+    pressure: Array
+    wall_pressure: Array
 
 
 @record
@@ -45,10 +45,10 @@ class ModeShape(Record):
         the contact it grows without bound towards the rim, which shifts.
     """
 
-    mode: int = described()
-    r: Array = described("radius")
-    gap: Array = described()
-    pressure: Array = described()
+    mode: int
+    r: Array
+    gap: Array = described(unit="")
+    pressure: Array = described(unit="")
 
 
 @record
@@ -63,8 +63,8 @@ class CellFields(Record):
         Gap, total pressure, and the wall's share of it (zero outside the contact).
     """
 
-    x: Array = described("radius")
-    y: Array = described("radius")
-    gap: Array = described("gap")
-    pressure: Array = described("pressure")
-    wall_pressure: Array = described("pressure")
+    x: Array
+    y: Array
+    gap: Array
+    pressure: Array
+    wall_pressure: Array

@@ -1,58 +1,82 @@
 """Results describe their fields: documents, files and comparisons are made from what is said here, and nowhere else.
 
-A result is a frozen dataclass that derives from `Record` and declares its fields with `described`: the quantity that
-gives the unit, the kind of value, the name in documents, and what becomes of it where it does not apply.
+A result is a frozen dataclass that derives from `Record`. Of a field, its annotation says the kind of value and whether
+it may be None, its name the quantity in whose unit it is; what else there is to say is said with `described`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from copy import deepcopy
-from dataclasses import dataclass, field, fields
+from dataclasses import Field, dataclass, field, fields
 from pathlib import Path
 from typing import Any, ClassVar, Final, NamedTuple, Self, TypeVar, dataclass_transform
 
 import numpy as np
 
-__all__ = ["OBSERVABLES", "Column", "Record", "Result", "columns", "described", "record", "same"]
+__all__ = [
+    "OBSERVABLES",
+    "Column",
+    "Record",
+    "Result",
+    "columns",
+    "described",
+    "key_of",
+    "kind_of",
+    "record",
+    "same",
+    "unit_of",
+]
 
 Kind = TypeVar("Kind")
 
 OBSERVABLES: Final = ("load", "displacement", "contact_radius", "central_gap")
+# Quantities of fields that have another name; a field NAME_error is in the unit of NAME.
+_QUANTITIES: Final = {"r": "radius", "x": "radius", "y": "radius", "wall_pressure": "pressure"}
+_HEAD: Final = ("contact", "description", "unit_names")  # every document begins with them
+_KINDS: Final = {"float": float, "int": int, "str": str}
 
 
-def described(
-    unit: str = "",
-    kind: type | None = None,
-    *,
-    key: str | None = None,
-    written: str | bool = True,
-    computed: Callable[[Any], Any] | None = None,
-    **options: Any,
-) -> Any:
+def described(**options: Any) -> Any:
     """Return a field of a record with its description.
 
     Parameters
     ----------
     unit : str
-        The quantity of ``contact.units.names`` in whose unit it is.
-    kind : type, optional
-        What a table holds of it: ``float``, ``int``, ``str``, a `Record` for its columns, or ``dict`` for one column a
-        key, the four observables; default: nothing.
-    key : str, optional
+        The quantity of ``contact.units.names`` in whose unit it is, where it is not that of the field's name.
+    kind : type
+        What a table holds of it, where the annotation does not say it: a `Record` for its columns, or ``dict`` for one
+        column a key, the four observables; default: nothing.
+    key : str
         Its name in documents, where it is not the field's.
     written : {True, False, "if known"}
         Whether documents have it; `None` is null, or left out if it is written only "if known".
-    computed : callable, optional
+    computed : callable
         What returns the value, from the record, of a field that may hold a callable instead, which computes it when it
         is asked for. Files and pickles hold the value; comparisons leave it aside.
     **options
         As for `dataclasses.field`.
     """
-    if computed is not None:
+    said = {name: options.pop(name) for name in ("unit", "kind", "key", "written", "computed") if name in options}
+    if "computed" in said:
         options = {"repr": False, "compare": False, **options}
-    metadata = {"unit": unit, "kind": kind, "key": key, "written": written, "computed": computed}
-    return field(metadata=metadata, **options)
+    return field(metadata=said, **options)
+
+
+def key_of(item: Field[Any]) -> str:
+    """The name of a field in documents and files."""
+    return str(item.metadata.get("key", item.name))
+
+
+def unit_of(item: Field[Any]) -> str:
+    """The quantity in whose unit a field is."""
+    name = item.name.removesuffix("_error")
+    return str(item.metadata.get("unit", _QUANTITIES.get(name, name)))
+
+
+def kind_of(item: Field[Any]) -> Any:
+    """What a table holds of a field; None: nothing."""
+    return item.metadata.get("kind", _KINDS.get(str(item.type).removesuffix(" | None")))
 
 
 @dataclass_transform(frozen_default=True, eq_default=False, field_specifiers=(described,))
@@ -70,19 +94,19 @@ class Record:
 
     def held(self, name: str) -> Any:
         """The value of a field, computed if need be."""
-        computed = self.__dataclass_fields__[name].metadata["computed"]
+        computed = self.__dataclass_fields__[name].metadata.get("computed")
         return getattr(self, name) if computed is None else computed(self)
 
     def items(self) -> dict[str, Any]:
         """What documents hold, by its name there."""
         found = {}
         for item in fields(self):
-            said = item.metadata
-            value: Any = self.held(item.name) if said["written"] else None
-            if said["kind"] is dict:
+            written = item.metadata.get("written", item.name not in _HEAD)
+            value: Any = self.held(item.name) if written else None
+            if kind_of(item) is dict:
                 value = {name: value.get(name) for name in OBSERVABLES}
-            if value is not None or said["written"] is True:
-                found[said["key"] or item.name] = value
+            if value is not None or written is True:
+                found[key_of(item)] = value
         return found
 
     def __eq__(self, other: object) -> bool:
@@ -100,7 +124,7 @@ class Record:
         return self._with(self.__dict__)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
-        shared = {item.name for item in fields(self) if item.metadata["computed"]}
+        shared = {item.name for item in fields(self) if "computed" in item.metadata}
         return self._with({k: v if k in shared else deepcopy(v, memo) for k, v in self.__dict__.items()})
 
     def _with(self, values: Mapping[str, Any]) -> Self:
@@ -168,13 +192,13 @@ class Column(NamedTuple):
 def columns(kind: type[Record], prefix: str = "", path: tuple[str, ...] = ()) -> Iterator[Column]:
     """Columns of a table of records, those of records within them included."""
     for item in fields(kind):
-        held, within = item.metadata["kind"], (*path, item.name)
+        held, within = kind_of(item), (*path, item.name)
         if held is dict:
             yield from (Column(f"{one}_{item.name}", one, float, (*within, one)) for one in OBSERVABLES)
-        elif held is not None and issubclass(held, Record):
-            yield from columns(held, f"{item.name}_" if path else "", within)
+        elif held in _KINDS.values():
+            yield Column(prefix + item.name, unit_of(item), held, within)
         elif held is not None:
-            yield Column(prefix + item.name, item.metadata["unit"], held, within)
+            yield from columns(held, f"{item.name}_" if path else "", within)
 
 
 def same(one: Any, other: Any) -> bool:

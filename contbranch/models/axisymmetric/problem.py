@@ -294,6 +294,12 @@ class ContactProblem(EquilibriumProblem):
         rate, one = self.direction(x, 0.0)
         return annotated(Point(self, x, 0.0, rate, one), label="start")
 
+    @property
+    def limitation(self) -> str:
+        """Where a law ends."""
+        law = self.equations.interaction
+        return law.limitation if law is not None else ""
+
     def ending(self, name: str, point: Point) -> str:
         """Why the curve ends."""
         if name == "inadmissible":
@@ -301,8 +307,7 @@ class ContactProblem(EquilibriumProblem):
                 "The branch ends where the contact set stops being a disc: the gap would close outside the contact, or "
                 "the wall would have to pull."
             )
-        law, tip = self.equations.interaction, self.equations.tip
-        limitation = law.limitation if law is not None else ""
+        tip, limitation = self.equations.tip, self.limitation
         if not math.isfinite(tip.extent):
             return limitation
         fields = self.fields(point.x, point.parameter)
