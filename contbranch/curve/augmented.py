@@ -70,16 +70,12 @@ class Condition(ABC):
     """What makes an equilibrium an event."""
 
     @abstractmethod
-    def value(self, point: Point, q: float) -> float:
-        """A number that vanishes at the event, smooth; the point has its unit tangent at fixed q."""
-
-    @abstractmethod
     def event(self, q: float) -> Event | None:
         """What vanishes along the curve of equilibria at q; None: its parameter is known."""
 
-    def weights(self, q: float) -> tuple[float, float]:
-        """Weights of load and displacement in what is controlled, if it is a fold."""
-        return 0.0, 0.0
+    @abstractmethod
+    def value(self, point: Point, q: float) -> float:
+        """A number that vanishes at the event, smooth; the point has its unit tangent at fixed q."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +93,12 @@ class Fold(Condition):
         """w; (cos q, sin q) where q is the angle arctan K, smooth beyond its ends, too."""
         if self.family.spacing == "angle":
             return math.cos(q), math.sin(q)
-        return self.family.control(q, self.driven).weights
+        return self.event(q).control.weights
+
+    def crossed(self, q: float) -> tuple[float, float]:
+        """Weights of the control at a right angle."""
+        first, second = self.weights(q)
+        return -second, first
 
     def value(self, point: Point, q: float) -> float:
         """``w·(F', d')``."""
@@ -113,7 +114,6 @@ class Held(Condition):
 
     def event(self, q: float) -> None:
         """None."""
-        return
 
     def value(self, point: Point, q: float) -> float:
         """Distance of the parameter."""

@@ -145,7 +145,7 @@ class EventCurve:
         self.touching = isinstance(self.condition, Held)
         meetings = [Meeting("load", lambda _: LOAD.weights), Meeting("displacement", lambda _: DISPLACEMENT.weights)]
         if isinstance(self.condition, Fold):
-            meetings = [Meeting("coincidence", self._crossed)]
+            meetings = [Meeting("coincidence", self.condition.crossed)]
         elif isinstance(self.condition, Held) and self.condition.corner:
             meetings = []
         self.meetings: dict[str, Event] = {"cusp": Turn(), **{event.name: event for event in meetings}}
@@ -226,11 +226,6 @@ class EventCurve:
         events = [*self.meetings.values(), *margins, *([Edge(beside)] if edged else [])]
         branch = follow(start, problem.balance(start), self.interval, STEPS, events, StopAt(predicate=self._far))
         return branch.points, branch.end
-
-    def _crossed(self, q: float) -> tuple[float, float]:
-        """Weights of the control at a right angle to the event's own."""
-        first, second = self.condition.weights(q)
-        return -second, first
 
     def _far(self, point: Point) -> bool:
         """Whether the interaction is negligible: the load, and its change over a range of the gap."""

@@ -221,7 +221,7 @@ def test_any_event_of_the_curve_can_be_followed():
 
 
 def test_a_fold_that_only_nears_first_touch_is_followed_on():
-    """Wetting of a soft film leaves at ever smaller contact radii, but not at first touch: as separate traces have it."""
+    """Wetting of a soft film has ever smaller contact radii, but not none: as a separate trace has it."""
     contact = cb.Contact.reduced(cb.VanDerWaals, 0.25, -1)
     wetting = next(e for e in cb.trace(contact, accuracy=1e-8).folds("load") if e.name == "wetting")
     followed = cb.follow(wetting, "tabor", to=0.16, accuracy=1e-8)
