@@ -416,7 +416,7 @@ class Augmented(EquilibriumProblem):
             other = self.on(base, (transfer(v), a))
             return Adaptation(other, np.append(offer.x, x[-1]), lambda z: np.append(transfer(z[:-1]), z[-1]))
         aligned = abs(float(self._border[0] @ v) + self._border[1] * a)
-        if aligned >= 0.5 * UPRIGHT if self.upright else aligned >= ALIGNED and abs(a) < 3 * UPRIGHT:
+        if aligned >= (0.5 * UPRIGHT if self.upright else ALIGNED):
             return None
         return Adaptation(self.on(self.base, (v, a)), x, lambda z: z)
 

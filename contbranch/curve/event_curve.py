@@ -151,7 +151,8 @@ class EventCurve:
         self.meetings: dict[str, Event] = {"cusp": Turn(), **{event.name: event for event in meetings}}
         self.rows: list[FollowedPoint] = []
         self.points: list[Point] = []
-        self.beside, self.worst, self.complete, self.message = 0.0, 0.0, True, ""
+        self.scale = self.beside = 0.0
+        self.worst, self.complete, self.message = 0.0, True, ""
 
     # -- the curve ----------------------------------------------------------------------------------------------------
     def trace(self, place: Point) -> None:
@@ -164,6 +165,7 @@ class EventCurve:
         ModelError
             If it is not found again.
         """
+        self.scale = equilibrium(place).scale
         for q in self.known:
             equilibrium(place).member(self.family.reduced(q)[0])
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
@@ -228,17 +230,12 @@ class EventCurve:
         return branch.points, branch.end
 
     def _far(self, point: Point) -> bool:
-        """Whether the interaction is negligible: the load, and its change over a range of the gap."""
+        """Whether the interaction is negligible: the load, and its mean from here to infinity."""
         if self.progress is not None:
             share = abs(point.parameter - self.q) / self.interval.width
             self.progress(0.6 * share, f"{self.family.name} {self.family.value(point.parameter):.4g}")
-        load, gap = (point.observables[name] for name in ("load", "central_gap"))
-        problem = augmented(point)
-        if self.touching or abs(load) > self.negligible or gap < problem.scale:
-            return False
-        held = problem.held(point)
-        rate = equilibrium(held).rates(held.x, held.parameter, held.tangent_x, held.tangent_parameter)
-        return abs(rate.load * problem.scale) <= self.negligible * abs(rate.central_gap)
+        load, energy, gap = (abs(point.observables[name]) for name in ("load", "energy", "central_gap"))
+        return not self.touching and max(load, energy / max(gap, self.scale)) <= self.negligible and gap > self.scale
 
     # -- first touch --------------------------------------------------------------------------------------------------
     def _beyond(self, points: list[Point]) -> tuple[list[Point], End]:
