@@ -226,14 +226,18 @@ class EventCurve:
         self.beside = beside
         edged = not self.touching and np.isfinite(problem.base.parameter_range).any()
         events = [*self.meetings.values(), *margins, *([Edge(beside)] if edged else [])]
-        branch = follow(start, problem.balance(start), self.interval, STEPS, events, StopAt(predicate=self._far))
+        branch = follow(start, problem.balance(start), self.interval, STEPS, events, StopAt(predicate=self._told))
         return branch.points, branch.end
 
-    def _far(self, point: Point) -> bool:
-        """Whether the interaction is negligible: the load, and its mean from here to infinity."""
+    def _told(self, point: Point) -> bool:
+        """Report progress; whether the curve is to end."""
         if self.progress is not None:
             share = abs(point.parameter - self.q) / self.interval.width
             self.progress(0.6 * share, f"{self.family.name} {self.family.value(point.parameter):.4g}")
+        return self._far(point)
+
+    def _far(self, point: Point) -> bool:
+        """Whether the interaction is negligible: the load, and its mean from here to infinity."""
         load, energy, gap = (abs(point.observables[name]) for name in ("load", "energy", "central_gap"))
         return not self.touching and max(load, energy / max(gap, self.scale)) <= self.negligible and gap > self.scale
 
@@ -369,7 +373,7 @@ class EventCurve:
 
     def _ending(self, last: Point, end: End, count: int) -> tuple[str, str]:
         """The kind of special point that an end is, if any, and a sentence."""
-        if end.outcome is Outcome.STOPPED_BY_PREDICATE:
+        if self._far(last):
             return "infinite-separation", "The event leaves to infinite separation."
         if end.outcome in ENDED:
             if self.family.spacing == "angle" and last.parameter in (0.0, 0.5 * math.pi):
