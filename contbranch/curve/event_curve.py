@@ -17,7 +17,7 @@ from contbranch.continuation.outcomes import End
 from contbranch.continuation.problem import Array
 from contbranch.continuation.walk import annotated, to_point
 from contbranch.control import DISPLACEMENT, LOAD, Control
-from contbranch.curve.augmented import STEPS, Augmented, Condition, Fold, Held, Locus, Other, augmented
+from contbranch.curve.augmented import STEPS, Augmented, Condition, Fold, Held, Locus, Other, augmented, direction
 from contbranch.curve.events import Margin, rates
 from contbranch.curve.problem import equilibrium
 from contbranch.curve.refine import Found, moved, refine, settled
@@ -188,7 +188,7 @@ class EventCurve:
         locus = Locus(self.family, self.condition, (self.interval.low, self.interval.high), size)
         problem = base.member(self.family.reduced(self.q)[0], self.tolerance)
         own = self._resolved(replace(place, problem=problem))  # the event may come from a trace for fewer digits
-        system = Augmented(locus, equilibrium(own), _tangent(own))
+        system = Augmented(locus, equilibrium(own), direction(own))
         return annotated(_solved(system, system.joined(own.x, own.parameter), self.q), label="start")
 
     def _resolved(self, point: Point) -> Point:
@@ -260,13 +260,13 @@ class EventCurve:
         if not problem.base.beyond_edge:
             points[-1] = replace(last, label="")
             for door in doors[:1]:
-                other = problem.on(equilibrium(door), _tangent(door))
+                other = problem.on(equilibrium(door), direction(door))
                 touch = _solved(other, other.joined(door.x, edge), last.parameter, place=True)
                 points.append(replace(touch, label="touch"))
         failure = CorrectionError(Outcome.STEP_TOO_SMALL, "(The curve was not found there.)")
         for door, beside in itertools.product(doors, BESIDE):
             rate = door.tangent_x / door.tangent_parameter
-            other = problem.on(equilibrium(door), (rate, 1.0))
+            other = problem.on(equilibrium(door), np.append(rate, 1.0))
             inward = 1.0 if edge == other.base.parameter_range[0] else -1.0
             w = other.root(edge) + inward * beside
             try:
@@ -344,7 +344,7 @@ class EventCurve:
         if label not in self.meetings and label != "touch":
             return None
         problem = augmented(point)
-        fine = problem.on(problem.base, _tangent(problem.held(point)), fine=label == "cusp")
+        fine = problem.on(problem.base, direction(problem.held(point)), fine=label == "cusp")
         found = refine(settled(replace(point, problem=fine)), self.meetings.get(label, Edge()), self.accuracy)
         if self.touching or label == "touch":
             found = replace(found, numbers=(*found.numbers[:2], 0.0, 0.0), error=(*found.error[:2], 0.0, 0.0))
@@ -414,10 +414,6 @@ class EventCurve:
 
 def _as_special(row: FollowedPoint, index: int, kind: str, message: str, control: str | None = None) -> Special:
     return Special(**{**vars(row), "kind": kind, "index": index, "control": control, "message": message})
-
-
-def _tangent(point: Point) -> tuple[Array, float]:
-    return point.tangent_x, point.tangent_parameter
 
 
 def _solved(problem: Augmented, z: Array, q: float, place: bool = False) -> Point:
