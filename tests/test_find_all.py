@@ -30,7 +30,7 @@ def test_the_barrier_is_the_area_up_to_the_saddle():
     found = cb.find_all(contact, load=60.0, accuracy=1e-8)
     (barrier,) = found.barriers
     assert (barrier.stable, barrier.saddle) == ((0, 2), 1)
-    walk = FollowedCurves(contact, cb.Axisymmetric()).path(Request(1e-8)).walk
+    walk = FollowedCurves(contact, cb.Axisymmetric()).path(Request(1e-9)).walk
     stops = [walk.crossing(piece, 60.0) for piece in pieces_at(walk.values, 60.0)]
     for side, stop, sense in ((0, stops[0], 1), (1, stops[2], -1)):
         first, last = (stop, stops[1]) if sense > 0 else (stops[1], stop)

@@ -16,7 +16,9 @@ from contbranch.continuation.options import Options, StopAt
 from contbranch.continuation.outcomes import End, Outcome
 from contbranch.continuation.problem import Adaptation, Linearisation, Problem
 from contbranch.continuation.segment import Segment
+from contbranch.continuation.switching import switch_branch
 from contbranch.continuation.trace import trace_curve
+from contbranch.continuation.two_parameters import Cusp, FoldCurve, trace_folds
 
 __all__ = [
     "Adaptation",
@@ -26,11 +28,13 @@ __all__ = [
     "CorrectionError",
     "Crossing",
     "Curve",
+    "Cusp",
     "End",
     "Event",
     "EventPoint",
     "Extremum",
     "Fold",
+    "FoldCurve",
     "Happening",
     "IndexChange",
     "Linearisation",
@@ -48,5 +52,7 @@ __all__ = [
     "factorise",
     "find_root",
     "locate_fold",
+    "switch_branch",
     "trace_curve",
+    "trace_folds",
 ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 from contbranch.continuation.curve import Point
 from contbranch.continuation.metric import Metric
@@ -18,8 +19,8 @@ __all__ = ["adapted"]
 NEARLY_VERTICAL = 0.05
 
 
-def adapted(point: Point, metric: Metric, options: Options) -> tuple[Point, bool]:
-    """Return the point on the discretisation its problem prefers, and whether that has changed.
+def adapted(point: Point, metric: Metric, options: Options) -> tuple[Point, Callable[[Array], Array] | None]:
+    """Return the point on the discretisation its problem prefers, and what carries earlier ones there, if possible.
 
     Raises
     ------
@@ -28,14 +29,14 @@ def adapted(point: Point, metric: Metric, options: Options) -> tuple[Point, bool
     """
     problem = point.problem
     if type(problem).adapt is Problem.adapt:
-        return point, False
+        return point, None
     try:
         offer = problem.adapt(point.x, point.parameter)
     except Exception as error:  # the user's code ends the curve, its text is kept
         detail = f"({type(error).__name__} in adapt at parameter {point.parameter:.6g}: {error})"
         raise CorrectionError(Outcome.EVALUATION_FAILED, detail) from error
     if offer is None:
-        return point, False
+        return point, None
     if not isinstance(offer, Adaptation):
         offer = Adaptation(problem, offer)
     direction = _direction(point, offer, metric)
@@ -44,7 +45,7 @@ def adapted(point: Point, metric: Metric, options: Options) -> tuple[Point, bool
     corrected = correct(
         offer.problem, offer.x, point.parameter, row, metric, tolerance=options.tolerance, noise=options.noise
     )
-    return annotated(to_point(offer.problem, corrected, metric), label=point.label), True
+    return annotated(to_point(offer.problem, corrected, metric), label=point.label), offer.transfer
 
 
 def _direction(point: Point, offer: Adaptation, metric: Metric) -> tuple[Array, float]:

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
-from scipy import sparse
 
-from contbranch.continuation.bordered import Bordered, SingularBorderedError, factorise
+from contbranch.continuation.bordered import Bordered, SingularBorderedError, bordered_matrix, factorise
 from contbranch.continuation.curve import BranchPoint, Point
 from contbranch.continuation.folds import second_derivative
 from contbranch.continuation.metric import Metric
 from contbranch.continuation.newton import ROUNDING, CorrectionError, border, linearise, solve
 from contbranch.continuation.outcomes import Outcome
-from contbranch.continuation.problem import Array, Linearisation, Problem
+from contbranch.continuation.problem import Array, Problem
 from contbranch.continuation.segment import Segment
 
 __all__ = ["locate_branch_point", "unresolved_branch_point"]
@@ -143,16 +142,6 @@ def _test(bordered: Bordered, left: Array, right: Array) -> float:
     return 1 / value if value != 0.0 else math.inf
 
 
-def _augmented(at: Linearisation, row: Direction) -> Any:
-    """Return the matrix [J Fp; row], dense or sparse like J."""
-    jacobian, column = at[1], at[2]
-    if bool(sparse.issparse(jacobian)):
-        corner = sparse.csc_array(np.array([[row[1]]]))
-        last = [sparse.csc_array(row[0][None, :]), corner]
-        return sparse.block_array([[jacobian, sparse.csc_array(column[:, None])], last], format="csc")
-    return np.block([[np.asarray(jacobian), column[:, None]], [row[0][None, :], np.array([[row[1]]])]])
-
-
 def _saddle(problem: Problem, x: Array, p: float, row: Direction, left: Array, right: Array, metric: Metric) -> _Saddle:
     """Return μ with its derivatives at (x, p)."""
     at = linearise(problem, x, p)
@@ -160,7 +149,7 @@ def _saddle(problem: Problem, x: Array, p: float, row: Direction, left: Array, r
     # μ belongs to F alone: the row t stays exact, so that α is a coordinate.
     column = np.append(left[:n], 0.0)
     try:
-        matrix = factorise(_augmented(at, row), column, right, 0.0)
+        matrix = factorise(bordered_matrix(at[1], at[2], *row), column, right, 0.0)
     except SingularBorderedError as error:
         raise CorrectionError(Outcome.STEP_TOO_SMALL, f"({error})") from error
 

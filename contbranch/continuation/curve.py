@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Literal, Self
+from typing import TYPE_CHECKING, Any, Literal, Self
 
 import numpy as np
+import numpy.typing as npt
 
 from contbranch.continuation.outcomes import End, Outcome
 from contbranch.continuation.problem import Array, Problem
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 __all__ = ["BranchPoint", "Curve", "EventPoint", "Fold", "IndexChange", "Located", "Point"]
 
@@ -208,10 +213,15 @@ class Curve:
         """Parameters of the points, shape (m,)."""
         return np.array([point.parameter for point in self.points])
 
-    @property
-    def x(self) -> list[Array]:
-        """States of the points; their lengths differ where the discretisation was adapted."""
-        return [point.x for point in self.points]
+    @cached_property
+    def x(self) -> npt.NDArray[Any]:
+        """States of the points, shape (m, n); an array of m arrays where the discretisation was adapted on the way."""
+        states = [point.x for point in self.points]
+        if len({state.size for state in states}) <= 1:
+            return np.array(states)
+        ragged = np.empty(len(states), dtype=object)
+        ragged[:] = states
+        return ragged
 
     @cached_property
     def tangent_parameter(self) -> Array:
@@ -251,6 +261,34 @@ class Curve:
     def named(self, name: str) -> list[EventPoint]:
         """Return the user events of one name, in order along the curve."""
         return [event for event in self.events if isinstance(event, EventPoint) and event.name == name]
+
+    def plot(self, observable: str | int | None = None) -> Figure:
+        """Draw the curve over the parameter, with its folds, branch points and other events.
+
+        Parameters
+        ----------
+        observable : str or int, optional
+            What to draw: an observable by name, a component of the state by number; by default the state's norm
+            (of `Problem.inner`).
+        """
+        from matplotlib.figure import Figure
+
+        def height(point: Point) -> float:
+            if observable is None:
+                return math.sqrt(point.problem.inner(point.x, point.x))
+            return point.observables[observable] if isinstance(observable, str) else float(point.x[observable])
+
+        figure = Figure(layout="constrained")
+        axes = figure.add_subplot(xlabel="p", ylabel=observable if isinstance(observable, str) else "x")
+        axes.plot(self.parameter, [height(point) for point in self.points], ".-", markersize=3)
+        markers = {"fold": "o", "branch point": "s"}
+        for kind in dict.fromkeys(event.kind for event in self.events):
+            events = [event for event in self.events if event.kind == kind]
+            heights = [height(event.point) for event in events]
+            axes.plot([event.parameter for event in events], heights, markers.get(kind, "x"), label=kind)
+        if self.events:
+            axes.legend()
+        return figure
 
     @property
     def outcome(self) -> Outcome:

@@ -10,20 +10,10 @@ from functools import partial
 from typing import ClassVar
 
 from contbranch.continuation.curve import EventPoint, Located, Point
-from contbranch.continuation.locate import find_root
 from contbranch.continuation.newton import CorrectionError
 from contbranch.continuation.options import Options
 from contbranch.continuation.outcomes import Outcome
-from contbranch.continuation.probe import (
-    SAFETY,
-    Bracket,
-    Probe,
-    brackets,
-    doubt_about,
-    foretold_to_inside,
-    slope_keeps_sign,
-    value_on_cubic,
-)
+from contbranch.continuation.probe import Bracket, Probe
 from contbranch.continuation.problem import Array
 from contbranch.continuation.segment import Segment
 from contbranch.continuation.walk import annotated, point_on
@@ -32,8 +22,6 @@ __all__ = ["Crossing", "Event", "Extremum", "Happening", "TangentCrossing", "zer
 
 # Where a step that begins on a zero is taken to begin.
 BEYOND = 1e-6
-# Error of a cubic's slope, as a share of its largest value, where no earlier step tells.
-UNTESTED = 0.1
 
 _CUBE_ROOT_OF_ROUNDING = 6e-6
 
@@ -166,80 +154,34 @@ class Extremum(Event):
 
 def zeros(event: Event, segment: Segment, previous: Segment | None, options: Options) -> list[Happening]:
     """Return the zeros of an event's value inside the step, in order."""
-
-    def value(point: Point) -> float:
-        return _value(event, point)
-
-    begin, end = value(segment.begin), value(segment.end)
-    same = end != 0.0 and (begin > 0) == (end > 0) and begin != 0.0
-    simple = not event.hidden_pairs or (begin != 0.0 and _one_at_most(segment, previous, event, begin, end))
-    if same and simple:
-        return []
+    primitive = None if event.primitive(segment.begin) is None else event.primitive
+    probe = Probe(partial(_value, event), options, primitive)
+    begin, end = probe.at(segment.begin), probe.at(segment.end)
     if begin == 0.0:
-        begin = value(point_on(segment, BEYOND, options)[0])  # the zero itself belongs to the step before
+        # The zero itself belongs to the step before.
+        begin = probe.known[segment.begin] = probe.value(point_on(segment, BEYOND, options)[0])
         if begin == 0.0:
             return []  # it vanishes along this part of the curve
-    if not simple:
-        parts = brackets(segment, Probe(value, options, _doubt(segment, previous, value, end)), begin, end)
+    if event.hidden_pairs:
+        parts = probe.brackets(segment, previous)
     else:
-        parts = [Bracket(segment, (0.0, begin), (1.0, end))] if (begin > 0) != (end > 0) else []
+        guess = begin / (begin - end) if begin != end else 0.5
+        parts = [Bracket(segment, (0.0, begin), (1.0, end), guess)] if end == 0.0 or (begin > 0) != (end > 0) else []
     found = []
     for bracket in parts:
         part, first, last = bracket.segment, bracket.first, bracket.last
-        theta = find_root(
-            partial(_value_on, event, part, options), first, last, event.resolution, event.relative_resolution
-        )
-        point = annotated(point_on(part, theta, options)[0], label=event.name)
-        steepness = abs(last[1] - first[1]) / (last[0] - first[0])
-        miss = abs(value(point)) / steepness + event.resolution + event.relative_resolution * theta
+        theta, point = probe.zero(bracket, event.resolution, event.relative_resolution)
+        steepness = abs(last[1] - first[1])
+        miss = abs(probe.at(point)) / steepness + event.resolution + event.relative_resolution * theta
         change = part.end.x - part.begin.x
         located = EventPoint(
-            point,
+            annotated(point, label=event.name),
             4 * miss * abs(part.end.parameter - part.begin.parameter) + 1e-15 * abs(point.parameter),
             4 * miss * math.sqrt(point.problem.inner(change, change)),
             name=event.name,
         )
         found.append(Happening(bracket.whole(theta), located, event.terminal))
     return found
-
-
-def _doubt(segment: Segment, previous: Segment | None, value: Callable[[Point], float], end: float) -> float | None:
-    """Return the error to be expected of a function's values on the cubic inside a step."""
-    if previous is None or previous.length == 0.0:
-        return None
-    ratio = segment.length / previous.length
-    foretold = value_on_cubic(previous, 1 + ratio, value)
-    return SAFETY * foretold_to_inside(ratio) * abs(foretold - end)
-
-
-def _one_at_most(segment: Segment, previous: Segment | None, event: Event, begin: float, end: float) -> bool:
-    """Whether the values at both ends, and the event's primitive, exclude more than one zero inside."""
-    first, last = event.primitive(segment.begin), event.primitive(segment.end)
-    if first is None or last is None:
-        return False
-    begin, end = begin * segment.scale_begin, end * segment.scale_end
-    cubic = _cubic(first, last, begin, end)
-    before = None if previous is None or previous.length == 0.0 else event.primitive(previous.begin)
-    if previous is None or before is None:
-        # Nothing foretold this step, as after a change of grid: then the cubic is trusted to this share of its slopes.
-        doubt = UNTESTED * max(abs(begin), abs(end))
-    else:
-        start = _value(event, previous.begin) * previous.scale_begin
-        earlier = _cubic(before, first, start, _value(event, previous.end) * previous.scale_end)
-        doubt = doubt_about(cubic, earlier, segment.length / previous.length)
-    if end != 0.0 and (begin > 0) == (end > 0):
-        return slope_keeps_sign(cubic, doubt)
-    # A quadratic slope of opposite signs at the ends has one zero; more would take an error as large as its values.
-    return doubt < 0.3 * max(abs(begin), abs(end))
-
-
-def _cubic(first: float, last: float, begin: float, end: float) -> tuple[float, float, float, float]:
-    rise = last - first
-    return first, begin, 3 * rise - 2 * begin - end, begin + end - 2 * rise
-
-
-def _value_on(event: Event, segment: Segment, options: Options, theta: float) -> float:
-    return _value(event, point_on(segment, theta, options)[0])
 
 
 def _value(event: Event, point: Point) -> float:

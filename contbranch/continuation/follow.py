@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from contbranch.continuation.adapting import adapted
@@ -14,11 +14,11 @@ from contbranch.continuation.metric import Balance, Metric
 from contbranch.continuation.newton import CorrectionError, correct
 from contbranch.continuation.options import Options, StopAt
 from contbranch.continuation.outcomes import End, Outcome
-from contbranch.continuation.probe import surprise
-from contbranch.continuation.problem import Array
+from contbranch.continuation.predictor import POINTS, Predictor
+from contbranch.continuation.problem import Array, Problem
 from contbranch.continuation.scan import LeapError, scan
 from contbranch.continuation.segment import Segment
-from contbranch.continuation.step import after_failure, judge
+from contbranch.continuation.step import AFTER_FAILURE, judge
 from contbranch.continuation.walk import annotated, to_point
 
 __all__ = ["Branch", "follow"]
@@ -35,12 +35,13 @@ class Branch:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Step:
-    """An accepted step."""
+    """An accepted step; how long the next one should be in units of it, and from how many points to predict it."""
 
     segment: Segment
     happenings: list[Happening]
     end: End | None
     factor: float
+    count: int
 
 
 def follow(
@@ -52,42 +53,142 @@ def follow(
     stop: StopAt,
 ) -> Branch:
     """Follow the curve from `start` along its tangent to its end in that direction."""
-    here = start
-    segment: Segment | None = None
-    metric = balance.metric(options.weight, options.state_floor)
-    step = options.first_step * metric.norm(here.problem, here.tangent_x, here.tangent_parameter)
-    branch = Branch([], [], End(Outcome.MAXIMUM_POINTS))
-    folds = 0
-    for _ in range(options.maximum_points):
-        here = _unit(here, metric)
-        try:
-            taken = _take(here, segment, step, metric, interval, options, events, start if branch.points else None)
-        except CorrectionError as error:
-            return replace(branch, end=End(error.outcome, error.detail))
-        segment = taken.segment
-        end = _record(branch, taken, stop, folds)
-        folds = sum(isinstance(event, Fold) for event, _index in branch.events)
-        if end is not None:
-            return replace(branch, end=end)
-        state_change, parameter_change = _changes(segment)
-        balance = balance.advance(state_change, parameter_change)
+    return _Direction(start, interval, options, events, stop).followed(balance)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Direction:
+    """One direction of a curve: its start, how far it goes and what is looked for on the way."""
+
+    start: Point
+    interval: Range
+    options: Options
+    events: Sequence[Event]
+    stop: StopAt
+
+    def followed(self, balance: Balance) -> Branch:
+        """Take steps to the end."""
+        options, recent = self.options, [self.start]
         metric = balance.metric(options.weight, options.state_floor)
+        step = options.first_step * metric.norm(self.start.problem, self.start.tangent_x, self.start.tangent_parameter)
+        branch = Branch([], [], End(Outcome.MAXIMUM_POINTS))
+        last: Segment | None = None
+        count = 1
+        for _ in range(options.maximum_points):
+            recent[-1] = _unit(recent[-1], metric)
+            try:
+                taken = self._take(Predictor(recent, metric), last, step, count, bool(branch.points))
+                end = self._record(branch, taken)
+                if end is not None:
+                    return replace(branch, end=end)
+                begin, here = taken.segment.begin, taken.segment.end
+                dx, dp = here.x - begin.x, here.parameter - begin.parameter
+                balance = balance.advance(math.sqrt(max(begin.problem.inner(dx, dx), 0.0)), abs(dp))
+                metric = balance.metric(options.weight, options.state_floor)
+                step, count = taken.factor * metric.norm(begin.problem, dx, dp), taken.count
+                here, carry = adapted(here, metric, options)
+            except CorrectionError as error:
+                return replace(branch, end=End(error.outcome, error.detail))
+            if here is not branch.points[-1]:
+                branch.points[-1] = here
+                recent = [] if carry is None else [_carried(point, here.problem, carry) for point in recent]
+            recent = [*recent, here][-POINTS:]
+            last = Segment(recent[-2], here, metric) if len(recent) > 1 else None
+        return branch
+
+    def _take(self, predictor: Predictor, last: Segment | None, step: float, count: int, away: bool) -> _Step:
+        """Take one step, shortening it until it succeeds; raise the last failure when it has become too short."""
+        here, metric, options = predictor.here, predictor.metric, self.options
+        growth = options.growth
+        if math.isfinite(self.interval.width) and here.tangent_parameter != 0.0:
+            step = min(step, options.largest_parameter_step * self.interval.width / abs(here.tangent_parameter))
+        failure = CorrectionError(Outcome.STEP_TOO_SMALL, "(The curve turns too sharply.)")
+        while step >= options.smallest_step:
+            foretold = predictor.at(step)
+            x, p = predictor.chosen(foretold, count, 0.5 * options.angle_limit * step)
+            try:
+                corrected = correct(
+                    here.problem, x, p, predictor.row, metric, tolerance=options.tolerance, noise=options.noise
+                )
+                end = to_point(here.problem, corrected, metric, options.detect_branch_points)
+                judgement = judge(here, end, corrected, metric, options)
+                longest, count = predictor.longest(step, foretold, end, growth)
+                if judgement.accepted:
+                    segment = Segment(here, annotated(end), metric)
+                    segment, happenings, stop = self._look_inside(segment, last, away)
+                    return _Step(segment, happenings, stop, min(judgement.factor, longest, growth), count)
+                step *= judgement.factor
+            except CorrectionError as error:
+                failure = error
+                step *= AFTER_FAILURE
+            except LeapError:
+                failure = CorrectionError(Outcome.STEP_TOO_SMALL, "(Every step leaps to another part of the curve.)")
+                step *= AFTER_FAILURE
+            growth = 1.0  # what has failed once is not tried again at once
+        raise failure
+
+    def _look_inside(
+        self, segment: Segment, last: Segment | None, away: bool
+    ) -> tuple[Segment, list[Happening], End | None]:
+        """Cut a step where the curve ends, and return what happens in it.
+
+        The curve may also leave the range and come back within the step; then it has a fold outside the range.
+        """
+        interval, options = self.interval, self.options
+        end: End | None = None
+        if away:
+            closing = closes(segment, self.start, options)
+            if closing is not None:
+                segment = Segment(segment.begin, closing, segment.metric)
+                end = End(Outcome.CLOSED)
+        edge = interval.edge_beyond(segment.end.parameter)
+        if edge is not None:
+            segment = Segment(segment.begin, annotated(land(segment, edge, options), label="edge"), segment.metric)
+            end = End(Outcome.REACHED_EDGE)
+        happenings = scan(segment, self.events, options, last)
+        outside = next((h for h in happenings if not interval.contains(h.event.parameter)), None)
+        if outside is not None:
+            edge = interval.edge_beyond(outside.event.parameter)
+            assert edge is not None
+            to_outside = Segment(segment.begin, outside.event.point, segment.metric)
+            cut = annotated(land(to_outside, edge, options), label="edge")
+            segment = Segment(segment.begin, cut, segment.metric)
+            happenings = [h for h in happenings if h.theta < outside.theta and interval.contains(h.event.parameter)]
+            end = End(Outcome.REACHED_EDGE)
+        if end is None:
+            segment, end = self._arrives(segment)
+        return segment, happenings, end
+
+    def _arrives(self, segment: Segment) -> tuple[Segment, End | None]:
+        """End the curve where it comes to an edge, or so close to it without crossing that it never will."""
+        point = segment.end
+        edge = self.interval.edge_close_to(point.parameter, self.options.edge_tolerance)
+        if edge is None or (edge - point.parameter) * point.tangent_parameter < 0:
+            return segment, None
+        if point.parameter == edge:
+            return segment, End(Outcome.REACHED_EDGE)
         try:
-            here, changed = adapted(branch.points[-1], metric, options)
-        except CorrectionError as error:
-            return replace(branch, end=End(error.outcome, error.detail))
-        if changed:
-            branch.points[-1] = here
-            segment_for_length = segment
-            segment = None
-        else:
-            segment_for_length = segment = Segment(segment.begin, segment.end, metric)
-        step = taken.factor * metric.norm(
-            segment_for_length.begin.problem,
-            segment_for_length.end.x - segment_for_length.begin.x,
-            parameter_change,
-        )
-    return branch
+            landed = land(segment, edge, self.options)
+        except CorrectionError:
+            return segment, End(Outcome.APPROACHES_EDGE)
+        return Segment(segment.begin, annotated(landed, label="edge"), segment.metric), End(Outcome.REACHED_EDGE)
+
+    def _record(self, branch: Branch, taken: _Step) -> End | None:
+        """Append a step's events and end point to the branch; return the end if a stop condition is met."""
+        stop = self.stop
+        for happening in taken.happenings:
+            branch.events.append((happening.event, len(branch.points)))
+            branch.points.append(happening.event.point)
+            if isinstance(happening.event, Fold) and stop.folds == sum(isinstance(e, Fold) for e, _ in branch.events):
+                return End(Outcome.STOPPED_AT_FOLD)
+            if happening.terminal:
+                return End(Outcome.STOPPED_AT_EVENT)
+        branch.points.append(taken.segment.end)
+        if taken.end is not None:
+            return taken.end
+        if stop.predicate is not None and stop.predicate(taken.segment.end):
+            return End(Outcome.STOPPED_BY_PREDICATE)
+        return None
 
 
 def _unit(point: Point, metric: Metric) -> Point:
@@ -96,134 +197,6 @@ def _unit(point: Point, metric: Metric) -> Point:
     return replace(point, tangent_x=point.tangent_x / size, tangent_parameter=point.tangent_parameter / size)
 
 
-def _changes(segment: Segment) -> tuple[float, float]:
-    dx = segment.end.x - segment.begin.x
-    return (
-        math.sqrt(max(segment.begin.problem.inner(dx, dx), 0.0)),
-        abs(segment.end.parameter - segment.begin.parameter),
-    )
-
-
-def _predict(here: Point, segment: Segment | None, step: float, metric: Metric, limit: float) -> tuple[Array, float]:
-    """Extrapolate the cubic through the last two points, or the tangent where the two disagree too much."""
-    x = here.x + step * here.tangent_x
-    p = here.parameter + step * here.tangent_parameter
-    if segment is None or segment.length == 0.0:
-        return x, p
-    cubic_x, cubic_p = segment.at(1 + step / segment.length)
-    apart = metric.norm(here.problem, cubic_x - x, cubic_p - p)
-    return (cubic_x, cubic_p) if apart <= 0.5 * limit * step else (x, p)
-
-
-def _take(
-    here: Point,
-    last: Segment | None,
-    step: float,
-    metric: Metric,
-    interval: Range,
-    options: Options,
-    events: Sequence[Event],
-    start: Point | None,
-) -> _Step:
-    """Take one step, shortening it until it succeeds; raise the last failure when it has become too short."""
-    failed = False
-    if math.isfinite(interval.width) and here.tangent_parameter != 0.0:
-        longest = options.largest_parameter_step * interval.width
-        step = min(step, longest / abs(here.tangent_parameter))
-    failure = CorrectionError(Outcome.STEP_TOO_SMALL, "(The curve turns too sharply.)")
-    while step >= options.smallest_step:
-        x, p = _predict(here, last, step, metric, options.angle_limit)
-        row = metric.row(here.problem, here.tangent_x, here.tangent_parameter)
-        try:
-            corrected = correct(here.problem, x, p, row, metric, tolerance=options.tolerance, noise=options.noise)
-            end = to_point(here.problem, corrected, metric, options.detect_branch_points)
-            judgement = judge(here, end, corrected, metric, options, surprise(Segment(here, end, metric), last))
-            if not judgement.accepted:
-                step *= judgement.factor
-                failed = True
-                continue
-            segment = Segment(here, annotated(end), metric)
-            segment, happenings, stop = _look_inside(segment, last, interval, options, events, start)
-        except CorrectionError as error:
-            failure = error
-            step = after_failure(step)
-            failed = True
-            continue
-        except LeapError:
-            failure = CorrectionError(Outcome.STEP_TOO_SMALL, "(Every step leaps to another part of the curve.)")
-            step = after_failure(step)
-            failed = True
-            continue
-        return _Step(segment, happenings, stop, min(judgement.factor, 1.0) if failed else judgement.factor)
-    raise failure
-
-
-def _look_inside(
-    segment: Segment,
-    last: Segment | None,
-    interval: Range,
-    options: Options,
-    events: Sequence[Event],
-    start: Point | None,
-) -> tuple[Segment, list[Happening], End | None]:
-    """Cut a step where the curve ends, and return what happens in it.
-
-    The curve may also leave the range and come back within the step; then it has a fold outside the range.
-    """
-    end: End | None = None
-    if start is not None:
-        closing = closes(segment, start, options)
-        if closing is not None:
-            segment = Segment(segment.begin, closing, segment.metric)
-            end = End(Outcome.CLOSED)
-    edge = interval.edge_beyond(segment.end.parameter)
-    if edge is not None:
-        segment = Segment(segment.begin, annotated(land(segment, edge, options), label="edge"), segment.metric)
-        end = End(Outcome.REACHED_EDGE)
-    happenings = scan(segment, events, options, last)
-    outside = next((h for h in happenings if not interval.contains(h.event.parameter)), None)
-    if outside is not None:
-        edge = interval.edge_beyond(outside.event.parameter)
-        assert edge is not None
-        to_outside = Segment(segment.begin, outside.event.point, segment.metric)
-        cut = annotated(land(to_outside, edge, options), label="edge")
-        segment = Segment(segment.begin, cut, segment.metric)
-        happenings = [h for h in happenings if h.theta < outside.theta and interval.contains(h.event.parameter)]
-        end = End(Outcome.REACHED_EDGE)
-    if end is None:
-        segment, end = _arrives(segment, interval, options)
-    return segment, happenings, end
-
-
-def _arrives(segment: Segment, interval: Range, options: Options) -> tuple[Segment, End | None]:
-    """End the curve where it comes to an edge, or so close to it without crossing that it never will."""
-    point = segment.end
-    edge = interval.edge_close_to(point.parameter, options.edge_tolerance)
-    if edge is None or (edge - point.parameter) * point.tangent_parameter < 0:
-        return segment, None
-    if point.parameter == edge:
-        return segment, End(Outcome.REACHED_EDGE)
-    try:
-        landed = land(segment, edge, options)
-    except CorrectionError:
-        return segment, End(Outcome.APPROACHES_EDGE)
-    return Segment(segment.begin, annotated(landed, label="edge"), segment.metric), End(Outcome.REACHED_EDGE)
-
-
-def _record(branch: Branch, taken: _Step, stop: StopAt, folds: int) -> End | None:
-    """Append a step's events and end point to the branch; return the end if a stop condition is met."""
-    for happening in taken.happenings:
-        branch.events.append((happening.event, len(branch.points)))
-        branch.points.append(happening.event.point)
-        if isinstance(happening.event, Fold):
-            folds += 1
-            if stop.folds is not None and folds >= stop.folds:
-                return End(Outcome.STOPPED_AT_FOLD)
-        if happening.terminal:
-            return End(Outcome.STOPPED_AT_EVENT)
-    branch.points.append(taken.segment.end)
-    if taken.end is not None:
-        return taken.end
-    if stop.predicate is not None and stop.predicate(taken.segment.end):
-        return End(Outcome.STOPPED_BY_PREDICATE)
-    return None
+def _carried(point: Point, problem: Problem, carry: Callable[[Array], Array]) -> Point:
+    """Return an earlier point on the new discretisation: close to the curve there, which is enough to predict from."""
+    return replace(point, problem=problem, x=carry(point.x), tangent_x=carry(point.tangent_x))

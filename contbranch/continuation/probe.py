@@ -1,7 +1,7 @@
 """Brackets of the zeros of a function along one step, pairs hidden between ends of the same sign included.
 
-The cubic through both ends shows what the function does inside the step; how far it can be trusted is known from how
-well the cubic of the step before foretold this step's end. Where that leaves room for a hidden pair of zeros, points of
+What the function does inside a step is told by the polynomial through both ends, and how far that can be trusted by
+the one that goes through a neighbouring point besides. Where the two leave room for a hidden pair of zeros, points of
 the curve itself are computed inside the step.
 """
 
@@ -9,41 +9,37 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from itertools import pairwise
+from dataclasses import dataclass, field, replace
+
+import numpy as np
 
 from contbranch.continuation.curve import Point
-from contbranch.continuation.locate import Sample, sign_changes
+from contbranch.continuation.hermite import Hermite
+from contbranch.continuation.locate import Sample, find_root
 from contbranch.continuation.options import Options
+from contbranch.continuation.predictor import STEEPEST
+from contbranch.continuation.problem import Array
 from contbranch.continuation.segment import Segment
-from contbranch.continuation.walk import point_on
+from contbranch.continuation.walk import annotated, point_on
 
-__all__ = [
-    "Bracket",
-    "Probe",
-    "brackets",
-    "doubt_about",
-    "doubt_about_parameter",
-    "no_hidden_folds",
-    "slope_keeps_sign",
-    "surprise",
-]
+__all__ = ["Bracket", "Probe"]
 
 Value = Callable[[Point], float]
-Cubic = tuple[float, float, float, float]
 
-# Largest error of the derivative of a cubic Hermite interpolant, h³ f''''/216 √3.
-INTERPOLATION = math.sqrt(3) / 216
-# Estimates of errors are good to a factor of a few.
-SAFETY = 4.0
-# The cubic is not trusted beyond this share of a function's variation over the step.
-TRUST = 0.03
+# The better of two polynomials is trusted within this multiple of their difference: eight times that has been seen.
+SAFETY = 10.0
+# A step in which both differ by more than this share of the largest value has features that neither of them shows.
+RESOLVED = 0.02
+# Error as a share of the function's values where there is no neighbouring point.
+UNTESTED = 0.3
 # A value inside that falls below this share of the smaller one of both ends is followed up in any case.
 SUSPICIOUS = 0.5
-# Below this dp/ds (in the metric) the parameter rests up to rounding.
-RESTING = 1e-8
-# How often a step is halved in search of hidden zeros.
-DEPTH = 6
+# How often a step is divided in search of hidden zeros, and how many points that may cost.
+DEPTH, MOST = 12, 60
+# ... and the share of it that is cut off at least.
+SIDE = 1e-4
+# Where functions are looked at inside a step: the slope of a known quantity costs next to nothing.
+CHEAP, DEAR = np.linspace(0.0, 1.0, 11)[1:-1], np.array([0.25, 0.5, 0.75])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,6 +52,8 @@ class Bracket:
         The part of the step.
     first, last : (position, value)
         Samples, positions within that part.
+    guess : float
+        Where the polynomial has its zero.
     offset, share : float
         Position θ in the part is offset + share θ in the whole step.
     """
@@ -63,6 +61,7 @@ class Bracket:
     segment: Segment
     first: Sample
     last: Sample
+    guess: float
     offset: float = 0.0
     share: float = 1.0
 
@@ -73,139 +72,157 @@ class Bracket:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Probe:
-    """A function along the curve, and the error to be expected of its values on the cubic.
+    """A function along the curve whose zeros are wanted.
 
-    `doubt` is None where no earlier step tells.
+    Attributes
+    ----------
+    value : callable
+        The function at a point of the curve.
+    options : Options
+        For points computed inside a step.
+    primitive : callable, optional
+        A quantity whose derivative along the unit tangent is the function.
+    known : dict
+        Values at points already seen.
     """
 
     value: Value
     options: Options
-    doubt: float | None
+    primitive: Callable[[Point], float | None] | None = None
+    known: dict[Point, float] = field(default_factory=dict)
+
+    def at(self, point: Point) -> float:
+        """Return the function's value at a point."""
+        if point not in self.known:
+            self.known[point] = self.value(point)
+        return self.known[point]
+
+    def brackets(self, segment: Segment, previous: Segment | None) -> list[Bracket]:
+        """Return brackets of all zeros inside a step, given the step before on the same discretisation."""
+        return self._search(segment, None if previous is None else previous.begin, DEPTH, 0.0, 1.0)
+
+    def zero(self, bracket: Bracket, resolution: float, relative: float) -> tuple[float, Point]:
+        """Return the position of the zero in a bracket, and the point of the curve there."""
+        seen: dict[float, Point] = {}
+
+        def value(theta: float) -> float:
+            seen[theta] = point_on(bracket.segment, theta, self.options)[0]
+            return self.at(seen[theta])
+
+        theta = find_root(value, bracket.first, bracket.last, resolution, relative, bracket.guess)
+        if theta not in seen:
+            value(theta)
+        return theta, seen[theta]
+
+    def _search(self, segment: Segment, third: Point | None, depth: int, offset: float, share: float) -> list[Bracket]:
+        begin, end = self.at(segment.begin), self.at(segment.end)
+        inside, doubt = self._inside(segment, third)
+        values = math.copysign(1.0, begin) * np.concatenate([[begin], inside, [end]])
+        theta = _division(values, doubt) if depth > 0 and len(self.known) < MOST else None
+        if theta is None:
+            if values[-1] > 0:
+                return []
+            i = int(np.argmax(values <= 0)) - 1
+            guess = (i + values[i] / (values[i] - values[i + 1])) / (len(values) - 1)
+            return [Bracket(segment, (0.0, begin), (1.0, end), float(guess), offset, share)]
+        point = annotated(point_on(segment, theta, self.options, precise=False)[0])
+        if self.at(point) == 0.0:  # a zero belongs to one part alone
+            theta += 1e-3 * (1 - theta)
+            point = annotated(point_on(segment, theta, self.options, precise=False)[0])
+        left, right = Segment(segment.begin, point, segment.metric), Segment(point, segment.end, segment.metric)
+        return [
+            *self._search(left, segment.end, depth - 1, offset, share * theta),
+            *self._search(right, segment.begin, depth - 1, offset + share * theta, share * (1 - theta)),
+        ]
+
+    def _inside(self, segment: Segment, third: Point | None) -> tuple[Array, Array]:
+        """Return the function's values on the polynomial at even distances inside a segment, and their errors."""
+        points, places, along = _seen_from_chord(segment, third)
+        if self.primitive is not None:
+            thetas: Array = CHEAP
+            heights = [self.primitive(point) for point in points]
+            rates = [self.at(point) / rate for point, rate in zip(points, along, strict=True)]
+            # Back from lengths along the chord to lengths along the curve.
+            stretch = (1 - thetas) * along[0] + thetas * along[1]
+            found = [slope * stretch for _, slope in Hermite(places, heights, rates).at(thetas * places[1])[1:]]
+        else:
+            thetas = DEAR
+            states = [np.append(point.x, point.parameter) for point in points]
+            turns = [np.append(q.tangent_x, q.tangent_parameter) / rate for q, rate in zip(points, along, strict=True)]
+            curve = Hermite(places, states, turns)
+            rows = [[self.value(_point(segment, *at)) for at in curve.at(theta * places[1])[1:]] for theta in thetas]
+            found = list(np.array(rows).T)
+        error = (
+            np.abs(found[-1] - found[0]) if len(found) > 1 else np.full(len(thetas), UNTESTED * np.abs(found[0]).max())
+        )
+        return found[-1], error
 
 
-def foretold_to_inside(ratio: float) -> float:
-    """Return the share of the error of the foretold slope at the end that is to be expected inside the step.
+def _division(values: Array, doubt: Array) -> float | None:
+    """Return where to divide a step, seen at even distances, the first value positive; None if its zeros are certain.
 
-    With h the earlier step and θ = 1 + ratio, the cubic's slope is wrong by θ (θ - 1) (2 θ - 1)/12 h³ f'''' where it
-    is extrapolated to, and by at most √3/216 (ratio h)³ f'''' inside the new step.
+    The errors are those inside the step; at the ends there is none.
     """
-    theta = 1 + ratio
-    return INTERPOLATION * ratio**3 / (theta * (theta - 1) * (2 * theta - 1) / 12)
-
-
-def doubt_about_parameter(segment: Segment, previous: Segment | None) -> float | None:
-    """Return the error to be expected of the cubic's dp/dθ inside a step."""
-    if previous is None or previous.length == 0.0:
+    spaces = len(values) - 1
+    if float(doubt.max()) > RESOLVED * float(np.abs(values).max()):
+        return 0.5
+    crossings = np.flatnonzero((values[:-1] > 0) != (values[1:] > 0))
+    if len(crossings) > 1:
+        between = np.arange(crossings[0] + 1, crossings[1] + 1)
+        return float(between[np.argmax(np.abs(values[between]))]) / spaces
+    # Between two samples the function is a parabola: first + (last - first) t - bend t (1 - t)/2.
+    sign = np.ones(spaces)
+    if len(crossings):
+        sign[crossings[0] :] = -1.0
+    first, last = sign * values[:-1], sign * values[1:]
+    second = np.diff(values, 2)
+    bend = np.maximum(sign * np.append(second[0], second), sign * np.append(second, second[-1]))
+    bend = np.maximum(bend, np.finfo(float).tiny)
+    t = np.clip(0.5 - (last - first) / bend, 0.0, 1.0)
+    lowest = first + (last - first) * t - bend * t * (1 - t) / 2
+    error = SAFETY * np.concatenate([[0.0], doubt, [0.0]])
+    left_over = lowest - error[:-1] * (1 - t) - error[1:] * t
+    # A dip far below both ends is followed up in any case.
+    dips = (t > 0) & (t < 1) & (lowest < SUSPICIOUS * min(values[0], abs(values[-1])))
+    left_over = np.where(dips, np.minimum(left_over, 0.0), left_over)
+    left_over[crossings] = np.inf
+    i = int(np.argmin(left_over))
+    if left_over[i] > 0:
         return None
-    return doubt_about(
-        segment.parameter_coefficients(), previous.parameter_coefficients(), segment.length / previous.length
+    return float(np.clip((i + t[i]) / spaces, SIDE, 1 - SIDE))
+
+
+def _seen_from_chord(segment: Segment, third: Point | None) -> tuple[list[Point], list[float], list[float]]:
+    """Return the points of a step and a third one, their places along its chord, and the slopes of these places.
+
+    The third is left out where the curve is no graph over the chord up to there.
+    """
+    begin, end, metric = segment.begin, segment.end, segment.metric
+    problem = begin.problem
+    c, d = metric.row(problem, (end.x - begin.x) / segment.length, (end.parameter - begin.parameter) / segment.length)
+    points: list[Point] = []
+    places: list[float] = []
+    along: list[float] = []
+    for point in (begin, end) if third is None else (begin, end, third):
+        place = float(c @ (point.x - begin.x)) + d * (point.parameter - begin.parameter)
+        slope = float(c @ point.tangent_x) + d * point.tangent_parameter
+        least = STEEPEST * metric.norm(problem, point.tangent_x, point.tangent_parameter)
+        if point is third and (slope < least or 0.0 <= place <= places[1]):
+            break
+        points.append(point)
+        places.append(place)
+        along.append(max(slope, least))
+    return points, places, along
+
+
+def _point(segment: Segment, state: Array, direction: Array) -> Point:
+    """Return a point off the curve but close to it, with a unit tangent."""
+    size = segment.metric.norm(segment.begin.problem, direction[:-1], float(direction[-1]))
+    return replace(
+        segment.begin,
+        x=state[:-1],
+        parameter=float(state[-1]),
+        tangent_x=direction[:-1] / size,
+        tangent_parameter=float(direction[-1]) / size,
+        label="",
     )
-
-
-def doubt_about(cubic: Cubic, previous: Cubic, ratio: float) -> float:
-    """Return the error to be expected of a cubic's slope inside a step, `ratio` times as long as the step before."""
-    return SAFETY * foretold_to_inside(ratio) * _foretold_slope_error(cubic, previous, ratio)
-
-
-def surprise(segment: Segment, previous: Segment | None) -> float:
-    """Return the error of dp/dθ foretold for the end of a step, relative to dp/dθ; 0 where p rests or none is known."""
-    if previous is None or previous.length == 0.0:
-        return 0.0
-    begin = abs(segment.begin.tangent_parameter * segment.scale_begin)
-    end = abs(segment.end.tangent_parameter * segment.scale_end)
-    largest = max(begin, end)
-    if largest < RESTING * segment.length * segment.metric.parameter_scale:
-        return 0.0
-    ratio = segment.length / previous.length
-    error = _foretold_slope_error(segment.parameter_coefficients(), previous.parameter_coefficients(), ratio)
-    return error / largest
-
-
-def _foretold_slope_error(cubic: Cubic, previous: Cubic, ratio: float) -> float:
-    """Return the difference between the slope at the end of a step and what the cubic of the step before foretold."""
-    theta = 1 + ratio
-    _, c1, c2, c3 = previous
-    foretold = (c1 + theta * (2 * c2 + theta * 3 * c3)) * ratio
-    _, e1, e2, e3 = cubic
-    return abs(foretold - (e1 + 2 * e2 + 3 * e3))
-
-
-def no_hidden_folds(segment: Segment, doubt: float | None) -> bool:
-    """Whether the slope of the cubic p(θ) has one sign on the step and stays farther from zero than its error."""
-    return slope_keeps_sign(segment.parameter_coefficients(), doubt)
-
-
-def slope_keeps_sign(cubic: Cubic, doubt: float | None) -> bool:
-    """Whether the slope of a cubic has one sign on the step and stays farther from zero than its error."""
-    if doubt is None:
-        return False
-    _, c1, c2, c3 = cubic
-    end = c1 + 2 * c2 + 3 * c3
-    if (c1 > 0) != (end > 0) or c1 == 0.0 or end == 0.0:
-        return False
-    sign = math.copysign(1.0, c1)
-    lower, higher = min(abs(c1), abs(end)), max(abs(c1), abs(end))
-    lowest = lower
-    if c3 * sign > 0.0 and 0.0 < -c2 / (3 * c3) < 1.0:
-        lowest = sign * (c1 - c2 * c2 / (3 * c3))
-    return lowest > max(doubt, TRUST * (higher - lowest), SUSPICIOUS * lower)
-
-
-def brackets(segment: Segment, probe: Probe, begin: float, end: float) -> list[Bracket]:
-    """Return brackets of all zeros of a function inside a step, given its values at both ends."""
-    return _brackets(segment, probe.value, begin, end, probe.doubt, probe.options, DEPTH, 0.0, 1.0)
-
-
-def _brackets(
-    segment: Segment,
-    value: Value,
-    begin: float,
-    end: float,
-    doubt: float | None,
-    options: Options,
-    depth: int,
-    offset: float,
-    share: float,
-) -> list[Bracket]:
-    opposite = end == 0.0 or (begin > 0) != (end > 0)
-    whole = Bracket(segment, (0.0, begin), (1.0, end), offset, share)
-    if depth == 0:
-        return [whole] if opposite else []
-    sign = 1.0 if begin > 0 else -1.0
-    inside = [sign * value_on_cubic(segment, theta, value) for theta in (0.25, 0.5, 0.75)]
-    values = [sign * begin, *inside, sign * end]
-    variation = max(values) - min(values)
-    error = math.inf if doubt is None else max(doubt, TRUST * variation)
-    if opposite:
-        crossings = sum((a > 0) != (b > 0) for a, b in pairwise(values))
-        if crossings == 1 and error < 0.3 * max(abs(begin), abs(end)):
-            return [whole]
-    else:
-        bend = max(abs(values[i - 1] - 2 * values[i] + values[i + 1]) for i in (1, 2, 3))
-        # Between samples a parabola dips by an eighth of their second difference.
-        if min(values) - bend / 8 > max(error, SUSPICIOUS * min(abs(begin), abs(end))):
-            return []
-        if error < 0.1 * variation:
-            guess = min((w, theta) for w, theta in zip(inside, (0.25, 0.5, 0.75), strict=True))[1]
-            found = sign_changes(
-                lambda theta: value(point_on(segment, theta, options)[0]), (0.0, begin), (1.0, end), guess
-            )
-            return [Bracket(segment, first, last, offset, share) for first, last in found]
-    middle, _ = point_on(segment, 0.5, options)
-    at_middle = value(middle)
-    discrepancy = abs(sign * at_middle - inside[1])
-    left_over = SAFETY * discrepancy + (0.0 if doubt is None else doubt / 8)
-    left, right = Segment(segment.begin, middle, segment.metric), Segment(middle, segment.end, segment.metric)
-    half = share / 2
-    found_left = _brackets(left, value, begin, at_middle, left_over, options, depth - 1, offset, half)
-    if at_middle == 0.0:
-        at_middle = -begin  # the zero itself belongs to the left half
-    return found_left + _brackets(right, value, at_middle, end, left_over, options, depth - 1, offset + half, half)
-
-
-def value_on_cubic(segment: Segment, theta: float, value: Value) -> float:
-    """Return the value of a function at a point of the cubic, which is close to the curve but not on it."""
-    x, p = segment.at(theta)
-    dx, dp = segment.direction(theta)
-    size = segment.metric.norm(segment.begin.problem, dx, dp)
-    return value(replace(segment.begin, x=x, parameter=p, tangent_x=dx / size, tangent_parameter=dp / size, label=""))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
@@ -45,17 +46,30 @@ class Adaptation(NamedTuple):
 class Problem(ABC):
     """A family of equations F(x, p) = 0 with n unknowns x and one parameter p.
 
-    Only `residual` and `jacobian` must be written. A problem should be a function of (x, p) alone: the curve is
-    followed in two directions, and every point keeps the problem object it was computed with.
+    Only `residual` must be written; a `jacobian` makes it fast. A problem should be a function of (x, p) alone: the
+    curve is followed in two directions, and every point keeps the problem object it was computed with.
     """
 
     @abstractmethod
     def residual(self, x: Array, p: float) -> Array:
         """Return F(x, p), shape (n,)."""
 
-    @abstractmethod
     def jacobian(self, x: Array, p: float) -> Any:
-        """Return dF/dx, shape (n, n): a dense array, a scipy sparse matrix or array, or a LinearOperator."""
+        """Return dF/dx, shape (n, n): a dense array, a scipy sparse matrix or array, or a LinearOperator.
+
+        Default: central differences, column by column, 2n residuals. The steps are h = 6e-6 max(|x_i|, r, 1), r the
+        root mean square of x, and the error about h²/6 times the third derivatives plus 1e-11 |F|: nine to ten digits
+        of a function that varies over lengths of order one. Points, folds and branch points stay as accurate as the
+        residual, whose zeros they are; they are only reached a little more slowly.
+        """
+        size = max(1.0, math.sqrt(float(x @ x) / x.size))
+        matrix = np.empty((x.size, x.size))
+        for i, step in enumerate(_CUBE_ROOT_OF_ROUNDING * np.maximum(np.abs(x), size)):
+            above, below = x.copy(), x.copy()
+            above[i] += step
+            below[i] -= step
+            matrix[:, i] = (self.residual(above, p) - self.residual(below, p)) / (above[i] - below[i])
+        return matrix
 
     def parameter_derivative(self, x: Array, p: float) -> Array:
         """Return dF/dp, shape (n,). Default: a central difference, with an error of about 1e-10 relative."""

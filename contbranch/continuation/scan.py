@@ -8,19 +8,12 @@ from dataclasses import replace
 from itertools import pairwise
 
 from contbranch.continuation.branching import locate_branch_point, unresolved_branch_point
-from contbranch.continuation.curve import EventPoint, Fold, IndexChange, Located
+from contbranch.continuation.curve import EventPoint, Fold, IndexChange, Located, Point
 from contbranch.continuation.events import BEYOND, Event, Happening
 from contbranch.continuation.folds import locate_fold
-from contbranch.continuation.locate import Sample, find_root
 from contbranch.continuation.newton import CorrectionError
 from contbranch.continuation.options import Options
-from contbranch.continuation.probe import (
-    Bracket,
-    Probe,
-    brackets,
-    doubt_about_parameter,
-    no_hidden_folds,
-)
+from contbranch.continuation.probe import Bracket, Probe
 from contbranch.continuation.segment import Segment
 from contbranch.continuation.walk import annotated, point_on
 
@@ -86,32 +79,24 @@ def scan(
 
 def _folds(segment: Segment, previous: Segment | None, options: Options) -> list[Happening]:
     """Return the folds inside a step."""
-    doubt = doubt_about_parameter(segment, previous)
-    if no_hidden_folds(segment, doubt):
-        return []
     begin, end = segment.begin.tangent_parameter, segment.end.tangent_parameter
     if max(abs(begin), abs(end)) < VERTICAL * segment.metric.parameter_scale:
         return []  # the parameter is constant along this part of the curve
+    probe = Probe(lambda point: point.tangent_parameter, options, lambda point: point.parameter)
     if begin == 0.0:
-        begin = point_on(segment, BEYOND, options)[0].tangent_parameter
-    # The doubt about dp/dθ, turned into one about the unit tangent.
-    scale = max(segment.scale_begin, segment.scale_end)
-    probe = Probe(lambda point: point.tangent_parameter, options, None if doubt is None else doubt / scale)
-    found = [_fold(bracket, options) for bracket in brackets(segment, probe, begin, end)]
+        probe.known[segment.begin] = point_on(segment, BEYOND, options)[0].tangent_parameter
+    found = [_fold(bracket, probe) for bracket in probe.brackets(segment, previous)]
     return [replace(one, event=replace(one.event, point=annotated(one.event.point))) for one in found]
 
 
-def _fold(bracket: Bracket, options: Options) -> Happening:
+def _fold(bracket: Bracket, probe: Probe) -> Happening:
     """Locate the fold in a bracket by bordered Newton iteration, failing that as a zero of the slope."""
     segment, first, last = bracket.segment, bracket.first, bracket.last
-    full = first[0] == 0.0 and last[0] == 1.0
-    start = _cubic_zero(segment) if full else _line_zero(first, last)
-    fold = _fold_by_newton(segment, start, first[0], last[0], last[1])
+    fold = _fold_by_newton(segment, bracket.guess, last[1])
     if fold is None:
-        theta = find_root(lambda theta: point_on(segment, theta, options)[0].tangent_parameter, first, last)
+        theta, point = probe.zero(bracket, 1e-15, 0.0)
         near = max(1e-6, 0.1 * (last[0] - first[0]))
-        fold = _fold_by_newton(segment, theta, theta - near, theta + near, last[1])
-        fold = fold or _fold_on_curve(segment, theta, options)
+        fold = _fold_by_newton(segment, theta, last[1], near) or _fold_on_curve(segment, theta, point)
     return replace(fold, theta=bracket.whole(fold.theta))
 
 
@@ -122,25 +107,10 @@ def _coincident(segment: Segment, fold: Located, branch: Located) -> bool:
     return away < (COINCIDENT if certain else COINCIDENT_ON_CURVE) * segment.length
 
 
-def _line_zero(first: Sample, last: Sample) -> float:
-    return first[0] + (last[0] - first[0]) * first[1] / (first[1] - last[1])
-
-
-def _cubic_zero(segment: Segment) -> float:
-    """Return the zero of the cubic's slope in a step whose ends have slopes of opposite sign."""
-    _, c1, c2, c3 = segment.parameter_coefficients()
-    root = math.sqrt(max(c2 * c2 - 3 * c1 * c3, 0.0))
-    # Of the two forms of either root the one without cancellation: q is the larger of -c2 ± root in modulus.
-    q = -(c2 + math.copysign(root, c2))
-    candidates = [q / (3 * c3) if c3 != 0.0 else math.nan, c1 / q if q != 0.0 else math.nan]
-    inside = [theta for theta in candidates if 0.0 <= theta <= 1.0]
-    return inside[0] if inside else 0.5
-
-
 def _fold_by_newton(
-    segment: Segment, start: float, lowest: float, highest: float, slope_after: float | None = None
+    segment: Segment, start: float, slope_after: float | None = None, near: float = math.inf
 ) -> Happening | None:
-    """Locate a fold by bordered Newton iteration; None unless it converges into the bracket.
+    """Locate a fold by bordered Newton iteration; None unless it converges into the segment, or `near` the start.
 
     Of two neighbouring folds one is a maximum and one a minimum of the parameter: the slope after the fold tells
     whether the right one was found, however close they are.
@@ -155,17 +125,15 @@ def _fold_by_newton(
         return None
     theta = segment.position(fold.x, fold.parameter)
     # The projection on the chord and the cubic's own position differ by the step's curvature.
-    slack = 1e-3 * (highest - lowest) if highest - lowest < 0.5 else 0.1
-    if not lowest - slack <= theta <= highest + slack:
+    if not (-0.1 <= theta <= 1.1 and abs(theta - start) <= near):
         return None
     near_x, near_p = segment.at(min(max(theta, 0.0), 1.0))
     away = segment.metric.norm(segment.begin.problem, fold.x - near_x, fold.parameter - near_p)
     return Happening(theta, fold) if away <= 0.2 * segment.length else None
 
 
-def _fold_on_curve(segment: Segment, theta: float, options: Options) -> Happening:
+def _fold_on_curve(segment: Segment, theta: float, point: Point) -> Happening:
     """Return a fold as the zero of the slope along the curve, where the bordered system does not converge."""
-    point, _ = point_on(segment, theta, options)
     problem = point.problem
     norm = math.sqrt(problem.inner(point.tangent_x, point.tangent_x))
     error = abs(point.tangent_parameter) * segment.length * 1e-6 + 1e-14 * abs(point.parameter)
@@ -234,7 +202,7 @@ def _halve(
             right = middle
     theta = (left + right) / 2
     if options.detect_folds:
-        fold = _fold_by_newton(segment, theta, theta - 1e-3, theta + 1e-3)
+        fold = _fold_by_newton(segment, theta, near=1e-3)
         if fold is not None:
             return [replace(fold, event=replace(fold.event, point=annotated(fold.event.point)))]
     point = annotated(point_on(segment, theta, options)[0], label="index change")

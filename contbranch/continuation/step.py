@@ -10,14 +10,11 @@ from contbranch.continuation.metric import Metric
 from contbranch.continuation.newton import Corrected
 from contbranch.continuation.options import Options
 
-__all__ = ["Judgement", "after_failure", "judge"]
+__all__ = ["AFTER_FAILURE", "Judgement", "judge"]
 
 # Newton's contraction that the step control aims at: a few digits more with every iteration (P. Deuflhard, Newton
 # Methods for Nonlinear Problems, Springer 2011, sec. 5.1, aims at 1/4 to 1/8).
 CONTRACTION = 0.1
-# Error of the foretold slope of p(s), relative to the slope, that is aimed at, and beyond which a step is repeated.
-SURPRISE = 0.3
-SURPRISE_LIMIT = 1.0
 # A failed step says nothing about how much too long it was.
 AFTER_FAILURE = 0.3
 
@@ -30,16 +27,12 @@ class Judgement:
     factor: float
 
 
-def judge(
-    begin: Point, end: Point, corrected: Corrected, metric: Metric, options: Options, surprise: float = 0.0
-) -> Judgement:
-    """Judge a step by true tangents, by the contraction of Newton's method and by how well dp/ds was foretold.
+def judge(begin: Point, end: Point, corrected: Corrected, metric: Metric, options: Options) -> Judgement:
+    """Judge a step by true tangents and by the contraction of Newton's method.
 
     The angle between the tangents at both ends, and the angles between either of them and the chord, must stay below
     the limit: the first guards against steps round a fold, the others against a step that leaps onto another part
-    of the curve (whose tangent may happen to be parallel). `surprise` is the error of dp/ds foretold from the step
-    before, relative to dp/ds: angles alone say nothing about p(s) where p all but rests while x goes on, and there
-    folds would be stepped over.
+    of the curve (whose tangent may happen to be parallel).
     """
     problem = begin.problem
     chord_x, chord_p = end.x - begin.x, end.parameter - begin.parameter
@@ -55,16 +48,6 @@ def judge(
     factor = options.angle / worst if worst > 0 else math.inf
     if worst > options.angle_limit:
         return Judgement(False, min(max(0.8 * factor, 0.1), 0.7))
-    if surprise > SURPRISE_LIMIT:
-        return Judgement(False, 0.5)
-    if surprise > 0.0:
-        # The error of the foretold slope grows with the third power of the step.
-        factor = min(factor, (SURPRISE / surprise) ** (1 / 3))
     if corrected.contraction > CONTRACTION:
         factor = min(factor, math.sqrt(CONTRACTION / corrected.contraction))
     return Judgement(True, min(max(factor, 0.2), options.growth))
-
-
-def after_failure(step: float) -> float:
-    """Return the length to try after Newton's method failed."""
-    return AFTER_FAILURE * step

@@ -21,7 +21,7 @@ from contbranch.continuation.problem import Array, Problem
 from contbranch.continuation.walk import annotated
 from contbranch.errors import InputError
 
-__all__ = ["trace_curve"]
+__all__ = ["balance_along", "interval_around", "joined", "trace_curve"]
 
 
 def trace_curve(
@@ -68,7 +68,7 @@ def trace_curve(
     """
     options = options or Options()
     stop = stop or StopAt()
-    interval = _interval(parameter_range, p0)
+    interval = interval_around(parameter_range, p0)
     x = np.atleast_1d(np.array(x0, dtype=float))
     if x.ndim != 1 or x.size == 0 or not np.all(np.isfinite(x)):
         raise InputError("x0 must be a one-dimensional array of finite numbers with at least one element.")
@@ -80,10 +80,11 @@ def trace_curve(
             end = End(Outcome.START_FAILED if error.outcome.complete else _at_start(error.outcome), error.detail)
             return Curve((), (), (end, end))
         forward, backward = _both_directions(start, balance, interval, options, events, stop)
-    return _join(start, forward, backward)
+    return joined(start, forward, backward)
 
 
-def _interval(parameter_range: tuple[float, float], p0: float) -> Range:
+def interval_around(parameter_range: tuple[float, float], p0: float) -> Range:
+    """Return the range as an interval, or raise InputError if it does not hold the start."""
     low, high = (float(edge) for edge in parameter_range)
     if not low < high:
         raise InputError(f"parameter_range is ({low}, {high}): give the lower edge first.")
@@ -103,17 +104,7 @@ def _start(problem: Problem, x: Array, p: float, interval: Range, options: Optio
     u, a, _ = tangent_at(problem, x, p)
     if a < 0:
         u, a = -u, -a
-    state_slope = math.sqrt(max(problem.inner(u, u), 0.0))
-    size = math.sqrt(max(problem.inner(x, x), 0.0))
-    parameter = interval.width if math.isfinite(interval.width) else max(1.0, abs(p))
-    state = state_slope / a * parameter if a > 0 else math.inf
-    # Close to a fold the tangent says nothing about how far x will go for this change of p.
-    if state > 10 * size > 0:
-        state = 10 * size
-        parameter = max(state * a / state_slope, 1e-6 * parameter)
-    if not (math.isfinite(state) and state > 0):
-        state = size if size > 0 else 1.0
-    balance = Balance(state, parameter)
+    balance = balance_along(problem, x, p, (u, a), interval)
     metric = balance.metric(options.weight, options.state_floor)
     unit = metric.norm(problem, u, a)
     # The determinant's sign belongs to the orientation: rebordering with the oriented, scaled tangent settles it.
@@ -121,6 +112,22 @@ def _start(problem: Problem, x: Array, p: float, interval: Range, options: Optio
     sign = border(problem, x, p, linearise(problem, x, p), row).determinant_sign()
     point = annotated(Point(problem, x, p, u / unit, a / unit, sign), label="start")
     return point, balance
+
+
+def balance_along(problem: Problem, x: Array, p: float, direction: tuple[Array, float], interval: Range) -> Balance:
+    """Return the first scales of a curve that leaves (x, p) in a direction."""
+    u, a = direction
+    state_slope = math.sqrt(max(problem.inner(u, u), 0.0))
+    size = math.sqrt(max(problem.inner(x, x), 0.0))
+    parameter = interval.width if math.isfinite(interval.width) else max(1.0, abs(p))
+    state = state_slope / abs(a) * parameter if a != 0 else math.inf
+    # Close to a fold the tangent says nothing about how far x will go for this change of p.
+    if state > 10 * size > 0:
+        state = 10 * size
+        parameter = max(state * abs(a) / state_slope, 1e-6 * parameter)
+    if not (math.isfinite(state) and state > 0):
+        state = size if size > 0 else 1.0
+    return Balance(state, parameter)
 
 
 def _both_directions(
@@ -140,7 +147,7 @@ def _both_directions(
     return forward, follow(reverse, balance, interval, options, events, stop)
 
 
-def _join(start: Point, forward: Branch, backward: Branch) -> Curve:
+def joined(start: Point, forward: Branch, backward: Branch) -> Curve:
     """Return one curve from both branches, oriented along the forward one."""
     before = [point.turned() for point in reversed(backward.points)]
     points = (*before, start, *forward.points)

@@ -16,6 +16,8 @@ from contbranch.continuation.segment import Segment
 
 __all__ = ["annotated", "corrected_point", "point_on", "to_point"]
 
+Direction = tuple[Array, float]
+
 
 def to_point(problem: Problem, corrected: Corrected, metric: Metric, sign: bool = True) -> Point:
     """Return a corrected point with unit tangent and, if `sign`, the sign of the bordered determinant."""
@@ -60,15 +62,21 @@ def corrected_point(
     problem: Problem, x: Array, p: float, direction: tuple[Array, float], metric: Metric, options: Options
 ) -> tuple[Point, Bordered]:
     """Correct (x, p) precisely in the plane normal to a direction; return the point and its bordered matrix."""
+    return _in_plane(problem, (x, p), direction, metric, options, True)
+
+
+def point_on(segment: Segment, theta: float, options: Options, precise: bool = True) -> tuple[Point, Bordered]:
+    """Return the point of the curve at the fraction θ of a segment, and its bordered matrix."""
+    direction = segment.direction(theta)
+    return _in_plane(segment.begin.problem, segment.at(theta), direction, segment.metric, options, precise)
+
+
+def _in_plane(
+    problem: Problem, near: Direction, direction: Direction, metric: Metric, options: Options, precise: bool
+) -> tuple[Point, Bordered]:
     size = metric.norm(problem, *direction)
     if not (size > 0 and math.isfinite(size)):
         raise CorrectionError(Outcome.STEP_TOO_SMALL, "(The step has no length.)")
     row = metric.row(problem, direction[0] / size, direction[1] / size)
-    corrected = correct(problem, x, p, row, metric, tolerance=options.tolerance, noise=options.noise, precise=True)
+    corrected = correct(problem, *near, row, metric, tolerance=options.tolerance, noise=options.noise, precise=precise)
     return to_point(problem, corrected, metric, sign=False), corrected.bordered
-
-
-def point_on(segment: Segment, theta: float, options: Options) -> tuple[Point, Bordered]:
-    """Return the point of the curve at the fraction θ of a segment, and its bordered matrix."""
-    x, p = segment.at(theta)
-    return corrected_point(segment.begin.problem, x, p, segment.direction(theta), segment.metric, options)

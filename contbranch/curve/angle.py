@@ -121,10 +121,7 @@ class Turning:
         self._know(load, displacement)
 
     def row(self, load: float, displacement: float) -> list[Control]:
-        """A row reached without a fold on the way, by its rates; the folds that were passed all the same, in order.
-
-        These then are at the row: the piece before it counts as it began.
-        """
+        """A row reached without a fold on the way, by its rates; the folds that were passed all the same, in order."""
         raw = math.atan2(load, displacement)
         turn = short_way(raw - self.present)
         missed = []

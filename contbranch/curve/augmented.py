@@ -24,6 +24,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
@@ -39,14 +40,8 @@ from contbranch.results.profile import Profile
 
 __all__ = ["Augmented", "Condition", "Fold", "Held", "Locus", "Other", "augmented"]
 
-# Central and one-sided differences of the condition: nodes and weights, of second order while tracing, of fourth order
-# where tangents themselves are results; their steps.
-STENCILS = {
-    (False, False): ([-1.0, 1.0], [-0.5, 0.5]),
-    (False, True): ([0.0, 1.0, 2.0], [-1.5, 2.0, -0.5]),
-    (True, False): ([-2.0, -1.0, 1.0, 2.0], [1 / 12, -2 / 3, 2 / 3, -1 / 12]),
-    (True, True): ([0.0, 1.0, 2.0, 3.0, 4.0], [-25 / 12, 4.0, -3.0, 4 / 3, -0.25]),
-}
+# Central and one-sided differences of the condition: their steps, of second order while tracing, and of fourth order
+# where tangents themselves are results.
 STEP, FINE_STEP = 1e-4, 2e-3
 # ... over lengths in w that are small against its own value, but not below this one; step of other differences.
 LEAST_LENGTH, RATE_STEP = 1e-2, 1e-5
@@ -165,7 +160,7 @@ class Sheet:
     """The equilibria of one member around a state: linearisation, bordered matrix, and the state with its tangent."""
 
     point: Point
-    at: Linearisation
+    linear: Linearisation
     bordered: Bordered
 
     def solve(self, f: Array) -> tuple[Array, float]:
@@ -203,12 +198,12 @@ class Augmented(EquilibriumProblem):
 
     def on(
         self, base: EquilibriumProblem, reference: tuple[Array, float] | None = None, fine: bool | None = None
-    ) -> Augmented:
+    ) -> Self:
         """The same event on another discretisation or representation."""
         if reference is None:
             x, p = self.reference
             reference = self.base.carried(x, x, base), p
-        return Augmented(self.locus, base, reference, self.fine if fine is None else fine)
+        return type(self)(self.locus, base, reference, self.fine if fine is None else fine)
 
     # -- state --------------------------------------------------------------------------------------------------------
     def parameter(self, w: float) -> float:
@@ -234,14 +229,14 @@ class Augmented(EquilibriumProblem):
 
     def _stretch(self, w: float) -> float:
         """dp/dw."""
-        return self.base.power * abs(w) ** (self.base.power - 1)
+        return self.base.power * math.pow(abs(w), self.base.power - 1)
 
     def _clipped(self, p: float) -> float:
         """P, or the edge beyond which there are no states."""
         low, high = self.base.parameter_range
         return p if self.base.beyond_edge else min(max(p, low), high)
 
-    def member(self, q: float) -> EquilibriumProblem:  # type: ignore[override]
+    def at(self, q: float) -> EquilibriumProblem:
         """The equilibrium problem at q."""
         key = 0.0 if self.locus.family.spacing == "angle" else q
         if key not in self._members:
@@ -276,12 +271,12 @@ class Augmented(EquilibriumProblem):
         """
         if not math.isfinite(p):
             raise ModelError("no equilibrium beyond the edge of its parameter")
-        problem = self.member(q)
-        at = linearise(problem, x, p)
-        bordered = border(problem, x, p, at, self._border)
+        problem = self.at(q)
+        linear = linearise(problem, x, p)
+        bordered = border(problem, x, p, linear, self._border)
         v, a = solve(bordered, np.zeros_like(x), 1.0, p)
         length = math.sqrt(self._inner((v, a), (v, a)))
-        return Sheet(Point(problem, x, p, v / length, a / length), at, bordered)
+        return Sheet(Point(problem, x, p, v / length, a / length), linear, bordered)
 
     def sheets(self, z: Array, q: float) -> tuple[Sheet, Sheet]:
         """The linearisations at a state, and at the equilibrium next to it."""
@@ -295,7 +290,7 @@ class Augmented(EquilibriumProblem):
 
     def _nearest(self, sheet: Sheet, q: float) -> Sheet:
         point = sheet.point
-        dx, dp = sheet.solve(-sheet.at.residual)
+        dx, dp = sheet.solve(-sheet.linear.residual)
         largest = max(float(np.abs(point.x).max()), 1e-3 * self.scale)
         if float(np.abs(dx).max()) / largest + abs(dp) <= NEAR:
             return sheet
@@ -313,7 +308,7 @@ class Augmented(EquilibriumProblem):
     def residual(self, x: Array, p: float) -> Array:
         """(R, G), (n + 1,)."""
         own, nearest = self.sheets(x, p)
-        return np.append(own.at.residual, self.locus.condition.value(nearest.point, p))
+        return np.append(own.linear.residual, self.locus.condition.value(nearest.point, p))
 
     def jacobian(self, x: Array, p: float) -> Array:
         """d(R, G)/d(x, w), (n + 1, n + 1)."""
@@ -325,8 +320,8 @@ class Augmented(EquilibriumProblem):
         n, w = x.size - 1, float(x[-1])
         stretch = self._stretch(w)
         matrix = np.empty((n + 1, n + 1))
-        matrix[:n, :n] = own.at.jacobian
-        matrix[:n, n] = own.at.parameter_derivative * stretch
+        matrix[:n, :n] = own.linear.jacobian
+        matrix[:n, n] = own.linear.parameter_derivative * stretch
         # G changes along the border alone, by its rate along (x, w)' = (dp/dw v_x, v_p).
         row = np.append(self._border[0] / max(stretch, 1e-8), self._border[1])
         direction = np.append(stretch * own.point.tangent_x, own.point.tangent_parameter)
@@ -334,20 +329,22 @@ class Augmented(EquilibriumProblem):
         residual_rate = self._residual_rate(*self.split(x), p)
         value = self.locus.condition.value(nearest.point, p)
         change = self._across(own, residual_rate, p)
-        return Linearisation(np.append(own.at.residual, value), matrix, np.append(residual_rate, change))
+        return Linearisation(np.append(own.linear.residual, value), matrix, np.append(residual_rate, change))
 
     def _residual_rate(self, x: Array, p: float, q: float) -> Array:
         """dR/dq at fixed (x, p)."""
         if self.locus.family.spacing == "angle":
             return np.zeros_like(x)
-        above, below = (self.member(q + step).residual(x, p) for step in (RATE_STEP, -RATE_STEP))
+        above, below = (self.at(q + step).residual(x, p) for step in (RATE_STEP, -RATE_STEP))
         return np.asarray((above - below) / (2 * RATE_STEP))
 
     def _stencil(self, one_sided: bool) -> tuple[Array, Array]:
         """Offsets and weights of a difference over a unit length."""
-        nodes, weights = map(np.array, STENCILS[self.fine, one_sided])
-        step = FINE_STEP if self.fine else STEP
-        return step * nodes, weights / step
+        step, half = (FINE_STEP, 2) if self.fine else (STEP, 1)
+        nodes = np.arange(2.0 * half + 1) - (0 if one_sided else half)
+        weights = np.linalg.solve(np.vander(nodes, increasing=True).T, np.eye(len(nodes))[1])
+        used = np.abs(weights) > ZERO
+        return np.asarray(step * nodes[used]), np.asarray(weights[used] / step)
 
     def _along(self, point: Point, w: float, q: float) -> float:
         """Rate of the condition along the tangent at fixed q, times dp/dw."""
@@ -358,21 +355,20 @@ class Augmented(EquilibriumProblem):
         if any(outside):  # towards the side that has states
             offsets, weights = self._stencil(True)
             length = -length if outside[1] else length
-        total = 0.0
-        for offset, weight in zip(offsets * length, weights / length, strict=True):
+        levels = []
+        for offset in offsets * length:
             there = self.parameter(w + offset * a)
             share = (there - p) / a if abs(a) > 1e-8 else offset * self._stretch(w)
-            total += weight * self._level(x + share * v, there, q)
-        return total
+            levels.append(self._level(x + share * v, there, q))
+        return float(weights @ levels) / length
 
     def _across(self, sheet: Sheet, residual_rate: Array, q: float) -> float:
         """Rate of the condition with q along the surface of equilibria, at fixed c·(x, p)."""
         x_rate, p_rate = sheet.solve(-residual_rate)
         x, p = sheet.point.x, sheet.point.parameter
-        return sum(
-            weight * self._level(x + s * x_rate, self._clipped(p + s * p_rate), q + s)
-            for s, weight in zip(*self._stencil(False), strict=True)
-        )
+        offsets, weights = self._stencil(False)
+        levels = [self._level(x + s * x_rate, self._clipped(p + s * p_rate), q + s) for s in offsets]
+        return float(weights @ levels)
 
     # -- what is seen -------------------------------------------------------------------------------------------------
     def start(self, control: Control) -> Point:
@@ -384,13 +380,9 @@ class Augmented(EquilibriumProblem):
         """Of the family's coordinate."""
         return self.locus.interval
 
-    def steps(self, start: Point) -> Options:
-        """Step control."""
-        return STEPS
-
     def values(self, x: Array, p: float) -> Values:
         """Of the equilibrium."""
-        return self.member(p).values(*self.split(x))
+        return self.at(p).values(*self.split(x))
 
     def rates(self, x: Array, p: float, x_rate: Array, p_rate: float) -> Rates:
         """Of the equilibrium, by differences."""
@@ -399,26 +391,26 @@ class Augmented(EquilibriumProblem):
 
     def observables(self, x: Array, p: float) -> Mapping[str, float]:
         """What the equilibrium problem records."""
-        return self.member(p).observables(*self.split(x))
+        return self.at(p).observables(*self.split(x))
 
     def margins(self, x: Array, p: float) -> Mapping[str, float]:
         """Those of the equilibrium."""
-        return self.member(p).margins(*self.split(x))
+        return self.at(p).margins(*self.split(x))
 
     def unstable(self, x: Array, p: float) -> int:
         """Morse index of the equilibrium at fixed displacement."""
-        return self.member(p).unstable(*self.split(x))
+        return self.at(p).unstable(*self.split(x))
 
     def profile(self, x: Array, p: float) -> Profile:
         """Of the equilibrium."""
-        return self.member(p).profile(*self.split(x))
+        return self.at(p).profile(*self.split(x))
 
     # -- discretisations ----------------------------------------------------------------------------------------------
     def adapt(self, x: Array, p: float) -> Adaptation | None:
         """A discretisation for this solution, and a reference direction close to its tangent, where needed."""
         point = self.sheets(x, p)[1].point
         v, a = point.tangent_x, point.tangent_parameter
-        offer = self.member(p).adapt(*self.split(x))
+        offer = self.at(p).adapt(*self.split(x))
         if isinstance(offer, Adaptation) and offer.transfer is not None:
             transfer, base = offer.transfer, equilibrium(Point(offer.problem, offer.x, a, offer.x, a))
             other = self.on(base, (transfer(v), a))
@@ -428,22 +420,16 @@ class Augmented(EquilibriumProblem):
             return None
         return Adaptation(self.on(self.base, (v, a)), x, lambda z: z)
 
-    def finer(self) -> Augmented:
+    def finer(self) -> Self:
         """On the finer discretisation."""
         base = self.base.finer()
         return self if base is self.base else self.on(base)
 
-    def halved(self) -> Augmented:
-        """With halved panels."""
-        base = self.base.halved()
-        return self if base is self.base else self.on(base)
-
-    def carried(self, vector: Array, x: Array, other: EquilibriumProblem) -> Array:
+    def carried(self, vector: Array, x: Array, other: Self) -> Array:
         """A state or direction on another discretisation."""
-        base = other.base if isinstance(other, Augmented) else other
-        return np.append(self.base.carried(vector[:-1], x[:-1], base), vector[-1])
+        return np.append(self.base.carried(vector[:-1], x[:-1], other.base), vector[-1])
 
-    def resolving(self, point: Point, tolerance: float) -> Augmented:
+    def resolving(self, point: Point, tolerance: float) -> Self:
         """A discretisation made for a state."""
         own = self.held(point)
         base = equilibrium(own).resolving(own, tolerance)

@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from contbranch.contact.family import Family
-from contbranch.contact.units import Scales
 from contbranch.continuation import CorrectionError, Event, Outcome, Point, Segment, StopAt, correct
 from contbranch.continuation.edge import Range, land
 from contbranch.continuation.follow import follow
-from contbranch.continuation.newton import tangent_at
 from contbranch.continuation.outcomes import End
 from contbranch.continuation.problem import Array
 from contbranch.continuation.walk import annotated, to_point
 from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.curve.augmented import STEPS, Augmented, Condition, Fold, Held, Locus, Other, augmented
 from contbranch.curve.events import Margin, rates
-from contbranch.curve.problem import EquilibriumProblem, equilibrium
+from contbranch.curve.problem import equilibrium
 from contbranch.curve.refine import Found, moved, refine, settled
 from contbranch.errors import ModelError
 from contbranch.results.followed import FollowedPoint, Special
@@ -42,6 +41,14 @@ REMESHES = 3
 COARSE = 0.03
 # What differences leave undecided of a tangent's component.
 TANGENT_NOISE = 2e-10
+CUSP = "Two folds merge: a cusp. The curve goes on as the other fold."
+PAIR = "Two events of this kind merge: the parameter has an extremum along them."
+COINCIDENCE = "Load and displacement have their folds at the same state, and with them every spring."
+MEETING = "A fold of this control lies exactly at first touch."
+MET = "A fold of this control lies at the same state."
+THROUGH = "The fold passes first touch: on one side it has contact, on the other none."
+CORNER = "Two folds, one with contact and one without, meet at first touch and end there: a kinked cusp."
+AT_TOUCH = "The event lies exactly at first touch."
 KEYS = ("load", "displacement", "contact_radius", "central_gap")
 ENDED = (Outcome.REACHED_EDGE, Outcome.STARTED_ON_EDGE)
 
@@ -59,7 +66,7 @@ class Turn(Event):
 
 
 class Edge(Event):
-    """First touch, or another edge of the equilibria's parameter: exactly, or, with no states beyond, close to it."""
+    """First touch, or another edge of the equilibria's parameter; close to it, where there are no states beyond."""
 
     name = "touch"
     terminal = True
@@ -136,9 +143,15 @@ class EventCurve:
         self.known = {self.q: self.family.start, **{self.family.coordinate(value): value for value in self.to}}
         self.interval = Range(min(self.known), max(self.known))
         self.touching = isinstance(self.condition, Held)
+        meetings = [Meeting("load", lambda _: LOAD.weights), Meeting("displacement", lambda _: DISPLACEMENT.weights)]
+        if isinstance(self.condition, Fold):
+            meetings = [Meeting("coincidence", self._crossed)]
+        elif isinstance(self.condition, Held) and self.condition.corner:
+            meetings = []
+        self.meetings: dict[str, Event] = {"cusp": Turn(), **{event.name: event for event in meetings}}
         self.rows: list[FollowedPoint] = []
         self.points: list[Point] = []
-        self.complete, self.message = True, ""
+        self.worst, self.complete, self.message = 0.0, True, ""
 
     # -- the curve ----------------------------------------------------------------------------------------------------
     def trace(self, place: Point) -> None:
@@ -146,9 +159,13 @@ class EventCurve:
 
         Raises
         ------
+        InputError
+            If the model has no such member of the family.
         ModelError
             If it is not found again.
         """
+        for q in self.known:
+            equilibrium(place).member(self.family.reduced(q)[0])
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             try:
                 start = self._start(place)
@@ -170,15 +187,8 @@ class EventCurve:
         locus = Locus(self.family, self.condition, (self.interval.low, self.interval.high), size)
         problem = base.member(self.family.reduced(self.q)[0], self.tolerance)
         own = self._resolved(replace(place, problem=problem))  # the event may come from a trace for fewer digits
-        problem, x = equilibrium(own), own.x
-        if self.touching:  # its tangent, on its own side
-            v, a, _ = tangent_at(problem, x, own.parameter)
-            own = replace(own, tangent_x=v, tangent_parameter=a)
-        system = Augmented(locus, problem, (own.tangent_x, own.tangent_parameter))
-        row = np.zeros(x.size + 1), 1.0
-        z = system.joined(x, own.parameter)
-        point = to_point(system, correct(system, z, self.q, row, system.metric(z), precise=True), system.metric(z))
-        return annotated(replace(point, parameter=self.q), label="start")
+        system = Augmented(locus, equilibrium(own), _tangent(own))
+        return annotated(_solved(system, system.joined(own.x, own.parameter), self.q), label="start")
 
     def _resolved(self, point: Point) -> Point:
         """A point on a discretisation as fine as the curve needs."""
@@ -196,12 +206,10 @@ class EventCurve:
             if end.outcome is not Outcome.STOPPED_AT_EVENT or points[-1].label != "touch":
                 break
             try:
-                self._touched(points)
-                following = self._beyond(points[-1], augmented(points[-2] if len(points) > 1 else start).base)
+                beyond, end = self._beyond(points)
             except CorrectionError as error:
                 return points, End(error.outcome, f"(Beyond first touch: {error.detail})")
-            points += following[0]
-            end = following[1]
+            points += beyond
         return points, end
 
     def _piece(self, start: Point, beside: float) -> tuple[list[Point], End]:
@@ -210,15 +218,10 @@ class EventCurve:
         if outward and abs(start.tangent_parameter) > 1e-12:
             return [], End(Outcome.STARTED_ON_EDGE)
         problem = augmented(start)
-        events: list[Event] = [Turn(), *(Margin(name) for name in problem.margins(start.x, start.parameter))]
-        if isinstance(self.condition, Fold):
-            events.append(Meeting("coincidence", self._crossed))
-        elif not (isinstance(self.condition, Held) and self.condition.corner):
-            events += [Meeting(control.kind, lambda _, c=control: c.weights) for control in (LOAD, DISPLACEMENT)]  # type: ignore[misc]
-        if not self.touching:
-            events.append(Edge(beside))
-        stop = StopAt(predicate=self._far)
-        branch = follow(start, problem.balance(start), self.interval, STEPS, events, stop)
+        margins = (Margin(name) for name in problem.margins(start.x, start.parameter))
+        edged = not self.touching and np.isfinite(problem.base.parameter_range).any()
+        events = [*self.meetings.values(), *margins, *([Edge(beside)] if edged else [])]
+        branch = follow(start, problem.balance(start), self.interval, STEPS, events, StopAt(predicate=self._far))
         return branch.points, branch.end
 
     def _crossed(self, q: float) -> tuple[float, float]:
@@ -227,71 +230,59 @@ class EventCurve:
         return -second, first
 
     def _far(self, point: Point) -> bool:
-        """Whether the interaction is negligible: the load, and what the gap could still change of it."""
+        """Whether the interaction is negligible: the load, and its change over a range of the gap."""
         if self.progress is not None:
             share = abs(point.parameter - self.q) / self.interval.width
             self.progress(0.6 * share, f"{self.family.name} {self.family.value(point.parameter):.4g}")
-        values = augmented(point).values(point.x, point.parameter)
-        if self.touching or abs(values.load) > self.negligible or values.central_gap < equilibrium(point).scale:
+        load, gap = (point.observables[name] for name in ("load", "central_gap"))
+        problem = augmented(point)
+        if self.touching or abs(load) > self.negligible or gap < problem.scale:
             return False
-        held = augmented(point).held(point)
+        held = problem.held(point)
         rate = equilibrium(held).rates(held.x, held.parameter, held.tangent_x, held.tangent_parameter)
-        return abs(rate.load * values.central_gap) <= self.negligible * abs(rate.central_gap)
+        return abs(rate.load * problem.scale) <= self.negligible * abs(rate.central_gap)
 
     # -- first touch --------------------------------------------------------------------------------------------------
-    def _touched(self, points: list[Point]) -> None:
-        """Append first touch itself to points that end in a contact too small to go on with."""
-        last = points[-1]
-        problem = augmented(last)
-        if problem.base.beyond_edge:
-            return
-        points[-1] = replace(last, label="")
-        edge = self._edge(last)
-        others = _others(last, edge)
-        if not others:
-            raise CorrectionError(Outcome.STEP_TOO_SMALL, "(Nothing is known of what is there.)")
-        x = settled(others[0]).x
-        other = problem.on(equilibrium(others[0]), (others[0].tangent_x, others[0].tangent_parameter))
-        w = other.root(edge)
-        points.append(replace(_at_place(other, np.append(x, w), last.parameter), label="touch"))
+    def _beyond(self, points: list[Point]) -> tuple[list[Point], End]:
+        """The curve on the other side of first touch, to which points have come.
 
-    def _edge(self, point: Point) -> float:
-        """The edge of the equilibria's parameter next to a point."""
-        problem = augmented(point)
-        p = problem.parameter(float(point.x[-1]))
-        return min(problem.base.parameter_range, key=lambda edge: abs(edge - p))
-
-    def _beyond(self, touch: Point, left: EquilibriumProblem) -> tuple[list[Point], End]:
-        """The curve on the other side of first touch, seen from the representation that was left.
+        A contact too small to go on with is not first touch itself, which is then appended to the points.
 
         Raises
         ------
         CorrectionError
             If it is not found there.
         """
+        last = points[-1]
+        problem = augmented(last)
+        x, p = problem.split(last.x)
+        edge = min(problem.base.parameter_range, key=lambda one: abs(one - p))
+        doors = problem.at(last.parameter).across(x, edge)
+        if not problem.base.beyond_edge:
+            points[-1] = replace(last, label="")
+            for door in doors[:1]:
+                other = problem.on(equilibrium(door), _tangent(door))
+                touch = _solved(other, other.joined(door.x, edge), last.parameter, place=True)
+                points.append(replace(touch, label="touch"))
         failure = CorrectionError(Outcome.STEP_TOO_SMALL, "(The curve was not found there.)")
-        problem, edge = augmented(touch), self._edge(touch)
-        crossed = type(problem.base) is not type(left) or problem.base.parameter_range != left.parameter_range
-        for state in [_own(touch, edge)] if crossed else _others(touch, edge):
-            base = equilibrium(state)
-            rate = state.tangent_x / state.tangent_parameter
-            other = problem.on(base, (rate, 1.0))
-            inward = 1.0 if edge == base.parameter_range[0] else -1.0
-            for beside in BESIDE:
-                w = other.root(edge) + inward * beside
-                try:
-                    z = np.append(state.x + (other.parameter(w) - edge) * rate, w)
-                    start = self._resolved(_at_place(other, z, touch.parameter))
-                except CorrectionError as error:
-                    failure = error
-                    continue
-                if not self.interval.contains(start.parameter):
-                    failure = CorrectionError(Outcome.REACHED_EDGE, "(The curve leaves the range at first touch.)")
-                    continue
-                start = start if start.tangent_x[-1] * inward > 0 else start.turned()
-                points, end = self._piece(start, beside)
-                if points:
-                    return [start, *points], end
+        for door, beside in itertools.product(doors, BESIDE):
+            rate = door.tangent_x / door.tangent_parameter
+            other = problem.on(equilibrium(door), (rate, 1.0))
+            inward = 1.0 if edge == other.base.parameter_range[0] else -1.0
+            w = other.root(edge) + inward * beside
+            try:
+                z = np.append(door.x + (other.parameter(w) - edge) * rate, w)
+                start = self._resolved(_solved(other, z, points[-1].parameter, place=True))
+            except CorrectionError as error:
+                failure = error
+                continue
+            if not self.interval.contains(start.parameter):
+                failure = CorrectionError(Outcome.REACHED_EDGE, "(The curve leaves the range at first touch.)")
+                continue
+            start = start if start.tangent_x[-1] * inward > 0 else start.turned()
+            following, end = self._piece(start, beside)
+            if following:
+                return [start, *following], end
         raise failure
 
     # -- points made precise ------------------------------------------------------------------------------------------
@@ -315,11 +306,10 @@ class EventCurve:
             self.complete &= end.outcome in ENDED or kind == "infinite-separation"
             messages.append(message)
             if kind:
-                self.rows[k] = _as_special(self.rows[k], kind, k, message)
-        worst = max(self._relative(row, point) for row, point in zip(self.rows, points, strict=True))
-        if worst > self.accuracy:
+                self.rows[k] = _as_special(self.rows[k], k, kind, message)
+        if self.worst > self.accuracy:
             self.complete = False
-            messages.append(f"An error estimate is {worst / self.accuracy:.3g} times the accuracy asked.")
+            messages.append(f"An error estimate is {self.worst / self.accuracy:.3g} times the accuracy asked.")
         self.message = " ".join(dict.fromkeys(filter(None, messages)))
 
     @property
@@ -327,24 +317,19 @@ class EventCurve:
         """The special points, in order."""
         return tuple(row for row in self.rows if isinstance(row, Special))
 
-    def _units(self, point: Point) -> tuple[float, ...]:
-        scales: Scales = self.family.reduced(point.parameter)[1]
-        return scales.load, scales.normal, scales.in_plane, scales.normal
-
     def _value(self, q: float) -> float:
         """Value of the parameter at a coordinate, exactly what was asked for at the ends."""
         return self.known.get(q, self.family.value(q))
 
     def _scaled(self, found: Found, at: Point, of_value: float = 0.0) -> FollowedPoint:
-        units = self._units(at)
+        """In the contact's units."""
+        self.worst = max(self.worst, found.relative_error())
+        scales = self.family.reduced(at.parameter)[1]
+        units = scales.load, scales.normal, scales.in_plane, scales.normal
         load, displacement, radius, gap = (value * unit for value, unit in zip(found.numbers, units, strict=True))
         error = {key: float(e) * unit for key, e, unit in zip(KEYS, found.error, units, strict=True)}
         error[self.family.name] = of_value
         return FollowedPoint(self.family.name, self._value(at.parameter), load, displacement, radius, gap, error)
-
-    def _relative(self, row: FollowedPoint, point: Point) -> float:
-        units = self._units(point)
-        return max(row.error[k] / max(unit, abs(float(getattr(row, k)))) for k, unit in zip(KEYS, units, strict=True))
 
     def _row(self, point: Point) -> FollowedPoint:
         """The event at the parameter of a point of the curve, located there on discretisations made for it."""
@@ -356,34 +341,36 @@ class EventCurve:
     def _special(self, k: int) -> Special | None:
         """A point of codimension two made precise; None at other points."""
         point = self.points[k]
-        fold = isinstance(self.condition, Fold)
-        before, after = (self.points[min(max(j, 0), len(self.points) - 1)].parameter for j in (k - 1, k + 1))
-        passing = (point.parameter - before) * (after - point.parameter) > 0 or k in (0, len(self.points) - 1)
-        controls = {"load": LOAD, "displacement": DISPLACEMENT}
-        event: Event
-        if point.label == "cusp":
-            kind, event = "cusp", Turn()
-            message = CUSP if fold else PAIR
-        elif point.label == "coincidence":
-            kind, event, message = "coincidence", Meeting("", self._crossed), COINCIDENCE
-        elif point.label in controls:
-            weights = controls[point.label].weights
-            event = Meeting("", lambda _: weights)
-            kind, message = ("fold-through-touch", MEETING) if self.touching else ("coincidence", MET)
-        elif point.label == "touch":
-            event, message = Edge(), (THROUGH if passing else CORNER) if fold else AT_TOUCH
-            kind = ("fold-through-touch" if passing else "cusp-at-touch") if fold else "through-touch"
-        else:
+        label = point.label or ""
+        if label not in self.meetings and label != "touch":
             return None
         problem = augmented(point)
-        held = problem.held(point)
-        fine = problem.on(problem.base, (held.tangent_x, held.tangent_parameter), fine=point.label == "cusp")
-        found = refine(settled(replace(point, problem=fine)), event, self.accuracy)
-        if self.touching or point.label == "touch":
+        fine = problem.on(problem.base, _tangent(problem.held(point)), fine=label == "cusp")
+        found = refine(settled(replace(point, problem=fine)), self.meetings.get(label, Edge()), self.accuracy)
+        if self.touching or label == "touch":
             found = replace(found, numbers=(*found.numbers[:2], 0.0, 0.0), error=(*found.error[:2], 0.0, 0.0))
-        q = found.point.parameter
-        row = self._scaled(found, found.point, found.parameter_error * abs(self.family.rate(q)))
-        return _as_special(row, kind, k, message, point.label if point.label in controls else None)
+        row = self._scaled(found, found.point, found.parameter_error * abs(self.family.rate(found.point.parameter)))
+        return _as_special(row, k, *self._named(label, k), label if label in ("load", "displacement") else None)
+
+    def _named(self, label: str, k: int) -> tuple[str, str]:
+        """Kind and message of a special point."""
+        fold = isinstance(self.condition, Fold)
+        if label == "cusp":
+            return label, CUSP if fold else PAIR
+        if label == "coincidence":
+            return label, COINCIDENCE
+        if label != "touch":
+            return ("fold-through-touch", MEETING) if self.touching else ("coincidence", MET)
+        if not fold:
+            return "through-touch", AT_TOUCH
+        return ("fold-through-touch", THROUGH) if self._passing(k) else ("cusp-at-touch", CORNER)
+
+    def _passing(self, k: int) -> bool:
+        """Whether the parameter goes on in the same sense at a point."""
+        if k in (0, len(self.points) - 1):
+            return True
+        before, here, after = (point.parameter for point in self.points[k - 1 : k + 2])
+        return (here - before) * (after - here) > 0
 
     def _ending(self, last: Point, end: End, count: int) -> tuple[str, str]:
         """The kind of special point that an end is, if any, and a sentence."""
@@ -426,47 +413,27 @@ class EventCurve:
         return tuple(found)
 
 
-CUSP = "Two folds merge: a cusp. The curve goes on as the other fold."
-PAIR = "Two events of this kind merge: the parameter has an extremum along them."
-COINCIDENCE = "Load and displacement have their folds at the same state, and with them every spring."
-MEETING = "A fold of this control lies exactly at first touch."
-MET = "A fold of this control lies at the same state."
-THROUGH = "The fold passes first touch: on one side it has contact, on the other none."
-CORNER = "Two folds, one with contact and one without, meet at first touch and end there: a kinked cusp."
-AT_TOUCH = "The event lies exactly at first touch."
+def _as_special(row: FollowedPoint, index: int, kind: str, message: str, control: str | None = None) -> Special:
+    return Special(**{**vars(row), "kind": kind, "index": index, "control": control, "message": message})
 
 
-def _as_special(row: FollowedPoint, kind: str, index: int, message: str, control: str | None = None) -> Special:
-    known = {name: getattr(row, name) for name in ("parameter", "value", *KEYS, "error")}
-    return Special(**known, kind=kind, index=index, control=control, message=message)
+def _tangent(point: Point) -> tuple[Array, float]:
+    return point.tangent_x, point.tangent_parameter
 
 
-def _at_place(problem: Augmented, z: Array, q: float) -> Point:
-    """The point of the curve with the state's w: q is found.
+def _solved(problem: Augmented, z: Array, q: float, place: bool = False) -> Point:
+    """The point of the curve at q; with `place` that with the state's w, for which q is found.
 
     Raises
     ------
     CorrectionError
         If there is none close by.
     """
-    w = float(z[-1])
-    row = np.zeros(z.size)
-    row[-1] = 1.0
+    row = np.append(np.zeros(z.size - 1), float(place)), float(not place)
     metric = problem.metric(z)
-    corrected = correct(problem, z, q, (row, 0.0), metric, tolerance=1e-12, noise=1e8, precise=True)
+    corrected = correct(problem, z, q, row, metric, tolerance=1e-12, noise=1e8, precise=True)
     point = to_point(problem, corrected, metric, sign=False)
-    return replace(point, x=np.append(point.x[:-1], w))
-
-
-def _own(touch: Point, edge: float) -> Point:
-    """First touch as an equilibrium on its own side."""
-    problem = augmented(touch).member(touch.parameter)
-    return Point(problem, touch.x[:-1], edge, *tangent_at(problem, touch.x[:-1], edge)[:2])
-
-
-def _others(touch: Point, edge: float) -> Sequence[Point]:
-    """First touch as equilibria of the representations on its other side."""
-    return augmented(touch).member(touch.parameter).across(touch.x[:-1], edge)
+    return replace(point, x=np.append(point.x[:-1], z[-1])) if place else replace(point, parameter=q)
 
 
 def _between(begin: Point, end: Point, q: float) -> Point:
@@ -477,24 +444,13 @@ def _between(begin: Point, end: Point, q: float) -> Point:
     CorrectionError
         If it is not found.
     """
-    first, last = augmented(begin), augmented(end)
-    if first.base.parameter_range != last.base.parameter_range:  # first touch, carried to the side of its neighbour
-        if begin.label == "touch":
-            begin = _on_side_of(begin, last, end)
-        else:
-            end = _on_side_of(end, first, begin)
-    end = settled(moved(end, augmented(begin)))
-    return replace(land(Segment(begin, end, first.metric(begin.x)), q, STEPS), parameter=q)
-
-
-def _on_side_of(touch: Point, problem: Augmented, neighbour: Point) -> Point:
-    """First touch as a point of another representation."""
-    edge = min(problem.base.parameter_range, key=lambda p: abs(p - problem.split(neighbour.x)[1]))
-    state = _others(touch, edge)[0]
-    base = equilibrium(state)
-    x = base.carried(state.x, state.x, problem.base)
-    point = _at_place(problem, problem.joined(x, edge), touch.parameter)
-    chord = point.x - neighbour.x, point.parameter - neighbour.parameter
-    along = problem.metric(point.x).dot(problem, point.tangent_x, point.tangent_parameter, *chord)
-    ahead = problem.metric(point.x).dot(problem, neighbour.tangent_x, neighbour.tangent_parameter, *chord)
-    return point if along * ahead >= 0 else point.turned()
+    if augmented(begin).base.parameter_range == augmented(end).base.parameter_range:
+        end = settled(moved(end, augmented(begin)))
+        return replace(land(Segment(begin, end, augmented(begin).metric(begin.x)), q, STEPS), parameter=q)
+    # First touch belongs to one of its sides only; the curve is that of the other.
+    touch, own = (begin, end) if begin.label == "touch" else (end, begin)
+    problem, there = augmented(own), augmented(touch)
+    x, p = there.split(touch.x)
+    z = problem.joined(there.base.carried(x, x, problem.base), p)
+    share = (q - touch.parameter) / (own.parameter - touch.parameter)
+    return _solved(problem, z + share * (own.x - z), q)

@@ -8,26 +8,22 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import ClassVar
 
-from contbranch.continuation import Event, EventPoint, Happening, Options, Point, Segment, find_root
-from contbranch.continuation.probe import SAFETY, doubt_about, slope_keeps_sign
+from contbranch.continuation import Event, EventPoint, Happening, Options, Point, Segment
+from contbranch.continuation.probe import Bracket, Probe
 from contbranch.continuation.walk import annotated, point_on
 from contbranch.control import LOAD, Control
-from contbranch.curve.angle import AMBIGUOUS, in_passing, short_way
+from contbranch.curve.angle import in_passing, short_way
 from contbranch.curve.problem import equilibrium
 
 __all__ = ["Ceiling", "FoldEvent", "Folds", "Margin", "Reached", "rates"]
 
 # Relative to their place in a step, folds are located so coarsely while tracing (they are refined afterwards); where
-# there are several on one part of a step, as sharply as it takes to tell them apart, down to the last.
-SHARPER = (0.03, 1e-3, 1e-5, 1e-7, 1e-10)
-# Error of a cubic's slope, as a share of its largest value, where no earlier step tells.
-UNTESTED = 0.1
-# A quadratic slope of opposite signs at its ends has one zero, unless its error is this share of its values.
-CERTAIN = 0.3
-# ... or its steepness at the zero is not so much larger than the error: then three zeros may lie there.
-STEEP = 6.0
-# How often a step is halved in search of hidden pairs of folds.
-DEPTH = 6
+# there are several, as sharply as it takes to tell them apart, down to the last.
+SHARPER = (0.01, 1e-4, 1e-7, 1e-10)
+# ... and beyond that by what is seen so far aside, relative to their place.
+ASIDE = 1e-6
+# A rate that is zero, with a sign.
+TINY = 1e-300
 
 
 def rates(point: Point) -> tuple[float, float]:
@@ -137,21 +133,6 @@ class Margin(Event):
         return equilibrium(point).margins(point.x, point.parameter)[self.name]
 
 
-Slopes = dict[str, float]
-
-
-@dataclass(frozen=True)
-class _Passage:
-    """One fold on a part of a step, between slopes of opposite sign."""
-
-    control: Control
-    part: Segment
-    begin: float
-    end: float
-    offset: float
-    share: float
-
-
 class Folds(Event):
     """The folds of all controls within a step, in the order in which the direction of (d', F') passes theirs.
 
@@ -175,185 +156,98 @@ class Folds(Event):
 
     def happenings(self, segment: Segment, previous: Segment | None, options: Options) -> list[Happening]:
         """Every fold in the step once."""
-        doubts: Slopes = {}
+        passages = [one for control in self.controls for one in self._passages(control, segment, previous, options)]
+        found = self._ordered(passages, segment, options) if passages else []
         for control in self.controls:
-            begin, end = self._slope(segment.begin, control) * segment.scale_begin, self._end_slope(segment, control)
-            if previous is None or previous.length == 0.0:
-                doubts[control.kind] = UNTESTED * max(abs(begin), abs(end))
-            else:
-                ratio = segment.length / previous.length
-                doubts[control.kind] = doubt_about(self._cubic(segment, control), self._cubic(previous, control), ratio)
-        passages = self._passages(segment, doubts, options, DEPTH, 0.0, 1.0)
-        found: list[Happening] = []
-        for part in dict.fromkeys(id(p.part) for p in passages):
-            found += self._located([p for p in passages if id(p.part) == part], options)
-        for control in self.controls:
-            slope = self._slope(segment.end, control)
-            if slope:
-                self._signs[control.kind] = slope
+            self._signs[control.kind] = control.weighted(*self._rates(segment.end)) or self._signs.get(
+                control.kind, 0.0
+            )
         for happening in found:
             self.told(happening.event.point)
         return found
 
-    # -- which folds there are ----------------------------------------------------------------------------------------
     def _rates(self, point: Point) -> tuple[float, float]:
         """Rates along the unit tangent, which is scaled anew with every step."""
         for known, values in self._known:
             if known.x is point.x and known.problem is point.problem:
-                own, other = known.tangent_parameter, point.tangent_parameter
-                problem = point.problem
-                if abs(own) > 1e-12:
-                    factor = other / own
-                else:
-                    factor = problem.inner(point.tangent_x, known.tangent_x) / problem.inner(
-                        known.tangent_x, known.tangent_x
-                    )
+                inner = point.problem.inner
+                along = inner(known.tangent_x, point.tangent_x) + known.tangent_parameter * point.tangent_parameter
+                factor = along / (inner(known.tangent_x, known.tangent_x) + known.tangent_parameter**2)
                 return values[0] * factor, values[1] * factor
         found = rates(point)
         self._known = [(point, found), *self._known[:5]]
         return found
 
-    def _slope(self, point: Point, control: Control) -> float:
-        return control.weighted(*self._rates(point))
-
-    def _end_slope(self, segment: Segment, control: Control) -> float:
-        return self._slope(segment.end, control) * segment.scale_end
-
-    def _cubic(self, segment: Segment, control: Control) -> tuple[float, float, float, float]:
-        """Coefficients of the cubic in θ through the values of what is controlled, with its slopes, at both ends."""
-        a, b = segment.begin.observables, segment.end.observables
-        first = control.weighted(a["load"], a["displacement"])
-        rise = control.weighted(b["load"], b["displacement"]) - first
-        begin, end = self._slope(segment.begin, control) * segment.scale_begin, self._end_slope(segment, control)
-        return first, begin, 3 * rise - 2 * begin - end, begin + end - 2 * rise
-
     def _passages(
-        self, part: Segment, doubts: Slopes, options: Options, depth: int, offset: float, share: float
-    ) -> list[_Passage]:
-        """The folds on a part of a step, at most one of each control on each piece that the part is cut into."""
-        found = []
-        for control in self.controls:
-            cubic, doubt = self._cubic(part, control), doubts[control.kind]
-            begin, end = cubic[1], self._end_slope(part, control)
-            if offset == 0.0 and begin == 0.0:  # a zero at the end of the step before belongs to this one
-                begin = math.copysign(0.0, self._signs.get(control.kind, end))
-            if end == 0.0 or (begin == 0.0 and math.copysign(1.0, begin) == math.copysign(1.0, end)):
-                continue  # what is controlled rests, or a fold at the very end: the next step has it
-            passes = math.copysign(1.0, begin) != math.copysign(1.0, end)
-            clear = _passes_once(cubic, doubt) if passes else slope_keeps_sign(cubic, doubt)
-            if not clear and depth:
-                return self._halves(part, doubts, options, depth, (offset, share))
-            if passes:
-                found.append(_Passage(control, part, begin, end, offset, share))
-        return found
+        self, control: Control, segment: Segment, previous: Segment | None, options: Options
+    ) -> list[tuple[Control, Probe, Bracket]]:
+        """Brackets of the folds of one control."""
 
-    def _halves(
-        self, part: Segment, doubts: Slopes, options: Options, depth: int, place: tuple[float, float]
-    ) -> list[_Passage]:
-        """The folds on both halves of a part."""
-        middle = point_on(part, 0.5, options)[0]
-        middle = replace(middle, observables=equilibrium(middle).values(middle.x, middle.parameter)._asdict())
-        left, right = Segment(part.begin, middle, part.metric), Segment(middle, part.end, part.metric)
-        halved: Slopes = {}
-        for control in self.controls:
-            _, c1, c2, c3 = self._cubic(part, control)
-            # Slopes per half a part are half as large.
-            here = self._slope(middle, control) * left.scale_end
-            off = abs(here - (c1 + c2 + 0.75 * c3) / 2)
-            halved[control.kind] = SAFETY * off + doubts[control.kind] / 16
-        offset, half = place[0], place[1] / 2
-        found = self._passages(left, halved, options, depth - 1, offset, half)
-        for control in self.controls:
-            slope = self._slope(middle, control)
-            if slope:
-                self._signs[control.kind] = slope
-        return found + self._passages(right, halved, options, depth - 1, offset + half, half)
+        def held(point: Point) -> float:
+            own = point.observables
+            return control.weighted(own["load"], own["displacement"])
 
-    # -- where they are -----------------------------------------------------------------------------------------------
-    def _located(self, passages: list[_Passage], options: Options) -> list[Happening]:
-        """Folds of different controls on one part, in order: located as sharply as it takes to tell them apart."""
-        for resolution in SHARPER if len(passages) > 1 else SHARPER[:1]:
-            found = [(passage, *self._zero(passage, options, resolution)) for passage in passages]
-            found.sort(key=lambda one: one[1])
-            thetas = [theta for _, theta, _ in found]
-            if all(b - a > 4 * resolution * b for a, b in pairwise(thetas)):
+        probe = Probe(lambda point: control.weighted(*self._rates(point)), options, held)
+        begin, end = probe.at(segment.begin), probe.at(segment.end)
+        if begin == 0.0:  # a zero at the end of the step before belongs to this one
+            begin = probe.known[segment.begin] = math.copysign(TINY, self._signs.get(control.kind) or end)
+        if end == 0.0:  # what is controlled rests, or a fold at the very end: the next step has it
+            probe.known[segment.end] = math.copysign(TINY, begin)
+        if abs(begin) == TINY and (begin > 0) == (probe.at(segment.end) > 0):
+            return []
+        return [(control, probe, bracket) for bracket in probe.brackets(segment, previous)]
+
+    def _ordered(
+        self, passages: Sequence[tuple[Control, Probe, Bracket]], segment: Segment, options: Options
+    ) -> list[Happening]:
+        """The folds in order, located as sharply as it takes to tell them apart; by the angle where that fails."""
+        for resolution in SHARPER:
+            found = []
+            for control, probe, bracket in passages:
+                theta, point = probe.zero(bracket, 0.0, resolution)
+                found.append((bracket.whole(theta), control, point))
+            found.sort(key=lambda one: one[0])
+            together = [k for k, (a, b) in enumerate(pairwise(found)) if b[0] - a[0] <= 4 * resolution * b[0]]
+            if not together:
                 break
-        else:
-            order = [control.kind for control in self._turned(passages[0].part)]
-            found.sort(key=lambda one: order.index(one[0].control.kind) if one[0].control.kind in order else -1)
-            thetas = [sum(thetas) / len(thetas)] * len(found)
-        return [
-            self._happening(passage, theta, point, resolution)
-            for (passage, _, point), theta in zip(found, thetas, strict=True)
-        ]
+        for group in _runs(together):
+            own = found[group.start : group.stop]
+            place = sum(theta for theta, _, _ in own) / len(own)
+            order = [control.kind for control in self._turned(segment, place, options)]
+            own.sort(key=lambda one: order.index(one[1].kind))
+            found[group.start : group.stop] = [(place, control, point) for _, control, point in own]
+        return [self._happening(segment, resolution, *one) for one in found]
 
-    def _turned(self, part: Segment) -> list[Control]:
-        """The controls in the order in which (d', F') passes their folds on a part where places do not tell.
+    def _turned(self, segment: Segment, place: float, options: Options) -> list[Control]:
+        """The controls in the order in which (d', F') passes their directions where folds coincide to rounding.
 
-        Where it turns by about half a turn, the Morse indices at both ends say which way.
+        It turns by nearly half a turn there; the Morse indices on both sides say which way.
         """
-        (load, displacement), (load_end, displacement_end) = self._rates(part.begin), self._rates(part.end)
-        begin = math.atan2(load, displacement)
-        turn = short_way(math.atan2(load_end, displacement_end) - begin)
-        if abs(turn) > AMBIGUOUS * math.pi / 2:
-            first, last = (equilibrium(p).unstable(p.x, p.parameter) for p in (part.begin, part.end))
-            if first != last:
-                turn = math.copysign(turn, first - last) if abs(turn) > 0 else math.pi
-        whole = math.copysign(math.pi * (1 - 1e-12), turn)
-        return in_passing(self.controls, begin, whole)
+        sides = [point_on(segment, place + aside, options)[0] for aside in (-ASIDE * place, ASIDE * place)]
+        angles = [math.atan2(*rates(point)) for point in sides]
+        first, last = (equilibrium(point).unstable(point.x, point.parameter) for point in sides)
+        turn = first - last if first != last else short_way(angles[1] - angles[0])
+        return in_passing(self.controls, angles[0], math.copysign(math.pi * (1 - 1e-12), turn))
 
-    def _zero(self, passage: _Passage, options: Options, resolution: float) -> tuple[float, Point]:
-        """Position of a fold in the part, and the point there."""
-        part, control = passage.part, passage.control
-        points: dict[float, Point] = {}
-
-        def slope(theta: float) -> float:
-            points[theta] = point_on(part, theta, options)[0]
-            return control.weighted(*rates(points[theta]))
-
-        begin = passage.begin / part.scale_begin, passage.end / part.scale_end
-        _, c1, c2, c3 = self._cubic(part, control)
-        first, last = (0.0, begin[0]), (1.0, begin[1])
-        if passage.begin == 0.0:
-            return 0.0, part.begin
-        guess = _zero_of_slope(c1, c2, c3)
-        value = slope(guess)
-        if abs(value) > resolution * min(abs(begin[0]), abs(begin[1])):
-            if (value > 0) == (first[1] > 0):
-                first = guess, value
-            else:
-                last = guess, value
-            guess = find_root(slope, first, last, 0.0, resolution)
-            if guess not in points:
-                slope(guess)
-        return guess, points[guess]
-
-    def _happening(self, passage: _Passage, theta: float, point: Point, resolution: float) -> Happening:
-        part = passage.part
-        point = annotated(replace(point, observables={}), label=passage.control.kind)
-        change = part.end.x - part.begin.x
+    def _happening(
+        self, segment: Segment, resolution: float, theta: float, control: Control, point: Point
+    ) -> Happening:
+        change = segment.end.x - segment.begin.x
         located = EventPoint(
-            point,
-            resolution * abs(part.end.parameter - part.begin.parameter),
+            annotated(replace(point, observables={}), label=control.kind),
+            resolution * abs(segment.end.parameter - segment.begin.parameter),
             resolution * math.sqrt(point.problem.inner(change, change)),
-            name=passage.control.kind,
+            name=control.kind,
         )
-        return Happening(passage.offset + passage.share * theta, located)
+        return Happening(theta, located)
 
 
-def _passes_once(cubic: tuple[float, float, float, float], doubt: float) -> bool:
-    """Whether a slope with opposite signs at the ends has one zero, as far as its error tells."""
-    _, c1, c2, c3 = cubic
-    end = abs(c1 + 2 * c2 + 3 * c3)
-    steepness = abs(2 * c2 + 6 * c3 * _zero_of_slope(c1, c2, c3))
-    # A pair may hide next to an end whose slope is smaller than the error.
-    apart = end > doubt and (abs(c1) > doubt or c1 == 0.0)
-    return apart and doubt < CERTAIN * max(abs(c1), end) and steepness > STEEP * doubt
-
-
-def _zero_of_slope(c1: float, c2: float, c3: float) -> float:
-    """The zero in (0, 1) of c1 + 2 c2 θ + 3 c3 θ², which has opposite signs at the ends."""
-    root = math.sqrt(max(c2 * c2 - 3 * c1 * c3, 0.0))
-    q = -(c2 + math.copysign(root, c2))
-    candidates = [q / (3 * c3) if c3 else math.nan, c1 / q if q else math.nan]
-    return next((theta for theta in candidates if 0.0 < theta < 1.0), 0.5)
+def _runs(numbers: Sequence[int]) -> list[range]:
+    """Neighbours k and k + 1 joined to runs."""
+    found: list[range] = []
+    for k in numbers:
+        if found and found[-1].stop == k + 1:
+            found[-1] = range(found[-1].start, k + 2)
+        else:
+            found.append(range(k, k + 2))
+    return found

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from contbranch.continuation import CorrectionError, Linearisation, Point, Problem
 from contbranch.continuation.deflation import search
+from contbranch.continuation.newton import tangent_at
 from contbranch.control import Control
 from contbranch.curve.events import Reached
-from contbranch.curve.problem import EquilibriumProblem, Search, equilibrium, oriented
+from contbranch.curve.problem import EquilibriumProblem, Search, equilibrium
 from contbranch.curve.refine import Found, refine
 from contbranch.curve.solve import Crossing
 from contbranch.curve.track import Track
@@ -138,8 +139,8 @@ def _settled(problem: EquilibriumProblem, x: Array, event: Reached, accuracy: fl
     if not _admissible(problem, x[:-1], float(x[-1])):
         return None
     try:
-        point = oriented(problem, x[:-1], float(x[-1]), (np.zeros(len(x) - 1), 1.0))
-        found = refine(point, event, accuracy)
+        tangent_x, tangent, _ = tangent_at(problem, x[:-1], float(x[-1]))
+        found = refine(Point(problem, x[:-1], float(x[-1]), tangent_x, tangent), event, accuracy)
     except (CorrectionError, np.linalg.LinAlgError):
         return None  # an artefact of the coarse discretisation: it does not survive refinement
     point = found.point

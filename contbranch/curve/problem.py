@@ -186,6 +186,11 @@ class EquilibriumProblem(Problem):
     work: Work
     complete_by: ClassVar[str] = ""
 
+    @property
+    def limitation(self) -> str:
+        """Where the description of the contact ends, a sentence; empty where it does not."""
+        return ""
+
     # -- the curve ----------------------------------------------------------------------------------------------------
     @abstractmethod
     def start(self, control: Control) -> Point:

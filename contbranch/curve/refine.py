@@ -166,7 +166,7 @@ def _located(place: _Place, event: Event | None) -> _Place:
         If the curve cannot be followed there.
     """
     if event is None:
-        return replace(place, point=settled(place.point))
+        return replace(place, point=on_curve(place.point, 0.0))
     line = _Line(place.point)
     s, point = 0.0, line.at(0.0, place.point)
     value = event.value(point)
@@ -212,7 +212,8 @@ def refine(point: Point, event: Event | None, accuracy: float) -> Found:
             problem = equilibrium(aimed).resolving(aimed, AIM * accuracy)
             if problem is aimed.problem:
                 break
-            aimed = settled(moved(aimed, problem))
+            carried = moved(aimed, problem)
+            aimed = on_curve(carried, 0.0) if event is None else settled(carried)
     except CorrectionError:
         aimed = point
     best = _best(_Place(aimed), event, accuracy)

@@ -150,6 +150,8 @@ def _event(track: Track, mark: Mark, found: Found) -> RawEvent:
         ahead = track.onward.get(mark.row, track.points[beyond])
         return replace(
             event,
+            values=(*found.numbers[:3], 0.0),
+            error=(*found.error[:3], 0.0),
             message=f"{mark.message} {CONE}".strip(),
             local_exponent=lambda: sampled_exponent(found, LOAD, ahead),
         )

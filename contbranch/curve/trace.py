@@ -79,12 +79,20 @@ def trace(problem: EquilibriumProblem, request: Request) -> Track:
             start = problem.start(request.control)
         except (InputError, KeyboardInterrupt):
             raise
+        except CorrectionError as error:
+            return _nothing(problem, request, f"{Outcome.START_FAILED.value} {error.detail} {problem.limitation}")
         except Exception as error:  # a law written by the user may raise anything; its text is kept
             message = f"The interaction cannot be evaluated far away: {type(error).__name__}: {error}"
-            return Track((), {}, frozenset(), (), request.controls, complete=False, message=message, work=problem.work)
+            return _nothing(problem, request, message)
         tracing = _Tracing(request)
         tracing.follow(start)
         return tracing.track(problem)
+
+
+def _nothing(problem: EquilibriumProblem, request: Request, message: str) -> Track:
+    """A curve that could not be begun."""
+    controls = request.controls
+    return Track((), {}, frozenset(), (), controls, complete=False, message=message.strip(), work=problem.work)
 
 
 @dataclass

@@ -12,7 +12,6 @@ from scipy.sparse.linalg import aslinearoperator
 from contbranch.continuation import Balance, Metric, SingularBorderedError, factorise, find_root
 from contbranch.continuation.bordered import DenseBordered, MatrixFreeBordered, SparseBordered
 from contbranch.continuation.curve import Point
-from contbranch.continuation.locate import sign_changes
 from contbranch.continuation.segment import Segment
 
 
@@ -95,25 +94,6 @@ def test_find_root_in_few_evaluations(function, root):
 def test_find_root_wants_a_bracket():
     with pytest.raises(ValueError, match="opposite sign"):
         find_root(lambda s: s, (1.0, 1.0), (2.0, 2.0))
-
-
-@pytest.mark.parametrize("half", [1e-1, 1e-3, 1e-6])
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_hidden_pair_of_zeros(half, sign):
-    def function(s):
-        return sign * ((s - 0.4) ** 2 - half**2) * (1 + s)
-
-    brackets = sign_changes(function, (0.0, function(0.0)), (1.0, function(1.0)), guess=0.55)
-    assert len(brackets) == 2
-    roots = [find_root(function, *bracket) for bracket in brackets]
-    assert roots == pytest.approx([0.4 - half, 0.4 + half], abs=1e-12)
-
-
-def test_no_hidden_pair_where_the_function_stays_away_from_zero():
-    def function(s):
-        return (s - 0.4) ** 2 * (1 + s) + 1e-9
-
-    assert sign_changes(function, (0.0, function(0.0)), (1.0, function(1.0)), guess=0.55) == []
 
 
 def test_angle_is_accurate_when_small(scalar_point):

@@ -1,8 +1,8 @@
 """Folds and Morse indices of all controls from one angle, on random curves whose folds are known beforehand.
 
 The slopes F' and d' are polynomials with given roots: a fold of load or displacement is where it was put, that of a
-spring is a root of F' + K d', computed to 40 digits. The index at fixed displacement is counted by Poincaré's rule, fold
-by fold, and a spring adds one where dF/dd + K < 0; neither knows an angle.
+spring is a root of F' + K d', computed to 40 digits. The index at fixed displacement is counted by Poincaré's rule,
+fold by fold, and a spring adds one where dF/dd + K < 0; neither knows an angle.
 """
 
 from dataclasses import dataclass

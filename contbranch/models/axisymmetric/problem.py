@@ -251,9 +251,20 @@ class ContactProblem(EquilibriumProblem):
             return self._freed(points)
         if last.parameter != 0.0 or self.equations.contact:
             return None
-        # A stiff film answers a tiny contact on a length far below the innermost panel: then with graded panels.
-        disc = ContactProblem(self.equations.touching(True), self.scale, self.resolution, self.sharpness)
-        return Succession("touch", last, (disc.touching(last.x), *disc.graded(last.x)))
+        return Succession("touch", last, self.across(last.x, 0.0))
+
+    def across(self, x: Array, p: float) -> tuple[Point, ...]:
+        """First touch on the other side.
+
+        A stiff film answers a tiny contact on a length far below the innermost panel: then with graded panels.
+        """
+        if p != 0.0:
+            return ()
+        disc = not self.equations.contact
+        other = ContactProblem(self.equations.touching(disc), self.scale, self.resolution, self.sharpness)
+        if disc:
+            return other.touching(x), *other.graded(x)
+        return (other.touching(other.solve_at(x, 0.0)),)
 
     def _freed(self, points: Sequence[Point]) -> Succession:
         """The curve with free boundaries, from the last row that is admissible."""
@@ -283,6 +294,12 @@ class ContactProblem(EquilibriumProblem):
         rate, one = self.direction(x, 0.0)
         return annotated(Point(self, x, 0.0, rate, one), label="start")
 
+    @property
+    def limitation(self) -> str:
+        """Where a law ends."""
+        law = self.equations.interaction
+        return law.limitation if law is not None else ""
+
     def ending(self, name: str, point: Point) -> str:
         """Why the curve ends."""
         if name == "inadmissible":
@@ -290,8 +307,7 @@ class ContactProblem(EquilibriumProblem):
                 "The branch ends where the contact set stops being a disc: the gap would close outside the contact, or "
                 "the wall would have to pull."
             )
-        law, tip = self.equations.interaction, self.equations.tip
-        limitation = law.limitation if law is not None else ""
+        tip, limitation = self.equations.tip, self.limitation
         if not math.isfinite(tip.extent):
             return limitation
         fields = self.fields(point.x, point.parameter)

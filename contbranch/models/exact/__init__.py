@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 from contbranch._lazy import lazily
 
 if TYPE_CHECKING:
-    from contbranch.models.exact.model import Exact, ExactCurve
+    from contbranch.models.exact.model import Exact
 
-__all__ = ["Exact", "ExactCurve"]
+__all__ = ["Exact"]
 
 __getattr__, __dir__ = lazily(__name__, {".model": "Exact ExactCurve"})

@@ -10,10 +10,9 @@ from contbranch.contact.interactions import MaugisDugdale
 from contbranch.contact.tips import Parabola
 from contbranch.curve.problem import Work
 from contbranch.errors import InputError
-from contbranch.models.exact.curve import ExactCurve
 from contbranch.models.exact.problem import Beyond, ExactProblem, zone_of
 
-__all__ = ["Exact", "ExactCurve"]
+__all__ = ["Exact"]
 
 
 @dataclass(frozen=True)
@@ -46,16 +45,3 @@ class Exact:
         if obstacle is not None:
             raise InputError(f"model exact does not represent this contact: {obstacle}; choose axisymmetric or auto")
         return Beyond(zone_of(contact), Work())
-
-    def curve(self, contact: Contact) -> ExactCurve:
-        """Return the curve of equilibria of a contact, in its reduced units.
-
-        Raises
-        ------
-        InputError
-            If the model does not represent the contact; the message says why.
-        """
-        obstacle, tabor = self.obstacle(contact), contact.tabor
-        if obstacle is not None or tabor is None:
-            raise InputError(f"model exact does not represent this contact: {obstacle}; choose axisymmetric or auto")
-        return ExactCurve(tabor)

@@ -52,8 +52,8 @@ def zone_of(contact: Contact) -> Zone:
         If it is not a parabola with Maugis-Dugdale attraction.
     """
     tip, law = contact.axisymmetric_tip, contact.interaction
-    if not (isinstance(tip, Parabola) and isinstance(law, MaugisDugdale)):
-        raise InputError("the closed form holds for a parabola with the law maugis-dugdale alone")
+    if not (isinstance(tip, Parabola) and isinstance(law, MaugisDugdale) and law.work_of_adhesion > 0.0):
+        raise InputError("the closed form holds for a parabola with maugis-dugdale attraction alone")
     return Zone(*map(np.asarray, (tip.radius, contact.modulus, law.work_of_adhesion, law.range)))
 
 

@@ -1,0 +1,116 @@
+"""The other curve through a branch point."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from contbranch.continuation.curve import BranchPoint, Curve, Point
+from contbranch.continuation.follow import Branch, follow
+from contbranch.continuation.metric import Metric
+from contbranch.continuation.newton import CorrectionError
+from contbranch.continuation.options import Options, StopAt
+from contbranch.continuation.outcomes import End, Outcome
+from contbranch.continuation.problem import Array
+from contbranch.continuation.trace import balance_along, interval_around, joined
+from contbranch.continuation.walk import annotated, corrected_point
+from contbranch.errors import InputError
+
+__all__ = ["switch_branch"]
+
+# Lengths of the step off the branch point, as shares of the path that the first scales foresee.
+LEAVING = (1e-2, 1e-3, 1e-4)
+# The point reached must be this much closer to the crossing curve's tangent than the curve given is.
+NEARER = 0.3
+
+Direction = tuple[Array, float]
+
+
+def switch_branch(
+    curve: Curve, branch_point: BranchPoint, parameter_range: tuple[float, float], options: Options | None = None
+) -> list[Curve]:
+    """Follow the curves that cross at a branch point, without the one given, in both directions each.
+
+    At a simple branch point that is one curve; the branch point is among its points and events. Its direction there
+    comes from the second derivatives of F (Keller's algebraic bifurcation equation, in H. B. Keller, Numerical
+    solution of bifurcation and nonlinear eigenvalue problems, in P. H. Rabinowitz, Applications of Bifurcation Theory,
+    Academic Press 1977), and the first point on either side from Newton's method in the plane normal to it.
+
+    Parameters
+    ----------
+    curve : Curve
+        The curve on which the branch point was found.
+    branch_point : BranchPoint
+        One of `curve.branch_points`.
+    parameter_range : (float, float)
+        Lowest and highest parameter, as for `trace_curve`.
+    options : Options, optional
+        Step control, tolerances.
+
+    Returns
+    -------
+    list of Curve
+        Oriented so that the parameter does not decrease at the branch point; empty where no point off the given
+        curve is reached.
+
+    Raises
+    ------
+    InputError
+        If the branch point is not one of the curve, lies outside the range, or its crossing direction is unknown.
+    """
+    if all(branch_point is not known for known in curve.branch_points):
+        raise InputError("branch_point is not one of the curve's: give one of curve.branch_points.")
+    if branch_point.other_x is None or branch_point.other_parameter is None:
+        raise InputError("branch_point has no single crossing direction: more than two curves may meet there.")
+    interval = interval_around(parameter_range, branch_point.parameter)
+    options = options or Options()
+    here = branch_point.point
+    problem = here.problem
+    sign = -1.0 if branch_point.other_parameter < 0 else 1.0
+    u, a = sign * branch_point.other_x, sign * branch_point.other_parameter
+    halves = []
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        balance = balance_along(problem, here.x, here.parameter, (u, a), interval)
+        metric = balance.metric(options.weight, options.state_floor)
+        for along in ((u, a), (-u, -a)):
+            start = _beside(branch_point, along, metric, options)
+            if start is None or not interval.contains(start.parameter):
+                halves.append(Branch([], [], End(Outcome.START_FAILED, "(No point beside the branch point.)")))
+                continue
+            half = follow(start, balance, interval, options, (), StopAt())
+            if half.end.outcome is Outcome.CLOSED:
+                return [joined(start, half, Branch([], [], half.end))]
+            halves.append(Branch([start, *half.points], [(event, i + 1) for event, i in half.events], half.end))
+    if not any(half.points for half in halves):
+        return []
+    size = metric.norm(problem, u, a)
+    centre = replace(here, tangent_x=u / size, tangent_parameter=a / size, determinant_sign=None)
+    found = joined(centre, *halves)
+    at = len(halves[1].points)
+    crossing = replace(
+        branch_point, point=centre, other_x=here.tangent_x, other_parameter=here.tangent_parameter, index=at
+    )
+    before = tuple(event for event in found.events if event.index < at)
+    return [replace(found, events=(*before, crossing, *found.events[len(before) :]))]
+
+
+def _beside(branch_point: BranchPoint, along: Direction, metric: Metric, options: Options) -> Point | None:
+    """Return a point of the crossing curve a short step off the branch point, its tangent away from it."""
+    here = branch_point.point
+    problem = here.problem
+    size = metric.norm(problem, *along)
+    u, a = along[0] / size, along[1] / size
+    given = metric.norm(problem, here.tangent_x, here.tangent_parameter)
+    cosine = metric.dot(problem, u, a, here.tangent_x, here.tangent_parameter) / given
+    allowed = NEARER * math.sqrt(max(1 - cosine**2, 0.0))
+    for step in LEAVING:
+        x, p = here.x + step * u, here.parameter + step * a
+        try:
+            point, bordered = corrected_point(problem, x, p, (u, a), metric, options)
+            if metric.norm(problem, point.x - x, point.parameter - p) <= allowed * step:
+                return annotated(replace(point, determinant_sign=bordered.determinant_sign()))
+        except CorrectionError:
+            continue
+    return None

@@ -1,0 +1,208 @@
+"""Folds in a second parameter: the curve that they form, and its cusps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from contbranch.continuation.bordered import as_matrix, bordered_matrix, factorise
+from contbranch.continuation.curve import Curve, Fold, Point
+from contbranch.continuation.events import Event
+from contbranch.continuation.options import Options
+from contbranch.continuation.problem import Adaptation, Array, Linearisation, Problem
+from contbranch.continuation.trace import trace_curve
+from contbranch.errors import InputError
+
+__all__ = ["Cusp", "FoldCurve", "trace_folds"]
+
+STEP = float(np.finfo(float).eps ** (1 / 3))
+# A border is replaced when the cosine between it and the null vector it stands for has fallen below this.
+ALIGNED = 0.5
+# Noise of residuals that hold a Jacobian by differences, in units of rounding.
+NOISE = 1e6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cusp:
+    """Where two folds meet and vanish: the curvature of the curve at the fold passes zero."""
+
+    q: float
+    parameter: float
+    x: Array
+
+
+@dataclass(frozen=True)
+class FoldCurve:
+    """The folds of a family of problems.
+
+    Attributes
+    ----------
+    curve : Curve
+        The curve of the augmented system, with state (x, p) and parameter q.
+    """
+
+    curve: Curve
+
+    @cached_property
+    def q(self) -> Array:
+        """Second parameters, shape (M,)."""
+        return self.curve.parameter
+
+    @cached_property
+    def parameter(self) -> Array:
+        """First parameters of the folds, shape (M,)."""
+        return np.array([point.x[-1] for point in self.curve.points])
+
+    @cached_property
+    def x(self) -> Array:
+        """States of the folds, shape (M, n)."""
+        return np.array([point.x[:-1] for point in self.curve.points])
+
+    @cached_property
+    def cusps(self) -> list[Cusp]:
+        """The cusps, in order along the curve."""
+        return [Cusp(event.parameter, float(event.x[-1]), event.x[:-1]) for event in self.curve.named("cusp")]
+
+    @property
+    def status(self) -> Literal["complete", "incomplete"]:
+        """Whether the curve was followed to both ends."""
+        return self.curve.status
+
+    @property
+    def message(self) -> str:
+        """How the curve ended, as sentences."""
+        return self.curve.message
+
+
+def trace_folds(
+    make_problem: Callable[[float], Problem],
+    fold: Fold,
+    q: float,
+    q_range: tuple[float, float],
+    options: Options | None = None,
+) -> FoldCurve:
+    """Follow a fold in a second parameter, through the cusps where it meets another one.
+
+    The unknowns are (x, p), the equations F = 0 and σ = 0 with σ from the bordered system of `locate_fold`; its
+    derivatives come from the left null vector ψ and differences of the Jacobian along the right one φ,
+    dσ = −ψᵀ dJ φ (A. Griewank and G. W. Reddien, IMA J. Numer. Anal. 3 (1983) 295). A cusp is where ψᵀ F_xx φ φ = 0;
+    both parameters turn there, so the curve passes it smoothly.
+
+    Parameters
+    ----------
+    make_problem : callable
+        Returns the problem at a value of q; its discretisation must not change with q.
+    fold : Fold
+        A fold of ``make_problem(q)``.
+    q : float
+    q_range : (float, float)
+        Lowest and highest second parameter.
+    options : Options, optional
+        Step control, tolerances.
+
+    Returns
+    -------
+    FoldCurve
+        Arrays `q`, `parameter`, `x`, and the `cusps`; `status` and `message` say how it ended.
+
+    Raises
+    ------
+    InputError
+        If q lies outside its range, or the fold is none of ``make_problem(q)``.
+    """
+    problem = make_problem(q)
+    at = problem.linearise(fold.x, fold.parameter)
+    scale = max(1.0, abs(fold.parameter)) * float(np.linalg.norm(at.parameter_derivative)) or 1.0
+    if not float(np.linalg.norm(at.residual)) <= 1e-6 * scale:
+        raise InputError(f"fold is not on the curve of make_problem({q:g}): give the q that it was found with.")
+    column = at.parameter_derivative / float(at.parameter_derivative @ at.parameter_derivative)
+    row = fold.null_vector / float(fold.null_vector @ fold.null_vector)
+    mean_square = float(fold.x @ fold.x) / fold.x.size or 1.0
+    weights = np.append(np.full(fold.x.size, 1 / (fold.x.size * mean_square)), 1 / (fold.parameter**2 or 1.0))
+    augmented = _FoldProblem(make_problem, row, column, weights)
+    options = options or Options(noise=NOISE)
+    options = replace(options, detect_folds=False, detect_branch_points=False)
+    return FoldCurve(trace_curve(augmented, np.append(fold.x, fold.parameter), q, q_range, options, [_CuspEvent()]))
+
+
+class _Seen(NamedTuple):
+    """The augmented system at one point, with the null vectors φ and ψ, and ψᵀ F_xx φ φ."""
+
+    linearisation: Linearisation
+    right: Array
+    left: Array
+    curvature: float
+
+
+class _FoldProblem(Problem):
+    """F(x, p; q) = 0 and σ(x, p; q) = 0 for (x, p), with a border that stays close to the null vectors."""
+
+    def __init__(self, make_problem: Callable[[float], Problem], row: Array, column: Array, weights: Array) -> None:
+        self.make_problem, self.row, self.column, self.weights = make_problem, row, column, weights
+        self._last: tuple[Array, float, _Seen] | None = None
+
+    def residual(self, x: Array, p: float) -> Array:
+        """(F, σ), shape (n + 1,)."""
+        return self.linearise(x, p).residual
+
+    def linearise(self, x: Array, p: float) -> Linearisation:
+        """(F, σ) and its derivatives."""
+        return self.seen(x, p).linearisation
+
+    def seen(self, z: Array, q: float) -> _Seen:
+        """Return what there is to know at (x, p; q)."""
+        if self._last is not None and self._last[0] is z and self._last[1] == q:
+            return self._last[2]
+        x, p, problem = z[:-1], float(z[-1]), self.make_problem(q)
+        at = problem.linearise(x, p)
+        bordered = factorise(as_matrix(at.jacobian), self.column, self.row, 0.0)
+        right, sigma = bordered.solve(np.zeros_like(x), 1.0)
+        transposed = bordered.solve_transposed(np.zeros_like(x), 1.0)
+        left = self.column if transposed is None else transposed[0]
+
+        def rates(of: list[Linearisation], width: float) -> list[Array]:
+            """Differences of F, ψᵀJ and ψᵀF_p."""
+            parts = [(one.residual, as_matrix(one.jacobian).T @ left, left @ one.parameter_derivative) for one in of]
+            return [(last - first) / width for first, last in zip(*parts, strict=True)]
+
+        step = STEP * max(1.0, float(np.abs(x).max())) / float(np.abs(right).max())
+        _, bend, slant = rates([problem.linearise(x + s * right, p) for s in (-step, step)], 2 * step)
+        change = STEP * max(1.0, abs(q))
+        push, turn, _ = rates([self.make_problem(q + s).linearise(x, p) for s in (-change, change)], 2 * change)
+        matrix = bordered_matrix(at.jacobian, at.parameter_derivative, -bend, -float(slant))
+        linearisation = Linearisation(np.append(at.residual, sigma), matrix, np.append(push, -float(turn @ right)))
+        found = _Seen(linearisation, right, left, float(bend @ right))
+        self._last = (z, q, found)
+        return found
+
+    def inner(self, u: Array, v: Array) -> float:
+        """Mean square of x and square of p, in units of the first fold's."""
+        return float((self.weights * u) @ v)
+
+    def dual(self, u: Array) -> Array:
+        """Vector whose product with v is inner(u, v)."""
+        return self.weights * u
+
+    def adapt(self, x: Array, p: float) -> Adaptation | None:
+        """Replace borders that have turned away from the null vectors."""
+        seen = self.seen(x, p)
+        pairs = ((seen.right, self.row), (seen.left, self.column))
+        if all(ALIGNED * np.linalg.norm(a) * np.linalg.norm(b) < 1 for a, b in pairs):
+            return None
+        row, column = (a / float(a @ a) for a, _ in pairs)
+        return Adaptation(_FoldProblem(self.make_problem, row, column, self.weights), x, lambda vector: vector)
+
+
+class _CuspEvent(Event):
+    """Where the curvature of the curve at its fold passes zero."""
+
+    name = "cusp"
+
+    def value(self, point: Point) -> float:
+        """Return ψᵀ F_xx φ φ."""
+        problem: Any = point.problem
+        return float(problem.seen(point.x, point.parameter).curvature)
