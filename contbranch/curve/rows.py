@@ -20,6 +20,7 @@ from contbranch.curve.symmetry import Breaking, critical_eigenvalues, merged, sy
 from contbranch.curve.trace import Request
 from contbranch.curve.track import Mark, Track
 from contbranch.results.diagram import Cost, Profile
+from contbranch.threads import one_thread
 
 __all__ = ["raw_curve"]
 
@@ -53,7 +54,6 @@ def raw_curve(track: Track, request: Request) -> RawCurve:
         complete = False
         messages.append(f"An event's error estimate is {worst:.3g} times the accuracy asked.")
     load, displacement = track.column("load"), track.column("displacement")
-    errors = np.array([_row_error(point) for point in track.points])
     return RawCurve(
         load,
         displacement,
@@ -62,8 +62,7 @@ def raw_curve(track: Track, request: Request) -> RawCurve:
         track.column("energy"),
         track.hodograph.rows(LOAD),
         held,
-        errors[:, 0],
-        errors[:, 1],
+        one_thread(lambda: np.array([_row_error(point) for point in track.points])),
         profiles=[_deferred_profile(point) for point in track.points],
         events=events,
         complete=complete,
@@ -80,7 +79,9 @@ def _nothing(track: Track) -> RawCurve:
     """The result of a trace that could not start."""
     empty, none = np.empty(0), np.empty(0, dtype=np.int64)
     cost = Cost(0.0, track.work.newton)
-    return RawCurve(*(empty,) * 5, none, none, empty, empty, (), (), False, track.message, cost, track.work.unknowns)
+    return RawCurve(
+        *(empty,) * 5, none, none, np.empty((0, 2)), (), (), False, track.message, cost, track.work.unknowns
+    )
 
 
 def _end_agrees(track: Track) -> bool:
@@ -162,7 +163,7 @@ def _event(track: Track, mark: Mark, found: Found) -> RawEvent:
 def _row_error(point: Point) -> Sequence[float]:
     """Error estimates of load and displacement."""
     problem, own = equilibrium(point), point.observables
-    defect = (own["load_error"], own["displacement_error"]) if "load_error" in own else problem.defect(point)[:2]
+    defect = problem.defect(point)[:2]
     floor = ROW_FLOOR if problem.finer() is not problem else problem.rounding
     return [
         ROW_SAFETY * abs(error) + floor * max(1.0, abs(own[name]))
