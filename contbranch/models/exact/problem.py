@@ -68,6 +68,7 @@ class ExactProblem(EquilibriumProblem):
         What has been spent, counted by all pieces together.
     """
 
+    ordered = True
     complete_by = "all there are, by the closed form"
 
     def __init__(self, zone: Zone, work: Work) -> None:
