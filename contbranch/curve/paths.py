@@ -64,8 +64,9 @@ class CurveWalk:
 
     @cached_property
     def unstable(self) -> Integers:
-        """Morse index under the control on the pieces."""
-        return self.track.hodograph.pieces(self.control)[0]
+        """Morse index under the control on the pieces; where it rests, it holds nothing."""
+        index = self.track.hodograph.pieces(self.control)[0]
+        return np.where(np.diff(self.values) == 0.0, np.maximum(index, 1), index)
 
     @cached_property
     def rising(self) -> Integers:

@@ -34,6 +34,8 @@ GAIN, WORSE = 0.1, 3.0
 # The parameter itself is the coordinate along the curve where it makes up this share of the tangent's length.
 UPRIGHT = 0.3
 ITERATIONS = 14
+# Steps towards an event below this multiple of rounding are not taken.
+CLOSEST = 2.5
 
 
 @dataclass(frozen=True)
@@ -181,13 +183,14 @@ def _located(place: _Place, event: Event | None) -> _Place:
     if event is None:
         return replace(place, point=at_parameter(place.point))
     line = _Line(place.point)
+    least = CLOSEST * line.problem.rounding * line.unit
     s, point = 0.0, line.at(0.0, place.point)
     value = event.value(point)
     steepness, best = place.steepness, (abs(value), point)
     for iteration in range(ITERATIONS):
         step = -value / steepness if steepness else 1e-4 * line.unit
         step = math.copysign(min(abs(step), 0.2 * line.unit), step)
-        if iteration and abs(step) <= 1e-13 * line.unit:
+        if iteration and abs(step) <= least:
             break
         new_point = line.at(s + step, point, s)
         new_value = event.value(new_point)
