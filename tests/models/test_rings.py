@@ -242,7 +242,8 @@ def test_single_state_with_an_annulus(annulus: cb.Diagram) -> None:
 
 def test_convergence_with_the_order(step: Track) -> None:
     """At fixed displacement the load's error falls by more than a factor 10 with every two nodes a panel."""
-    point = nearest(step, 3.0)
+    (crossing,) = crossings(step, "displacement", 3.0, 1e-9)
+    point = crossing.found.point
     problem = rings(point)
     coarse = replace(problem.panels, halves=((0.3,), (0.3,), (0.3,)))
     loads = []
@@ -256,7 +257,7 @@ def test_convergence_with_the_order(step: Track) -> None:
     assert errors[-1] < 1e-8
 
 
-@pytest.mark.parametrize("displacement", [1.0, 2.38, 4.3, 5.8])
+@pytest.mark.parametrize("displacement", [1.0, 2.5, 3.7, 5.8])
 def test_rates_are_those_of_central_differences(step: Track, displacement: float) -> None:
     """On a disc at rest, with the hole in it, and with contact inside of the ring."""
     point, h = nearest(step, displacement), 1e-5
