@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -9,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from contbranch.continuation import Event, Point
+from contbranch.continuation import CorrectionError, Event, Point
 from contbranch.control import LOAD
 from contbranch.curve.events import FoldEvent, Margin, Reached
 from contbranch.curve.exponents import critical_exponent, sampled_exponent
@@ -19,6 +20,7 @@ from contbranch.curve.refine import Found, refine
 from contbranch.curve.symmetry import Breaking, critical_eigenvalues, merged, symmetry_breaking
 from contbranch.curve.trace import Request
 from contbranch.curve.track import Mark, Track
+from contbranch.errors import ModelError
 from contbranch.results.diagram import Cost, Profile
 from contbranch.threads import one_thread
 
@@ -163,7 +165,10 @@ def _event(track: Track, mark: Mark, found: Found) -> RawEvent:
 def _row_error(point: Point) -> Sequence[float]:
     """Error estimates of load and displacement."""
     problem, own = equilibrium(point), point.observables
-    defect = problem.defect(point)[:2]
+    try:
+        defect = problem.defect(point)[:2]
+    except (CorrectionError, ModelError):  # which a region too narrow for a finer discretisation may cause
+        return math.inf, math.inf
     floor = ROW_FLOOR if problem.finer() is not problem else problem.rounding
     return [
         ROW_SAFETY * abs(error) + floor * max(1.0, abs(own[name]))

@@ -138,6 +138,8 @@ class ContactProblem(EquilibriumProblem):
         Factor by which the panels' own error guide was found too optimistic here.
     """
 
+    ordered = True
+
     def __init__(self, equations: Equations, scale: float, resolution: Resolution, sharpness: float = 1.0) -> None:
         self.equations = equations
         self.scale = scale
