@@ -18,7 +18,7 @@ from contbranch.results.diagram import Event
 from contbranch.results.record import Record, columns
 
 CELL = cb.Contact(cb.HeightMap(np.random.default_rng(0).normal(size=(16, 16)), 3.0), cb.Gauss(0.1, 0.5))
-SHEET = cb.Contact(cb.Parabola(1.0), cb.MaugisDugdale(1.0, 1.0) + cb.MaugisDugdale(-0.2, 2.0))
+RESTING = cb.Contact.reduced(cb.MaugisDugdale, tabor=1.0, sign=-1)
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +36,7 @@ def results() -> dict[str, Record]:
         "diagram": diagram,
         "with a spring": traced,
         "exact diagram": cb.trace(exact),
-        "rings": cb.trace(SHEET, accuracy=1e-4),
+        "rings": cb.trace(RESTING, accuracy=1e-4),
         "event": diagram.events[0],
         "state": diagram.branches[0].state(3),
         "solution": cb.solve(physical, load=265.0),

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.curve.outcome import RawCurve
-from contbranch.curve.stability import Indices, morse_indices
 from contbranch.curve.symmetry import merged
 from contbranch.curve.trace import Request
+from contbranch.models.grid.indices import Indices, morse_indices
 from contbranch.results.diagram import Cost
 
 from .accuracy import Comparison, compared, no_comparison, touched

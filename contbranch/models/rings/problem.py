@@ -94,6 +94,7 @@ class RingProblem(RingEquations):
         if panels is None:
             return None
         other = self.on(panels)
+        self.forget()  # its points stay, but are seldom asked again
         return Adaptation(other, self.carried(x, x, other), lambda vector: self.carried(vector, x, other))
 
     def resolving(self, point: Point, tolerance: float) -> Self:
