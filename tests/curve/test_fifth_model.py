@@ -184,11 +184,10 @@ def test_looped():
 
 
 def test_followed(diagram):
-    followed = cb.follow(list(diagram.folds("load"))[0], vary="interaction[1].range", to=2.0)
+    followed = cb.follow(next(diagram.folds("load")), vary="interaction[1].range", to=2.0)
     assert followed.status == "complete"
-    for point in followed.points:
-        g = rest(point.value)
-        assert (point.load, point.displacement) == pytest.approx((RING * v(g, point.value), -g), abs=1e-9)
+    for reach, force, d in zip(*(followed.curve[k] for k in ("interaction[1].range", "load", "displacement")), strict=True):
+        assert (force, d) == pytest.approx((RING * v(rest(reach), reach), -rest(reach)), abs=1e-9)
 
 
 def test_drawn_saved_and_loaded(diagram, tmp_path):
