@@ -1,14 +1,12 @@
 """A model that the package does not know: a parabola on an elastic foundation, w = p/k at each radius.
 
-With k stiffer than the law every element has one gap for its height, and an element of height g0 = r²/(2R) − d takes
-the area 2πR dg0. So F(d) = 2πR ∫ p dg0 from g0 = −d on, dF/dd = 2πR p(apex): the load folds where the pressure at the
-apex vanishes, at F = 2πR v(g) with v the energy per area at the gap there, and a spring's where it is −K/(2πR).
+With k stiffer than the law every element has one gap for its height g0 = r²/(2R) − d, and takes the area 2πR dg0. So
+F(d) = 2πR ∫ p dg0 from g0 = −d on and dF/dd = 2πR p(apex): the load folds where the pressure at the apex vanishes, at
+F = 2πR v with v the energy per area at the gap there, and a spring where that pressure is −K/(2πR).
 """
 
 import math
-from dataclasses import dataclass
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from scipy.integrate import quad
@@ -18,93 +16,72 @@ import contbranch as cb
 from contbranch.curve.problem import EquilibriumProblem, Rates, Succession, Values, Work, oriented
 from contbranch.results.profile import Profile
 
-STIFFNESS, RING = 40.0, 2 * math.pi
-# Long-ranged repulsion, short-ranged attraction: the film squeezes out while it repels, and the contact wets again.
-FAR, NEAR, REACH, SHORT = 2 / 3, 1 / 3, 1.0, 0.25
+K, RING = 40.0, 2 * math.pi
 
 
 class Film(EquilibriumProblem):
-    """Displacement w of the apex against the far field's, from first touch on (p = 0): k w = p(w − d), or w = d."""
+    """Deformation w at the apex for the displacement d behind first touch: k w = p(w − d), in contact w = d."""
 
     def __init__(self, contact, touching=False):
         self.contact, self.law, self.touching = contact, contact.interaction, touching
-        self.area, self.scale, self.work = RING * contact.tip.radius, 1.0, Work(unknowns=1)
-        self.touch = float(self.law.evaluate(0.0).pressure) / STIFFNESS
+        self.radius, self.scale, self.work = contact.tip.radius, self.law.range, Work(unknowns=1)
+        self.touch = float(self.law.evaluate(0.0).pressure) / K
 
     @property
     def parameter_range(self):
         return (0.0, math.inf) if self.touching else (-math.inf, 0.0)
 
-    def apex(self, x, p):
-        """Gap and response there."""
-        gap = 0.0 if self.touching else x[0] - p - self.touch
-        return gap, self.law.evaluate(gap)
+    def gap(self, x, p):
+        return 0.0 if self.touching else float(x[0] - p - self.touch)
 
     def residual(self, x, p):
-        return x - (p + self.touch if self.touching else self.apex(x, p)[1].pressure / STIFFNESS)
+        return x - (p + self.touch if self.touching else float(self.law.evaluate(self.gap(x, p)).pressure) / K)
 
     def jacobian(self, x, p):
-        return np.array([[1.0 if self.touching else 1.0 - self.slope(x, p)]])
+        return np.array([[1.0 + (0.0 if self.touching else float(self.law.evaluate(self.gap(x, p)).stiffness) / K)]])
 
     def parameter_derivative(self, x, p):
-        return np.array([-1.0 if self.touching else self.slope(x, p)])
-
-    def slope(self, x, p):
-        return -self.apex(x, p)[1].stiffness / STIFFNESS
+        return np.array([-1.0]) if self.touching else 1.0 - self.jacobian(x, p)[0]
 
     def start(self, control):
-        far = self.law.reach(1e-12)
-        x = np.array([float(self.law.evaluate(far).pressure) / STIFFNESS])
+        x = self.law.evaluate(far := self.law.reach(1e-12)).pressure / K * np.ones(1)
         return oriented(self, x, x[0] - far - self.touch, (np.zeros(1), 1.0))
 
-    def before(self, control, value):
-        return None
-
     def values(self, x, p):
-        gap, here = self.apex(x, p)
-        load = self.area * float(here.energy + STIFFNESS * x[0] ** 2 / 2)
-        radius = math.sqrt(2 * self.contact.tip.radius * max(p, 0.0)) if self.touching else 0.0
-        return Values(load, p + self.touch, radius, float(gap), self.energy(float(gap), max(p, 0.0)))
-
-    def energy(self, gap, pressed):
-        """∫ F dd: in closed form for exponentials, whose products are exponentials."""
+        """The energy ∫ F dd in closed form for exponentials, whose products are exponentials."""
+        gap, pressed, d = self.gap(x, p), max(p, 0.0), max(p, 0.0) + self.touch
         work = [(-t.work_of_adhesion * math.exp(-gap / t.range), 1 / t.range) for t in self.law.terms]
-        v, p = sum(w for w, _ in work), sum(w * q for w, q in work)
-        tail = sum(w / q for w, q in work)
+        v, pressure = (sum(w * q**k for w, q in work) for k in (0, 1))
         squares = sum(a * s * b * t / (s + t) for a, s in work for b, t in work)
-        apart = tail + v * p / STIFFNESS - squares / (2 * STIFFNESS) + p**3 / (6 * STIFFNESS**2)
-        d = self.touch + pressed
-        return self.area * (apart + v * pressed + STIFFNESS * (d**3 - self.touch**3) / 6)
+        apart = sum(w / q for w, q in work) + (v * pressure - squares / 2) / K + pressure**3 / (6 * K**2)
+        load, energy = v + K * x[0] ** 2 / 2, apart + v * pressed + K * (d**3 - self.touch**3) / 6
+        load, energy = (float(RING * self.radius * value) for value in (load, energy))
+        return Values(load, float(p) + self.touch, math.sqrt(2 * self.radius * pressed), gap, energy)
 
     def rates(self, x, p, x_rate, p_rate):
-        gap = 0.0 if self.touching else x_rate[0] - p_rate
         radius = self.values(x, p).contact_radius
-        spread = self.contact.tip.radius * p_rate / radius if radius > 0 else math.inf if self.touching else 0.0
-        return Rates(self.area * STIFFNESS * x[0] * p_rate, p_rate, spread, gap)
+        wider = self.radius / radius if radius > 0 else math.inf if self.touching else 0.0
+        return Rates(RING * self.radius * K * x[0] * p_rate, p_rate, wider * p_rate, float(x_rate[0] - p_rate))
 
     def unstable(self, x, p):
         return 0
 
     def profile(self, x, p):
-        gaps = np.append(np.zeros(20 * self.touching), self.apex(x, p)[0] + np.geomspace(1e-9, 5.0, 200))
+        gaps = np.append(np.zeros(20 * self.touching), self.gap(x, p) + np.geomspace(1e-9, 5.0, 200))
         own = np.asarray(self.law.evaluate(gaps).pressure)
-        r = np.sqrt(2 * self.contact.tip.radius * np.maximum(gaps - own / STIFFNESS + p + self.touch, 0.0))
-        wall = np.zeros_like(r)
-        if self.touching:
-            r[:20] = np.linspace(0.0, self.values(x, p).contact_radius, 20)
-            wall[:20] = STIFFNESS * (p - r[:20] ** 2 / (2 * self.contact.tip.radius))
+        r = np.sqrt(2 * self.radius * np.maximum(gaps - own / K + p + self.touch, 0.0))
+        r[gaps == 0.0] = np.linspace(0.0, self.values(x, p).contact_radius, np.count_nonzero(gaps == 0.0))
+        wall = np.where(gaps == 0.0, K * (p - r**2 / (2 * self.radius)), 0.0)
         return Profile(r, gaps, own + wall, wall)
 
     def successor(self, name, points):
-        contact = Film(self.contact, True)
-        start = oriented(contact, np.array([self.touch]), 0.0, (np.zeros(1), 1.0))
+        start = oriented(Film(self.contact, True), np.array([self.touch]), 0.0, (np.zeros(1), 1.0))
         return None if self.touching else Succession("touch", points[-1], (start,))
 
     def member(self, contact, tolerance=None):
         return Film(contact, self.touching)
 
 
-@dataclass(frozen=True)
 class Foundation:
     name = "foundation"
 
@@ -112,85 +89,63 @@ class Foundation:
         return Film(contact)
 
 
-def contact(reach=REACH):
-    law = cb.Exponential(-FAR, reach) + cb.Exponential(NEAR, SHORT)
-    return cb.Contact(tip=cb.Parabola(1.0), interaction=law, modulus=1.0)
+# Repulsion of long range, attraction of short range: p = A e^(−g) − B e^(−4g) for the law's range 1.
+LAW, A, B = cb.Exponential(-2 / 3, 1.0) + cb.Exponential(1 / 3, 0.25), 2 / 3, 4 / 3
+CONTACT, MODEL = cb.Contact(tip=cb.Parabola(1.0), interaction=LAW, modulus=1.0), Foundation()
+REST = math.log(B / A) / 3
+EVEN = RING * (A * math.exp(-REST) - B / 4 * math.exp(-4 * REST))
+WETTED, TOUCH = RING * (A - B / 4), (A - B) / K
 
 
-def v(g, reach=REACH):
-    return FAR * math.exp(-g / reach) - NEAR * math.exp(-g / SHORT)
-
-
-def p(g, reach=REACH):
-    return FAR / reach * math.exp(-g / reach) - NEAR / SHORT * math.exp(-g / SHORT)
-
-
-def rest(reach=REACH):
-    """The gap without pressure."""
-    return math.log(NEAR / SHORT / FAR * reach) / (1 / SHORT - 1 / reach)
+def p(g):
+    return A * math.exp(-g) - B * math.exp(-4 * g)
 
 
 def load(d):
-    """F(d) from the local law by quadrature over the heights."""
-    pressure = lambda h: STIFFNESS * -h if h < -p(0) / STIFFNESS else p(brentq(lambda g: g - p(g) / STIFFNESS - h, 0, 60))  # noqa: E731
-    return RING * quad(pressure, -d, 40, epsabs=1e-12, limit=400, points=(-p(0) / STIFFNESS, 0.5, 2, 6))[0]
+    p_at = lambda h: -K * h if h < -TOUCH else p(brentq(lambda g: g - p(g) / K - h, 0, 60, xtol=1e-14))  # noqa: E731
+    return RING * quad(p_at, -d, 40, epsabs=1e-12, limit=400, points=(-TOUCH, 0.5, 2, 6))[0]
 
 
 @pytest.fixture(scope="module")
 def diagram():
-    return cb.trace(contact(), model=Foundation(), control=cb.Spring(2.0), accuracy=1e-10)
+    return cb.trace(CONTACT, model=MODEL, control=cb.Spring(2.0), accuracy=1e-10)
 
 
 def test_traced_with_exact_folds_and_indices(diagram):
-    assert (diagram.status, diagram.model.kind) == ("complete", "foundation")
-    squeezed, wetted = list(diagram.folds("load"))
-    assert (squeezed.name, squeezed.load, squeezed.displacement, squeezed.central_gap) == pytest.approx(
-        ("squeeze-out", RING * v(rest()), -rest(), rest()), abs=1e-9)
-    assert (wetted.name, wetted.load, wetted.displacement) == pytest.approx(("wetting", RING * v(0), 0.0), abs=1e-9)
-    assert wetted.contact_radius == pytest.approx(math.sqrt(-2 * p(0) / STIFFNESS), abs=1e-9)
-    touch = next(event for event in diagram.events if event.kind == "touch")
-    assert touch.displacement == pytest.approx(p(0) / STIFFNESS, abs=1e-12)
-    held = brentq(lambda g: RING * p(g) + 2.0, 0.0, rest(), xtol=1e-15)
-    spring = RING * (v(held) + p(held) ** 2 / 2 / STIFFNESS), p(held) / STIFFNESS - held
-    known = [spring, (RING * (v(0) + 2 / RING * 2 / RING / 2 / STIFFNESS), -2 / RING / STIFFNESS)]
-    for event, (force, d) in zip(list(diagram.folds("spring")), known, strict=True):
-        assert (event.load, event.displacement) == pytest.approx((force, d), abs=1e-9)
-    assert not list(diagram.folds("displacement"))
+    assert (diagram.status, diagram.model.kind, len(diagram.events)) == ("complete", "foundation", 6)
+    g = brentq(lambda g: RING * p(g) + 2.0, 0.0, REST, xtol=1e-15)
+    spring = RING * (A * math.exp(-g) - B / 4 * math.exp(-4 * g) + p(g) ** 2 / 2 / K), p(g) / K - g
+    behind = WETTED + 2 / RING / K, -2 / RING / K
+    known = {"load": [(EVEN, -REST), (WETTED, 0.0)], "spring": [spring, behind], "displacement": []}
+    for control, places in known.items():
+        found = [(event.load, event.displacement) for event in diagram.folds(control)]
+        assert np.ravel(found) == pytest.approx(np.ravel(places), abs=1e-9)
+    assert [event.name for event in diagram.folds("load")] == ["squeeze-out", "wetting"]
+    assert diagram.thresholds["wetting_radius"] == pytest.approx(math.sqrt(-2 * TOUCH), abs=1e-9)
+    assert diagram.thresholds["touch_displacement"] == pytest.approx(TOUCH, abs=1e-12)
     branch = diagram.branches[0]
-    inside = (branch.displacement > -rest()) & (branch.displacement < 0.0)
-    others = np.setdiff1d(np.arange(len(inside)), [int(event.position) for event in diagram.events])
-    np.testing.assert_array_equal(branch.unstable_load[others], inside[others])
+    rows = np.setdiff1d(np.arange(len(branch.load)), [int(event.position) for event in diagram.events])
+    d = branch.displacement[rows]
+    np.testing.assert_array_equal(branch.unstable_load[rows], (d > -REST) & (d < 0))
+    np.testing.assert_array_equal(branch.unstable_spring[rows], (spring[1] < d) & (d < behind[1]))
     assert not np.any(branch.unstable_displacement)
-    assert branch.load[::7] == pytest.approx([load(d) for d in branch.displacement[::7]], abs=1e-8)
+    assert branch.load[rows[::9]] == pytest.approx([load(one) for one in d[::9]], abs=1e-8)
 
 
-def test_solved_and_all_found(diagram):
-    state = cb.solve(contact(), displacement=-0.1, model=Foundation())
+def test_solved_looped_followed_drawn_saved_and_loaded(diagram, tmp_path):
+    state = cb.solve(CONTACT, displacement=-0.1, model=MODEL)
     assert (state.load, state.profile.gap[0]) == pytest.approx((load(-0.1), state.central_gap), abs=1e-8)
-    found = cb.find_all(contact(), load=2.3, model=Foundation())
-    assert [load(s.displacement) for s in found.states] == pytest.approx([2.3] * 3, abs=1e-8)
-    assert [s.unstable_load for s in found.states] == [0, 1, 0]
-
-
-def test_looped():
-    loop = cb.hysteresis(contact(), model=Foundation(), accuracy=1e-9)
-    squeezed, wetted = RING * v(rest()), RING * v(0)
-    ahead = math.sqrt(2 * (v(rest()) - v(0)) / STIFFNESS)
-    behind = brentq(lambda d: load(d) - wetted, -3, -rest())
-    assert [j.to.displacement for j in loop.jumps] == pytest.approx([ahead, behind], abs=1e-7)
-    lost = squeezed * (ahead + rest()) - quad(load, -rest(), ahead, points=(p(0) / STIFFNESS,))[0]
-    assert loop.jumps[0].dissipated == pytest.approx(lost, abs=1e-6)
-    assert not cb.hysteresis(contact(), model=Foundation(), control="displacement").jumps
-
-
-def test_followed(diagram):
-    followed = cb.follow(next(diagram.folds("load")), vary="interaction[1].range", to=2.0)
+    found = cb.find_all(CONTACT, load=2.3, model=MODEL).states
+    assert [(load(s.displacement), s.unstable_load) for s in found] == [(pytest.approx(2.3), k) for k in (0, 1, 0)]
+    out, back = cb.hysteresis(CONTACT, model=MODEL, accuracy=1e-9).jumps
+    ahead = math.sqrt(2 * (EVEN - WETTED) / RING / K)
+    assert (out.to.displacement, load(back.to.displacement)) == pytest.approx((ahead, WETTED), abs=1e-8)
+    assert out.dissipated == pytest.approx(EVEN * (ahead + REST) - quad(load, -REST, ahead)[0], abs=1e-7)
+    followed = cb.follow(next(diagram.folds("load")), vary="interaction[2].work_of_adhesion", to=0.6)
     assert followed.status == "complete"
-    for reach, force, d in zip(*(followed.curve[k] for k in ("interaction[1].range", "load", "displacement")), strict=True):
-        assert (force, d) == pytest.approx((RING * v(rest(reach), reach), -rest(reach)), abs=1e-9)
-
-
-def test_drawn_saved_and_loaded(diagram, tmp_path):
-    plt.close(diagram.plot(x="load", y="central_gap"))
+    for work, force in zip(followed.curve["interaction[2].work_of_adhesion"], followed.curve["load"], strict=True):
+        g = math.log(4 * work / A) / 3
+        assert force == pytest.approx(RING * (A * math.exp(-g) - work * math.exp(-4 * g)), abs=1e-9)
+    diagram.plot(x="load", y="central_gap")
     diagram.save(tmp_path / "foundation.h5")
     assert cb.load(tmp_path / "foundation.h5") == diagram
