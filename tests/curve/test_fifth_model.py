@@ -48,7 +48,6 @@ class Film(EquilibriumProblem):
         return oriented(self, x, x[0] - far - self.touch, (np.zeros(1), 1.0))
 
     def values(self, x, p):
-        """The energy ∫ F dd in closed form for exponentials, whose products are exponentials."""
         gap, pressed, d = self.gap(x, p), max(p, 0.0), max(p, 0.0) + self.touch
         work = [(-t.work_of_adhesion * math.exp(-gap / t.range), 1 / t.range) for t in self.law.terms]
         v, pressure = (sum(w * q**k for w, q in work) for k in (0, 1))
