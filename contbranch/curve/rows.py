@@ -17,7 +17,7 @@ from contbranch.curve.exponents import critical_exponent, sampled_exponent
 from contbranch.curve.outcome import RawCurve, RawEvent
 from contbranch.curve.problem import equilibrium
 from contbranch.curve.refine import Found, refine
-from contbranch.curve.symmetry import Breaking, critical_eigenvalues, merged, symmetry_breaking
+from contbranch.curve.symmetry import Breaking, critical_eigenvalues, has_modes, merged, symmetry_breaking
 from contbranch.curve.trace import Request
 from contbranch.curve.track import Mark, Track
 from contbranch.errors import ModelError
@@ -73,7 +73,7 @@ def raw_curve(track: Track, request: Request) -> RawCurve:
         unknowns=track.work.unknowns,
         unstable_spring=track.hodograph.rows(track.controls[2]) if len(track.controls) > 2 else None,
         unstable_azimuthal=breaking.unstable if breaking.counts else None,
-        critical=(lambda: critical_eigenvalues(track.points)) if breaking.counts else None,
+        critical=(lambda: critical_eigenvalues(track.points)) if breaking.counts and has_modes(track) else None,
     )
 
 
