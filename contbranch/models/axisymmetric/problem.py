@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from contbranch.contact.contact import Contact
 from contbranch.continuation import Adaptation, Linearisation, Options, Point
-from contbranch.continuation.walk import annotated
 from contbranch.control import Control
 from contbranch.curve.problem import (
     STEPS,
@@ -295,11 +294,15 @@ class ContactProblem(EquilibriumProblem):
         raise failure
 
     def touching(self, x: Array) -> Point:
-        """First touch as a point of the side in contact, towards larger contacts."""
-        rate, one = self.direction(x, 0.0)
-        return annotated(Point(self, x, 0.0, rate, one), label="start")
+        """First touch as a point of the side in contact, towards larger contacts, on a mesh that resolves it."""
+        problem = self
+        for _ in range(ROUNDS):
+            if problem.relative_error(problem.fields(x, 0.0)) <= self.resolution.tolerance:
+                break
+            problem, x = problem.remeshed(x, 0.0)
+        rate, one = problem.direction(x, 0.0)
+        return Point(problem, x, 0.0, rate, one, observables=problem.values(x, 0.0)._asdict(), label="start")
 
-    @property
     def limitation(self) -> str:
         """Where a law ends."""
         law = self.equations.interaction
