@@ -1,47 +1,54 @@
 """Continuation and bifurcation analysis of elastic contact with coexisting solutions.
 
 Describe a contact (`Contact`: a tip, an interaction law, a modulus), then `trace` its whole curve of equilibria or
-`solve` for
-one of them. Closed-form theories are in `contbranch.theory`, continuation of any problem in `contbranch.continuation`.
+`solve` for one of
+them. Closed-form theories are in `contbranch.theory`, continuation of any problem in `contbranch.continuation`.
 """
 
-from contbranch.contact.contact import Contact
-from contbranch.contact.interactions import (
-    Exponential,
-    Gauss,
-    Interaction,
-    InverseSquare,
-    Layered,
-    MaugisDugdale,
-    Response,
-    Sum,
-    Tabulated,
-    VanDerWaals,
-)
-from contbranch.contact.tips import (
-    Cone,
-    EllipticParaboloid,
-    HeightMap,
-    Parabola,
-    PowerLaw,
-    Profile,
-    SphericalCap,
-    Tip,
-    TipShape,
-)
-from contbranch.control import Spring
-from contbranch.errors import InputError, ModelError
-from contbranch.models import find_all, follow, hysteresis, phase_diagram, solve, trace
-from contbranch.models.axisymmetric import Axisymmetric
-from contbranch.models.exact.model import Exact
-from contbranch.models.grid import FreeSpace, GridWarning, Periodic
-from contbranch.output.hdf5 import load
-from contbranch.results.diagram import Branch, Diagram, Event, Exponent, LocalExponent, Solution, State, Window
-from contbranch.results.equilibria import Barrier, Equilibria
-from contbranch.results.followed import Followed, FollowedPoint, Special
-from contbranch.results.loop import Hysteresis
-from contbranch.results.phase import PhaseDiagram
-from contbranch.results.profile import CellFields
+from typing import TYPE_CHECKING
+
+from contbranch._lazy import lazily
+
+if TYPE_CHECKING:
+    from contbranch.api import find_all, hysteresis, phase_diagram, solve, trace
+    from contbranch.contact.contact import Contact
+    from contbranch.contact.interactions import (
+        Exponential,
+        Gauss,
+        Interaction,
+        InverseSquare,
+        Layered,
+        MaugisDugdale,
+        Response,
+        Sum,
+        Tabulated,
+        VanDerWaals,
+    )
+    from contbranch.contact.tips import (
+        Cone,
+        EllipticParaboloid,
+        HeightMap,
+        Parabola,
+        PowerLaw,
+        Profile,
+        SphericalCap,
+        Tip,
+        TipShape,
+    )
+    from contbranch.control import Spring
+    from contbranch.curve.follow import follow
+    from contbranch.errors import InputError, ModelError
+    from contbranch.models.axisymmetric.model import Axisymmetric
+    from contbranch.models.exact.model import Exact
+    from contbranch.models.grid.model import FreeSpace, Periodic
+    from contbranch.models.grid.resolution import GridWarning
+    from contbranch.output.hdf5 import load
+    from contbranch.results.diagram import Branch, Diagram, Event, Exponent, LocalExponent, Solution, State, Window
+    from contbranch.results.equilibria import Barrier, Equilibria
+    from contbranch.results.followed import Followed, FollowedPoint, Special
+    from contbranch.results.loop import Hysteresis
+    from contbranch.results.phase import PhaseDiagram
+    from contbranch.results.profile import CellFields
 
 __version__ = "0.1.0"
 
@@ -98,3 +105,34 @@ __all__ = [
     "solve",
     "trace",
 ]
+
+__getattr__, __dir__ = lazily(
+    __name__,
+    {
+        ".contact.contact": "Contact",
+        ".contact.interactions": "Exponential Gauss Interaction InverseSquare Layered MaugisDugdale Response "
+        "Sum Tabulated VanDerWaals",
+        ".contact.tips": "Cone EllipticParaboloid HeightMap Parabola PowerLaw Profile SphericalCap Tip TipShape",
+        ".control": "Spring",
+        ".errors": "InputError ModelError",
+        ".api": "find_all hysteresis phase_diagram solve trace",
+        ".curve.follow": "follow",
+        ".models.axisymmetric.model": "Axisymmetric",
+        ".models.exact.model": "Exact",
+        ".models.grid.model": "FreeSpace Periodic",
+        ".models.grid.resolution": "GridWarning",
+        ".output.hdf5": "load",
+        ".results.diagram": "Branch Diagram Event Exponent LocalExponent Solution State Window",
+        ".results.equilibria": "Barrier Equilibria",
+        ".results.followed": "Followed FollowedPoint Special",
+        ".results.loop": "Hysteresis",
+        ".results.phase": "PhaseDiagram",
+        ".results.profile": "CellFields",
+        ".contact": "",
+        ".continuation": "",
+        ".models": "",
+        ".output": "",
+        ".results": "",
+        ".theory": "",
+    },
+)

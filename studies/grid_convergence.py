@@ -35,8 +35,7 @@ from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 import contbranch as cb
 from contbranch.models.grid.setup import Setup
 from contbranch.models.grid.trace import trace as trace_on_lattice
-from contbranch.output.plot_style import BLUE, GREY, ORANGE, STYLE
-from contbranch.output.plot_view import WIDTH
+from contbranch.output.plot_view import BLUE, GREY, ORANGE, STYLE, WIDTH
 
 ROOT = Path(__file__).resolve().parents[1]
 if str(ROOT) not in sys.path:

@@ -30,8 +30,7 @@ from contbranch.models.grid.observables import FarField, far_field, image_curvat
 from contbranch.models.grid.setup import Setup
 from contbranch.models.grid.sketch import drawn, relatives
 from contbranch.models.grid.solve import reached
-from contbranch.output.plot_style import BLUE, GREY, ORANGE, STYLE
-from contbranch.output.plot_view import WIDTH
+from contbranch.output.plot_view import BLUE, GREY, ORANGE, STYLE, WIDTH
 
 FIGURES = Path(__file__).resolve().parents[1] / "docs" / "figures"
 GREEN = "#009E73"

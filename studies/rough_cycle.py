@@ -38,7 +38,7 @@ from contbranch.models.grid.paths import GridWalk
 from contbranch.models.grid.solve import state_at
 from contbranch.models.grid.stability import Stability
 from contbranch.models.grid.trace import Traced, trace
-from contbranch.output.plot_style import BLUE, GREY, ORANGE, STYLE
+from contbranch.output.plot_view import BLUE, GREY, ORANGE, STYLE
 
 FIGURE = Path(__file__).resolve().parents[1] / "docs" / "figures" / "rough_cycle.png"
 ACCURACY = 1e-6

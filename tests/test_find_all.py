@@ -9,11 +9,10 @@ import pytest
 import contbranch as cb
 from contbranch.cli import main
 from contbranch.control import DISPLACEMENT, LOAD
-from contbranch.models.axisymmetric.crossing import pieces_at
-from contbranch.models.axisymmetric.paths import TracedWalk
-from contbranch.models.axisymmetric.search import disconnected
-from contbranch.models.axisymmetric.solve import crossings
-from contbranch.models.axisymmetric.trace import Target, trace
+from contbranch.curve.curves import FollowedCurves
+from contbranch.curve.find import disconnected
+from contbranch.curve.solve import crossings, pieces_at
+from contbranch.curve.trace import Request, trace
 
 
 @pytest.mark.parametrize(("load", "count"), [(30.0, 1), (60.0, 3), (100.0, 1)])
@@ -31,7 +30,7 @@ def test_the_barrier_is_the_area_up_to_the_saddle():
     found = cb.find_all(contact, load=60.0, accuracy=1e-8)
     (barrier,) = found.barriers
     assert (barrier.stable, barrier.saddle) == ((0, 2), 1)
-    walk = TracedWalk(trace(contact, 1e-8, Target(), fine=True), LOAD, 1e-8)
+    walk = FollowedCurves(contact, cb.Axisymmetric()).path(Request(1e-9)).walk
     stops = [walk.crossing(piece, 60.0) for piece in pieces_at(walk.values, 60.0)]
     for side, stop, sense in ((0, stops[0], 1), (1, stops[2], -1)):
         first, last = (stop, stops[1]) if sense > 0 else (stops[1], stop)
@@ -56,12 +55,13 @@ def test_deflation_finds_what_the_curve_does_not_show(law, tabor, sign, field, v
     """A curve that only shows its far end, as one that ends there would: every equilibrium beyond is found all the
     same, with each of them hidden in turn."""
     contact = cb.Contact.reduced(law, tabor, sign)
-    found, traced = crossings(contact, field, value, 1e-8)
+    track = trace(cb.Axisymmetric().problem(contact, 1e-8), Request(1e-8, events=False))
+    found = crossings(track, field, value, 1e-8)
     control = LOAD if field == "load" else DISPLACEMENT
     for hidden in range(len(found)):
         known = [crossing for k, crossing in enumerate(found) if k != hidden]
-        (other,) = disconnected(traced, known, control, value, 1e-8)
-        for a, b in zip(other.values.numbers, found[hidden].values.numbers, strict=True):
+        (other,) = disconnected(track, known, control, value, 1e-8)
+        for a, b in zip(other.numbers, found[hidden].found.numbers, strict=True):
             assert a == pytest.approx(b, abs=1e-6 * max(1.0, abs(b)))
 
 

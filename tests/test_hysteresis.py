@@ -11,10 +11,9 @@ import pytest
 import contbranch as cb
 from contbranch.cli import main
 from contbranch.control import as_control
-from contbranch.curve.quasi_static import quasi_static
-from contbranch.models.axisymmetric.paths import TracedWalk
-from contbranch.models.axisymmetric.trace import Target, trace
-from contbranch.output.document import loop_document
+from contbranch.curve.curves import FollowedCurves
+from contbranch.curve.trace import Request
+from contbranch.output.document import document as document_of
 
 LAMBDA = (2 * math.pi / 9) ** (1 / 3)
 """Reduced Tabor coefficient for Maugis' λ = 1, (43) with its misprint corrected."""
@@ -109,7 +108,7 @@ def test_attraction_under_a_load_never_comes_back():
     assert jump.to is None
     assert jump.dissipated is None
     assert "infinite separation" in loop.message
-    document = loop_document(loop)
+    document = document_of(loop)
     assert document["dissipated"] is None
     assert document["jumps"][0]["to"] is None
     json.dumps(document, allow_nan=False)
@@ -166,9 +165,9 @@ def test_relaxation_goes_to_the_next_layer_and_not_to_the_lowest_state():
 def test_relaxation_ends_where_energies_say_it_must(law, tabor, sign, control):
     """Where only one stable state is lower than the fold the relaxation has no choice; it is followed all the same."""
     driven = as_control(as_python(control))
-    traced = trace(cb.Contact.reduced(law, tabor, sign), 1e-6, Target(), control=driven, fine=True)
-    walk = TracedWalk(traced, driven, 1e-6)
-    _, jumps = quasi_static(walk)
+    curves = FollowedCurves(cb.Contact.reduced(law, tabor, sign), cb.Axisymmetric())
+    route = curves.path(Request(1e-6, driven))
+    walk, jumps = route.walk, route.jumps
     assert len(jumps) == 2
     for jump in jumps:
         assert jump.others == ()

@@ -14,7 +14,7 @@ from contbranch.contact.interactions import Gauss
 from contbranch.contact.tips import HeightMap
 from contbranch.contact.units import PHYSICAL
 from contbranch.errors import InputError, ModelError
-from contbranch.output.hdf5 import load, save, save_document, save_solution
+from contbranch.output.hdf5 import load, save, save_document
 from contbranch.results.diagram import Cost, Diagram, LocalExponent, ModelChoice, Solution
 
 COLUMNS = ("load", "displacement", "contact_radius", "central_gap", "energy", "load_error", "displacement_error")
@@ -140,7 +140,7 @@ def test_solution_is_saved_with_its_profile(attraction: Diagram, tmp_path: Path)
     model, cost = ModelChoice("exact", "closed form", 1), Cost(0.01, 4)
     other = attraction.branches[0].state(50)
     solution = Solution(**fields, model=model, cost=cost, states=(state, other), contact=attraction.contact)
-    save_solution(solution, tmp_path / "x.h5", every=True)
+    save(solution, tmp_path / "x.h5")
     found = load(tmp_path / "x.h5")
     assert [branch.state(0).load for branch in found.branches] == [state.load, other.load]
     profile = found.branches[0].state(0).profile

@@ -5,6 +5,7 @@ import subprocess
 import sys
 
 import numpy as np
+import pint
 import pytest
 
 from contbranch.contact.units import (
@@ -160,10 +161,33 @@ def test_maugis_units_and_back():
         maugis_to_reduced(1.0, "gap")
 
 
-def test_pint_is_imported_for_units_only():
+PREFIXES = ("a", "f", "p", "n", "u", "µ", "μ", "m", "c", "", "k", "M", "G", "T")
+FORMS = ("{}", "{}/nm", "{} / um", "{}/m^2", "{} m^-2", "{}·m⁻¹", "{}*m**-1", "{}/nm/nm", "{}/nm²", "{} nm", "{}·m⁻²")
+
+
+@pytest.mark.parametrize("symbol", ["m", "N", "Pa", "J", "angstrom", "Å"])
+def test_usual_units_are_worth_what_pint_says(symbol):
+    """Every usual unit of every dimension, against pint; and no unit is taken for one of another dimension."""
+    registry = pint.UnitRegistry()
+    documents = {"length": "nm", "force": "nN", "pressure": "nN/nm**2", "stiffness": "nN/nm", "energy": "nN*nm"}
+    for prefix in PREFIXES if len(symbol) < 3 and symbol != "Å" else ("",):
+        for form in FORMS:
+            text = form.format(prefix + symbol)
+            parsed = registry.Quantity(1.0, text.replace("·", "*").replace("⁻¹", "**-1").replace("⁻²", "**-2"))
+            for dimension, unit in documents.items():
+                if parsed.is_compatible_with(unit):
+                    wanted = parsed.to(unit).magnitude
+                    assert parse(f"3 {text}", dimension, "field") == pytest.approx(3.0 * wanted, rel=2e-15), text
+                else:
+                    with pytest.raises(InputError, match=f"is not a unit of {dimension}"):
+                        parse(f"3 {text}", dimension, "field")
+
+
+def test_pint_is_imported_for_unusual_units_only():
     code = (
         "import sys; from contbranch.contact.contact import Contact; "
-        "Contact.physical(radius=1000, modulus=5); assert 'pint' not in sys.modules; "
-        "Contact.physical(radius='1 um', modulus=5); assert 'pint' in sys.modules"
+        "Contact.physical(radius='1 um', modulus='5 GPa', interaction='gauss', work_of_adhesion='-40 mJ m^-2', "
+        "range='1 nm'); assert 'pint' not in sys.modules; "
+        "assert Contact.physical(radius='1 inch', modulus=5).tip.radius == 25.4e6; assert 'pint' in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)

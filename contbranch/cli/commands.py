@@ -6,24 +6,20 @@ libraries are imported where they are needed: the start of the command is a good
 
 from __future__ import annotations
 
-import json
 import os
+import re
 import sys
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from optparse import HelpFormatter, OptionParser, Values
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final, TextIO
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, NoReturn
 
-import typer
-
-from contbranch.cli.options import Json, MaxLoad, Output, Plot, with_request
 from contbranch.errors import InputError, ModelError
 
 if TYPE_CHECKING:
     from contbranch.cli.request import Request
-    from contbranch.cli.request_follow import Variation
-    from contbranch.results.diagram import Diagram, Solution
-    from contbranch.results.followed import Followed
+    from contbranch.results.record import Result
 
 __all__ = ["main"]
 
@@ -32,210 +28,216 @@ INCOMPLETE: Final = 1
 WRONG_INPUT: Final = 2
 INTERRUPTED: Final = 130
 
-_USAGE_ERROR: Final = typer.BadParameter.__mro__[2]  # click's ClickException, wherever the installed typer keeps it
-
-app = typer.Typer(
-    add_completion=False,
-    rich_markup_mode=None,
-    pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
-)
-
-
-def _print_version(asked: bool) -> None:
-    if asked:
-        from importlib.metadata import PackageNotFoundError, version
-
-        try:
-            print(f"contbranch {version('contbranch')}")
-        except PackageNotFoundError:  # run from a source tree that was never installed
-            print("contbranch, not installed")
-        raise typer.Exit
-
-
-@app.callback()
-def options(
-    version: Annotated[
-        bool, typer.Option("--version", is_eager=True, callback=_print_version, help="Print the version and stop.")
-    ] = False,
-) -> None:
-    """Equilibrium curves of elastic contacts, with their stability and their folds."""
+# The value's name (none: a switch) and what it means.
+_OPTIONS: Final = {
+    "--interaction": ("NAME", "Instead of CONTACT: the law of a contact in reduced units."),
+    "--tabor": ("X", "Its Tabor coefficient."),
+    "--repulsive": ("", "The law repels."),
+    "--control": ("load|displacement|spring:K", "What is controlled.  [default: load]"),
+    "--accuracy": ("X", "Error allowed to events and thresholds.  [default: 1e-6]"),
+    "--model": ("auto|exact|axisymmetric|periodic|free", "Model of the contact.  [default: auto]"),
+    "--cell": ("L", "Edge of a periodic or free cell.  [default: by the accuracy]"),
+    "--grid": ("N", "Nodes along it, even.  [default: by the accuracy]"),
+    "--load": ("F", "Load of the equilibrium."),
+    "--displacement": ("D", "Or its displacement."),
+    "--all": ("", "Report all equilibria found, not only one."),
+    "--event": ("NAME", "Name of a fold under --control, or touch."),
+    "--vary": ("NAME=FROM:TO", "Parameter to vary, for example tabor=0.25:4."),
+    "--max-load": ("F", "Largest load.  [default: beyond all events]"),
+    "--json": ("FILE", "Write JSON; - for standard output."),
+    "--plot": ("FILE", "Draw to a .png, .pdf or .svg file."),
+    "-o --output": ("FILE.h5", "Save arrays and profiles."),
+}
+_SHARED: Final = tuple(_OPTIONS)[:8]
+_OUTPUTS: Final = ("--json", "--plot", "-o --output")
 
 
-@app.command("trace")
-@with_request
-def trace_command(
-    request: Request,
-    source: str | None,
-    max_load: MaxLoad = None,
-    json_file: Json = None,
-    plot: Plot = None,
-    output: Output = None,
-) -> int:
+class _Parser(OptionParser):
+    """Options whose values may begin with a minus, as loads of attraction do: not so with argparse."""
+
+    def __init__(self, name: str, arguments: str, description: str, epilog: str) -> None:
+        super().__init__(f"%prog {arguments}", prog=name, description=description, epilog=epilog, add_help_option=False)
+        self.formatter.max_help_position = 34
+
+    def format_epilog(self, formatter: HelpFormatter) -> str:
+        """Return the epilog with its lines as they are."""
+        return self.epilog or ""
+
+    def error(self, msg: str) -> NoReturn:
+        """Raise InputError with a complaint about the usage and a remedy."""
+        message = re.sub(r"^(\S+) option requires 1 argument", r"Option '\1' requires an argument", msg)
+        raise InputError(f"{message[0].upper()}{message[1:]}; see {self.prog} --help")
+
+
+class Command(NamedTuple):
+    """A command: what computes its result, its options, and its argument with what that is."""
+
+    compute: Callable[[Values], Any]
+    options: tuple[str, ...]
+    argument: tuple[str, str] = ("[CONTACT]", "TOML file that describes the contact.")
+
+    @property
+    def summary(self) -> str:
+        """What it does, in a sentence."""
+        return self.compute.__doc__ or ""
+
+    def parser(self, name: str) -> _Parser:
+        """The parser of its options."""
+        argument = "\nArguments:\n  {:11s} {}\n".format(*self.argument)
+        parser = _Parser(f"contbranch {name}", f"[OPTIONS] {self.argument[0]}", self.summary, argument)
+        for flags in self.options:
+            value, words = _OPTIONS[flags]
+            kind: dict[str, Any] = {"metavar": value} if value else {"action": "store_true", "default": False}
+            parser.add_option(*flags.split(), help=words, **kind)
+        parser.set_defaults(json=None, output=None)
+        return parser
+
+
+def _trace(asked: Values) -> Any:
     """Trace the whole curve of equilibria, stable and unstable, with its folds and first touch."""
-    limit = _limit(request, max_load)
-    _check_outputs({"--json": json_file, "--plot": plot, "-o": output}, source)
-    diagram = _with_progress("trace", request, max_load=limit)
-    _write_outputs(diagram, json_file, plot, output)
-    return _report(diagram.status, diagram.message)
+    request = _request(asked)
+    return _computed("trace", request, max_load=request.limit(asked.max_load))
 
 
-@app.command("solve")
-@with_request
-def solve_command(
-    request: Request,
-    source: str | None,
-    load: Annotated[str | None, typer.Option(metavar="F", help="Load of the equilibrium.")] = None,
-    displacement: Annotated[str | None, typer.Option(metavar="D", help="Or its displacement.")] = None,
-    every: Annotated[bool, typer.Option("--all", help="Report all equilibria found, not only one.")] = False,
-    json_file: Json = None,
-    plot: Plot = None,
-    output: Output = None,
-) -> int:
+def _solve(asked: Values) -> Any:
     """Find the equilibrium at a load or a displacement; of several, the stable one of lowest energy."""
-    if (load is None) == (displacement is None):
+    request = _request(asked)
+    if (asked.load is None) == (asked.displacement is None):
         raise InputError("--load, --displacement: give one of them")
-    if load is not None:
-        where = {"load": request.quantity(load, "force", "--load")}
-    else:
-        where = {"displacement": request.quantity(displacement or "", "length", "--displacement")}
-    _check_outputs({"--json": json_file, "--plot": plot, "-o": output}, source)
-    solution = _solve(request, where, every)
-    if output is not None:
-        from contbranch.output.hdf5 import save_solution
+    name, dimension = ("displacement", "length") if asked.load is None else ("load", "force")
+    where: dict[str, float | None] = {name: request.quantity(getattr(asked, name), dimension, f"--{name}")}
+    if not request.controlled:
+        where["control"] = None  # that of the quantity given
+    if asked.all:
+        from contbranch.api import best_of
 
-        save_solution(solution, output, every=every)
-    if json_file is not None:
-        from contbranch.output.document import solution_document
+        return best_of(_computed("find_all", request, **where))
+    from dataclasses import replace
 
-        _write_json(solution_document(solution, every=every), json_file)
-    if plot is not None:
-        from contbranch.output.plot import profiles, save_figure
-
-        save_figure(profiles(solution, request.contact.units.names), plot)
-    if json_file != "-":
-        from contbranch.output.summary import print_solution
-
-        print_solution(solution, every=every)
-    return _report(solution.status, solution.message)
+    return replace(_computed("solve", request, **where), states=())
 
 
-@app.command("loop")
-@with_request
-def loop_command(
-    request: Request,
-    source: str | None,
-    max_load: MaxLoad = None,
-    json_file: Json = None,
-    plot: Plot = None,
-    output: Output = None,
-) -> int:
+def _loop(asked: Values) -> Any:
     """Follow the hysteresis loop: approach and retraction with all jumps and the energy they dissipate."""
-    from contbranch.output.document import loop_document
-
-    limit = _limit(request, max_load)
-    _check_outputs({"--json": json_file, "--plot": plot, "-o": output}, source)
-    loop = _with_progress("hysteresis", request, max_load=limit)
-    _write_document(loop_document(loop), json_file, output)
-    if plot is not None:
-        from contbranch.output.plot import save_figure
-
-        save_figure(loop.plot(), plot)
-    if json_file != "-":
-        from contbranch.output.summary import print_loop
-
-        print_loop(loop)
-    return _report(loop.status, loop.message)
+    request = _request(asked)
+    return _computed("hysteresis", request, max_load=request.limit(asked.max_load))
 
 
-@app.command("follow")
-@with_request
-def follow_command(
-    request: Request,
-    source: str | None,
-    event: Annotated[str | None, typer.Option(metavar="NAME", help="Name of a fold under --control, or touch.")] = None,
-    vary: Annotated[
-        str | None, typer.Option(metavar="NAME=FROM:TO", help="Parameter to vary, for example tabor=0.25:4.")
-    ] = None,
-    max_load: MaxLoad = None,
-    json_file: Json = None,
-    plot: Plot = None,
-    output: Output = None,
-) -> int:
+def _follow(asked: Values) -> Result:
     """Follow a fold or first touch in a second parameter, with the points where folds meet or end."""
-    from contbranch.cli.request_follow import parse_vary
+    request = _request(asked)
+    for option in ("event", "vary"):
+        if getattr(asked, option) is None:
+            raise InputError(f"--{option}: missing; write for example --event pull-off --vary tabor=0.25:4")
+    from contbranch.cli.request import find_event, parse_vary
+    from contbranch.contact.family import family_of
+    from contbranch.curve.follow import follow
+    from contbranch.models.choice import choose, on_grid
 
-    for option, value in (("--event", event), ("--vary", vary)):
-        if value is None:
-            raise InputError(f"{option}: missing; write for example --event pull-off --vary tabor=0.25:4")
-    variation = parse_vary(vary or "", request)
-    _check_outputs({"--json": json_file, "--plot": plot, "-o": output}, source)
-    followed = _follow(request, event or "", variation, _limit(request, max_load))
-    _write_document(followed.document(), json_file, output)
-    if plot is not None:
-        from contbranch.output.plot import save_figure
-
-        save_figure(followed.plot(), plot)
-    if json_file != "-":
-        from contbranch.output.summary_follow import print_followed
-
-        print_followed(followed)
-    return _report(followed.status, followed.message)
+    name, values = parse_vary(asked.vary, request)
+    limit = request.limit(asked.max_load)
+    if on_grid(choose(request.contact, request.chosen_model)[0]):
+        raise InputError("--model: events found on a grid cannot be followed; use the axisymmetric model")
+    event = find_event(_computed("trace", request, max_load=limit), asked.event, request.control)
+    try:
+        present = event.stiffness if name == "stiffness" else None
+        now = family_of(request.contact, name, values[-1], present, event.control).start
+        if len(values) == 2 and not min(values) < now < max(values):  # to the farther one of the two
+            values = (max(values, key=lambda value: abs(value - now)),)
+        return follow(event, name, values, start=present, accuracy=request.accuracy)
+    except InputError as error:
+        raise InputError(f"--vary: {str(error).removeprefix('vary: ')}") from None
 
 
-@app.command("show")
-def show_command(
-    file: Annotated[str, typer.Argument(metavar="FILE.h5", help="Diagram saved by trace -o.")],
-    plot: Plot = None,
-) -> int:
+def _show(asked: Values) -> Result:
     """Print what a saved diagram holds, and draw it; exit status 0 even if the trace was incomplete."""
-    _check_outputs({"--plot": plot}, file)
     from contbranch.output.hdf5 import load
-    from contbranch.output.summary import print_diagram
 
-    diagram = load(file)
-    if plot is not None:
-        _draw(diagram, plot)
-    print_diagram(diagram)
-    return COMPLETE
+    return load(asked.source)
+
+
+COMMANDS: Final = {
+    "trace": Command(_trace, (*_SHARED, "--max-load", *_OUTPUTS)),
+    "solve": Command(_solve, (*_SHARED, "--load", "--displacement", "--all", *_OUTPUTS)),
+    "loop": Command(_loop, (*_SHARED, "--max-load", *_OUTPUTS)),
+    "follow": Command(_follow, (*_SHARED, "--event", "--vary", "--max-load", *_OUTPUTS)),
+    "show": Command(_show, ("--plot",), ("FILE.h5", "Diagram saved by trace -o.")),
+}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command with `arguments` (default: those of the process) and return its exit status."""
-    given = list(sys.argv[1:] if arguments is None else arguments)
-    command = typer.main.get_command(app)
     try:
         with warnings.catch_warnings():
             warnings.showwarning = _show_warning
-            status = command.main(args=given, prog_name="contbranch", standalone_mode=False)
+            status = _run(list(sys.argv[1:] if arguments is None else arguments))
         sys.stdout.flush()
-        if status == INTERRUPTED:  # what typer makes of an interrupt
-            raise KeyboardInterrupt
     except InputError as error:
         return _fail(str(error), WRONG_INPUT)
     except ModelError as error:
         return _fail(str(error), INCOMPLETE)
-    except (KeyboardInterrupt, typer.Abort):
+    except KeyboardInterrupt:
         return _fail("interrupted", INTERRUPTED)
     except BrokenPipeError:
         # whoever read standard output has left: let the interpreter's last flush go nowhere
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return INCOMPLETE
-    except Exception as error:
-        if not isinstance(error, _USAGE_ERROR):
-            raise
-        return _fail(_usage(error, given), WRONG_INPUT)
-    return status if isinstance(status, int) else COMPLETE
+    return status
 
 
-def _show_warning(
-    message: Warning | str,
-    category: type[Warning],
-    filename: str,
-    lineno: int,
-    file: TextIO | None = None,
-    line: str | None = None,
-) -> None:
+def _run(given: list[str]) -> int:
+    """Run what the arguments ask for."""
+    listed = "".join(f"  {name:7s} {command.summary}\n" for name, command in COMMANDS.items())
+    about = "Equilibrium curves of elastic contacts, with their stability and their folds."
+    parser = _Parser("contbranch", "[OPTIONS] COMMAND [ARGS]...", about, f"\nCommands:\n{listed}")
+    parser.disable_interspersed_args()
+    parser.add_option("--version", action="store_true", help="Print the version and stop.")
+    asked, rest = _parsed(parser, given)
+    if asked.help or asked.version:
+        return COMPLETE if asked.help else _print_version()
+    if not rest:
+        parser.error("Missing command")
+    name = rest.pop(0)
+    if name not in COMMANDS:
+        parser.error(f"No such command {name!r}")
+    command = COMMANDS[name]
+    parser = command.parser(name)
+    asked, rest = _parsed(parser, rest)
+    if asked.help:
+        return COMPLETE
+    if rest[1:]:
+        parser.error(f"Got unexpected extra argument ({rest[1]})")
+    if not rest and not command.argument[0].startswith("["):
+        parser.error(f"Missing argument '{command.argument[0]}'")
+    asked.source = rest[0] if rest else None
+    _check_outputs(asked)
+    result = command.compute(asked)
+    _deliver(result, asked)
+    if name == "show" or result.status == "complete":
+        return COMPLETE
+    return _fail(f"incomplete: {result.message}", INCOMPLETE)
+
+
+def _parsed(parser: _Parser, given: list[str]) -> tuple[Values, list[str]]:
+    """The options and what is left; help is printed where it is asked for."""
+    parser.add_option("-h", "--help", action="store_true", help="Show this message and exit.")
+    asked, rest = parser.parse_args(given)
+    if asked.help:
+        print(parser.format_help(), end="")
+    return asked, rest
+
+
+def _print_version() -> int:
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        print(f"contbranch {version('contbranch')}")
+    except PackageNotFoundError:  # run from a source tree that was never installed
+        print("contbranch, not installed")
+    return COMPLETE
+
+
+def _show_warning(message: Warning | str, category: type[Warning], *_: object, **__: object) -> None:
     """Print a warning about a grid as one line on standard error; others with their kind."""
     kind = "" if category.__name__ == "GridWarning" else f"{category.__name__}: "
     print(f"contbranch: warning: {kind}{' '.join(str(message).split())}", file=sys.stderr)
@@ -247,53 +249,17 @@ def _fail(message: str, status: int) -> int:
     return status
 
 
-def _usage(error: Exception, given: Sequence[str]) -> str:
-    """Return click's complaint about the usage with a remedy."""
-    message = str(getattr(error, "format_message", lambda: error)()).strip().rstrip(".")
-    command = next((word for word in given if word in ("trace", "solve", "loop", "follow", "show")), "")
-    return f"{message}; see contbranch {command + ' ' if command else ''}--help"
+def _request(asked: Values) -> Request:
+    if asked.source is not None:
+        from contbranch.contact.text import read_text
+
+        read_text(Path(asked.source))  # that it is missing is said before any library is imported
+    from contbranch.cli.request import make_request
+
+    return make_request(asked)
 
 
-# Computing
-
-
-def _solve(request: Request, where: dict[str, Any], every: bool) -> Solution:
-    if not request.controlled:
-        where = {**where, "control": None}  # that of the quantity given
-    if not every:
-        found: Solution = _with_progress("solve", request, **where)
-        return found
-    from contbranch.models.find import best_of
-
-    return best_of(_with_progress("find_all", request, **where))
-
-
-def _limit(request: Request, max_load: str | None) -> float | None:
-    """The largest load, from the option or the contact file; None for the default."""
-    return request.max_load if max_load is None else request.quantity(max_load, "force", "--max-load")
-
-
-def _follow(request: Request, name: str, variation: Variation, limit: float | None) -> Followed:
-    from contbranch.cli.request_follow import find_event
-    from contbranch.contact.family import family_of
-    from contbranch.models.choice import choose
-    from contbranch.models.follow import follow
-    from contbranch.models.grid import FreeSpace, Periodic
-
-    if isinstance(choose(request.contact, request.chosen_model)[0], Periodic | FreeSpace):
-        raise InputError("--model: events found on a grid cannot be followed; use the axisymmetric model")
-    diagram = _with_progress("trace", request, max_load=limit)
-    event = find_event(diagram, name, request.control)
-    try:
-        present = event.stiffness if variation.name == "stiffness" else None
-        family = family_of(request.contact, variation.name, variation.values[-1], present, event.control)
-        goals = variation.to(family.start)
-        return follow(event, variation.name, goals, start=present, accuracy=request.accuracy)
-    except InputError as error:
-        raise InputError(f"--vary: {str(error).removeprefix('vary: ')}") from None
-
-
-def _with_progress(name: str, request: Request, **options: Any) -> Any:
+def _computed(name: str, request: Request, **options: Any) -> Any:
     """Call a computation of the package with the settings of the request, showing its progress on a terminal."""
     import contbranch
 
@@ -311,15 +277,15 @@ def _with_progress(name: str, request: Request, **options: Any) -> Any:
 # Output
 
 
-def _check_outputs(outputs: dict[str, str | None], source: str | None) -> None:
+def _check_outputs(asked: Values) -> None:
     """Raise InputError for an output that cannot be written, before anything is computed."""
-    seen: dict[Path, str] = {} if source is None else {Path(source).resolve(): "the input"}
-    for field, name in outputs.items():
+    seen = {} if asked.source is None else {Path(asked.source).resolve(): "the input"}
+    for field, name in (("--json", asked.json), ("--plot", asked.plot), ("-o", asked.output)):
         if name is None or (name == "-" and field == "--json"):
             continue
         path = Path(name)
-        if field == "--plot":
-            _check_suffix(name)
+        if field == "--plot" and path.suffix.lower() not in (".pdf", ".png", ".svg"):
+            raise InputError(f"--plot: '{name}' has no known suffix; must end in .pdf, .png or .svg")
         folder = path.resolve().parent
         if path.is_dir():
             raise InputError(f"{field}: '{name}' is a folder; give a file")
@@ -332,38 +298,25 @@ def _check_outputs(outputs: dict[str, str | None], source: str | None) -> None:
         seen[path.resolve()] = f"the output of {field}"
 
 
-def _check_suffix(name: str) -> None:
-    """Raise InputError for a plot that cannot be drawn, without importing matplotlib for it."""
-    if Path(name).suffix.lower() not in (".pdf", ".png", ".svg"):
-        raise InputError(f"--plot: '{name}' has no known suffix; must end in .pdf, .png or .svg")
+def _deliver(result: Result, asked: Values) -> None:
+    """Write and print a result as it was asked for."""
+    if asked.output is not None:
+        result.save(asked.output)  # first: it holds everything
+    if asked.json is not None:
+        _write_json(result.document(), asked.json)
+    if asked.plot is not None:
+        from contbranch.output.plot import draw, save_figure
 
+        save_figure(draw(result), asked.plot)
+    if asked.json != "-":
+        from contbranch.output.summary import print_result
 
-def _write_outputs(diagram: Diagram, json_file: str | None, plot: str | None, output: str | None) -> None:
-    if output is not None:
-        diagram.save(output)  # first: it holds everything
-    if json_file is not None:
-        from contbranch.output.document import diagram_document
-
-        _write_json(diagram_document(diagram), json_file)
-    if plot is not None:
-        _draw(diagram, plot)
-    if json_file != "-":
-        from contbranch.output.summary import print_diagram
-
-        print_diagram(diagram)
-
-
-def _write_document(document: dict[str, Any], json_file: str | None, output: str | None) -> None:
-    """Write a document as HDF5 and as JSON, where these are asked for."""
-    if output is not None:
-        from contbranch.output.hdf5 import save_document
-
-        save_document(document, output)
-    if json_file is not None:
-        _write_json(document, json_file)
+        print_result(result)
 
 
 def _write_json(document: dict[str, Any], name: str) -> None:
+    import json
+
     text = json.dumps(document, allow_nan=False, ensure_ascii=False)
     if name == "-":
         sys.stdout.write(text + "\n")
@@ -372,16 +325,3 @@ def _write_json(document: dict[str, Any], name: str) -> None:
         Path(name).write_text(text + "\n", encoding="utf-8")
     except OSError as error:
         raise InputError(f"--json: '{name}' cannot be written ({error.strerror}); give a writable file") from None
-
-
-def _draw(diagram: Diagram, name: str) -> None:
-    from contbranch.output.plot import overview, save_figure
-
-    save_figure(overview(diagram), name)
-
-
-def _report(status: str, message: str) -> int:
-    """Print the reason of an incomplete result, and return the exit status."""
-    if status == "complete":
-        return COMPLETE
-    return _fail(f"incomplete: {message}", INCOMPLETE)

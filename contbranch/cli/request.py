@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from optparse import Values
+from typing import TYPE_CHECKING, Any, Final
 
-from contbranch.contact.contact import Contact
+from contbranch.contact.contact import Contact, dimensions, nearest
 from contbranch.contact.units import positive_number
-from contbranch.control import Spring
+from contbranch.control import Spring, as_control
 from contbranch.errors import InputError
 from contbranch.grid_size import GRID_MODELS, MODELS, grid_points
 
 if TYPE_CHECKING:
     from contbranch.models.grid import FreeSpace, Periodic
+    from contbranch.results.diagram import Diagram, Event
 
-__all__ = ["Request", "grid_model", "make_request"]
+__all__ = ["Request", "find_event", "make_request", "parse_vary"]
+
+_LOWEST: Final = ("pull-off", "wetting")
 
 
 @dataclass(frozen=True)
@@ -33,24 +37,22 @@ class Request:
     @property
     def chosen_model(self) -> str | Periodic | FreeSpace:
         """The model as the functions of the package take it: its name, or a grid model with its cell and grid."""
-        return grid_model(self.model, self.cell, self.grid) if self.model in GRID_MODELS else self.model
+        if self.model not in GRID_MODELS:
+            return self.model
+        from contbranch.models.grid import FreeSpace, Periodic  # heavy, and only for these models
+
+        return (Periodic if self.model == "periodic" else FreeSpace)(cell=self.cell, grid=self.grid)
 
     def quantity(self, text: str, dimension: str, option: str) -> float:
         """Return the value of an option: a bare number in the contact's units, or a quantity of a physical contact."""
         return self.contact.units.read(_bare(text), dimension, option)
 
+    def limit(self, max_load: str | None) -> float | None:
+        """The largest load, from the option or the contact file; None for the default."""
+        return self.max_load if max_load is None else self.quantity(max_load, "force", "--max-load")
 
-def make_request(
-    path: str | None,
-    law: str | None,
-    tabor: str | None,
-    repulsive: bool,
-    control: str | None,
-    accuracy: str | None,
-    model: str | None,
-    cell: str | None,
-    grid: str | None,
-) -> Request:
+
+def make_request(asked: Values) -> Request:
     """Return the request of the options shared by all commands; None: not given, taken from the file or its default.
 
     Raises
@@ -58,17 +60,19 @@ def make_request(
     InputError
         If neither or both of a contact file and a law are given, or any value is wrong.
     """
-    contact, settings = _contact(path, law, tabor, repulsive)
-    given = {"control": control, "accuracy": None if accuracy is None else _bare(accuracy), "model": model}
+    contact, settings = _contact(asked)
+    given = {"control": asked.control, "accuracy": asked.accuracy and _bare(asked.accuracy), "model": asked.model}
     chosen = settings | {name: value for name, value in given.items() if value is not None}
-    name = _choice(chosen.get("model", "auto"), MODELS, "--model")
-    if cell is not None:
+    name = chosen.get("model", "auto")
+    if name not in MODELS:
+        raise InputError(f"--model: {name!r} is not available; choose {', '.join(MODELS[:-1])} or {MODELS[-1]}")
+    if asked.cell is not None:
         _needs_grid(name, "--cell", "add --model")
-        chosen["cell"] = positive_number(contact.units.read(_bare(cell), "length", "--cell"), "--cell")
-    if grid is not None:
+        chosen["cell"] = positive_number(contact.units.read(_bare(asked.cell), "length", "--cell"), "--cell")
+    if asked.grid is not None:
         _needs_grid(name, "--grid", "add --model")
-        chosen["grid"] = grid_points(grid, "--grid")
-    if model is not None and name not in GRID_MODELS:  # the option has put the file's model aside, with its cell
+        chosen["grid"] = grid_points(asked.grid, "--grid")
+    if asked.model is not None and name not in GRID_MODELS:  # the option puts the file's model aside, with its cell
         chosen = {key: value for key, value in chosen.items() if key not in ("cell", "grid")}
     for key in ("cell", "grid"):
         if key in chosen:
@@ -85,45 +89,27 @@ def make_request(
     )
 
 
-def grid_model(name: str, cell: float | None, grid: int | None) -> Periodic | FreeSpace:
-    """Return the model of a cell called ``"periodic"`` or ``"free"``.
-
-    Parameters
-    ----------
-    name
-        ``"periodic"`` or ``"free"``.
-    cell
-        Edge of the cell in the contact's unit of length; None: chosen from the accuracy.
-    grid
-        Nodes along it; None: chosen from the accuracy.
-    """
-    from contbranch.models.grid import FreeSpace, Periodic  # heavy, and only for these models
-
-    return (Periodic if name == "periodic" else FreeSpace)(cell=cell, grid=grid)
-
-
 def _needs_grid(model: str, field: str, remedy: str) -> None:
     if model not in GRID_MODELS:
         raise InputError(f"{field}: the model {model} has none; {remedy} {' or '.join(GRID_MODELS)}, or leave it out")
 
 
-def _contact(path: str | None, law: str | None, tabor: str | None, repulsive: bool) -> tuple[Contact, dict[str, Any]]:
+def _contact(asked: Values) -> tuple[Contact, dict[str, Any]]:
     """Return the contact, and the settings of its file."""
-    if path is not None:
-        for option, given in (("--interaction", law), ("--tabor", tabor), ("--repulsive", repulsive or None)):
-            if given is not None:
-                raise InputError(f"CONTACT, {option}: give a contact file or --interaction and --tabor, not both")
+    if asked.source is not None:
+        for option in ("interaction", "tabor", "repulsive"):
+            if getattr(asked, option):
+                raise InputError(f"CONTACT, --{option}: give a contact file or --interaction and --tabor, not both")
         from contbranch.contact.file import read_contact
 
-        contact, settings = read_contact(path)
-        return contact, dict(settings)
-    if law is None:
+        return read_contact(asked.source)
+    if asked.interaction is None:
         raise InputError("CONTACT: missing; give a contact file, or --interaction NAME --tabor X")
-    if tabor is None:
+    if asked.tabor is None:
         raise InputError("--tabor: missing; give the Tabor coefficient of the interaction, a number above zero")
-    value = positive_number(_number(_bare(tabor), "--tabor"), "--tabor")
+    value = positive_number(_number(_bare(asked.tabor), "--tabor"), "--tabor")
     try:
-        return Contact.reduced(law, tabor=value, sign=-1 if repulsive else 1), {}
+        return Contact.reduced(asked.interaction, tabor=value, sign=-1 if asked.repulsive else 1), {}
     except InputError as error:
         raise InputError(f"--{error}") from None  # the field has the name of its option
 
@@ -150,7 +136,63 @@ def _control(value: object, contact: Contact) -> str | Spring:
     return Spring(parsed) if isinstance(parsed, float) else parsed
 
 
-def _choice(value: object, known: tuple[str, ...], option: str) -> str:
-    if value not in known:
-        raise InputError(f"{option}: {value!r} is not available; choose {', '.join(known[:-1])} or {known[-1]}")
-    return str(value)
+# What is followed, and where
+
+
+def parse_vary(text: str, request: Request) -> tuple[str, tuple[float, ...]]:
+    """Return the parameter of ``NAME=A:B`` or ``NAME=B`` and its values, in the contact's units.
+
+    Raises
+    ------
+    InputError
+        If the text is none.
+    """
+    name, equals, rest = text.partition("=")
+    name, values = name.strip(), [part.strip() for part in rest.split(":")]
+    if not (name and equals) or not 1 <= len(values) <= 2 or not all(values):
+        raise InputError(f"--vary: {text!r}; write NAME=FROM:TO or NAME=TO, for example tabor=0.25:4")
+    numbers = tuple(_value(value, name, request) for value in values)
+    if len(numbers) == 2 and numbers[0] == numbers[1]:
+        raise InputError(f"--vary: {text!r}; the two values must differ")
+    return name, numbers
+
+
+def _value(text: str, name: str, request: Request) -> float:
+    if name == "stiffness" and text in ("inf", "infinity"):
+        return float("inf")
+    dimension = _dimension(name, request.contact)
+    if dimension != "dimensionless":
+        return request.quantity(text, dimension, "--vary")
+    number = _bare(text)
+    if isinstance(number, str):
+        raise InputError(f"--vary: {text!r}; {name} is a plain number")
+    return number
+
+
+def _dimension(name: str, contact: Contact) -> str:
+    """The dimension of a parameter."""
+    whole = {"stiffness": "stiffness", "modulus": "pressure"}
+    which, dot, field = name.rpartition(".")
+    laws = () if contact.interaction is None else contact.interaction.terms
+    found = [dimensions(type(part)).get(field) for part in ((contact.tip,) if which == "tip" else laws) if dot]
+    return whole.get(name) or next(filter(None, found), "dimensionless")
+
+
+def find_event(diagram: Diagram, name: str, control: object) -> Event:
+    """Return the event of that name under a control, the outermost if there are several; ``touch`` is first touch.
+
+    Raises
+    ------
+    InputError
+        If the diagram has none; the message says which ones it has.
+    """
+    kind = as_control(control).kind
+    events = [(event, "touch" if event.kind == "touch" else event.name) for event in diagram.events]
+    there = [(event, called) for event, called in events if event.kind == "touch" or event.control == kind]
+    found = [event for event, called in there if called == name]
+    if found:
+        key = "displacement" if kind == "spring" else kind
+        return (min if name.rstrip("-0123456789") in _LOWEST else max)(found, key=lambda event: getattr(event, key))
+    known = sorted({called for _, called in there if called})
+    listed = ", ".join(known) or "none"
+    raise InputError(f"--event: {name!r}; under {kind} control there are: {listed}{nearest(name, known)}")

@@ -1,5 +1,12 @@
 """What is in contact: tip, interaction law, modulus and units; contact files, height maps, families of contacts."""
 
-from contbranch.contact.contact import Contact
+from typing import TYPE_CHECKING
+
+from contbranch._lazy import lazily
+
+if TYPE_CHECKING:
+    from contbranch.contact.contact import Contact
 
 __all__ = ["Contact"]
+
+__getattr__, __dir__ = lazily(__name__, {".contact": "Contact"})

@@ -14,7 +14,7 @@ from typing import Any, Literal
 
 from contbranch.contact.contact import Contact, dimensions, make, nearest
 from contbranch.contact.interactions import Interaction, Sum
-from contbranch.contact.tips import Tip, TipShape
+from contbranch.contact.tips import TipShape
 from contbranch.contact.units import Scales, finite_number, positive_number
 from contbranch.control import Control
 from contbranch.errors import InputError
@@ -96,13 +96,13 @@ class Family:
         start = self.contact.scales
         return Scales(start.in_plane, start.normal, contact.modulus)
 
-    def reduced(self, coordinate: float) -> tuple[Tip, Interaction | None, Scales]:
-        """Tip and law of a member in the units of the start, in which its modulus is 1, and those units."""
+    def reduced(self, coordinate: float) -> tuple[Contact, Scales]:
+        """A member in the units of the start, in which its modulus is 1, and those units."""
         contact = self.contact if self.spacing == "angle" else self.member(self.value(coordinate))
         scales = self.scales(contact)
         law = contact.interaction
         scaled = None if law is None else law.scaled(scales.normal, scales.energy_per_area)
-        return contact.axisymmetric_tip.scaled(scales.in_plane, scales.normal), scaled, scales
+        return Contact(contact.axisymmetric_tip.scaled(scales.in_plane, scales.normal), scaled), scales
 
 
 def family_of(

@@ -47,6 +47,7 @@ from typing import Any, Final
 from contbranch.contact.contact import Contact, dimensions, look_up, make, nearest
 from contbranch.contact.height_map import HeightMap
 from contbranch.contact.interactions import INTERACTIONS, Interaction, Tabulated
+from contbranch.contact.text import read_text
 from contbranch.contact.tip_profile import Profile
 from contbranch.contact.tips import TIPS, TipShape
 from contbranch.contact.units import PHYSICAL, REDUCED, Units, finite_number, parse, positive_number
@@ -122,19 +123,9 @@ def parse_control(control: object, units: Units, field: str = "control") -> str 
 
 def _parsed(path: Path) -> dict[str, Any]:
     try:
-        return tomllib.loads(_text(path))
+        return tomllib.loads(read_text(path))
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"{path}: {' '.join(str(error).split())}; must be TOML, as in the documentation") from None
-
-
-def _text(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8-sig")
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file; give the path of an existing one") from None
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "not UTF-8 text"
-        raise InputError(f"{path}: {reason}; must be a readable text file") from None
 
 
 def _table(value: object, name: str) -> dict[str, Any]:
@@ -301,7 +292,7 @@ def _multiplied(values: object, factor: float, field: str) -> list[float]:
 def _read_columns(path: Path, field: str) -> tuple[list[float], list[float]]:
     """Return the first two columns of a text file; InputError names `field`, file and line that is not two numbers."""
     try:
-        lines = _text(path).splitlines()
+        lines = read_text(path).splitlines()
     except InputError as error:
         raise InputError(f"{field}: {error}") from None
     columns: tuple[list[float], list[float]] = ([], [])

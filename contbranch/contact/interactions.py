@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 from typing import ClassVar, Final
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import erfc
 
 from contbranch.contact.interaction_law import Interaction, Response, Sum
 from contbranch.contact.tables import EnergyTable, numbers
@@ -77,7 +77,7 @@ class Gauss(Interaction):
     def tail_energy(self, gap: ArrayLike) -> FloatArray:
         """Return -Δγ z0 sqrt(π/2) erfc(g/(z0 sqrt 2))."""
         amplitude = -self.work_of_adhesion * self.range * math.sqrt(0.5 * math.pi)
-        return np.asarray(amplitude * erfc(np.asarray(gap) / (self.range * math.sqrt(2.0))))
+        return np.asarray(amplitude * scipy.special.erfc(np.asarray(gap) / (self.range * math.sqrt(2.0))))
 
 
 @dataclass(frozen=True)

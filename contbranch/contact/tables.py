@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import BPoly, PPoly, make_interp_spline
 
 from contbranch.errors import InputError
 
@@ -61,7 +61,7 @@ class EnergyTable:
 
     starts: FloatArray
     coefficients: FloatArray
-    integral: PPoly
+    integral: scipy.interpolate.PPoly
     limitation: str
     energy_at_contact: float
     largest_energy: float
@@ -81,9 +81,11 @@ class EnergyTable:
             raise InputError(f"{kind}: {values.size} numbers for {gaps.size} gaps; must be as many")
         # Energies are differentiated once more: both give a pressure with continuous curvature, whose kinks cost
         # digits.
-        spline = make_interp_spline(gaps, values, k=5 if kind == "energies" and gaps.size >= _QUINTIC_ROWS else 3)
-        pieces = PPoly.from_spline((spline.t, spline.c, spline.k))
-        pieces = PPoly(pieces.c[:, np.diff(pieces.x) > 0], np.unique(pieces.x))
+        spline = scipy.interpolate.make_interp_spline(
+            gaps, values, k=5 if kind == "energies" and gaps.size >= _QUINTIC_ROWS else 3
+        )
+        pieces = scipy.interpolate.PPoly.from_spline((spline.t, spline.c, spline.k))
+        pieces = scipy.interpolate.PPoly(pieces.c[:, np.diff(pieces.x) > 0], np.unique(pieces.x))
         smooth = range(spline.k)
         level, slope, *higher = (float(spline(gaps[-1], order)) for order in smooth)
         decayed = abs(level) <= _DECAYED * np.max(np.abs(values))
@@ -97,7 +99,7 @@ class EnergyTable:
         return EnergyTable._of_pieces(pieces, gaps, limitation)
 
     @staticmethod
-    def _of_pieces(pieces: PPoly, gaps: FloatArray, limitation: str) -> EnergyTable:
+    def _of_pieces(pieces: scipy.interpolate.PPoly, gaps: FloatArray, limitation: str) -> EnergyTable:
         dense = np.concatenate([gaps, 0.5 * (gaps[1:] + gaps[:-1])])
         largest_energy = float(np.max(np.abs(pieces(dense))))
         largest_pressure = float(np.max(np.abs(pieces(dense, 1))))
@@ -151,25 +153,25 @@ class EnergyTable:
         return np.asarray(self.integral(self.end) - self.integral(np.minimum(gap, self.end)))
 
 
-def _to_zero(end: float, before: float, derivatives: tuple[float, ...]) -> PPoly:
+def _to_zero(end: float, before: float, derivatives: tuple[float, ...]) -> scipy.interpolate.PPoly:
     """Return the polynomial that starts at `end` with value and derivatives given and ends with all of them zero."""
     level, slope = derivatives[:2]
     decay = abs(level / slope) if slope != 0.0 else 0.0
     width = min(max(4.0 * decay, end - before), end)
-    pieces = BPoly.from_derivatives([end, end + width], [list(derivatives), [0.0] * len(derivatives)])
-    return PPoly.from_bernstein_basis(pieces)
+    pieces = scipy.interpolate.BPoly.from_derivatives([end, end + width], [list(derivatives), [0.0] * len(derivatives)])
+    return scipy.interpolate.PPoly.from_bernstein_basis(pieces)
 
 
-def _joined(first: PPoly, second: PPoly) -> PPoly:
+def _joined(first: scipy.interpolate.PPoly, second: scipy.interpolate.PPoly) -> scipy.interpolate.PPoly:
     """Return the two piecewise polynomials, of which the second starts where the first ends, as one."""
     degree = max(first.c.shape[0], second.c.shape[0])
     padded = [np.concatenate([np.zeros((degree - p.c.shape[0], p.c.shape[1])), p.c]) for p in (first, second)]
-    return PPoly(np.concatenate(padded, axis=1), np.concatenate([first.x, second.x[1:]]))
+    return scipy.interpolate.PPoly(np.concatenate(padded, axis=1), np.concatenate([first.x, second.x[1:]]))
 
 
-def _energy_of_pressure(pressure: PPoly) -> PPoly:
+def _energy_of_pressure(pressure: scipy.interpolate.PPoly) -> scipy.interpolate.PPoly:
     """Return v with v' = -p and v = 0 at the end."""
     integral = pressure.antiderivative()
     coefficients = -integral.c
     coefficients[-1] += float(integral(pressure.x[-1]))
-    return PPoly(coefficients, integral.x)
+    return scipy.interpolate.PPoly(coefficients, integral.x)

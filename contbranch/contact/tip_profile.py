@@ -9,8 +9,8 @@ from functools import cache
 from typing import ClassVar, Final, Literal
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import CubicSpline, PPoly
 
 from contbranch.contact.tables import increasing_from_zero, numbers
 from contbranch.contact.tip_shape import Tip, parabolic_scales
@@ -40,9 +40,9 @@ class ProfileTable:
         Radius of curvature that sets the tip's scales.
     """
 
-    transform: PPoly
-    integral: PPoly
-    square_integral: PPoly
+    transform: scipy.interpolate.PPoly
+    integral: scipy.interpolate.PPoly
+    square_integral: scipy.interpolate.PPoly
     knots: FloatArray
     jumps: FloatArray
     radius: float
@@ -73,7 +73,7 @@ class ProfileTable:
         radius = 1.0 / apex if apex * outer > 0.01 else outer
         squares = np.array([np.convolve(piece, piece) for piece in pieces.c.T]).T
         jumps = np.diff(_third_derivatives(pieces))
-        square_integral = PPoly(squares, pieces.x).antiderivative()
+        square_integral = scipy.interpolate.PPoly(squares, pieces.x).antiderivative()
         return ProfileTable(pieces, pieces.antiderivative(), square_integral, radii[1:], jumps, radius)
 
     def height_derivative(self, r: FloatArray) -> FloatArray:
@@ -113,17 +113,17 @@ class ProfileTable:
         return gap, moment, r2, angle
 
 
-def _fit(radii: FloatArray, heights: FloatArray, sharp: bool, end: End) -> PPoly:
+def _fit(radii: FloatArray, heights: FloatArray, sharp: bool, end: End) -> scipy.interpolate.PPoly:
     """Return the spline ζ whose tip has the `heights`: they are linear in its values at the radii."""
     start: End = "not-a-knot" if sharp else "clamped"
-    bases = CubicSpline(radii, np.eye(radii.size), bc_type=(start, end))
+    bases = scipy.interpolate.CubicSpline(radii, np.eye(radii.size), bc_type=(start, end))
     matrix = sum(_cell_moments(radii, power) @ bases.c[3 - power] for power in (1, 2, 3))
     values = np.zeros_like(radii)
     values[1:] = np.linalg.solve((2.0 / math.pi) * np.asarray(matrix)[:, 1:], heights[1:])
-    coefficients = CubicSpline(radii, values, bc_type=(start, end)).c
+    coefficients = scipy.interpolate.CubicSpline(radii, values, bc_type=(start, end)).c
     if not sharp:
         coefficients[2, 0] = 0.0  # the slope at the apex, which rounding could make negative
-    return PPoly(coefficients, radii)
+    return scipy.interpolate.PPoly(coefficients, radii)
 
 
 def _cell_moments(radii: FloatArray, power: int) -> FloatArray:
@@ -142,7 +142,7 @@ def _cell_moments(radii: FloatArray, power: int) -> FloatArray:
     return moments
 
 
-def _third_derivatives(pieces: PPoly) -> FloatArray:
+def _third_derivatives(pieces: scipy.interpolate.PPoly) -> FloatArray:
     """Return the third derivative of each piece of a spline from the second ones at the knots.
 
     So they agree to rounding with a second derivative that is continuous; those of the pieces themselves do not, and
@@ -154,14 +154,14 @@ def _third_derivatives(pieces: PPoly) -> FloatArray:
     return np.asarray(np.diff(np.concatenate([second, last[None]]), axis=0) / steps)
 
 
-def _continued(pieces: PPoly) -> PPoly:
+def _continued(pieces: scipy.interpolate.PPoly) -> scipy.interpolate.PPoly:
     """Return the pieces with a last one of second degree that goes on with value, slope and curvature."""
     end = float(pieces.x[-1])
     last = np.array([[0.0], [0.5 * float(pieces(end, 2))], [float(pieces(end, 1))], [float(pieces(end))]])
-    return PPoly(np.concatenate([pieces.c, last], axis=1), np.append(pieces.x, 2.0 * end))
+    return scipy.interpolate.PPoly(np.concatenate([pieces.c, last], axis=1), np.append(pieces.x, 2.0 * end))
 
 
-def _rises(pieces: PPoly) -> bool:
+def _rises(pieces: scipy.interpolate.PPoly) -> bool:
     """Whether the cubic pieces have a positive slope for t > 0: at their ends and where the slope is least."""
     slope = pieces.derivative()
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 from typing import ClassVar, Final
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import beta, betainc
 
 from contbranch.contact.height_map import HeightMap
 from contbranch.contact.tip_profile import Profile
@@ -240,7 +240,7 @@ class PowerLaw(Tip):
     @property
     def _transformed(self) -> float:
         """The factor c of ζ = c tⁿ."""
-        return 0.5 * self._amplitude * float(beta(0.5 * self.exponent, 0.5))
+        return 0.5 * self._amplitude * float(scipy.special.beta(0.5 * self.exponent, 0.5))
 
     def height(self, r: ArrayLike) -> FloatArray:
         """Return σ rⁿ/(n ℓ^(n-1))."""
@@ -280,7 +280,7 @@ class PowerLaw(Tip):
         far = r2 > 0.0  # r = 0 only at the apex without contact, where the gap and what multiplies 1/r² vanish
         p, q = 0.5, 0.5 * (n + 1.0)
         part = np.divide(rho * rho, r2, out=np.ones_like(r2), where=far)
-        moment = np.asarray((0.5 * beta(p, q) * c) * betainc(p, q, part) * r2 ** (0.5 * n))
+        moment = np.asarray((0.5 * scipy.special.beta(p, q) * c) * scipy.special.betainc(p, q, part) * r2 ** (0.5 * n))
         angle = np.where(far, np.arctan2(rho, a), 0.5 * math.pi)
         gap = moment - (c * a**n) * angle
         slope = n * (np.divide(a * moment, r2, out=np.zeros_like(r2), where=far) - c * a ** (n - 1.0) * angle)

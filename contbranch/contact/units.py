@@ -46,9 +46,42 @@ _DIMENSIONS: Final[dict[str, tuple[str, str, str]]] = {
 _QUANTITY: Final = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\s\d.+-].*?)?\s*")
 
 
+# Powers of ten, newton and metre of the units of lengths, forces, pressures and energies, with their prefixes.
+_SYMBOLS: Final = {"m": (0, 0, 1), "N": (0, 1, 0), "Pa": (0, 1, -2), "J": (0, 1, 1)}
+_PREFIXES: Final = {"a": -18, "f": -15, "p": -12, "n": -9, "u": -6, "µ": -6, "μ": -6, "m": -3, "c": -2, "": 0, "k": 3}
+_POWERS: Final = {
+    **{
+        prefix + symbol: (ten + power, *dimension)
+        for prefix, power in {**_PREFIXES, "M": 6, "G": 9, "T": 12}.items()
+        for symbol, (ten, *dimension) in _SYMBOLS.items()
+    },
+    "angstrom": (-10, 0, 1),
+    "Å": (-10, 0, 1),
+}
+_WRITTEN: Final = {"**": "^", "⁻¹": "^-1", "⁻²": "^-2", "²": "^2", "³": "^3", "·": "*"}
+
+
+@cache
+def _powers(unit: str) -> tuple[int, ...] | None:
+    """Powers of ten, newton and metre of a product or quotient of the units above; None for any other unit."""
+    for old, new in _WRITTEN.items():
+        unit = unit.replace(old, new)
+    product, *divisors = unit.split("/")
+    factors = [(factor, 1) for factor in re.split(r" *\* *| +", product.strip())]
+    factors += [(divisor.strip(), -1) for divisor in divisors]
+    total: tuple[int, ...] = (0, 0, 0)
+    for factor, sign in factors:
+        match = re.fullmatch(r"([^\W\d]+)(?:\^(-?\d))?", factor)
+        if match is None or match[1] not in _POWERS:
+            return None
+        power = sign * int(match[2] or 1)
+        total = tuple(have + power * one for have, one in zip(total, _POWERS[match[1]], strict=True))
+    return total
+
+
 @cache
 def _registry() -> Any:
-    """Return the unit registry; imported at the first quantity because it takes a fifth of a second."""
+    """Return pint's unit registry: for unusual units only, because it takes a fifth of a second."""
     import pint
 
     return pint.UnitRegistry()
@@ -57,6 +90,10 @@ def _registry() -> Any:
 @cache
 def _factor(unit: str, dimension: str) -> float:
     """Return one `unit` in the document's unit of `dimension`; ValueError says in words what is wrong with the unit."""
+    wanted = _DIMENSIONS[dimension][1]
+    usual, own = _powers(unit), _powers(wanted)
+    if usual and own and usual[1:] == own[1:]:
+        return float(f"1e{usual[0] - own[0]}")
     import pint
 
     registry = _registry()
@@ -65,7 +102,7 @@ def _factor(unit: str, dimension: str) -> float:
     except Exception as error:  # the parser behind pint raises whatever Python's tokenizer does
         raise ValueError(f"'{unit}' is not a unit") from error
     try:
-        factor = float(registry.Quantity(1.0, parsed).to(_DIMENSIONS[dimension][1]).magnitude)
+        factor = float(registry.Quantity(1.0, parsed).to(wanted).magnitude)
     except (pint.DimensionalityError, pint.OffsetUnitCalculusError) as error:
         raise ValueError(f"'{unit}' is not a unit of {dimension}") from error
     return float(f"{factor:.15g}")  # units are defined in decimals: 1 um is 1000 nm, not 999.9999999999999

@@ -262,6 +262,8 @@ class Event(ABC):
         Share of the step to which zeros are located; the default is machine precision.
     relative_resolution : float
         The same relative to the position in the step, so that zeros right behind its start are still told from it.
+    noise : float
+        What a value leaves undecided, where it does not have the digits that rounding would leave.
     """
 
     name: str = "event"
@@ -269,6 +271,7 @@ class Event(ABC):
     hidden_pairs: ClassVar[bool] = True
     resolution: ClassVar[float] = 1e-15
     relative_resolution: ClassVar[float] = 0.0
+    noise: ClassVar[float] = 0.0
 
     @abstractmethod
     def value(self, point: Point) -> float:

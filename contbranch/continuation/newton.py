@@ -16,7 +16,7 @@ __all__ = ["Corrected", "CorrectionError", "correct", "correct_start", "linearis
 
 ROUNDING = float(np.finfo(float).eps)
 # A tangent comes from the last Jacobian evaluated; this bounds its distance from the corrected point (in the metric).
-TANGENT_DISTANCE = 1e-6
+TANGENT_DISTANCE = 1e-4
 PRECISE_TANGENT_DISTANCE = 1e-10
 # Corrections below this multiple of rounding that no longer contract are rounding themselves.
 NOISE = 1e3

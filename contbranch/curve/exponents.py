@@ -1,12 +1,167 @@
-"""Critical exponents: crossover of a normal form, and the power law fitted over a window."""
+"""Critical behaviour at a fold or first touch: normal form, local exponent, crossover and a fit over a window."""
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
+from numpy.typing import NDArray
 
-from contbranch.results.diagram import LocalExponent, Window
+from contbranch.continuation import CorrectionError, Point
+from contbranch.control import Control
+from contbranch.curve.problem import Rates, equilibrium
+from contbranch.curve.refine import Found, further, moved, numbers, settled
+from contbranch.results.diagram import Exponent, LocalExponent, Window
 
-__all__ = ["crossover_excess", "fitted_window"]
+__all__ = ["critical_exponent", "crossover_excess", "fitted_window", "sampled_exponent"]
+
+Array = NDArray[np.float64]
+
+# The window of the excess (reduced units) over which a power law is fitted.
+WINDOW = (1e-2, 1e1)
+# The local exponent is sampled at so many distances along the curve, up to this excess.
+HIGHEST, SAMPLES, NEAREST, FARTHEST = 1e2, 57, 1e-5, 6.0
+# Samples end where the discretisation is no longer good enough, or Newton's method has failed.
+LOST = 1e-4
+# Close to the event all samples share its discretisation, so that its errors cancel. At a greater distance it need only
+# serve this share of the excess; it is changed when that is so much coarser than the present one serves.
+SHARE, COARSER, FINEST = 1e-7, 30.0, 1e-14
+# The error estimate at the event holds within this distance.
+NEARBY = 1e-3
+# Samples end where the tangent disagrees so much with the secant to the last one, if that is at most so much closer.
+INCONSISTENT, NEIGHBOUR = 2e-2, 4.0
+# Offset of the parameter for derivatives at a fold.
+OFFSET = 2e-2
+
+
+class _Side:
+    """The curve beside an event as functions of the parameter."""
+
+    def __init__(self, found: Found, control: Control, point: Point | None = None) -> None:
+        self.control, self.origin = control, point or found.point
+        self.contact = found.numbers[2] > 0 or point is not None
+        self.order_name = "contact_radius" if self.contact else "central_gap"
+        problem = equilibrium(self.origin)
+        edges = [abs(edge - self.origin.parameter) for edge in problem.parameter_range if edge != self.origin.parameter]
+        self.room = min(edges)
+        values = problem.values(self.origin.x, self.origin.parameter)
+        self.tolerance = max(problem.defect(self.origin).relative(values), FINEST)
+
+    def sample(self, point: Point) -> tuple[float, float, float, float]:
+        """Control, order parameter and their rates at a point of the curve."""
+        problem = equilibrium(point)
+        load, displacement, radius, gap = numbers(point)
+        rates: Rates = problem.rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
+        control = self.control.value(load, displacement), self.control.value(rates.load, rates.displacement)
+        order = (radius, rates.contact_radius) if self.contact else (gap, rates.central_gap)
+        return control[0], order[0], control[1], order[1]
+
+    def coarsened(self, point: Point, tolerance: float) -> Point:
+        """The point on a coarser discretisation that serves a tolerance."""
+        if tolerance < COARSER * self.tolerance:
+            return point
+        self.tolerance = tolerance
+        problem = equilibrium(point)
+        other = problem.coarser(point, tolerance)
+        if other is problem:
+            return point
+        try:
+            there = settled(moved(point, other))
+        except CorrectionError:
+            return point
+        good = other.defect(there).relative(other.values(there.x, there.parameter)) <= tolerance
+        return there if good else point
+
+
+def critical_exponent(found: Found, control: Control) -> Exponent | None:
+    """Normal form, crossover and windowed fit at a fold; the order parameter is the central gap without contact.
+
+    With the order parameter q as coordinate, control = c0 + c2 (q − q0)²/2 + c3 (q − q0)³/6 + …, so
+    |q − q0| = √(2Δ/|c2|) to leading order: kappa = 1/2 at every quadratic fold.
+    """
+    side = _Side(found, control)
+    order = found.numbers[2 if side.contact else 3]
+    # Offsets small against the distance to the edge of the representation, where it may have a kink.
+    offset = min(OFFSET, 0.2 * side.room)
+    try:
+        samples = [side.sample(further(found.point, offset * step)) for step in (-2, -1, 1, 2)]
+    except CorrectionError:
+        return None
+    slopes = np.array([control_rate / order_rate for _, _, control_rate, order_rate in samples])
+    second, third = _derivatives(np.array([sample[1] for sample in samples]) - order, slopes)
+    if second == 0.0 or not math.isfinite(second):
+        return None
+    local = sampled_exponent(found, control)
+    window = fitted_window(local, *WINDOW)
+    return Exponent(0.5, crossover_excess(second, third), window, math.sqrt(2 / abs(second)), side.order_name)
+
+
+def _derivatives(distances: Array, slopes: Array) -> tuple[float, float]:
+    """Second and third derivative of the control from its slopes (which vanish at distance 0)."""
+    # slope = c2 q + c3 q²/2 + c4 q³/6 + c5 q⁴/24: four samples, four coefficients.
+    scale = float(np.abs(distances).max())
+    q = distances / scale
+    powers = np.stack([q, q**2 / 2, q**3 / 6, q**4 / 24], axis=1)
+    coefficients = np.linalg.solve(powers, slopes)
+    return float(coefficients[0] / scale), float(coefficients[1] / scale**2)
+
+
+def sampled_exponent(found: Found, control: Control, ahead: Point | None = None) -> LocalExponent:
+    """κ_local = dln|Δq|/dlnΔ on the contact side, from true tangents at logarithmically spaced distances.
+
+    Δ is the excess of the control beyond its value at the event, towards growing contact; q is the contact radius, or
+    the central gap on the branch of a fold without contact.
+
+    Parameters
+    ----------
+    ahead : Point, optional
+        First touch as the problem in contact has it.
+    """
+    side = _Side(found, control, ahead)
+    control0, order0 = control.value(*found.numbers[:2]), found.numbers[2 if side.contact else 3]
+    errors = control.value(*found.error[:2]), found.error[2 if side.contact else 3]
+    rows: list[tuple[float, float, float, float]] = []
+    near, relative, direction, travelled = side.origin, side.tolerance, 0, 0.0
+    # Towards growing contact, or (without contact) a shrinking gap.
+    rates = equilibrium(near).rates(near.x, near.parameter, near.tangent_x, near.tangent_parameter)
+    if (rates.contact_radius if side.contact else -rates.central_gap) < 0:
+        near = near.turned()
+    limit = math.inf if side.contact else side.room
+    small = 1.0 if ahead is not None else min(1.0, side.room)
+    for distance in np.geomspace(NEAREST, FARTHEST, SAMPLES):
+        step = distance * max(1e-3, small) if distance < 1e-3 else distance
+        if step >= limit:
+            break
+        try:
+            near, travelled = further(near, step - travelled), step
+        except CorrectionError:
+            break
+        if min(equilibrium(near).margins(near.x, near.parameter).values(), default=1.0) < 0.0:
+            break
+        value, order, control_rate, order_rate = side.sample(near)
+        excess, change = value - control0, order - order0
+        direction = direction or (1 if excess > 0 else -1)
+        if excess * direction <= 0 or (rows and abs(excess) <= rows[-1][0]) or not math.isfinite(excess):
+            break  # the control has turned round: another fold
+        kappa = excess * order_rate / (change * control_rate)
+        if step > NEARBY:
+            problem = equilibrium(near)
+            relative = problem.defect(near).relative(problem.values(near.x, near.parameter))
+        if not relative < LOST:
+            break
+        error = abs(kappa) * ((errors[0] + relative * max(1.0, abs(value))) / abs(excess) + errors[1] / abs(change))
+        if rows and abs(excess) < NEIGHBOUR * rows[-1][0]:
+            # The samples themselves say what their tangents should be.
+            secant = math.log(abs(change) / rows[-1][1]) / math.log(abs(excess) / rows[-1][0])
+            if not abs(secant - (kappa + rows[-1][2]) / 2) < INCONSISTENT + error + rows[-1][3]:
+                break
+        rows.append((abs(excess), abs(change), kappa, error))
+        if abs(excess) > HIGHEST:
+            break
+        near = side.coarsened(near, min(SHARE * abs(excess) / max(1.0, abs(value)), LOST))
+    table = np.array(rows).reshape(-1, 4)
+    table = table[table[:, 3] < 0.5] if len(table) else table
+    return LocalExponent(table[:, 0], table[:, 1], table[:, 2], table[:, 3])
 
 
 def crossover_excess(second: float, third: float) -> float | None:

@@ -1,25 +1,26 @@
-"""The smallest model that represents a contact, and why it was chosen."""
+"""The smallest model that represents a contact, why it was chosen, and the curves that it gives."""
 
 from __future__ import annotations
 
 from contbranch.contact.contact import Contact
 from contbranch.contact.height_map import HeightMap
+from contbranch.curve.curves import Curves, FollowedCurves, Model
 from contbranch.errors import InputError
 from contbranch.models.axisymmetric import Axisymmetric
 from contbranch.models.exact.model import Exact
-from contbranch.models.grid import FreeSpace, Periodic
+from contbranch.models.grid import FreeSpace, LatticeCurves, Periodic
 from contbranch.models.rings import Rings
 
-__all__ = ["Model", "choose"]
+__all__ = ["axisymmetric", "choose", "curves", "on_grid"]
 
-Model = Exact | Axisymmetric | Rings | Periodic | FreeSpace
-NAMED: dict[str, type[Exact | Axisymmetric | Periodic | FreeSpace]] = {
+Lattice = Periodic | FreeSpace
+NAMED: dict[str, type[Exact | Axisymmetric | Lattice]] = {
     model.name: model for model in (Exact, Axisymmetric, Periodic, FreeSpace)
 }
 
 
-def choose(contact: Contact, model: str | Model = "auto") -> tuple[Model, str]:
-    """The model for a contact and the reason, a sentence; the cell of a grid model is turned into reduced units.
+def choose(contact: Contact, model: str | Model | Lattice = "auto") -> tuple[Model | Lattice, str]:
+    """The model for a contact and the reason, a sentence.
 
     Parameters
     ----------
@@ -32,44 +33,56 @@ def choose(contact: Contact, model: str | Model = "auto") -> tuple[Model, str]:
     InputError
         If the model is not known, or does not represent the contact: the message says why.
     """
-    if isinstance(model, Exact | Axisymmetric | Rings | Periodic | FreeSpace):
-        chosen: Model = model
-    elif model == "auto" and not contact.tip.is_axisymmetric:
-        grid, why = _grid_for(contact)
-        return _scaled(grid, contact), why
-    elif model == "auto":
-        if Exact().obstacle(contact) is None:
-            return Exact(), "A parabola with Maugis-Dugdale attraction is known in closed form."
-        chosen = Axisymmetric()
-    elif model in NAMED:
-        chosen = NAMED[model]()
-    else:
+    if model == "auto":
+        return _smallest(contact)
+    if isinstance(model, str) and model in NAMED:
+        chosen: Model | Lattice = NAMED[model]()
+    elif isinstance(model, str) or not hasattr(model, "name"):
         raise InputError(f"model: {model!r}; must be one of auto, {', '.join(NAMED)}")
-    obstacle = chosen.obstacle(contact)
-    if isinstance(chosen, Axisymmetric) and obstacle is not None and Rings().obstacle(contact) is None:
-        # Laws whose pressure jumps: the same model with free boundaries as unknowns.
-        why = "Tip and interaction are axisymmetric; where the law's pressure jumps, the gap may rest."
-        return Rings(), why if model == "auto" else "Asked for."
+    else:
+        chosen = model
+    obstacle = _obstacle(chosen, contact)
+    if obstacle is not None and chosen.name == Axisymmetric.name:
+        other = axisymmetric(contact)
+        if other is not None:
+            return other, "Asked for."
     if obstacle is not None:
         raise InputError(f"model: {chosen.name} does not represent this contact: {obstacle}")
-    chosen = _scaled(chosen, contact)
-    if model == "auto":
-        return chosen, "Tip and interaction are axisymmetric; elasticity is then local in the Abel transform."
     return chosen, "Asked for."
 
 
-def _scaled(model: Model, contact: Contact) -> Model:
-    return model.scaled(contact) if isinstance(model, Periodic | FreeSpace) else model
+def curves(contact: Contact, model: Model | Lattice) -> Curves:
+    """The curves of a contact by a model: on a lattice, or of its equilibrium problem."""
+    return LatticeCurves(contact, model) if isinstance(model, Lattice) else FollowedCurves(contact, model)
 
 
-def _grid_for(contact: Contact) -> tuple[Periodic | FreeSpace, str]:
-    """The grid model for a tip without axial symmetry."""
+def on_grid(model: Model | Lattice) -> bool:
+    """Whether a model is one of lattices, whose events cannot be followed."""
+    return isinstance(model, Lattice)
+
+
+def axisymmetric(contact: Contact) -> Model | None:
+    """The axisymmetric model for a contact: of discs, or with free boundaries where the law's pressure jumps."""
+    return next((model for model in (Axisymmetric(), Rings()) if model.obstacle(contact) is None), None)
+
+
+def _obstacle(model: Model | Lattice, contact: Contact) -> str | None:
+    obstacle = getattr(model, "obstacle", None)
+    return None if obstacle is None else obstacle(contact)
+
+
+def _smallest(contact: Contact) -> tuple[Model | Lattice, str]:
+    """The smallest model that represents a contact."""
     if isinstance(contact.tip, HeightMap):
-        chosen: Periodic | FreeSpace = Periodic()
-        why = "A map of heights has no axial symmetry: a grid, periodic as the map."
-    else:
-        chosen, why = FreeSpace(), "The tip has no axial symmetry: a grid, in free space."
-    obstacle = chosen.obstacle(contact)
-    if obstacle is not None:
-        raise InputError(f"model: {chosen.name} does not represent this contact: {obstacle}")
-    return chosen, why
+        return Periodic(), "A map of heights has no axial symmetry: a grid, periodic as the map."
+    if not contact.tip.is_axisymmetric:
+        return FreeSpace(), "The tip has no axial symmetry: a grid, in free space."
+    if Exact().obstacle(contact) is None:
+        return Exact(), "A parabola with Maugis-Dugdale attraction is known in closed form."
+    chosen = axisymmetric(contact)
+    if chosen is None:
+        obstacle = Axisymmetric().obstacle(contact)
+        raise InputError(f"model: {Axisymmetric.name} does not represent this contact: {obstacle}")
+    if Axisymmetric().obstacle(contact) is None:
+        return chosen, "Tip and interaction are axisymmetric; elasticity is then local in the Abel transform."
+    return chosen, "Tip and interaction are axisymmetric; where the law's pressure jumps, the gap may rest."

@@ -1,109 +1,63 @@
-"""Diagrams in HDF5 files; the layout is described in ``docs/file-layout.md``."""
+"""Results in HDF5 files; the layout is described in ``docs/file-layout.md``."""
 
 from __future__ import annotations
 
 import json
+import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict
+from dataclasses import MISSING, fields, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from contbranch.contact.height_map import HeightMap
-from contbranch.errors import InputError, ModelError
-from contbranch.results.diagram import (
-    OBSERVABLES,
-    Branch,
-    Cost,
-    Diagram,
-    Event,
-    Exponent,
-    LocalExponent,
-    ModelChoice,
-    ModeShape,
-    Profile,
-    Solution,
-    State,
-    Window,
-)
+from contbranch.errors import InputError
+from contbranch.output.document import VERSION, document, head
+from contbranch.results.diagram import Branch, Cost, Diagram, Event, LocalExponent, ModelChoice, Solution, State
+from contbranch.results.profile import ModeShape, Profile
+from contbranch.results.record import Record, Result, columns, key_of, kind_of, same, unit_of
 
 if TYPE_CHECKING:
     import h5py
 
     from contbranch.contact.contact import Contact
 
-__all__ = ["FORMAT", "VERSION", "load", "save", "save_document", "save_solution"]
+__all__ = ["load", "save", "save_document"]
 
-FORMAT: Final = "contbranch-diagram"
-VERSION: Final = 1
+Kind = TypeVar("Kind", bound=Record)
 
-_CURVE: Final = (*OBSERVABLES, "energy", "load_error", "displacement_error")
-_INDICES: Final = ("unstable_load", "unstable_displacement")
-_CRITICAL: Final = "critical_eigenvalue"
-_OPTIONAL: Final = ("unstable_spring", "unstable_azimuthal", "fft_pairs")
-_PROFILE: Final = ("r", "gap", "pressure", "wall_pressure")
-_LOCAL: Final = ("excess", "order_parameter", "kappa", "error")
-_SHAPE: Final = ("r", "gap", "pressure")
-_WINDOW: Final = ("start", "stop", "kappa", "kappa_error", "prefactor")
-_INTEGERS: Final = ("branch", "mode")
-_TEXTS: Final = ("kind", "control", "name", "message", "verdict", "order_parameter")
-_UNIT: Final = {  # where it is not the unit of the same name
-    "load_error": "load",
-    "displacement_error": "displacement",
-    "r": "contact_radius",
-    "wall_pressure": "pressure",
-}
+_HEAD: Final = ("control", "stiffness", "accuracy", "status", "message")
+# What stands in a column of a table where there is no value: modes are counted from 1.
+_BLANK: Final = {float: math.nan, int: 0, str: ""}
 
 
-def save(diagram: Diagram, path: str | Path) -> None:
-    """Write a diagram to an HDF5 file, which replaces `path` only when it is complete.
+def save(result: Result, path: str | Path) -> None:
+    """Write a result to an HDF5 file, which replaces `path` only when it is complete.
 
-    Local exponents are computed and stored for every fold and touch that has one, gap and pressure profiles for every
-    point that has them, and the critical eigenvalue of azimuthal modes, so that a loaded diagram answers what the
-    present one does.
+    A diagram is stored with what is computed when asked for: local exponents, profiles, the critical eigenvalue of
+    azimuthal modes, so that a loaded one answers what the present one does. A solution is stored as a diagram whose
+    branches have one point each, any other result as its document.
 
     Raises
     ------
     InputError
         If the file cannot be written.
     """
+    if isinstance(result, Solution):
+        result = _as_diagram(result)
+    if not isinstance(result, Diagram):
+        save_document(document(result), path)
+        return
     with _writable(Path(path)) as file:
-        _write(file, diagram)
+        _write_diagram(file, result)
 
 
-def save_solution(solution: Solution, path: str | Path, *, every: bool = False) -> None:
-    """Write a solution, or with `every` all states found, as a diagram whose branches have one point each.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be written.
-    """
-    contact = solution.contact
-    save(
-        Diagram(
-            contact=contact,
-            branches=tuple(_point(state) for state in ((solution.states or (solution,)) if every else (solution,))),
-            events=(),
-            thresholds={},
-            model=solution.model,
-            cost=solution.cost,
-            status=solution.status,
-            message=solution.message,
-            description={} if contact is None else contact.describe(),
-            unit_names={} if contact is None else contact.units.names,
-        ),
-        path,
-    )
-
-
-def save_document(document: Mapping[str, Any], path: str | Path) -> None:
-    """Write a document, that of a loop or of a followed event, to an HDF5 file as it is.
+def save_document(content: Mapping[str, Any], path: str | Path) -> None:
+    """Write a document, such as that of a loop or of a followed event, to an HDF5 file as it is.
 
     Objects are groups, lists of numbers datasets (NaN for null), lists of objects groups numbered from 0, everything
     else attributes; what is null has none.
@@ -114,17 +68,17 @@ def save_document(document: Mapping[str, Any], path: str | Path) -> None:
         If the file cannot be written.
     """
     with _writable(Path(path)) as file:
-        _write_object(file, document)
+        _write_object(file, content)
 
 
 def _write_object(group: h5py.Group, content: Mapping[str, Any]) -> None:
     for key, value in content.items():
+        if isinstance(value, list) and any(isinstance(item, list | Mapping) for item in value):
+            value = {str(k): item for k, item in enumerate(value)}
         if isinstance(value, Mapping):
             _write_object(group.create_group(key), value)
-        elif isinstance(value, list) and all(isinstance(item, Mapping) for item in value) and value:
-            _write_object(group.create_group(key), {str(k): item for k, item in enumerate(value)})
         elif isinstance(value, list):
-            group.create_dataset(key, data=np.array([np.nan if item is None else item for item in value], dtype=float))
+            group[key] = np.array([np.nan if item is None else item for item in value], dtype=float)
         elif value is not None:
             group.attrs[key] = value
 
@@ -152,15 +106,29 @@ def _writable(path: Path) -> Iterator[h5py.File]:
         unfinished.unlink(missing_ok=True)
 
 
+def _as_diagram(solution: Solution) -> Diagram:
+    """A diagram of the states found."""
+    contact = solution.contact
+    return Diagram(
+        contact=contact,
+        branches=tuple(_point(state) for state in solution.states or (solution,)),
+        events=(),
+        thresholds={},
+        model=solution.model,
+        cost=solution.cost,
+        status=solution.status,
+        message=solution.message,
+        description={} if contact is None else contact.describe(),
+        unit_names={} if contact is None else contact.units.names,
+    )
+
+
 def _point(state: State) -> Branch:
     """Return a branch of one point."""
-    columns: dict[str, Any] = {name: np.array([getattr(state, name)]) for name in (*OBSERVABLES, "energy", *_INDICES)}
-    columns |= {f"{name}_error": np.array([state.error.get(name, np.nan)]) for name in ("load", "displacement")}
-    for name in _OPTIONAL:
-        value = getattr(state, name, None)  # what only curves have is not kept
-        if value is not None:
-            columns[name] = np.array([value])
-    return Branch(**columns, profiles=() if state.profile is None else (state.profile,))
+    known: dict[str, Any] = {item.name: getattr(state, item.name, None) for item in fields(Branch)}
+    known |= {f"{name}_error": state.error.get(name, math.nan) for name in ("load", "displacement")}
+    found = {name: np.array([value]) for name, value in known.items() if value is not None}
+    return Branch(**found, profiles=() if state.profile is None else (state.profile,))
 
 
 def load(path: str | Path) -> Diagram:
@@ -183,7 +151,7 @@ def load(path: str | Path) -> Diagram:
     try:
         with h5py.File(path, "r") as file:
             _check_format(file, path)
-            return _read(file)
+            return _read_diagram(file)
     except InputError:
         raise
     except (OSError, KeyError, IndexError, TypeError, ValueError, AttributeError) as error:
@@ -194,216 +162,141 @@ def load(path: str | Path) -> Diagram:
 def _check_format(file: h5py.File, path: Path) -> None:
     """Raise InputError unless the file holds a diagram of a version that can be read here."""
     found = file.attrs.get("format")
-    if found != FORMAT:
-        raise InputError(f"path: '{path}' holds {found or 'something else'}; must hold a {FORMAT}")
+    if found != Diagram.format:
+        raise InputError(f"path: '{path}' holds {found or 'something else'}; must hold a {Diagram.format}")
     version = int(file.attrs["version"])
     if version > VERSION:
         raise InputError(
-            f"path: '{path}' has version {version} of {FORMAT}; must be at most {VERSION}: use a later contbranch"
+            f"path: '{path}' has version {version} of {found}; must be at most {VERSION}: use a later contbranch"
         )
 
 
 # Writing
 
 
-def _write(file: h5py.File, diagram: Diagram) -> None:
-    from contbranch.output.document import diagram_document
-
-    head = diagram_document(diagram)
-    names = head.get("unit_names", {})
-    file.attrs["format"] = FORMAT
-    file.attrs["version"] = VERSION
-    for key in ("units", "control", "accuracy", "status", "message"):
-        file.attrs[key] = head[key]
-    if diagram.stiffness is not None:
-        file.attrs["stiffness"] = diagram.stiffness
-    file["unit_names"] = json.dumps(names, ensure_ascii=False)
-    file["contact"] = json.dumps(head["contact"], ensure_ascii=False)  # no attribute: a tabulated law may be long
+def _write_diagram(file: h5py.File, diagram: Diagram) -> None:
+    top = head(diagram)
+    names = top.get("unit_names", {})
+    file.attrs.update({key: top[key] for key in ("format", "version", "units")})
+    for key, text in (("unit_names", names), ("contact", top["contact"])):
+        file[key] = json.dumps(text, ensure_ascii=False)  # no attribute: a tabulated law may be long
     tip = None if diagram.contact is None else diagram.contact.tip
     if isinstance(tip, HeightMap):  # of which the description has only a digest
-        _write_arrays(file.create_group("tip"), tip, ("heights",), {"heights": names.get("gap", "")})
-    file.create_group("model").attrs.update(asdict(diagram.model))
-    file.create_group("cost").attrs.update(asdict(diagram.cost))
-    thresholds = file.create_group("thresholds")
-    for key, value in diagram.thresholds.items():
-        thresholds.attrs[key] = float(value)
-    branches = file.create_group("branches")
-    for number, branch in enumerate(diagram.branches):
-        _write_branch(branches.create_group(str(number)), branch, names)
-    _write_events(file.create_group("events"), diagram.events)
-    local = file.create_group("local_exponents")
-    for number, event in enumerate(diagram.events):
-        found = _local_exponent(diagram, event)
-        if found is not None:
-            _write_arrays(local.create_group(str(number)), found, _LOCAL, {})
-    shapes = file.create_group("mode_shapes")
-    for number, event in enumerate(diagram.events):
-        if event.mode_shape is not None:
-            group = shapes.create_group(str(number))
-            group.attrs["mode"] = event.mode_shape.mode
-            _write_arrays(group, event.mode_shape, _SHAPE, {"r": names.get("contact_radius", "")})
+        _write(file.create_group("tip"), "heights", tip.heights, names, "gap")
+    shapes = {number: event.mode_shape for number, event in enumerate(diagram.events) if event.mode_shape is not None}
+    for item in fields(diagram):
+        if item.name not in ("contact", "description", "unit_names"):
+            _write(file, item.name, diagram.held(item.name), names)
+    _write(file, "mode_shapes", shapes, names)
 
 
-def _write_arrays(group: h5py.Group, source: object, columns: Sequence[str], names: Mapping[str, str]) -> None:
-    """Write attributes of `source` as datasets, each with its unit where the contact is physical."""
-    for column in columns:
-        dataset = group.create_dataset(column, data=np.asarray(getattr(source, column)))
-        unit = names.get(_UNIT.get(column, column))
-        if unit:
-            dataset.attrs["unit"] = unit
+def _write(group: h5py.Group, name: str, value: Any, names: Mapping[str, str], quantity: str = "") -> None:
+    """Write a value: an array as dataset with its unit, numbers and texts as attributes, everything else as groups."""
+    if isinstance(value, np.ndarray):
+        group[name] = value
+        if quantity in names:
+            group[name].attrs["unit"] = names[quantity]
+    elif isinstance(value, int | float | str | np.generic):
+        group.attrs[name] = value
+    elif isinstance(value, Record):
+        inner = group.create_group(name)
+        for item in fields(value):
+            _write(inner, key_of(item), value.held(item.name), names, unit_of(item))
+    elif name == "events":
+        _write_table(group.create_group(name), Event, value)
+    elif name == "profiles" and value:
+        joined = {item.name: [getattr(profile, item.name) for profile in value] for item in fields(Profile)}
+        _write(group, name, Profile(**{name: np.concatenate(arrays) for name, arrays in joined.items()}), names)
+        group[name]["offsets"] = np.cumsum([0, *(len(r) for r in joined["r"])])
+    elif name != "profiles" and value is not None:
+        inner = group.create_group(name)
+        for key, one in value.items() if isinstance(value, Mapping) else enumerate(value):
+            _write(inner, str(key), one, names)
 
 
-def _write_branch(group: h5py.Group, branch: Branch, names: Mapping[str, str]) -> None:
-    optional = [name for name in (*_OPTIONAL, _CRITICAL) if getattr(branch, name) is not None]
-    _write_arrays(group, branch, (*_CURVE, *_INDICES, *optional), names)
-    profiles = [profile() if callable(profile) else profile for profile in branch.profiles]
-    if not profiles:
-        return
-    joined = Profile(*(np.concatenate([getattr(profile, column) for profile in profiles]) for column in _PROFILE))
-    inner = group.create_group("profiles")
-    _write_arrays(inner, joined, _PROFILE, names)
-    inner["offsets"] = np.cumsum([0, *(len(profile.r) for profile in profiles)])
+def _write_table(group: h5py.Group, kind: type[Record], records: Sequence[Record]) -> None:
+    """Write records as columns."""
+    import h5py
 
-
-def _write_events(group: h5py.Group, events: Sequence[Event]) -> None:
-    """Write events as columns: NaN and the empty text stand for what does not apply."""
-    rows = [_event_row(event) for event in events]
-    for column in _event_row(_BLANK):
-        values = [row[column] for row in rows]
-        if column in _TEXTS:
-            import h5py
-
-            group.create_dataset(column, data=values, shape=(len(values),), dtype=h5py.string_dtype())
-        else:
-            group[column] = np.array(values, dtype=np.int64 if column in _INTEGERS else np.float64)
-
-
-def _event_row(event: Event) -> dict[str, Any]:
-    """Return the columns of one event."""
-    exponent = event.exponent or Exponent(np.nan, None, None, None, "")
-    window = exponent.window or Window(*5 * (np.nan,))
-    return {
-        "kind": event.kind,
-        "control": event.control or "",
-        "name": event.name or "",
-        "message": event.message,
-        **{name: getattr(event, name) for name in OBSERVABLES},
-        **{f"{name}_error": event.error.get(name, np.nan) for name in OBSERVABLES},
-        "kappa": exponent.kappa,
-        "crossover_load": _or_nan(exponent.crossover_load),
-        "prefactor": _or_nan(exponent.prefactor),
-        "order_parameter": exponent.order_parameter,
-        **{f"window_{name}": getattr(window, name) for name in _WINDOW},
-        "stiffness": _or_nan(event.stiffness),
-        "mode": event.mode or 0,
-        "verdict": event.verdict or "",
-        "branch": event.branch,
-        "position": event.position,
-    }
-
-
-_BLANK: Final = Event("end", 0.0, 0.0, 0.0, 0.0, {})
-
-
-def _local_exponent(diagram: Diagram, event: Event) -> LocalExponent | None:
-    """Return the local exponent of an event, or None for an event that has none."""
-    if event.kind not in ("fold", "touch") or diagram.local_exponents is None:
-        return None
-    try:
-        return diagram.local_exponent(event)
-    except (InputError, ModelError):  # the curve ends too close to the event: there is nothing to store
-        return None
-
-
-def _or_nan(value: float | None) -> float:
-    return np.nan if value is None else value
+    for column in columns(kind):
+        found = [column.of(record) for record in records]
+        values = [_BLANK[column.kind] if value is None else value for value in found]
+        form = {float: np.float64, int: np.int64, str: h5py.string_dtype()}[column.kind]
+        group.create_dataset(column.name, data=values, shape=(len(values),), dtype=form)
 
 
 # Reading
 
 
-def _read(file: h5py.File) -> Diagram:
+def _read_diagram(file: h5py.File) -> Diagram:
     description = json.loads(file["contact"].asstr()[()])
-    model, cost = file["model"].attrs, file["cost"].attrs
-    events = _read_events(file["events"], file.get("mode_shapes", {}))
+    branches = file["branches"]
     return Diagram(
         contact=_rebuilt(description, file.get("tip")),
-        branches=tuple(_read_branch(file["branches"][str(i)]) for i in range(len(file["branches"]))),
-        events=events,
+        branches=tuple(_read_record(Branch, branches[str(number)]) for number in range(len(branches))),
+        events=_read_events(file["events"], file.get("mode_shapes", {})),
         thresholds={key: float(value) for key, value in file["thresholds"].attrs.items()},
-        model=ModelChoice(kind=model["kind"], why=model["why"], unknowns=int(model["unknowns"])),
-        cost=Cost(
-            float(cost["wall_s"]), int(cost["newton"]), int(cost["fft_pairs"]), int(cost.get("stability_pairs", 0))
-        ),
-        control=file.attrs["control"],
-        stiffness=float(file.attrs["stiffness"]) if "stiffness" in file.attrs else None,
-        accuracy=float(file.attrs["accuracy"]),
-        status=file.attrs["status"],
-        message=file.attrs["message"],
+        model=_read_record(ModelChoice, file["model"]),
+        cost=_read_record(Cost, file["cost"]),
         description=description,
         unit_names=json.loads(file["unit_names"].asstr()[()]),
         local_exponents={
-            int(key): LocalExponent(*_arrays(group, _LOCAL)) for key, group in file["local_exponents"].items()
+            int(key): _read_record(LocalExponent, group) for key, group in file["local_exponents"].items()
         },
+        **{key: _python(file.attrs[key]) for key in _HEAD if key in file.attrs},
     )
 
 
-def _arrays(group: h5py.Group, columns: Sequence[str]) -> list[NDArray[np.float64]]:
-    return [np.asarray(group[column][()], dtype=np.float64) for column in columns]
+def _python(value: Any) -> Any:
+    """An attribute as Python has it."""
+    return value.item() if isinstance(value, np.generic) else value
 
 
-def _read_branch(group: h5py.Group) -> Branch:
-    columns: dict[str, Any] = dict(zip(_CURVE, _arrays(group, _CURVE), strict=True))
-    indices = (*_INDICES, *(name for name in _OPTIONAL if name in group))
-    columns |= {name: np.asarray(group[name][()], dtype=np.int64) for name in indices}
-    profiles: tuple[Profile, ...] = ()
-    if "profiles" in group:
-        fields = _arrays(group["profiles"], _PROFILE)
-        offsets = group["profiles"]["offsets"][()]
-        profiles = tuple(Profile(*(array[i:j] for array in fields)) for i, j in pairwise(offsets))
-    critical = np.asarray(group[_CRITICAL][()], dtype=np.float64) if _CRITICAL in group else None
-    return Branch(**columns, profiles=profiles, critical=critical)
+def _read_record(kind: type[Kind], group: h5py.Group) -> Kind:
+    """Read a record that `_write_record` wrote; KeyError where something is missing that has no default."""
+    found: dict[str, Any] = {}
+    for item in fields(kind):
+        name = key_of(item)
+        if name in group:
+            found[item.name] = _read_profiles(group[name]) if "offsets" in group[name] else group[name][()]
+        elif name in group.attrs:
+            found[item.name] = _python(group.attrs[name])
+        elif item.default is MISSING and item.default_factory is MISSING:
+            raise KeyError(f"{group.name} has no {name}")
+    return kind(**found)
+
+
+def _read_profiles(group: h5py.Group) -> tuple[Profile, ...]:
+    joined = _read_record(Profile, group)
+    parts = pairwise(group["offsets"][()])
+    return tuple(Profile(*(getattr(joined, item.name)[i:j] for item in fields(Profile))) for i, j in parts)
 
 
 def _read_events(group: h5py.Group, shapes: Mapping[str, h5py.Group]) -> tuple[Event, ...]:
-    names = [
-        name for name in _event_row(_BLANK) if name not in ("mode", "verdict") or name in group
-    ]  # early files lack them
-    columns = {name: group[name].asstr()[()] if name in _TEXTS else group[name][()] for name in names}
-    rows = [{name: column[i] for name, column in columns.items()} for i in range(len(columns["kind"]))]
-    return tuple(_event(row, shapes.get(str(i))) for i, row in enumerate(rows))
+    # Files of the first version have no modes and verdicts: what may be None may be missing.
+    there = [column for column in columns(Event) if column.name in group]
+    read = {column.path: group[column.name] for column in there}
+    listed = [(data.asstr() if data.dtype.kind == "O" else data)[()].tolist() for data in read.values()]
+    events = [_assembled(Event, dict(zip(read, row, strict=True))) for row in zip(*listed, strict=True)]
+    modes = {int(number): _read_record(ModeShape, shape) for number, shape in shapes.items()}
+    return tuple(replace(event, mode_shape=modes.get(number)) for number, event in enumerate(events))
 
 
-def _event(row: Mapping[str, Any], shape: h5py.Group | None) -> Event:
-    exponent = None
-    if row["order_parameter"]:
-        window = Window(*(float(row[f"window_{name}"]) for name in _WINDOW))
-        exponent = Exponent(
-            kappa=float(row["kappa"]),
-            crossover_load=_or_none(row["crossover_load"]),
-            window=None if np.isnan(window.start) else window,
-            prefactor=_or_none(row["prefactor"]),
-            order_parameter=row["order_parameter"],
-        )
-    return Event(
-        kind=row["kind"],
-        **{name: float(row[name]) for name in OBSERVABLES},
-        error={name: float(row[f"{name}_error"]) for name in OBSERVABLES},
-        control=row["control"] or None,
-        name=row["name"] or None,
-        critical=exponent,
-        stiffness=_or_none(row["stiffness"]),
-        message=row["message"],
-        branch=int(row["branch"]),
-        position=float(row["position"]),
-        mode=int(row.get("mode", 0)) or None,
-        verdict=row.get("verdict") or None,
-        mode_shape=None if shape is None else ModeShape(int(shape.attrs["mode"]), *_arrays(shape, _SHAPE)),
-    )
-
-
-def _or_none(value: float) -> float | None:
-    return None if np.isnan(value) else float(value)
+def _assembled(kind: type[Kind], cells: Mapping[tuple[str, ...], Any], path: tuple[str, ...] = ()) -> Kind:
+    """The record of a row of a table, whose cells are found by their path in it."""
+    found: dict[str, Any] = {}
+    for item in fields(kind):
+        held, within = kind_of(item), (*path, item.name)
+        inside = {other: cell for other, cell in cells.items() if other[: len(within)] == within}
+        if held is None:
+            continue
+        if "None" in str(item.type) and all(same(cell, _BLANK[type(cell)]) for cell in inside.values()):
+            found[item.name] = None
+        elif issubclass(held, Record):
+            found[item.name] = _assembled(held, cells, within)
+        else:
+            found[item.name] = {one[-1]: cell for one, cell in inside.items()} if held is dict else cells[within]
+    return kind(**found)
 
 
 def _rebuilt(description: Mapping[str, Any], tip: h5py.Group | None) -> Contact | None:
@@ -414,8 +307,7 @@ def _rebuilt(description: Mapping[str, Any], tip: h5py.Group | None) -> Contact 
     from contbranch.contact.contact import Contact
 
     if tip is not None:
-        heights = np.asarray(tip["heights"][()], dtype=np.float64)
-        description = {**description, "tip": {**description["tip"], "heights": heights}}
+        description = {**description, "tip": {**description["tip"], "heights": tip["heights"][()]}}
     try:
         return Contact.from_description(description)
     except InputError:

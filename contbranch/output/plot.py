@@ -20,26 +20,56 @@ from numpy.typing import NDArray
 from contbranch.errors import InputError
 from contbranch.output.plot_curve import Line, Piece, fine_profile, pieces, smooth_line
 from contbranch.output.plot_labels import place_labels
-from contbranch.output.plot_style import STYLE as _STYLE
-from contbranch.output.plot_style import new_figure as _figure
-from contbranch.output.plot_view import arrange_panels, axis_label, check_observables, has_natural_units, view
+from contbranch.output.plot_view import (
+    BLUE,
+    GREY,
+    ORANGE,
+    STYLE,
+    arrange_panels,
+    axis_label,
+    check_observables,
+    handle,
+    has_natural_units,
+    new_figure,
+    view,
+)
+from contbranch.results.diagram import Diagram, Solution
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from contbranch.results.diagram import Diagram, Event, State
+    from contbranch.results.diagram import Event, State
 
-__all__ = ["SUFFIXES", "bifurcation_diagram", "check_suffix", "local_exponent", "overview", "profiles", "save_figure"]
+__all__ = [
+    "SUFFIXES",
+    "bifurcation_diagram",
+    "check_suffix",
+    "draw",
+    "local_exponent",
+    "overview",
+    "profiles",
+    "save_figure",
+]
 
 Array = NDArray[np.float64]
 
 SUFFIXES: Final = (".pdf", ".png", ".svg")
 
-_STABLE, _UNSTABLE, _TOUCH, _GREY = "#0072B2", "#D55E00", "#009E73", "#555555"
+_STABLE, _UNSTABLE, _TOUCH = BLUE, ORANGE, "#009E73"
 _SYMMETRY: Final = "#CC79A7"
 _MODES: Final = 6  # up to so many losses of symmetry are all labelled; of more, those of the least and the largest m
 _KNOWN: Final = 0.1  # local exponents with a larger error are not drawn
-_SERIES: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+_SERIES: Final = (_STABLE, _UNSTABLE, _TOUCH, _SYMMETRY, "#E69F00", "#56B4E9")
+
+
+def draw(result: Any) -> Figure:
+    """Draw a result as the command line does: a diagram as its `overview`, a solution as its `profiles`."""
+    if isinstance(result, Diagram):
+        return overview(result)
+    if isinstance(result, Solution):
+        return profiles(result, {} if result.contact is None else result.contact.units.names)
+    figure: Figure = result.plot()
+    return figure
 
 
 def bifurcation_diagram(diagram: Diagram, x: str = "load", y: str = "contact_radius") -> Figure:
@@ -58,8 +88,7 @@ def bifurcation_diagram(diagram: Diagram, x: str = "load", y: str = "contact_rad
     """
     if not _drawable(diagram):
         return _nothing_to_draw(diagram)
-    with mpl.rc_context(_STYLE):
-        figure = _figure(2.7)
+    with new_figure(2.7, None) as figure:
         axes = figure.subplots()
         _draw_curve(axes, diagram, _lines(diagram), x, y)
         _finish(figure, [axes], diagram, [(x, y)])
@@ -71,13 +100,12 @@ def overview(diagram: Diagram) -> Figure:
     if not _drawable(diagram):
         return _nothing_to_draw(diagram)
     panels = [("load", "contact_radius"), ("displacement", "load")]
-    with mpl.rc_context(_STYLE):
-        figure = _figure(4.9)
+    with new_figure(4.9, None) as figure:
         both = list(figure.subplots(2, 1))
         lines = _lines(diagram)
         for axes, (x, y), letter in zip(both, panels, "ab", strict=True):
             _draw_curve(axes, diagram, lines, x, y)
-            axes.set_title(f"({letter})", loc="left", fontsize=8.5, pad=4.0)
+            axes.set_title(f"({letter})", loc="left", fontsize=8.5, pad=4.0, y=1.0)
         _finish(figure, both, diagram, panels)
     return figure
 
@@ -89,8 +117,7 @@ def _drawable(diagram: Diagram) -> bool:
 
 def _nothing_to_draw(diagram: Diagram) -> Figure:
     """Return a figure that says why there is no curve."""
-    with mpl.rc_context(_STYLE):
-        figure = _figure(1.2)
+    with new_figure(1.2) as figure:
         words = textwrap.fill(f"No curve could be traced. {diagram.message}", 60)
         figure.text(0.5, 0.5, words, ha="center", va="center")
     return figure
@@ -111,23 +138,22 @@ def profiles(state: State, unit_names: dict[str, str] | None = None) -> Figure:
     fine = fine_profile(profile, state.contact_radius)
     shown = fine.r <= _interesting_radius(state)
     r = fine.r[shown]
-    with mpl.rc_context(_STYLE):
-        figure = _figure(3.8)
+    with new_figure(3.8) as figure:
         above, below = figure.subplots(2, 1, sharex=True)
         above.plot(r, fine.gap[shown], color=_STABLE)
         below.plot(r, fine.pressure[shown], color=_STABLE, label="total")
         if state.contact_radius > 0.0:
             below.plot(r, fine.wall_pressure[shown], color=_UNSTABLE, linestyle="--", label="wall")
             below.legend()
-        below.axhline(0.0, color=_GREY, linewidth=0.5, zorder=0)
+        below.axhline(0.0, color=GREY, linewidth=0.5, zorder=0)
         for axes in (above, below):
             if state.contact_radius > 0.0:
-                axes.axvline(state.contact_radius, color=_GREY, linewidth=0.6, linestyle=":", zorder=0)
+                axes.axvline(state.contact_radius, color=GREY, linewidth=0.6, linestyle=":", zorder=0)
             axes.margins(x=0.0)
         if state.contact_radius > 0.0:
             above.annotate(
                 "$a_c$", (state.contact_radius, 1.0), (3.0, -3.0), xycoords=above.get_xaxis_transform(),
-                textcoords="offset points", va="top", color=_GREY,
+                textcoords="offset points", va="top", color=GREY,
             )  # fmt: skip
         above.set_ylim(bottom=-0.04 * float(np.max(fine.gap[shown], initial=1e-300)))
         above.set_ylabel(axis_label("gap", names, False))
@@ -155,14 +181,13 @@ def local_exponent(diagram: Diagram, events: Sequence[Event] | None = None) -> F
     if not chosen:
         raise InputError(f"events: no fold under {diagram.control} control has a name; give events of the diagram")
     names = diagram.unit_names
-    with mpl.rc_context(_STYLE):
-        figure = _figure(2.7)
+    with new_figure(2.7) as figure:
         axes = figure.subplots()
         for level, text in ((1 / 2, "1/2"), (1 / 3, "1/3")):
-            axes.axhline(level, color=_GREY, linewidth=0.6, linestyle=":", zorder=0)
+            axes.axhline(level, color=GREY, linewidth=0.6, linestyle=":", zorder=0)
             axes.annotate(
                 text, (1.0, level), (3.0, 0.0), xycoords=axes.get_yaxis_transform(), textcoords="offset points",
-                va="center", color=_GREY, fontsize=7.0, annotation_clip=False,
+                va="center", color=GREY, fontsize=7.0, annotation_clip=False,
             )  # fmt: skip
         for event, color in zip(chosen, _SERIES * (1 + len(chosen) // len(_SERIES)), strict=False):
             _draw_exponent(axes, diagram, event, color)
@@ -197,7 +222,7 @@ def save_figure(figure: Figure, path: str | Path) -> None:
     kind = Path(path).suffix.lower()[1:]
     dates = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}.get(kind)
     try:
-        with mpl.rc_context(_STYLE):
+        with mpl.rc_context(STYLE):
             figure.savefig(path, dpi=300, metadata=dates, format=kind)
     except OSError as error:
         reason = error.strerror or error
@@ -234,7 +259,7 @@ def _draw_curve(axes: Axes, diagram: Diagram, lines: Sequence[Line], x: str, y: 
         axes.set_ylim(*limits.y)
     for name, draw in ((x, axes.axvline), (y, axes.axhline)):
         if name in ("load", "displacement"):
-            draw(0.0, color=_GREY, linewidth=0.4, alpha=0.6, zorder=0)
+            draw(0.0, color=GREY, linewidth=0.4, alpha=0.6, zorder=0)
 
 
 def _lines(diagram: Diagram) -> list[Line]:
@@ -304,7 +329,7 @@ def _finish(figure: Figure, panels: Sequence[Axes], diagram: Diagram, observable
         texts = [_label(event) for event in marked]
         points = np.array([[getattr(event, x), getattr(event, y)] for event in marked]).reshape(-1, 2)
         emphasis = [event.kind != "fold" or event.control == diagram.control for event in marked]
-        place_labels(axes, points, texts, ["black" if own else _GREY for own in emphasis])
+        place_labels(axes, points, texts, ["black" if own else GREY for own in emphasis])
 
 
 def _labelled(axes: Axes, diagram: Diagram, x: str, y: str) -> list[Event]:
@@ -334,9 +359,9 @@ def _legend(diagram: Diagram) -> list[Line2D]:
     unstable = {bool(np.any(b.unstable(diagram.control) > 0)) for b in diagram.branches}
     handles = []
     if True in stable:
-        handles.append(Line2D([], [], color=_STABLE, label=f"stable ({diagram.control} control)"))
+        handles.append(handle(f"stable ({diagram.control} control)", color=_STABLE))
     if True in unstable:
-        handles.append(Line2D([], [], color=_UNSTABLE, linestyle=(0, (3.2, 1.6)), label="unstable"))
+        handles.append(handle("unstable", color=_UNSTABLE, linestyle=(0, (3.2, 1.6))))
     seen = set()
     for event in sorted(_marked(diagram), key=lambda e: (e.kind == "fold", e.kind, e.control != diagram.control)):
         label = {"touch": "first touch", "symmetry": "loss of symmetry"}.get(
@@ -344,9 +369,7 @@ def _legend(diagram: Diagram) -> list[Line2D]:
         )
         if label not in seen:
             seen.add(label)
-            handles.append(
-                Line2D([], [], linestyle="none", markeredgewidth=0.7, label=label, **_marker(diagram, event))
-            )
+            handles.append(handle(label, linestyle="none", markeredgewidth=0.7, **_marker(diagram, event)))
     return handles
 
 

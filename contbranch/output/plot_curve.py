@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline, PchipInterpolator
 
+from contbranch.output.smooth import smooth
 from contbranch.results.diagram import Profile
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ def smooth_line(diagram: Diagram, number: int) -> Line:
 
     The trace takes long steps where the curve is smooth. Load, displacement and the contact coordinate (a², or minus
     the central gap) are joined by cubic splines of the arc length between one touch and the next. Between two events
-    all of them are monotonic; where a spline is not, a monotonic cubic takes its place.
+    all of them are monotonic, and so are the cubics.
     """
     branch = diagram.branches[number]
     events = [e for e in diagram.events if e.branch == number and e.kind in ("fold", "touch")]
@@ -76,10 +76,10 @@ def smooth_line(diagram: Diagram, number: int) -> Line:
         here = (fine >= start) & (fine <= stop)
         part = slice(start, stop + 1)
         for name in ("load", "displacement", "energy"):
-            columns[name][here] = _filled(length[part], knots[name][part], at[here])
-        smooth = _filled(length[part], coordinate[part], at[here])
-        columns["contact_radius"][here] = np.sqrt(np.maximum(smooth, 0.0))
-        columns["central_gap"][here] = np.maximum(-smooth, 0.0)
+            columns[name][here] = smooth(length[part], knots[name][part], at[here])
+        fine_coordinate = smooth(length[part], coordinate[part], at[here])
+        columns["contact_radius"][here] = np.sqrt(np.maximum(fine_coordinate, 0.0))
+        columns["central_gap"][here] = np.maximum(-fine_coordinate, 0.0)
     step = np.minimum(fine.astype(np.int64), len(steps) - 1)
     return Line(columns, step, np.interp(fine, np.arange(len(position)), position), _stability(unstable))
 
@@ -108,7 +108,7 @@ def fine_profile(profile: Profile, contact_radius: float) -> Profile:
         ):
             if np.count_nonzero(side) > 2:
                 inner = here & (fine >= r[side][0]) & (fine <= r[side][-1])
-                filled[inner] = PchipInterpolator(r[side], values[side])(fine[inner])
+                filled[inner] = smooth(r[side], values[side], fine[inner])
         columns.append(filled)
     return Profile(fine, *columns)
 
@@ -151,21 +151,6 @@ def _arc_length(knots: Columns, events: list[Event]) -> Array:
         extent = (max(values) - min(values)) or float(np.ptp(knots[name])) or 1.0
         steps = np.hypot(steps, np.diff(knots[name]) / extent)
     return np.concatenate([[0.0], np.cumsum(np.maximum(steps, 1e-12 * (1.0 + np.sum(steps))))])
-
-
-def _filled(knots: Array, values: Array, at: Array) -> Array:
-    """Return a cubic spline at `at`, with a monotonic cubic in the steps where the spline is not monotonic."""
-    if len(knots) < 3:
-        return np.interp(at, knots, values)
-    spline = np.asarray(CubicSpline(knots, values)(at))
-    monotonic = np.asarray(PchipInterpolator(knots, values)(at))
-    step = np.clip(np.searchsorted(knots, at, side="right") - 1, 0, len(knots) - 2)
-    low = np.minimum(values[:-1], values[1:])[step]
-    high = np.maximum(values[:-1], values[1:])[step]
-    slack = 1e-9 * (high - low)
-    leaves = np.zeros(len(knots) - 1, dtype=bool)
-    np.logical_or.at(leaves, step, (spline < low - slack) | (spline > high + slack))
-    return np.where(leaves[step], monotonic, spline)
 
 
 def _stability(unstable: NDArray[np.int64]) -> NDArray[np.bool_]:

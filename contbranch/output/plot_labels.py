@@ -15,172 +15,112 @@ if TYPE_CHECKING:
 __all__ = ["place_labels"]
 
 Array = NDArray[np.float64]
+Cells = NDArray[np.int64]
 
+_CELL: Final = 1.5  # points, of the map of what is in the way
+_PAD: Final = 80  # cells around the frame
+_LINE, _MARKER, _LABEL, _OUTSIDE = 1.0, 20.0, 20.0, 20.0  # what it costs to cover a cell
+_HALF: Final = 4.5  # half the side of the square that a marker occupies, points
 _DISTANCES: Final = (6.0, 10.0, 16.0, 24.0, 34.0, 46.0, 60.0)  # points, from the marker to the label's edge
+_FAR: Final = 0.1  # the cost of a point of distance
 _NEAR: Final = 10.0  # up to this distance a label needs no line to its point
 _DIRECTIONS: Final = 16
 _PASSES: Final = 3
-_MARKER: Final = 4.0  # half the side of the square that a marker occupies, points
 _ROOM: Final = 1.5  # around a label, points
 _FONT: Final = 7.0
+
+
+class _Places(NamedTuple):
+    """Places of a label, in cells: centres and corners (N, 2), distances (N,) in points, and leaders (N, S, 2)."""
+
+    centre: Array
+    low: Cells
+    high: Cells
+    distance: Array
+    leader: Cells
+
+    def cheapest(self, busy: Array) -> int:
+        """The place that covers least of a map."""
+        total = np.zeros((busy.shape[0] + 1, busy.shape[1] + 1))
+        total[1:, 1:] = busy.cumsum(0).cumsum(1)
+        (x0, y0), (x1, y1) = self.low.T, self.high.T
+        covered = total[x1, y1] - total[x0, y1] - total[x1, y0] + total[x0, y0]
+        crossed = np.where(self.distance > _NEAR, busy[self.leader[..., 0], self.leader[..., 1]].sum(axis=1), 0.0)
+        return int(np.argmin(covered + crossed + _FAR * self.distance))
+
+    def stamp(self, chosen: int, busy: Array) -> None:
+        """Mark a place on a map."""
+        (x0, y0), (x1, y1) = self.low[chosen], self.high[chosen]
+        busy[x0:x1, y0:y1] += _LABEL
+        if self.distance[chosen] > _NEAR:
+            busy[tuple(self.leader[chosen].T)] += _LABEL
 
 
 def place_labels(axes: Axes, points: Array, texts: Sequence[str], colors: Sequence[str]) -> None:
     """Write a text beside each point (N, 2) in data coordinates, with a line to it where it had to go far.
 
-    Each label takes, in turn and three times over, the place of least cost among those around its point: covered
-    lines, markers and other labels cost most, distance little. The layout of the figure must be final.
+    Each label takes, in turn and three times over, the place of least cost among those around its point, on a map of
+    lines, markers and other labels; distance costs little. The layout of the figure must be final.
     """
-    figure = axes.get_figure(root=True)
-    assert figure is not None
-    unit = figure.dpi / 72.0
-    extent = axes.get_window_extent()
-    frame = np.array([extent.x0, extent.y0, extent.x1, extent.y1])
-    pixels = axes.transData.transform(points) if len(points) else np.zeros((0, 2))
-    seen = [i for i, p in enumerate(pixels) if np.all((p >= frame[:2]) & (p <= frame[2:]))]
-    lines = _line_pixels(axes, 2.0 * unit)
-    obstacles = _Obstacles(
-        lines=lines[np.all((lines >= frame[:2]) & (lines <= frame[2:]), axis=1)],
-        markers=np.array([_square(pixels[i], _MARKER * unit) for i in seen]).reshape(-1, 4),
-        frame=frame + np.array([2, 2, -2, -2]) * unit,
-    )
-    choices = {i: _places(pixels[i], _text_size(axes, texts[i]) + 2.0 * _ROOM * unit, unit) for i in seen}
-    alone = {i: obstacles.costs(choices[i]) for i in seen}
-    chosen: dict[int, _Place] = {}
-    for _ in range(_PASSES):  # a label placed early moves if later ones took better places beside it
-        for i in seen:
-            others = [place for j, place in chosen.items() if j != i]
-            chosen[i] = choices[i][int(np.argmin(alone[i] + _crowding(choices[i], others)))]
-    for i, place in chosen.items():
-        _write(axes, points[i], pixels[i], place, texts[i], colors[i])
-
-
-class _Place(NamedTuple):
-    """A place of a label: its box (x0, y0, x1, y1) in pixels, distance in points, and points (M, 2) on its leader."""
-
-    box: Array
-    distance: float
-    leader: Array
-
-
-class _Obstacles(NamedTuple):
-    """What labels must not hide: points on lines (M, 2), boxes of markers (K, 4), and the frame they must not leave."""
-
-    lines: Array
-    markers: Array
-    frame: Array
-
-    def costs(self, places: Sequence[_Place]) -> Array:
-        """Return how bad places are: 3 for a covered line point, much more for markers and the frame."""
-        boxes = np.array([place.box for place in places])
-        area = (boxes[0, 2] - boxes[0, 0]) * (boxes[0, 3] - boxes[0, 1])
-        costs = np.array([0.1 * place.distance for place in places])
-        costs += 3.0 * _counts_inside(self.lines, boxes)
-        costs += 400.0 * np.sum(_overlaps(boxes, self.markers), axis=1) / area
-        costs += 2000.0 * (1.0 - _overlaps(boxes, self.frame[None, :])[:, 0] / area)
-        crossed = [np.sum(_counts_inside(place.leader, self.markers)) for place in places]
-        return np.asarray(costs + 20.0 * np.array(crossed) + 4.0 * self._crossings(places))
-
-    def _crossings(self, places: Sequence[_Place]) -> Array:
-        """Return how many points of each leader (N,) lie on lines, on a grid as coarse as the points are apart."""
-        cell = 0.01 * float(np.max(self.frame[2:] - self.frame[:2]))
-        occupied = {(int(x), int(y)) for x, y in self.lines / cell}
-        return np.array([sum((int(x), int(y)) in occupied for x, y in p.leader / cell) for p in places], dtype=float)
-
-
-def _crowding(places: Sequence[_Place], others: Sequence[_Place]) -> Array:
-    """Return how much places (N,) are in the way of labels that have theirs, leaders included."""
-    if not others:
-        return np.zeros(len(places))
-    boxes, taken = (np.array([place.box for place in group]) for group in (places, others))
-    area = (boxes[0, 2] - boxes[0, 0]) * (boxes[0, 3] - boxes[0, 1])
-    costs = 400.0 * np.sum(_overlaps(boxes, taken), axis=1) / area
-    costs += 20.0 * _counts_inside(np.concatenate([other.leader for other in others]), boxes)
-    return np.asarray(costs + 20.0 * np.array([np.sum(_counts_inside(place.leader, taken)) for place in places]))
-
-
-def _counts_inside(points: Array, boxes: Array) -> Array:
-    """Return how many of the points (M, 2) lie in each of the boxes (N, 4)."""
-    if not len(points):
-        return np.zeros(len(boxes))
-    x, y = points[:, :1].T, points[:, 1:].T
-    inside = (x >= boxes[:, :1]) & (x <= boxes[:, 2:3]) & (y >= boxes[:, 1:2]) & (y <= boxes[:, 3:])
-    return np.asarray(np.count_nonzero(inside, axis=1), dtype=np.float64)
-
-
-def _overlaps(boxes: Array, others: Array) -> Array:
-    """Return the areas (N, K) that boxes (N, 4) and others (K, 4) have in common, in square pixels."""
-    low = np.maximum(boxes[:, None, :2], others[None, :, :2])
-    high = np.minimum(boxes[:, None, 2:], others[None, :, 2:])
-    return np.asarray(np.prod(np.maximum(high - low, 0.0), axis=2))
-
-
-def _places(pixel: Array, size: Array, unit: float) -> list[_Place]:
-    """Return the places tried for a label of a size around a point, in pixels; `unit` is a point in pixels."""
-    return [
-        _Place(box, distance, _leader(pixel, box, 2.0 * unit, distance))
-        for distance in _DISTANCES
-        for box in _boxes(pixel, size, distance * unit)
-    ]
-
-
-def _leader(pixel: Array, box: Array, spacing: float, distance: float) -> Array:
-    """Return points on the line from a label to its point; none where the label is beside it."""
-    if distance <= _NEAR:
-        return np.zeros((0, 2))
-    line = _resampled(np.array([pixel, 0.5 * (box[:2] + box[2:])]), spacing)
-    return np.asarray(
-        line[np.hypot(*(line - pixel).T) > _MARKER * spacing]
-    )  # not what lies under the point's own marker
-
-
-def _text_size(axes: Axes, text: str) -> Array:
-    """Return width and height of a text, in pixels."""
     figure: Any = axes.get_figure(root=True)
-    probe = Text(0.0, 0.0, text, fontsize=_FONT, figure=figure)
-    extent = probe.get_window_extent(figure.canvas.get_renderer())
-    return np.array([extent.width, extent.height])
-
-
-def _square(pixel: Array, half: float) -> Array:
-    return np.array([pixel[0] - half, pixel[1] - half, pixel[0] + half, pixel[1] + half])
-
-
-def _boxes(pixel: Array, size: Array, distance: float) -> list[Array]:
-    """Return boxes (x0, y0, x1, y1) of a size all around a point, their edges at about the distance from it."""
-    angles = 2.0 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
-    rays = np.column_stack([np.cos(angles), np.sin(angles)])
-    centres = pixel + rays * (distance + 0.5 * size)
-    return [np.concatenate([centre - 0.5 * size, centre + 0.5 * size]) for centre in centres]
-
-
-def _line_pixels(axes: Axes, spacing: float) -> Array:
-    """Return points (M, 2), in pixels and closely spaced, on all lines of the axes."""
-    found = [np.zeros((0, 2))]
+    cell = _CELL * figure.dpi / 72.0
+    frame = axes.get_window_extent()
+    corner, extent = np.array([frame.x0, frame.y0]), np.array([frame.width, frame.height]) / cell
+    busy = np.full(np.ceil(extent).astype(int) + 2 * _PAD, _OUTSIDE)
+    busy[_PAD:-_PAD, _PAD:-_PAD] = 0.0
     for line in axes.get_lines():
         if line.get_linestyle() != "None":
             xy = np.asarray(line.get_xydata(), dtype=np.float64)
-            found.append(_resampled(line.get_transform().transform(xy[np.isfinite(xy).all(axis=1)]), spacing))
-    return np.concatenate(found)
+            pixels = line.get_transform().transform(xy[np.isfinite(xy).all(axis=1)])
+            on = _resampled((pixels - corner) / cell)
+            inside = np.floor(on[np.all((on >= 0.0) & (on < extent), axis=1)]).astype(int) + _PAD
+            busy[tuple(inside.T)] = _LINE
+    at = (axes.transData.transform(points) - corner) / cell if len(points) else np.zeros((0, 2))
+    seen = [i for i, place in enumerate(at) if np.all((place >= 0.0) & (place <= extent))]
+    places = {i: _places(at[i] + _PAD, _size(figure, texts[i]) / cell, busy.shape) for i in seen}
+    for i in seen:
+        low, high = (np.round(at[i] + _PAD + side * _HALF / _CELL).astype(int) for side in (-1, 1))
+        busy[low[0] : high[0], low[1] : high[1]] = _MARKER
+    chosen: dict[int, int] = {}
+    for _ in range(_PASSES):  # a label placed early moves if later ones took better places beside it
+        for i in seen:
+            now = busy.copy()
+            for other in chosen.keys() - {i}:
+                places[other].stamp(chosen[other], now)
+            chosen[i] = places[i].cheapest(now)
+    for i, place in chosen.items():
+        offset = (places[i].centre[place] - _PAD - at[i]) * _CELL
+        style = {"arrowstyle": "-", "linewidth": 0.5, "color": colors[i], "shrinkA": 0.0, "shrinkB": 3.0}
+        axes.annotate(
+            texts[i], tuple(points[i]), tuple(offset), textcoords="offset points", ha="center", va="center",
+            fontsize=_FONT, color=colors[i], arrowprops=style if places[i].distance[place] > _NEAR else None, zorder=6,
+        )  # fmt: skip
 
 
-def _resampled(points: Array, spacing: float) -> Array:
-    """Return points at a spacing along a polygon; a hundred thousand of them at most."""
+def _places(at: Array, size: Array, shape: tuple[int, ...]) -> _Places:
+    """Return places all around a point for a label of a size, their edges at about each of the distances from it."""
+    angles = 2.0 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
+    rays = np.tile(np.column_stack([np.cos(angles), np.sin(angles)]), (len(_DISTANCES), 1))
+    distance = np.repeat(_DISTANCES, _DIRECTIONS)
+    centre = at + rays * (distance[:, None] / _CELL + 0.5 * size)
+    limits = np.array(shape)
+    low = np.clip(np.floor(centre - 0.5 * size), 0, limits).astype(int)
+    high = np.clip(np.ceil(centre + 0.5 * size), 0, limits).astype(int)
+    # From beside the marker to the edge of the label, where its own box is counted.
+    along = at + rays[:, None, :] * np.linspace(1.5 * _HALF, distance, 12, axis=1)[:, :, None] / _CELL
+    return _Places(centre, low, high, distance, np.clip(along, 0, limits - 1).astype(int))
+
+
+def _size(figure: Any, text: str) -> Array:
+    """Return width and height of a text with some room around it, in pixels."""
+    extent = Text(0.0, 0.0, text, fontsize=_FONT, figure=figure).get_window_extent(figure.canvas.get_renderer())
+    return np.array([extent.width, extent.height], dtype=np.float64) + 2.0 * _ROOM * float(figure.dpi) / 72.0
+
+
+def _resampled(points: Array) -> Array:
+    """Return points along a polygon, half a cell apart; a hundred thousand of them at most."""
     if len(points) < 2:
         return points
     length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
-    at = np.linspace(0.0, length[-1], int(np.clip(length[-1] / spacing, 2, 100_000)))
+    at = np.linspace(0.0, length[-1], int(np.clip(2.0 * length[-1], 2, 100_000)))
     return np.column_stack([np.interp(at, length, points[:, k]) for k in (0, 1)])
-
-
-def _write(axes: Axes, point: Array, pixel: Array, place: _Place, text: str, color: str) -> None:
-    """Write a text into its place, with a thin line to its point if that is not beside it."""
-    figure = axes.get_figure(root=True)
-    assert figure is not None
-    offset = (0.5 * (place.box[:2] + place.box[2:]) - pixel) * 72.0 / figure.dpi
-    style = {"arrowstyle": "-", "linewidth": 0.5, "color": color, "shrinkA": 0.0, "shrinkB": 3.0}
-    arrow = style if len(place.leader) else None
-    axes.annotate(
-        text, tuple(point), tuple(offset), textcoords="offset points", ha="center", va="center", fontsize=_FONT,
-        color=color, arrowprops=arrow, zorder=6,
-    )  # fmt: skip

@@ -1,12 +1,17 @@
-"""How a bifurcation diagram is laid out: limits that frame its events, axis labels with units, places of panels."""
+"""How figures look: fonts, lines and colours (those of Okabe and Ito), limits, axis labels, places of panels."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import ScalarFormatter
 from numpy.typing import NDArray
 
 from contbranch.errors import InputError
@@ -14,12 +19,43 @@ from contbranch.output.plot_curve import COORDINATES, Line
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
     from contbranch.contact.contact import Contact
     from contbranch.results.diagram import Diagram
 
-__all__ = ["WIDTH", "Limits", "arrange_panels", "axis_label", "check_observables", "has_natural_units", "view"]
+__all__ = ["BLUE", "GREY", "ORANGE", "STYLE", "WIDTH", "Limits", "arrange_panels", "axis_label"]
+__all__ += ["check_observables", "handle", "has_natural_units", "new_figure", "view"]
+
+BLUE: Final = "#0072B2"
+ORANGE: Final = "#D55E00"
+GREY: Final = "#555555"
+STYLE: Final[Any] = {
+    "font.size": 8.0,
+    "axes.labelsize": 8.5,
+    "axes.linewidth": 0.7,
+    "axes.formatter.useoffset": False,
+    "axes.formatter.limits": (-4, 5),
+    "axes.formatter.use_mathtext": True,
+    "xtick.labelsize": 7.5,
+    "ytick.labelsize": 7.5,
+    "xtick.direction": "in",
+    "ytick.direction": "in",
+    "xtick.top": True,
+    "ytick.right": True,
+    "xtick.minor.visible": True,
+    "ytick.minor.visible": True,
+    "xtick.major.width": 0.7,
+    "ytick.major.width": 0.7,
+    "xtick.minor.width": 0.5,
+    "ytick.minor.width": 0.5,
+    "lines.linewidth": 1.3,
+    "legend.fontsize": 7.0,
+    "legend.frameon": False,
+    "legend.handlelength": 2.2,
+    "mathtext.fontset": "dejavusans",
+    "pdf.fonttype": 42,  # text stays text in the file
+    "svg.hashsalt": "contbranch",  # the same diagram gives the same file
+}
 
 # observable: (words, symbol, its unit where R = E = |Δγ| = 1, (23)-(26))
 _AXES: Final = {
@@ -44,6 +80,20 @@ class Limits(NamedTuple):
 
     x: tuple[float, float]
     y: tuple[float, float]
+
+
+@contextmanager
+def new_figure(height: float, layout: Literal["constrained"] | None = "constrained") -> Iterator[Figure]:
+    """Make a figure, one column wide, in the style of all; with a layout it is drawn twice, to measure it first."""
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(WIDTH, height), layout=layout)
+        FigureCanvasAgg(figure)
+        yield figure
+
+
+def handle(label: str, **style: Any) -> Line2D:
+    """Return a line for a legend."""
+    return Line2D([], [], label=label, **style)
 
 
 def axis_label(name: str, unit_names: Mapping[str, str], natural: bool) -> str:
@@ -140,12 +190,19 @@ def _inside(line: Line, windows: Mapping[str, tuple[float, float]]) -> NDArray[n
     return inside
 
 
+class _PlainTicks(ScalarFormatter):
+    """Labels of ticks as plain text, which is laid out in a tenth of the time of a formula that looks the same."""
+
+    def format_ticks(self, values: Any) -> list[str]:
+        """Return the labels without what makes them formulas."""
+        return [label.removeprefix(r"$\mathdefault{").removesuffix("}$") for label in super().format_ticks(values)]
+
+
 def arrange_panels(figure: Figure, panels: Sequence[Axes], rows: int) -> None:
     """Place panels one above the other below a legend of some rows.
 
     Only the width of the labels on the left is measured: a general layout engine takes as long as all of the drawing.
     """
-    figure.set_layout_engine("none")
     height = figure.get_figheight()
     slot = (height - _LEGEND_ROW * rows - 0.03) / len(panels)
     title = _TITLE if len(panels) > 1 else 0.08
@@ -153,12 +210,14 @@ def arrange_panels(figure: Figure, panels: Sequence[Axes], rows: int) -> None:
     for axes in panels:
         # Written into the axes, since the number of ticks depends on it, also when the figure is saved.
         axes.tick_params(which="both", labelsize=mpl.rcParams["ytick.labelsize"])
+        for axis in (axes.xaxis, axes.yaxis):
+            axis.set_major_formatter(_PlainTicks())
     for _ in range(2):  # the second time with the ticks that fit
         for i, axes in enumerate(panels):
             bottom = (len(panels) - 1 - i) * slot + _BELOW
             size = (WIDTH - left - _RIGHT, slot - _BELOW - title)
             axes.set_position((left / WIDTH, bottom / height, size[0] / WIDTH, size[1] / height))
-        left = max(_label_width(axes) for axes in panels) + 0.04
+        left = max(_label_width(axes) for axes in panels) + 0.06
 
 
 def _label_width(axes: Axes) -> float:

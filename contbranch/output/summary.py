@@ -4,123 +4,132 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Final
+from typing import Any, Final
 
-from rich.console import Console
-from rich.table import Table
-from rich.text import Text
+from contbranch.results.diagram import Diagram, Event, Solution, State
+from contbranch.results.followed import Followed
+from contbranch.results.loop import Hysteresis
+from contbranch.results.record import OBSERVABLES, Result
 
-if TYPE_CHECKING:
-    from contbranch.results.diagram import Diagram, Event, ModelChoice, Solution, State
-    from contbranch.results.loop import Hysteresis
+__all__ = ["print_result", "progress_bar", "with_error"]
 
-__all__ = ["print_diagram", "print_loop", "print_solution", "progress_bar", "with_error"]
-
-_OBSERVABLES: Final = {
-    "load": "load",
-    "displacement": "displacement",
-    "contact_radius": "contact radius",
-    "central_gap": "central gap",
-}
 _DIGITS: Final = 15  # what a double can hold
+_ROWS: Final = 12  # of a followed curve; all of it is in the JSON document
+_LEFT: Final = ("control", "unit", "stable under")  # columns of words, besides the first
+_BRACKETS: Final = "Digits in brackets: error estimate in units of the last digit."
 
 
-def print_diagram(diagram: Diagram) -> None:
-    """Print events and thresholds of a diagram with their error estimates, its model and its status."""
-    console = _console()
-    units = diagram.unit_names if diagram.contact is None else diagram.contact.units.names
+def print_result(result: Result) -> None:
+    """Print what a result holds as tables with error estimates, then its model, cost, status and message."""
+    told: Any = result  # every result that is printed has contact, model, cost, status and message
+    units = getattr(result, "unit_names", {}) if told.contact is None else told.contact.units.names
+    _PRINTED[type(result)](result, units)
+    model = told.model
+    print(f"Model: {model.kind}, {model.unknowns} unknowns. {model.why}".rstrip())
+    size = {Diagram: lambda: sum(map(len, told.branches)), Hysteresis: lambda: len(told.path)}
+    size[Followed] = lambda: len(told.curve["load"])
+    points = f"{size[type(result)]()} points in " if type(result) in size else ""
+    accuracy = f", accuracy {told.accuracy:g}" if hasattr(result, "accuracy") else ""
+    print(f"{points}{told.cost.wall_s:.2f} s{accuracy}: {told.status}")
+    if told.message:
+        print(told.message)
+
+
+def _print_diagram(diagram: Diagram, units: Mapping[str, str]) -> None:
     if diagram.events:
-        table = _table(("event", "control", *_headings(units)))
-        for event in diagram.events:
-            cells = (with_error(getattr(event, name), event.error.get(name)) for name in _OBSERVABLES)
-            table.add_row(_title(event), event.control or "", *cells)
-        console.print(table)
-        console.print(_line("Digits in brackets: error estimate in units of the last digit."))
+        rows = [[_title(event), event.control or "", *_cells(event)] for event in diagram.events]
+        _print_table(["event", "control", *_headings(units)], rows)
+        print(_BRACKETS)
     single = [branch.state(0) for branch in diagram.branches if len(branch) == 1]
     if single:  # saved by solve
-        _print_states(console, single, units)
+        _print_states(single, units)
     if diagram.thresholds:
-        table = _table(("threshold", "value", "unit") if units else ("threshold", "value"))
+        rows = []
         for name, value in diagram.thresholds.items():
-            quantity = _quantity(name)
-            unit = [units.get(quantity, "")] if units else []
-            table.add_row(name.replace("_", " "), with_error(value, _threshold_error(diagram, quantity, value)), *unit)
-        console.print(table)
-    points = sum(len(branch) for branch in diagram.branches)
-    _print_model(console, diagram.model)
-    effort = f"{points} points in {diagram.cost.wall_s:.2f} s, accuracy {diagram.accuracy:g}"
-    console.print(_line(f"{effort}: {diagram.status}"))
-    if diagram.message:
-        console.print(_line(diagram.message))
+            quantity = "contact_radius" if name.endswith("radius") else name.rsplit("_", 1)[-1]
+            errors = (event.error.get(quantity) for event in diagram.events if getattr(event, quantity, None) == value)
+            rows.append([name.replace("_", " "), with_error(value, next(errors, None)), units.get(quantity, "")])
+        _print_table(["threshold", "value", *(["unit"] if units else [])], rows)
 
 
-def _print_states(console: Console, states: Sequence[State], units: Mapping[str, str]) -> None:
-    energy = "energy" + (f" ({units['energy']})" if units else "")
-    table = _table((*_headings(units), energy, "stable under"))
+def _print_solution(solution: Solution, units: Mapping[str, str]) -> None:
+    _print_states(solution.states or (solution,), units)
+
+
+def _print_states(states: Sequence[State], units: Mapping[str, str]) -> None:
+    rows = []
     for state in states:
-        cells = (with_error(getattr(state, name), state.error.get(name)) for name in _OBSERVABLES)
         known = ("load", "displacement", *(() if state.unstable_spring is None else ("spring",)))
         controls = [control for control in known if state.stable(control)]
-        table.add_row(*cells, f"{state.energy:.9g}", " and ".join(controls) or "neither")
-    console.print(table)
+        rows.append([*_cells(state), f"{state.energy:.9g}", " and ".join(controls) or "neither"])
+    _print_table([*_headings(units, (*OBSERVABLES, "energy")), "stable under"], rows)
 
 
-def print_solution(solution: Solution, *, every: bool = False) -> None:
-    """Print a solution, or with `every` all states found, with error estimates, model and status."""
-    console = _console()
-    units = {} if solution.contact is None else solution.contact.units.names
-    _print_states(console, (solution.states or (solution,)) if every else (solution,), units)
-    _print_model(console, solution.model)
-    console.print(_line(f"{solution.cost.wall_s:.2f} s: {solution.status}"))
-    if solution.message:
-        console.print(_line(solution.message))
-
-
-def print_loop(loop: Hysteresis) -> None:
-    """Print the jumps of a loop with what they dissipate, the total, model and status."""
-    console = _console()
-    units = {} if loop.contact is None else loop.contact.units.names
-    position = "position of the spring" if loop.control == "spring" else loop.control
-    unit = units.get("load" if loop.control == "load" else "displacement", "")
-    energy = "dissipated" + (f" ({units['energy']})" if units else "")
-    names = [f"{words} ({units[name]})" if units.get(name) else words for name, words in _OBSERVABLES.items()]
+def _print_loop(loop: Hysteresis, units: Mapping[str, str]) -> None:
+    shown = OBSERVABLES[:3]
     if loop.jumps:
-        table = _table(("jump", f"{position} ({unit})" if unit else position, "", *names[:3], energy))
+        unit = units.get("load" if loop.control == "load" else "displacement", "")
+        position = "position of the spring" if loop.control == "spring" else loop.control
+        rows = []
         for jump in loop.jumps:
             loss = "no bound" if jump.dissipated is None else with_error(jump.dissipated, jump.error)
-            for state, side in ((jump.start, "from"), (jump.to, "to")):
-                if state is None:
-                    cells = ["infinite separation", "", ""]
-                else:
-                    cells = [with_error(getattr(state, n), state.error.get(n)) for n in list(_OBSERVABLES)[:3]]
-                head = (jump.name or "jump", f"{jump.position:.9g}") if side == "from" else ("", "")
-                table.add_row(*head, side, *cells, loss if side == "from" else "")
-        console.print(table)
-        console.print(_line("Digits in brackets: error estimate in units of the last digit."))
+            rows.append([jump.name or "jump", f"{jump.position:.9g}", "from", *_cells(jump.start, shown), loss])
+            end = ["infinite separation", "", ""] if jump.to is None else _cells(jump.to, shown)
+            rows.append(["", "", "to", *end, ""])
+        headings = ["jump", _with_unit(position, unit), "", *_headings(units, (*shown, "dissipated"))]
+        _print_table(headings, rows)
+        print(_BRACKETS)
     if loop.dissipated is not None:
-        unit = f" {units['energy']}" if units else ""
-        console.print(_line(f"Dissipated in the loop: {with_error(loop.dissipated, loop.error)}{unit}"))
-    _print_model(console, loop.model)
-    console.print(_line(f"{len(loop.path)} points in {loop.cost.wall_s:.2f} s: {loop.status}"))
-    if loop.message:
-        console.print(_line(loop.message))
+        print(f"Dissipated in the loop: {with_error(loop.dissipated, loop.error)} {units.get('energy', '')}".rstrip())
+
+
+def _print_followed(followed: Followed, units: Mapping[str, str]) -> None:
+    name, curve, error = followed.parameter, followed.curve, followed.error
+    count = len(curve["load"])
+    rows = []
+    for i in sorted({round(i * (count - 1) / (min(count, _ROWS) - 1)) for i in range(min(count, _ROWS))}):
+        cells = (with_error(float(curve[key][i]), float(error[key][i])) for key in OBSERVABLES)
+        rows.append([str(i), f"{curve[name][i]:.9g}", *cells])
+    _print_table(["", name, *_headings(units)], rows)
+    print(_BRACKETS)
+    if followed.special:
+        rows = []
+        for one in followed.special:
+            title = f"{one.kind} ({one.control})" if one.control else one.kind
+            rows.append([title, with_error(one.value, one.error[name] or None), *_cells(one)])
+        _print_table(["special point", name, *_headings(units)], rows)
+        for message in dict.fromkeys(one.message for one in followed.special if one.message):
+            print(message)
+
+
+_PRINTED: Final[Mapping[type, Callable[[Any, Mapping[str, str]], None]]] = {
+    Diagram: _print_diagram,
+    Solution: _print_solution,
+    Hysteresis: _print_loop,
+    Followed: _print_followed,
+}
 
 
 @contextmanager
 def progress_bar() -> Iterator[Callable[[float, str], None]]:
     """Show a progress bar on standard error; yields what takes the fraction done and a text."""
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+    began, width = time.monotonic(), 0
 
-    texts = (TextColumn("{task.percentage:3.0f}%"), TimeElapsedColumn(), TextColumn("{task.description}"))
-    with Progress(BarColumn(), *texts, console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task("", total=1.0)
+    def report(fraction: float, text: str) -> None:
+        nonlocal width
+        done = min(max(fraction, 0.0), 1.0)
+        seconds = int(time.monotonic() - began)
+        line = f"{'━' * round(40 * done):40s} {100 * done:3.0f}% {seconds // 60}:{seconds % 60:02d} {text}"
+        print(f"\r{line:{width}s}", end="", file=sys.stderr, flush=True)
+        width = len(line)
 
-        def report(fraction: float, text: str) -> None:
-            progress.update(task, completed=fraction, description=text)
-
+    try:
         yield report
+    finally:
+        print(f"\r{'':{width}s}\r", end="", file=sys.stderr, flush=True)
 
 
 def with_error(value: float, error: float | None) -> str:
@@ -147,47 +156,29 @@ def with_error(value: float, error: float | None) -> str:
     return f"{value:.{place}f}({last})"
 
 
-def _console() -> Console:
-    """Return a console on standard output; a table in a file or pipe is not folded at the width of a terminal."""
-    return Console(highlight=False, width=None if sys.stdout.isatty() else 200)
+def _print_table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
+    """Print columns as wide as their longest cell: words to the left, numbers to the right."""
+    lines = [headings, *rows]
+    widths = [max(len(line[i]) for line in lines) for i in range(len(headings))]
+    sides = ["<" if i == 0 or heading in _LEFT else ">" for i, heading in enumerate(headings)]
+    for line in lines:
+        cells = (f"{cell:{side}{width}}" for cell, side, width in zip(line, sides, widths, strict=False))
+        print("  ".join(cells).rstrip())
 
 
-def _table(headings: tuple[str, ...]) -> Table:
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
-    for i, heading in enumerate(headings):
-        number = i > 0 and heading not in ("control", "unit", "stable under")
-        table.add_column(heading, justify="right" if number else "left", no_wrap=True)
-    return table
+def _cells(source: Any, names: Iterable[str] = OBSERVABLES) -> list[str]:
+    return [with_error(getattr(source, name), source.error.get(name)) for name in names]
 
 
-def _line(text: str) -> Text:
-    """Return a text that is printed as it is: brackets are no markup."""
-    return Text(text)
+def _headings(units: Mapping[str, str], names: Iterable[str] = OBSERVABLES) -> list[str]:
+    return [_with_unit(name.replace("_", " "), units.get(name, "")) for name in names]
 
 
-def _print_model(console: Console, model: ModelChoice) -> None:
-    console.print(_line(f"Model: {model.kind}, {model.unknowns} unknowns. {model.why}".rstrip()))
-
-
-def _headings(units: Mapping[str, str]) -> list[str]:
-    return [words + (f" ({units[name]})" if units.get(name) else "") for name, words in _OBSERVABLES.items()]
+def _with_unit(words: str, unit: str) -> str:
+    return f"{words} ({unit})" if unit else words
 
 
 def _title(event: Event) -> str:
     """Return what an event is called in a table."""
     kind = {"touch": "first touch", "symmetry": f"symmetry m = {event.mode}"}.get(event.kind, event.kind)
     return f"{kind} {event.name}" if event.name else kind
-
-
-def _quantity(threshold: str) -> str:
-    """Return the observable that a threshold is a value of."""
-    last = threshold.rsplit("_", 1)[-1]
-    return "contact_radius" if last == "radius" else last
-
-
-def _threshold_error(diagram: Diagram, quantity: str, value: float) -> float | None:
-    """Return the error estimate of the event from which a threshold was taken."""
-    for event in diagram.events:
-        if getattr(event, quantity, None) == value:
-            return event.error.get(quantity)
-    return None

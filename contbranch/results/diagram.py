@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from contextlib import suppress
 from functools import cached_property
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contbranch.contact.contact import Contact
 from contbranch.control import Control
-from contbranch.errors import InputError
+from contbranch.errors import InputError, ModelError
 from contbranch.results.profile import CellFields, ModeShape, Profile
+from contbranch.results.record import Record, Result, described, late, record
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -36,13 +36,12 @@ __all__ = [
 ]
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 EventKind = Literal["fold", "touch", "topology", "symmetry", "inadmissible", "end"]
 
-OBSERVABLES = ("load", "displacement", "contact_radius", "central_gap")
 
-
-@dataclass(frozen=True)
-class State:
+@record
+class State(Record):
     """One equilibrium, in the contact's units.
 
     Attributes
@@ -74,12 +73,14 @@ class State:
     unstable_load: int
     unstable_displacement: int
     residual: float
-    error: Mapping[str, float] = field(default_factory=dict)
-    profile: Profile | None = None
-    unstable_spring: int | None = None
+    error: Mapping[str, float] = described(kind=dict, default_factory=dict)
+    profile: Profile | None = described(written=False, default=None)
+    unstable_spring: int | None = described(written="if known", default=None)
     unstable_azimuthal: int = 0
-    mean_gap: float | None = None
-    in_cell: CellFields | Callable[[], CellFields] | None = field(default=None, repr=False, compare=False)
+    mean_gap: float | None = described(written="if known", default=None)
+    in_cell: CellFields | Callable[[], CellFields] | None = described(
+        written=False, computed=lambda state: None if state.in_cell is None else state.cell, default=None
+    )
 
     @cached_property
     def cell(self) -> CellFields:
@@ -136,8 +137,8 @@ class State:
         return self.unstable(control) == 0 and self.unstable_azimuthal == 0
 
 
-@dataclass(frozen=True)
-class Window:
+@record
+class Window(Record):
     """A power law fitted over a window of the excess control, ``Δa = prefactor · Δ^kappa`` (the paper's Table 1).
 
     Attributes
@@ -148,15 +149,15 @@ class Window:
         Fitted exponent, its uncertainty (the change of the local exponent across the window) and prefactor.
     """
 
-    start: float
-    stop: float
+    start: float = described(key="from")
+    stop: float = described(key="to")
     kappa: float
     kappa_error: float
     prefactor: float
 
 
-@dataclass(frozen=True)
-class Exponent:
+@record
+class Exponent(Record):
     """Critical behaviour at a fold.
 
     Attributes
@@ -176,13 +177,13 @@ class Exponent:
 
     kappa: float
     crossover_load: float | None
-    window: Window | None
+    window: Window | None = described(kind=Window)
     prefactor: float | None = None
     order_parameter: str = "contact_radius"
 
 
-@dataclass(frozen=True)
-class LocalExponent:
+@record
+class LocalExponent(Record):
     """Local exponent ``dln|Δorder parameter| / dlnΔ`` on the contact side of a fold or touch.
 
     Attributes
@@ -201,8 +202,8 @@ class LocalExponent:
     error: Array
 
 
-@dataclass(frozen=True)
-class Event:
+@record
+class Event(Record):
     """Something that happens on the curve; every number is in the contact's units.
 
     Attributes
@@ -237,22 +238,24 @@ class Event:
         What `contbranch.follow` needs to follow the event; None for events read from a file.
     """
 
-    kind: EventKind
+    kind: EventKind = described(kind=str)
     load: float
     displacement: float
     contact_radius: float
     central_gap: float
-    error: Mapping[str, float]
+    error: Mapping[str, float] = described(kind=dict)
     control: str | None = None
     name: str | None = None
-    critical: Exponent | Callable[[], Exponent | None] | None = field(default=None, repr=False, compare=False)
+    critical: Exponent | Callable[[], Exponent | None] | None = described(
+        kind=Exponent, key="exponent", computed=lambda event: event.exponent, default=None
+    )
     stiffness: float | None = None
     message: str = ""
     branch: int = 0
     position: float = 0.0
-    origin: Any = field(default=None, repr=False, compare=False)
+    origin: Any = described(written=False, computed=lambda event: None, default=None)
     mode: int | None = None
-    mode_shape: ModeShape | None = field(default=None, repr=False, compare=False)
+    mode_shape: ModeShape | None = described(written=False, default=None, repr=False, compare=False)
     verdict: str | None = None
 
     @cached_property
@@ -261,8 +264,8 @@ class Event:
         return self.critical() if callable(self.critical) else self.critical
 
 
-@dataclass(frozen=True)
-class Branch:
+@record
+class Branch(Record):
     """One connected curve of equilibria, as arrays over its points, in the contact's units.
 
     Attributes
@@ -288,15 +291,21 @@ class Branch:
     contact_radius: Array
     central_gap: Array
     energy: Array
-    unstable_load: NDArray[np.int64]
-    unstable_displacement: NDArray[np.int64]
+    unstable_load: Indices
+    unstable_displacement: Indices
     load_error: Array
     displacement_error: Array
-    profiles: Sequence[Profile | Callable[[], Profile]] = field(default=(), repr=False)
-    unstable_spring: NDArray[np.int64] | None = None
-    unstable_azimuthal: NDArray[np.int64] | None = None
-    critical: Array | Callable[[], Array] | None = field(default=None, repr=False)
-    fft_pairs: NDArray[np.int64] | None = None
+    profiles: Sequence[Profile | Callable[[], Profile]] = described(
+        written=False,
+        computed=lambda branch: tuple(one() if callable(one) else one for one in branch.profiles),
+        default=(),
+    )
+    unstable_spring: Indices | None = described(written="if known", default=None)
+    unstable_azimuthal: Indices | None = described(written="if known", default=None)
+    critical: Array | Callable[[], Array] | None = described(
+        key="critical_eigenvalue", written=False, computed=lambda branch: branch.critical_eigenvalue, default=None
+    )
+    fft_pairs: Indices | None = described(written="if known", default=None)
 
     def __len__(self) -> int:
         return len(self.load)
@@ -304,10 +313,7 @@ class Branch:
     @property
     def columns(self) -> dict[str, NDArray[Any]]:
         """The arrays by name, those that the branch has."""
-        found = {
-            item.name: getattr(self, item.name) for item in fields(self) if item.name not in ("profiles", "critical")
-        }
-        return {name: values for name, values in found.items() if values is not None}
+        return self.items()
 
     @cached_property
     def critical_eigenvalue(self) -> Array | None:
@@ -360,17 +366,20 @@ def _of_control(source: State | Branch, control: str | Control) -> Any:
     return found
 
 
-@dataclass(frozen=True)
-class ModelChoice:
+late(Branch, "load_error", "displacement_error")
+
+
+@record
+class ModelChoice(Record):
     """Which model was used, why, and how many unknowns it had at most."""
 
-    kind: Literal["exact", "axisymmetric", "periodic", "free"]
+    kind: str
     why: str
     unknowns: int
 
 
-@dataclass(frozen=True)
-class Cost:
+@record
+class Cost(Record):
     """Wall time in seconds, Newton iterations and pairs of transforms (those spent on stability apart)."""
 
     wall_s: float
@@ -379,8 +388,8 @@ class Cost:
     stability_pairs: int = 0
 
 
-@dataclass(frozen=True)
-class Diagram:
+@record
+class Diagram(Result):
     """A bifurcation diagram.
 
     Attributes
@@ -403,6 +412,7 @@ class Diagram:
         ``"complete"`` or ``"incomplete"``, and the reason.
     """
 
+    format: ClassVar[str] = "contbranch-diagram"
     contact: Contact | None
     branches: tuple[Branch, ...]
     events: tuple[Event, ...]
@@ -413,12 +423,12 @@ class Diagram:
     accuracy: float = 1e-6
     status: Literal["complete", "incomplete"] = "complete"
     message: str = ""
-    description: Mapping[str, Any] = field(default_factory=dict)
-    unit_names: Mapping[str, str] = field(default_factory=dict)
-    local_exponents: Callable[[Event], LocalExponent] | Mapping[int, LocalExponent] | None = field(
-        default=None, repr=False
+    description: Mapping[str, Any] = described(default_factory=dict)
+    unit_names: Mapping[str, str] = described(default_factory=dict)
+    local_exponents: Callable[[Event], LocalExponent] | Mapping[int, LocalExponent] | None = described(
+        written=False, computed=lambda diagram: diagram.known_exponents(), default=None
     )
-    stiffness: float | None = None
+    stiffness: float | None = described(written="if known", default=None)
 
     def folds(self, control: str | None = None) -> Iterator[Event]:
         """The folds of one control, or all of them."""
@@ -444,11 +454,14 @@ class Diagram:
             raise InputError("event: this diagram keeps no local exponent for it; trace the contact again")
         return found
 
-    def save(self, path: str | Path) -> None:
-        """Write an HDF5 file; see ``docs/file-layout.md``."""
-        from contbranch.output.hdf5 import save
-
-        save(self, path)
+    def known_exponents(self) -> dict[int, LocalExponent]:
+        """Local exponents by the number of the event, of all that have one."""
+        found = {}
+        for number, event in enumerate(self.events):
+            # A curve that ends too close to an event leaves it without.
+            with suppress(InputError, ModelError):
+                found[number] = self.local_exponent(event)
+        return found
 
     def plot_mode(self, event: Event) -> Figure:
         """Draw the mode that changes stability at a symmetry event: gap and pressure over r, and the gap from above.
@@ -471,8 +484,8 @@ class Diagram:
         return bifurcation_diagram(self, x, y)
 
 
-@dataclass(frozen=True)
-class Solution(State):
+@record
+class Solution(State, Result):
     """The equilibrium that `solve` returns: a State, and where it comes from.
 
     Attributes
@@ -485,9 +498,15 @@ class Solution(State):
         The equilibria found, this one first.
     """
 
-    model: ModelChoice = field(default_factory=lambda: ModelChoice("axisymmetric", "", 0))
-    cost: Cost = field(default_factory=lambda: Cost(0.0, 0))
-    status: Literal["complete", "incomplete"] = "complete"
-    message: str = ""
-    states: tuple[State, ...] = ()
+    format: ClassVar[str] = "contbranch-solution"
+    model: ModelChoice = described(written=False, default_factory=lambda: ModelChoice("axisymmetric", "", 0))
+    cost: Cost = described(written=False, default_factory=lambda: Cost(0.0, 0))
+    status: Literal["complete", "incomplete"] = described(written=False, default="complete")
+    message: str = described(written=False, default="")
+    states: tuple[State, ...] = described(written=False, default=())
     contact: Contact | None = None
+
+    def body(self) -> dict[str, Any]:
+        """All states found, or this one."""
+        told = {name: getattr(self, name) for name in ("model", "cost", "status", "message")}
+        return {"states": [state.items() for state in self.states or (self,)], **told}

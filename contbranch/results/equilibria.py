@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import ClassVar, Literal, NamedTuple
 
 from contbranch.contact.contact import Contact
 from contbranch.results.diagram import Cost, ModelChoice, State
+from contbranch.results.record import Result, described, record
 
 __all__ = ["Barrier", "Equilibria"]
 
@@ -30,8 +30,8 @@ class Barrier(NamedTuple):
     heights: tuple[float, float]
 
 
-@dataclass(frozen=True)
-class Equilibria:
+@record
+class Equilibria(Result):
     """Coexisting equilibria: what `contbranch.find_all` returns; a sequence of its states.
 
     Attributes
@@ -52,14 +52,15 @@ class Equilibria:
         As of a Diagram.
     """
 
+    format: ClassVar[str] = "contbranch-equilibria"
     states: tuple[State, ...]
     connected: tuple[bool, ...]
     barriers: tuple[Barrier, ...]
-    window: tuple[float, float]
+    window: tuple[float, float] = described(unit="displacement")
     control: str
     model: ModelChoice
     cost: Cost
-    stiffness: float | None = None
+    stiffness: float | None = described(written="if known", default=None)
     status: Literal["complete", "incomplete"] = "complete"
     message: str = ""
     contact: Contact | None = None

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contbranch.contact.contact import Contact
+from contbranch.errors import InputError
 from contbranch.results.diagram import Cost, Event, ModelChoice
+from contbranch.results.record import Record, Result, described, record
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -20,8 +22,8 @@ __all__ = ["Followed", "FollowedPoint", "Special"]
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class FollowedPoint:
+@record
+class FollowedPoint(Record):
     """An event at one value of a parameter; every number is in the contact's units.
 
     Attributes
@@ -43,8 +45,12 @@ class FollowedPoint:
     central_gap: float
     error: Mapping[str, float]
 
+    def items(self) -> dict[str, Any]:
+        """What documents hold: the parameter under its own name, too."""
+        return {**super().items(), self.parameter: self.value}
 
-@dataclass(frozen=True)
+
+@record
 class Special(FollowedPoint):
     """A point of codimension two on a followed event, or an end that means something.
 
@@ -69,8 +75,8 @@ class Special(FollowedPoint):
     message: str = ""
 
 
-@dataclass(frozen=True)
-class Followed:
+@record
+class Followed(Result):
     """An event along a parameter.
 
     Attributes
@@ -89,6 +95,7 @@ class Followed:
         What was followed.
     """
 
+    format: ClassVar[str] = "contbranch-follow"
     parameter: str
     curve: Mapping[str, Array]
     error: Mapping[str, Array]
@@ -100,18 +107,29 @@ class Followed:
     accuracy: float
     status: Literal["complete", "incomplete"] = "complete"
     message: str = ""
-    unit_names: Mapping[str, str] = field(default_factory=dict)
-    solver: Callable[[float], tuple[FollowedPoint, ...]] | None = field(default=None, repr=False)
+    unit_names: Mapping[str, str] = described(default_factory=dict)
+    solver: Callable[[float], tuple[FollowedPoint, ...]] | None = described(
+        written=False, computed=lambda followed: None, default=None
+    )
+
+    def body(self) -> dict[str, Any]:
+        """All but the exponent of what was followed, which changes along the curve and takes long."""
+        event = replace(self.event, critical=None).items()
+        del event["exponent"]
+        return {**self.items(), "event": event}
 
     def at(self, value: float) -> tuple[FollowedPoint, ...]:
         """The event at exactly one value of the parameter, as often as the curve passes it: solved, not interpolated.
 
         Raises
         ------
+        InputError
+            If the curve was pickled: follow the event again.
         ModelError
             If it is not found again.
         """
-        assert self.solver is not None
+        if self.solver is None:
+            raise InputError("followed: it was pickled without what solves it; follow the event again")
         return self.solver(value)
 
     def plot(self, y: str | None = None) -> Figure:
@@ -120,9 +138,3 @@ class Followed:
         from contbranch.output.plot_follow import followed_curve
 
         return followed_curve(self, y or ("displacement" if self.event.control == "displacement" else "load"))
-
-    def document(self) -> dict[str, Any]:
-        """Return the JSON document, format ``contbranch-follow``."""
-        from contbranch.output.document_follow import follow_document
-
-        return follow_document(self)

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contbranch.contact.contact import Contact
 from contbranch.results.diagram import Cost, ModelChoice, State
+from contbranch.results.record import Record, Result, described, record
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -21,8 +21,8 @@ __all__ = ["Hysteresis", "Jump", "Path"]
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Path:
+@record
+class Path(Record):
     """Stable states in the order in which they are passed, in the contact's units.
 
     Attributes
@@ -53,8 +53,8 @@ class Path:
         return found
 
 
-@dataclass(frozen=True)
-class Jump:
+@record
+class Jump(Record):
     """A jump at a fold; what it starts from is called ``from`` in documents and `start` here (``from`` is a keyword).
 
     Attributes
@@ -77,12 +77,14 @@ class Jump:
 
     name: str | None
     position: float
-    start: State
+    start: State = described(key="from")
     to: State | None
     dissipated: float | None
-    error: float | None
-    others: tuple[State, ...] = field(default=(), repr=False)
-    _area: Callable[[], float] | None = field(default=None, repr=False, compare=False)
+    error: float | None = described(unit="dissipated")
+    others: tuple[State, ...] = described(written=False, default=(), repr=False)
+    _area: float | Callable[[], float] | None = described(
+        unit="dissipated", written=False, computed=lambda jump: jump.area, default=None
+    )
 
     @cached_property
     def area(self) -> float | None:
@@ -92,15 +94,15 @@ class Jump:
         dV = F dd holds to their discretisation errors only, while `dissipated` needs the ends alone. None where there
         is no state after the jump, or no curve that joins it with the fold.
         """
-        return None if self._area is None else self._area()
+        return self._area() if callable(self._area) else self._area
 
 
 # The document's key is a keyword of the language, which only getattr can spell.
 setattr(Jump, "from", property(lambda jump: jump.start))
 
 
-@dataclass(frozen=True)
-class Hysteresis:
+@record
+class Hysteresis(Result):
     """A quasi-static loop under one control: what `contbranch.hysteresis` returns.
 
     Attributes
@@ -120,24 +122,27 @@ class Hysteresis:
     contact : Contact or None
     """
 
+    format: ClassVar[str] = "contbranch-loop"
     path: Path
     jumps: tuple[Jump, ...]
     dissipated: float | None
-    error: float | None
+    error: float | None = described(unit="dissipated")
     closed: bool
     model: ModelChoice
     cost: Cost
     control: str
-    stiffness: float | None = None
+    stiffness: float | None = described(written="if known", default=None)
     status: Literal["complete", "incomplete"] = "complete"
     message: str = ""
     contact: Contact | None = None
-    _area: Callable[[], float] | None = field(default=None, repr=False, compare=False)
+    _area: float | Callable[[], float] | None = described(
+        unit="dissipated", written=False, computed=lambda loop: loop.area, default=None
+    )
 
     @cached_property
     def area(self) -> float | None:
         """Work done by the drive over the closed loop, by quadrature along the stable legs; equals `dissipated`."""
-        return None if self._area is None else self._area()
+        return self._area() if callable(self._area) else self._area
 
     def plot(self) -> Figure:
         """Draw the force curve and the contact radius along the loop, with arrows and jumps."""

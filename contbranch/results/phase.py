@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
 
 from contbranch.contact.contact import Contact
 from contbranch.results.diagram import Cost
 from contbranch.results.followed import Followed
+from contbranch.results.record import Record, Result, described, record
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -27,8 +26,8 @@ FINE = 320
 MERGING = {"cusp": 2, "cusp-at-touch": 3}
 
 
-@dataclass(frozen=True)
-class Part:
+@record
+class Part(Record):
     """A part of one equilibrium curve between folds and first touch, on which the control is monotone.
 
     Attributes
@@ -38,8 +37,8 @@ class Part:
     contact, stable : bool
     """
 
-    start: float
-    stop: float
+    start: float = described(key="from")
+    stop: float = described(key="to")
     contact: bool
     stable: bool
 
@@ -49,8 +48,8 @@ class Part:
         return self.contact, self.stable
 
 
-@dataclass(frozen=True)
-class PhaseDiagram:
+@record
+class PhaseDiagram(Result):
     """Regions of a parameter and a control by the number and kind of stable states at finite separation.
 
     Attributes
@@ -69,6 +68,7 @@ class PhaseDiagram:
         Whether equal ratios of the parameter count alike.
     """
 
+    format: ClassVar[str] = "contbranch-phase"
     parameter: str
     control: Literal["load", "displacement"]
     values: Array
@@ -80,7 +80,7 @@ class PhaseDiagram:
     logarithmic: bool = False
     status: Literal["complete", "incomplete"] = "complete"
     message: str = ""
-    unit_names: Mapping[str, str] = field(default_factory=dict)
+    unit_names: Mapping[str, str] = described(default_factory=dict)
 
     @property
     def counts(self) -> dict[str, Integers]:
@@ -171,11 +171,13 @@ class PhaseDiagram:
 
 def _through(knots: dict[float, float], at: float) -> float:
     """Interpolation without overshoot through knots."""
+    from contbranch.output.smooth import smooth
+
     places = np.array(sorted(knots))
     levels = np.array([knots[place] for place in places])
     if len(places) < 2 or not np.isfinite(levels).all():
         return float(levels[0])
-    return float(PchipInterpolator(places, levels)(at))
+    return float(smooth(places, levels, np.array([at]))[0])
 
 
 def counted(parts: tuple[Part, ...] | list[Part], levels: Array) -> tuple[Integers, Integers]:

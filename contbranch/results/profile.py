@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
+
+from contbranch.results.record import Record, described, record
 
 __all__ = ["CellFields", "ModeShape", "Profile"]
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Profile:
+@record
+class Profile(Record):
     """Fields of one state as functions of the radius, in the contact's units.
 
     Attributes
@@ -28,8 +28,8 @@ class Profile:
     wall_pressure: Array
 
 
-@dataclass(frozen=True)
-class ModeShape:
+@record
+class ModeShape(Record):
     """A variation ``cos(mode · θ)`` of an axisymmetric state, as a function of the radius.
 
     Attributes
@@ -47,12 +47,12 @@ class ModeShape:
 
     mode: int
     r: Array
-    gap: Array
-    pressure: Array
+    gap: Array = described(unit="")
+    pressure: Array = described(unit="")
 
 
-@dataclass(frozen=True)
-class CellFields:
+@record
+class CellFields(Record):
     """Fields on the nodes of a square cell, in the contact's units; the tip's middle is at x = y = 0.
 
     Attributes

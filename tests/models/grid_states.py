@@ -5,17 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from followed import Followed
 
 import contbranch as cb
 from contbranch.models.axisymmetric.azimuthal import counted, eigenvalues
-from contbranch.models.axisymmetric.trace import Target, Traced, trace
 from contbranch.models.grid.lattice import Lattice
 from contbranch.models.grid.newton import Equilibrium, Hold, newton
 from contbranch.models.grid.problem import GridProblem
 
 
-def traced(contact: cb.Contact, accuracy: float = 1e-7) -> Traced:
-    return trace(contact.to_reduced(), accuracy, Target())
+def traced(contact: cb.Contact, accuracy: float = 1e-7) -> Followed:
+    return Followed(contact.to_reduced(), accuracy)
 
 
 def grid_problem(contact: cb.Contact, kind: str, edge: float, grid: int, quarter: bool = True) -> GridProblem:
@@ -31,7 +31,7 @@ class Row:
     """A row of an axisymmetric curve."""
 
     contact: cb.Contact
-    traced: Traced
+    traced: Followed
     row: int
 
     @property

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from followed import Followed
 
 import contbranch as cb
-from contbranch.models.axisymmetric.trace import Target, Traced, trace
 
 CASES = [
     pytest.param(cb.Contact.reduced(cb.Exponential, 1.0), id="exponential"),
@@ -29,10 +29,8 @@ TOLERANCE = 1e-8
 
 
 @pytest.fixture(scope="module", params=CASES)
-def traced(request) -> Traced:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("contbranch.models.axisymmetric.trace.TRACE_TOLERANCE", TOLERANCE)
-        return trace(request.param, TOLERANCE, Target(), events=False)
+def traced(request) -> Followed:
+    return Followed(request.param, TOLERANCE, TOLERANCE, events=False)
 
 
 def parts(problem, x, u):
@@ -70,7 +68,7 @@ def test_energy_is_the_work_of_the_load_along_the_branch(traced):
             u = start.parameter + du * share
             x = problem.solve_at(x, u)
             slope = -np.linalg.solve(problem.jacobian(x, u), problem.parameter_derivative(x, u))
-            _, rate = problem.rates(x, u, slope, 1.0)
+            _, rate = problem.rates(x, u, slope, 1.0)[:2]
             work += width * parts(problem, x, u)[1] * rate
         scale = work_scale(curve.load[k + 1], curve.displacement[k + 1])
         worst.append(abs(curve.energy[k + 1] - curve.energy[k] - work) / scale)
@@ -87,7 +85,7 @@ def test_rates_and_the_derivative_of_the_energy(traced):
             continue
         tangent = -np.linalg.solve(problem.jacobian(point.x, u), problem.parameter_derivative(point.x, u))
         _, load, d, _ = parts(problem, point.x, u)
-        load_rate, d_rate = problem.rates(point.x, u, tangent, 1.0)
+        load_rate, d_rate = problem.rates(point.x, u, tangent, 1.0)[:2]
         rows = []
         for shift in (-2, -1, 1, 2):
             v = u + shift * step

@@ -6,6 +6,7 @@ import json
 
 import numpy as np
 import pytest
+from followed import Followed
 from ring_kernel import Rings, disc_rings, ring_eigenvalues
 
 import contbranch as cb
@@ -18,9 +19,7 @@ from contbranch.models.axisymmetric.azimuthal import (
     unstable_count,
 )
 from contbranch.models.axisymmetric.modal import ModeSpace, inner_mode_pressure
-from contbranch.models.axisymmetric.symmetry import critical_at
-from contbranch.models.axisymmetric.trace import Target, trace
-from contbranch.output.document import diagram_document
+from contbranch.output.document import document as document_of
 from contbranch.output.plot_modes import mode_figure
 
 TABOR = 2.0
@@ -34,7 +33,7 @@ def flat(law=cb.Gauss, exponent=3.0, work=-1.0, reach=0.4, length=1.0, modulus=1
 
 def state_of(contact: cb.Contact, *, touching: bool):
     """A resolved equilibrium amid those on which the interaction softens somewhere: problem, h, u."""
-    traced = trace(contact.to_reduced(), 1e-9, Target(), events=False)
+    traced = Followed(contact.to_reduced(), 1e-9, events=False)
     rows = [
         row
         for row, point in enumerate(traced.points)
@@ -45,6 +44,18 @@ def state_of(contact: cb.Contact, *, touching: bool):
     point = traced.points[rows[len(rows) // 2]]
     problem, x = traced.problem(rows[len(rows) // 2]).remeshed(point.x, point.parameter, 1e-11)
     return problem, x, point.parameter
+
+
+def critical_at(problem, x, u, m, accuracy, index=1):
+    """Eigenvalue and mode of a state, on ever finer meshes until the error estimate satisfies."""
+    best = None
+    for _ in range(4):
+        found = critical_eigenvalue(problem.equations, problem.fields(x, u), m, index)
+        best = found if best is None or found.error < best.error else best
+        if found.error <= accuracy or problem.size > 1500:
+            break
+        problem, x = problem.on(problem.equations.mesh.finer, x, u)
+    return best
 
 
 STATES = {
@@ -162,11 +173,11 @@ def test_a_convex_energy_has_no_unstable_mode(tip):
 )
 def test_a_blunt_tip_never_breaks_its_symmetry(contact):
     """A growing gap is a positive supersolution; counted here without that proof, on every other unstable state."""
-    traced = trace(contact.to_reduced(), 1e-5, Target())
+    traced = Followed(contact.to_reduced(), 1e-5)
     assert traced.curve.complete
-    assert traced.indices.displacement.max() == 1
+    assert traced.curve.unstable_displacement.max() == 1
     assert (traced.curve.unstable_azimuthal == 0).all()
-    for row in np.flatnonzero(traced.indices.displacement)[::2]:
+    for row in np.flatnonzero(traced.curve.unstable_displacement)[::2]:
         point = traced.points[row]
         fields = traced.problem(row).fields(point.x, point.parameter)
         assert unstable_count(traced.problem(row).equations, fields, 1, finely=False) == 0
@@ -175,7 +186,7 @@ def test_a_blunt_tip_never_breaks_its_symmetry(contact):
 @pytest.fixture(scope="module")
 def cascade():
     """A flat tip's trace at the default accuracy, and one with other steps and meshes."""
-    return trace(flat(exponent=4.0, reach=0.5).to_reduced(), 1e-6, Target())
+    return Followed(flat(exponent=4.0, reach=0.5).to_reduced(), 1e-6)
 
 
 def broken(events):
@@ -220,9 +231,7 @@ def test_the_index_changes_by_one_at_every_event(cascade):
 
 def test_events_do_not_depend_on_the_trace(cascade):
     """Another accuracy has other steps, other meshes and another order of the panels' polynomials."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("contbranch.models.axisymmetric.trace.TRACE_TOLERANCE", 1e-8)
-        sharp = trace(flat(exponent=4.0, reach=0.5).to_reduced(), 1e-9, Target())
+    sharp = Followed(flat(exponent=4.0, reach=0.5).to_reduced(), 1e-9, 1e-8)
     ours, theirs = broken(cascade.curve.events), broken(sharp.curve.events)
     assert [event.mode for event in ours] == [event.mode for event in theirs] == [1, 2, 3, 3, 2, 1]
     for one, other in zip(ours, theirs, strict=True):
@@ -237,7 +246,7 @@ def test_events_do_not_depend_on_the_trace(cascade):
 def test_at_an_event_rings_in_real_space_have_the_eigenvalue_1(cascade, number):
     """m = 2 without, m = 1 with contact; the slope of the eigenvalue along the load is below 1."""
     event = broken(cascade.curve.events)[number]
-    problem, x, u = event.place.problem, event.place.x, event.place.u
+    problem, x, u = event.place.problem, event.place.x, event.place.parameter
     fields = problem.fields(x, u)
     a = fields.rim.radius
     found = ring_eigenvalues(event.mode, a, graded(problem.equations.mesh, a), stiffness_of(problem.equations, fields))
@@ -258,7 +267,7 @@ def test_results_carry_modes(cascade, tmp_path):
     np.testing.assert_allclose(shape.r, reduced.mode_shape.r * scales.in_plane)
     np.testing.assert_allclose(shape.pressure, reduced.mode_shape.pressure * scales.pressure / scales.normal)
 
-    document = diagram_document(diagram)
+    document = document_of(diagram)
     json.dumps(document, allow_nan=False)
     assert {item["mode"] for item in document["events"] if item["kind"] != "symmetry"} == {None}
     assert document["events"][diagram.events.index(event)]["mode"] == event.mode

@@ -64,9 +64,9 @@ def test_a_stiffness_reaches_load_and_displacement_control():
 def test_units_are_those_of_the_start():
     """The second law three times as strong would make other reduced units of its own contact."""
     family = family_of(SUM, "interaction[2].work_of_adhesion", -9.0)
-    _, law, scales = family.reduced(family.coordinate(-9.0))
+    contact, scales = family.reduced(family.coordinate(-9.0))
     assert scales == SUM.scales
-    assert law.terms[1].work_of_adhesion == pytest.approx(-9.0 / SUM.scales.energy_per_area)
+    assert contact.interaction.terms[1].work_of_adhesion == pytest.approx(-9.0 / SUM.scales.energy_per_area)
 
 
 @pytest.mark.parametrize("broken", [lambda value: 1 / 0, lambda value: "contact"])

@@ -10,23 +10,37 @@ import pytest
 from ring_reference import Rings as Reference
 
 import contbranch as cb
-from contbranch.control import DISPLACEMENT
-from contbranch.models.rings.journey import Target
-from contbranch.models.rings.legs import solved
+from contbranch.continuation import Point
+from contbranch.control import DISPLACEMENT, LOAD, Control
+from contbranch.curve.events import Margin, Reached
+from contbranch.curve.outcome import RawEvent
+from contbranch.curve.problem import Rates, Work, equilibrium
+from contbranch.curve.refine import moved, refine, settled
+from contbranch.curve.rows import raw_curve
+from contbranch.curve.solve import crossings, state_on
+from contbranch.curve.trace import Request, trace
+from contbranch.curve.track import Track
+from contbranch.models.rings import Rings
+from contbranch.models.rings.equations import rings
+from contbranch.models.rings.handover import Disc, taken_over
+from contbranch.models.rings.newton import solved
 from contbranch.models.rings.panels import Grid, Panels
-from contbranch.models.rings.problem import RingProblem
-from contbranch.models.rings.solve import indices_on, state_between
-from contbranch.models.rings.trace import Traced, trace
 
+STEP = cb.Contact.reduced(cb.MaugisDugdale, tabor=1.0, sign=-1)
 BLUNT = cb.Contact(cb.PowerLaw(4.0, 1.0), cb.Exponential(-1.0, 1.0))
 """A tip so blunt that its repulsive film is thinnest on a ring, where the wall is touched first."""
 
 
+def followed(contact: cb.Contact, accuracy: float, target: float | None, held: Control = LOAD) -> Track:
+    """The curve of a contact in reduced units."""
+    request = Request(accuracy, target=target, held=held, modes=0)
+    return trace(Rings().problem(contact, accuracy), request)
+
+
 @pytest.fixture(scope="module")
-def step() -> Traced:
+def step() -> Track:
     """The curve of the repulsive Maugis–Dugdale law at tabor = 1, out to d = 6."""
-    contact = cb.Contact.reduced(cb.MaugisDugdale, tabor=1.0, sign=-1)
-    return trace(contact, 1e-9, Target(6.0, DISPLACEMENT))
+    return followed(STEP, 1e-9, 6.0, DISPLACEMENT)
 
 
 @pytest.fixture(scope="module")
@@ -35,12 +49,21 @@ def annulus() -> cb.Diagram:
     return cb.trace(BLUNT, accuracy=1e-7)
 
 
-def at(traced: Traced, displacement: float) -> cb.State:
+@pytest.fixture(scope="module")
+def blunt() -> Track:
+    """The same on rows with their problems."""
+    return followed(BLUNT, 1e-7, None)
+
+
+def at(track: Track, displacement: float) -> cb.State:
     """The state at a displacement of a curve along which it grows."""
-    piece = int(np.searchsorted(traced.curve.displacement, displacement)) - 1
-    unstable = indices_on(traced.curve, traced.indices, piece)
-    begin, end = traced.points[piece : piece + 2]
-    return state_between(begin, end, unstable, "displacement", displacement, 1e-9)
+    (found,) = crossings(track, "displacement", displacement, 1e-9)
+    return state_on(track, found)
+
+
+def nearest(track: Track, displacement: float) -> Point:
+    """The row closest to a displacement."""
+    return track.points[int(np.argmin(np.abs(track.column("displacement") - displacement)))]
 
 
 def test_elastic_response_of_hertz() -> None:
@@ -65,13 +88,19 @@ def test_response_to_moving_edges(bounded: bool) -> None:
         assert np.abs((above - below) / (2 * step) - moved[:, k]).max() < 1e-8 * np.abs(moved).max()
 
 
+def first_change(contact: cb.Contact, accuracy: float) -> RawEvent:
+    """The first change of the contact set."""
+    request = Request(accuracy, modes=0)
+    events = raw_curve(trace(Rings().problem(contact, accuracy), request), request).events
+    return next(event for event in events if event.kind == "topology")
+
+
 @pytest.mark.parametrize("tabor", [0.4, 1.0, 2.5])
 def test_disc_opens_where_hertz_pressure_reaches_the_law(tabor: float) -> None:
     """Up to then Hertz' contact with a wall at g = z0: p(0) = 2c/π = σ, d + z0 = c², F = 4c³/3."""
     sigma = tabor
     contact = cb.Contact.reduced(cb.MaugisDugdale, tabor=tabor, sign=-1)
-    curve = trace(contact, 1e-8, Target(1.01 * 4 / 3 * (math.pi * sigma / 2) ** 3)).curve
-    event = next(event for event in curve.events if event.kind == "topology")
+    event = first_change(contact, 1e-8)
     c = math.pi * sigma / 2
     for value, error, exact in zip(
         event.values, event.error, (4 / 3 * c**3, c * c - 1 / tabor, 0.0, 1 / tabor), strict=True
@@ -81,7 +110,7 @@ def test_disc_opens_where_hertz_pressure_reaches_the_law(tabor: float) -> None:
 
 
 @pytest.mark.parametrize(("displacement", "end"), [(2.380, 2.4), (5.5, 3.2)])
-def test_ring_against_active_sets(step: Traced, displacement: float, end: float) -> None:
+def test_ring_against_active_sets(step: Track, displacement: float, end: float) -> None:
     """F, ring and contact agree with rings of uniform pressure (`ring_reference`), the better the finer."""
     state = at(step, displacement)
     assert state.error["load"] < 1e-8 * state.load
@@ -98,14 +127,14 @@ def test_ring_against_active_sets(step: Traced, displacement: float, end: float)
         assert (touched[-1] if len(touched) else 0.0) == pytest.approx(wall[-1] if len(wall) else 0.0, abs=width)
 
 
-def test_load_of_the_ring_at_2_380(step: Traced) -> None:
+def test_load_of_the_ring_at_2_380(step: Track) -> None:
     """F ≈ 8.2297 (an independent fine solution with rings and active sets, design notes), one stable state."""
     state = at(step, 2.380)
     assert state.load == pytest.approx(8.2297, abs=5e-4)
     assert (state.unstable_load, state.unstable_displacement, state.contact_radius) == (0, 0, 0.0)
 
 
-def test_energy_of_the_ring(step: Traced) -> None:
+def test_energy_of_the_ring(step: Track) -> None:
     """dV/dd = F by Boole's rule over [4.0, 4.4] (before touch), and the virial 5V = 2dF + 3V_fr + 2∫ g p_fr d²r.
 
     V_fr follows from the profile; on the ring the pressure is the interaction's, on the contact it does no work.
@@ -115,10 +144,8 @@ def test_energy_of_the_ring(step: Traced) -> None:
     work = 0.4 / 90 * np.array([7, 32, 12, 32, 7]) @ [state.load for state in states]
     assert states[-1].energy - states[0].energy == pytest.approx(float(work), abs=1e-9)
     for displacement in (4.2, 5.8):
-        row = int(np.argmin(np.abs(step.curve.displacement - displacement)))
-        point = step.points[row]
-        problem = point.problem
-        assert isinstance(problem, RingProblem)
+        point = nearest(step, displacement)
+        problem = rings(point)
         fields = problem.fields(point.x, point.parameter)
         area = 2 * math.pi * fields.grid.weights * fields.grid.r
         interaction = float(area @ problem.density(fields))
@@ -130,12 +157,14 @@ def test_energy_of_the_ring(step: Traced) -> None:
 def test_narrow_ring_becomes_a_jump() -> None:
     """With the ring far narrower than its radius: F = πσc², d = c²/2 − z0 + 4σc/π (design notes, §3, σ < 0 there)."""
     tabor = 0.15
-    traced = trace(cb.Contact.reduced(cb.MaugisDugdale, tabor=tabor, sign=-1), 1e-8, Target(4.0))
-    last = traced.points[-1]
-    c = float(last.x[-1])
-    assert last.observables["contact_radius"] == 0.0
-    assert traced.curve.load[-1] == pytest.approx(math.pi * tabor * c * c, rel=1e-10)
-    assert traced.curve.displacement[-1] == pytest.approx(c * c / 2 - 1 / tabor + 4 / math.pi * tabor * c, abs=1e-9)
+    track = followed(cb.Contact.reduced(cb.MaugisDugdale, tabor=tabor, sign=-1), 1e-8, None)
+    last = next(
+        point for k, point in enumerate(track.points) if k > max(track.onward) and point.observables["load"] > 4
+    )
+    c, own = float(last.x[-1]), last.observables
+    assert own["contact_radius"] == 0.0
+    assert own["load"] == pytest.approx(math.pi * tabor * c * c, rel=1e-10)
+    assert own["displacement"] == pytest.approx(c * c / 2 - 1 / tabor + 4 / math.pi * tabor * c, abs=1e-9)
 
 
 def test_maugis_dugdale_repulsion_from_a_users_view() -> None:
@@ -164,8 +193,7 @@ def test_pressure_largest_on_a_ring() -> None:
     c³ = (9π/8)/√2.
     """
     contact = cb.Contact(cb.PowerLaw(4.0, 1.0), cb.MaugisDugdale(-1.0, 1.0))
-    curve = trace(contact, 1e-7, Target(5.0)).curve
-    event = next(event for event in curve.events if event.kind == "topology")
+    event = first_change(contact, 1e-7)
     c = (9 * math.pi / 8 / math.sqrt(2)) ** (1 / 3)
     assert event.values[1] == pytest.approx(2 / 3 * c**4 - 1, abs=event.error[1])
     assert event.values[0] == pytest.approx(2 * (2 / 3) * c**5 * 4 / 5, abs=event.error[0])
@@ -212,18 +240,122 @@ def test_single_state_with_an_annulus(annulus: cb.Diagram) -> None:
     assert states[-1].energy - states[0].energy == pytest.approx(float(work), abs=1e-7)
 
 
-def test_convergence_with_the_order(step: Traced) -> None:
+def test_convergence_with_the_order(step: Track) -> None:
     """At fixed displacement the load's error falls by more than a factor 10 with every two nodes a panel."""
-    row = int(np.argmin(np.abs(step.curve.displacement - 3.0)))
-    point = step.points[row]
-    problem = point.problem
-    assert isinstance(problem, RingProblem)
+    (crossing,) = crossings(step, "displacement", 3.0, 1e-9)
+    point = crossing.found.point
+    problem = rings(point)
     coarse = replace(problem.panels, halves=((0.3,), (0.3,), (0.3,)))
     loads = []
     for order in (4, 6, 8, 16):
         other = problem.on(replace(coarse, order=order))
-        x, d = solved(other, problem.carried(point.x, point.x, other), point.parameter)
-        loads.append(other.load(other.fields(x, d)))
+        carried = problem.carried(point.x, point.x, other)
+        x, d = solved(other, carried, point.parameter, (0.0 * carried, 1.0))
+        loads.append(other.values(x, d).load)
     errors = np.abs(np.array(loads[:-1]) - loads[-1])
     assert np.all(errors[1:] < 0.1 * errors[:-1])
     assert errors[-1] < 1e-8
+
+
+@pytest.mark.parametrize("displacement", [1.0, 2.5, 3.7, 5.8])
+def test_rates_are_those_of_central_differences(step: Track, displacement: float) -> None:
+    """On a disc at rest, with the hole in it, and with contact inside of the ring."""
+    point, h = nearest(step, displacement), 1e-5
+    problem, direction = equilibrium(point), (point.tangent_x, point.tangent_parameter)
+    above, below = (problem.values(point.x + s * direction[0], point.parameter + s * direction[1]) for s in (h, -h))
+    rates = problem.rates(point.x, point.parameter, *direction)
+    assert rates == pytest.approx([(a - b) / (2 * h) for a, b in zip(above[:4], below[:4], strict=True)], abs=1e-8)
+
+
+def test_central_gap_of_an_annulus_changes_at_its_rate(blunt: Track) -> None:
+    """Inside of an annulus of contact the panels of the film are stretched as the edges move."""
+    point = next(p for p in blunt.points if p.observables["contact_radius"] > 0 and p.observables["central_gap"] > 0.02)
+    problem, h = equilibrium(point), 1e-6
+    above, below = (
+        problem.values(point.x + s * point.tangent_x, point.parameter + s * point.tangent_parameter) for s in (h, -h)
+    )
+    rates = problem.rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
+    assert rates == pytest.approx([(a - b) / (2 * h) for a, b in zip(above[:4], below[:4], strict=True)], abs=1e-7)
+
+
+@pytest.mark.parametrize("displacement", [1.0, 3.0, 5.8])
+def test_defect_is_the_difference_to_finer_panels(step: Track, displacement: float) -> None:
+    """One step of Newton's method on finer panels tells what the solution there is, across the curve."""
+    point = nearest(step, displacement)
+    coarse = rings(point)
+    coarse = coarse.on(replace(coarse.panels, order=5))
+    here = settled(moved(point, coarse))
+    defect, there = coarse.defect(here), coarse.finer()
+    direction = moved(here, there)
+    metric = there.metric(direction.x)
+    row = metric.row(there, direction.tangent_x, direction.tangent_parameter)
+    x, d = solved(there, direction.x, here.parameter, row)
+    before, after = coarse.values(here.x, here.parameter), there.values(x, d)
+    assert abs(defect.load) > 1e-10
+    assert defect.load == pytest.approx(after.load - before.load, rel=1e-2)
+    assert defect.displacement == pytest.approx(after.displacement - before.displacement, rel=1e-2)
+
+
+def test_a_disc_at_rest_is_followed_by_a_ring(step: Track) -> None:
+    """At p(0) = σ a region in the band below is born at the centre, and the state goes on from d = π²/4 − 1."""
+    mark = next(mark for mark in step.marks if mark.kind == "topology")
+    event = refine(mark.point, Margin(mark.margin), 1e-9).point
+    found = equilibrium(event).successor(mark.margin, [event])
+    assert (found.kind, found.same, found.starts[0].x.size > event.x.size) == ("topology", False, True)
+    assert "a disc opens into a ring" in found.message
+    (start,) = found.starts
+    assert [(region.rests, region.index) for region in rings(start).layout.regions] == [(False, 0), (True, 1)]
+    assert 0 < start.parameter - (math.pi**2 / 4 - 1) < 1e-2
+    ahead = equilibrium(start).rates(start.x, start.parameter, start.tangent_x, start.tangent_parameter)
+    assert ahead.load > 0 < ahead.displacement
+    assert min(equilibrium(start).margins(start.x, start.parameter).values()) > 0
+    assert not equilibrium(event).joins(equilibrium(start))
+
+
+def test_farther_away_than_the_beginning() -> None:
+    """Without pressure beyond the range the tip floats freely; the first loads are those of Hertz."""
+    problem = Rings().problem(STEP, 1e-6)
+    free = problem.before(DISPLACEMENT, -3.0)
+    assert tuple(equilibrium(free).values(free.x, free.parameter)) == (0.0, -3.0, 0.0, 3.0, 0.0)
+    small = problem.before(LOAD, 1e-8)
+    values = refine(small, Reached(LOAD, 1e-8), 1e-9).numbers
+    assert values[:2] == pytest.approx((1e-8, (3 / 4 * 1e-8) ** (2 / 3) - 1), abs=1e-12)
+    film = Rings().problem(BLUNT, 1e-6).before(DISPLACEMENT, -25.0)
+    # Next to nothing bends: F = 2π ∫ exp(−g) r dr with g = 25 + r⁴/4.
+    load = 2 * math.pi * math.exp(-25.0) * math.sqrt(math.pi) / 2
+    assert equilibrium(film).values(film.x, film.parameter).load == pytest.approx(load, rel=1e-8)
+
+
+def test_taking_over_from_a_disc() -> None:
+    """A state with a disc from the Abel transform has the same load, gap outside and index with free boundaries."""
+    contact = cb.Contact.reduced("gauss", 0.6, -1).to_reduced()
+    diagram = cb.trace(contact, accuracy=1e-9)
+    branch = diagram.branches[0]
+    row = int(np.flatnonzero(branch.contact_radius > 0.3)[0])
+    state = branch.state(row)
+    a, d = state.contact_radius, state.displacement
+    rise = Rates(*(float(c[row + 1] - c[row]) for c in (branch.load, branch.displacement, branch.contact_radius)), 0.0)
+    spaced = np.concatenate([a + np.array([0.01, 0.1, 0.3, 0.6, 1.2, 2.4]), [6.0]])
+    disc = Disc(a, d, spaced, lambda r: np.interp(r, state.r, state.pressure), rise)
+    point = taken_over(contact.axisymmetric_tip, contact.interaction, 1e-8, disc, Work())
+    found = equilibrium(point).values(point.x, point.parameter)
+    assert found[:3] == pytest.approx((state.load, d, a), abs=2e-6)
+    assert found.energy == pytest.approx(state.energy, abs=2e-6)
+    assert equilibrium(point).unstable(point.x, point.parameter) == state.unstable_displacement
+    ahead = equilibrium(point).rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
+    assert ahead.contact_radius * rise.contact_radius > 0
+
+
+def test_both_models_have_the_same_exponents() -> None:
+    """At the folds of a film: by contact radius and central gap, along d here and along the contact there."""
+    contact = cb.Contact.reduced("gauss", 0.6, -1)
+    ring, disc = (cb.trace(contact, accuracy=1e-7, model=model) for model in (Rings(), cb.Axisymmetric()))
+    pairs = list(zip(ring.events, disc.events, strict=True))
+    assert [event.kind for event in ring.events] == ["fold", "touch", "fold", "end"]
+    for here, there in (pairs[0], pairs[2]):
+        assert here.exponent.prefactor == pytest.approx(there.exponent.prefactor, rel=1e-5)
+        assert here.exponent.crossover_load == pytest.approx(there.exponent.crossover_load, rel=1e-4)
+        local, other = ring.local_exponent(here), disc.local_exponent(there)
+        excess = np.geomspace(1e-4, 0.9 * min(local.excess[-1], other.excess[-1]), 5)
+        kappa, expected = (np.interp(np.log(excess), np.log(found.excess), found.kappa) for found in (local, other))
+        assert kappa == pytest.approx(expected, abs=5e-3)

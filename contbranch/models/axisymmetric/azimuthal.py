@@ -36,13 +36,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh, lapack
 
+from contbranch.curve.problem import Count
 from contbranch.results.diagram import ModeShape
 
 from .equations import Equations, Fields, negative_eigenvalues, upper_times_lower
 from .modal import ModeSpace, inner_mode_pressure
 
 __all__ = [
-    "Count",
     "CriticalMode",
     "counted",
     "critical_eigenvalue",
@@ -86,31 +86,6 @@ class CriticalMode:
     t: Array
     h: Array
     shape: ModeShape
-
-
-@dataclass(frozen=True)
-class Count:
-    """Numbers of unstable azimuthal modes of one state.
-
-    Attributes
-    ----------
-    modes : tuple of int
-        n_1, n_2, … up to the last one that is not zero; cos mθ and sin mθ count as one.
-    complete : bool
-        Whether all larger m are known to be stable; otherwise the limit was reached.
-    """
-
-    modes: tuple[int, ...] = ()
-    complete: bool = True
-
-    @property
-    def total(self) -> int:
-        """Number of unstable modes of all m ≥ 1."""
-        return sum(self.modes)
-
-    def of(self, m: int) -> int:
-        """n_m."""
-        return self.modes[m - 1] if m <= len(self.modes) else 0
 
 
 def settled(equations: Equations, fields: Fields, unstable: int | None = None) -> bool:

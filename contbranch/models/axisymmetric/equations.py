@@ -21,8 +21,9 @@ from scipy.linalg import lapack
 
 from contbranch.contact.interactions import Interaction
 from contbranch.contact.tips import Tip
+from contbranch.models.quadrature import chebyshev_slopes, chebyshev_values, gauss
 
-from .mesh import Mesh, chebyshev_slopes, chebyshev_values, gauss
+from .mesh import Mesh
 from .rim import Rim, make_rim
 
 __all__ = ["ContactCoordinate", "Equations", "Fields"]

@@ -8,13 +8,14 @@ moving rim only scales columns by ``tau/t``.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Mesh", "PanelRule", "panel_rule"]
+from contbranch.models.quadrature import gauss, legendre_values, panel_rule
+
+__all__ = ["Mesh"]
 
 Array = NDArray[np.float64]
 
@@ -25,81 +26,6 @@ NEAR = 1.0
 FINER_GRADING = 0.25
 FINER_ORDER_SHARE = 3
 FINER_REACH = 2.0
-
-
-@dataclass(frozen=True)
-class PanelRule:
-    """What all panels of one order share: nodes on [−1, 1], weights and transforms to polynomial coefficients."""
-
-    order: int
-    nodes: Array  # (n,)
-    weights: Array  # (n,)
-    to_legendre: Array  # (n, n): nodal values -> Legendre coefficients
-    even_order: int  # number of even polynomials in tau on the innermost panel
-    to_even: Array  # (m, n): nodal values -> Chebyshev coefficients in (tau/L)²; least squares
-    project_even: Array  # (n, n): nodal values -> values of their even fit at the nodes
-    rim: Array  # (n,): nodal values -> value of the even fit at tau = 0
-    derivative: Array  # (n, n): nodal values -> derivative at the nodes, on [−1, 1]
-
-
-def legendre_values(count: int, x: Array) -> Array:
-    """Legendre polynomials 0 … count − 1 at `x`; shape (count, *x.shape)."""
-    values = np.empty((count, *x.shape))
-    values[0] = 1.0
-    if count > 1:
-        values[1] = x
-    for k in range(1, count - 1):
-        np.multiply(x, values[k], out=values[k + 1])
-        values[k + 1] *= (2 * k + 1) / (k + 1)
-        values[k + 1] -= (k / (k + 1)) * values[k - 1]
-    return values
-
-
-def chebyshev_values(count: int, x: Array) -> Array:
-    """Chebyshev polynomials 0 … count − 1 at `x`; shape (count, *x.shape)."""
-    values = np.empty((count, *x.shape))
-    values[0] = 1.0
-    if count > 1:
-        values[1] = x
-    twice = 2 * x
-    for k in range(1, count - 1):
-        np.multiply(twice, values[k], out=values[k + 1])
-        values[k + 1] -= values[k - 1]
-    return values
-
-
-def chebyshev_slopes(values: Array, x: Array) -> Array:
-    """Derivatives with respect to x of the Chebyshev polynomials whose `values` are given; same shape."""
-    slopes = np.zeros_like(values)
-    if len(values) > 1:
-        slopes[1] = 1.0
-    for k in range(1, len(values) - 1):
-        slopes[k + 1] = 2 * values[k] + 2 * x * slopes[k] - slopes[k - 1]
-    return slopes
-
-
-@cache
-def gauss(count: int) -> tuple[Array, Array]:
-    """Gauss–Legendre nodes and weights on [−1, 1]."""
-    nodes, weights = np.polynomial.legendre.leggauss(count)
-    return nodes, weights
-
-
-@cache
-def panel_rule(order: int) -> PanelRule:
-    """The rule of `order` Gauss–Legendre nodes a panel."""
-    nodes, weights = gauss(order)
-    to_legendre = (np.arange(order) + 0.5)[:, None] * legendre_values(order, nodes) * weights
-    even_order = max(3, int(0.75 * order))
-    squares = ((1 + nodes) / 2) ** 2
-    vandermonde = chebyshev_values(even_order, 2 * squares - 1).T
-    to_even = np.asarray(np.linalg.pinv(vandermonde), dtype=np.float64)
-    signs = (-1.0) ** np.arange(even_order)
-    slopes = np.polynomial.legendre.legder(np.eye(order))
-    derivative = np.asarray(np.polynomial.legendre.legval(nodes, slopes).T @ to_legendre, dtype=np.float64)
-    return PanelRule(
-        order, nodes, weights, to_legendre, even_order, to_even, vandermonde @ to_even, signs @ to_even, derivative
-    )
 
 
 class Mesh:

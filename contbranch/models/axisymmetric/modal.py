@@ -12,8 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
+from contbranch.models.quadrature import chebyshev_slopes, chebyshev_values, gauss, legendre_values
+
 from .equations import Equations, Fields
-from .mesh import NEAR, Mesh, chebyshev_slopes, chebyshev_values, gauss, legendre_values
+from .mesh import NEAR, Mesh
 
 __all__ = ["ModeSpace", "inner_mode_pressure"]
 

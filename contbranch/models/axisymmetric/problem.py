@@ -1,25 +1,47 @@
-"""The contact as a problem that the continuation can follow: h(tau) against the contact coordinate."""
+"""The contact as a problem that the curve layer can follow: h(tau) against the contact coordinate."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import ClassVar
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from contbranch.continuation import Adaptation, Event, Linearisation, Point, Problem
-from contbranch.control import LOAD, Control
+from contbranch.contact.contact import Contact
+from contbranch.continuation import Adaptation, Linearisation, Options, Point
+from contbranch.control import Control
+from contbranch.curve.problem import (
+    STEPS,
+    Count,
+    Defect,
+    EquilibriumProblem,
+    Rates,
+    Search,
+    Succession,
+    Values,
+    Work,
+    equilibrium,
+    oriented,
+)
 from contbranch.errors import ModelError
+from contbranch.results.diagram import ModeShape, Profile
 
-from .adapt import DefectError, adapted_edges, defect_error, needed_reach, panel_errors
-from .equations import Equations, Fields
+from .adapt import DefectError, adapted_edges, defect_error, needed_reach, panel_errors, start_edges
+from .azimuthal import counted, eigenvalues, mode_shape
+from .equations import ContactCoordinate, Equations, Fields
 from .mesh import Mesh
+from .profile import profile_of
+from .relaxation import Release
+from .search import search_from
 from .slope import load_per_displacement
 
-__all__ = ["ContactProblem", "ControlReached", "FoldEvent", "InadmissibleEvent", "Resolution"]
+if TYPE_CHECKING:
+    from contbranch.models.rings.handover import Disc
+
+__all__ = ["ContactProblem", "Resolution", "first_problem", "order_for"]
 
 Array = NDArray[np.float64]
 
@@ -29,18 +51,39 @@ SLACK = 0.06
 UNRESOLVED = 20.0
 # A change of mesh may move the solution by this multiple of its error estimate.
 LEAP = 30.0
-# Relative to their place in a step, events are located so coarsely while tracing; they are located anew afterwards.
-COARSE = 0.03
+# While tracing, a gap or a wall pressure may be this much below zero, in the interaction's own units: errors of the
+# discretisation close to the rim are not to look like a wall that pulls.
+TOLERATED = 1e-3
+# Share of the accuracy that the load at the start of the trace may have.
+START_SHARE = 0.5
+# A trace with a spring starts where the stiffness of the interaction is about this share of the spring's.
+SOFTER = 0.05
+# Steps of the gap far away in units of the wavelength of layers.
+LONGEST_IN_LAYERS = 0.15
+# Changes of h small against the range of the interaction, over the width √(2 range), do not matter for the steps.
+STATE_FLOOR = 0.3
+# Below this radius parameter meshes are graded down to this share of the radius, each panel longer by this factor than
+# the one inside; if those are too many panels, by a larger one: the tinier the radius, the less its scale matters.
+SMALL, SHARE, GRADING, PANELS = 1e-6, 0.5, 4.0, 8
+# Estimates of the rows' errors are those of one Newton step on a finer mesh.
+ROW_SAFETY = 3.0
+# Rows, from the last admissible one backwards, from which free boundaries take over until one succeeds; the first step
+# from there as a share of the last one.
+TRIES, HANDED = 4, 0.1
+# A coarser mesh is worth its while if it has fewer unknowns by this factor; rounds in which it is made.
+FEWER, COARSENINGS = 0.8, 4
 # From first touch up to this parameter the rate of the load comes from the slope dF/dd, which keeps its digits
 # there, unless the displacement all but stands still: its rate must be at least this share of its parts.
 TINY, MOVING = 1e-2, 0.1
+# The panels' guide is believed where, scaled to the error found last, it leaves so much room.
+ROOM = 4.0
 # Rounds of meshing, solving and judging until a mesh satisfies its own error estimate.
 ROUNDS = 6
 
 
 @dataclass
 class Resolution:
-    """How fine the meshes of one trace are.
+    """How fine the meshes of one trace are, and what it starts from.
 
     Attributes
     ----------
@@ -48,15 +91,38 @@ class Resolution:
         Error allowed to load and displacement, relative to max(1, |value|), reduced units.
     order : int
         Nodes a panel.
+    contact : Contact or None
+        In reduced units, where a curve is to be started.
+    accuracy : float
+        Error allowed to events; the load at the start may be a share of it.
+    far : float
+        Parameter at which the curve starts.
     """
 
     tolerance: float
     order: int
-    newton: int = 0
-    unknowns: int = 0
+    contact: Contact | None = None
+    accuracy: float = 1e-6
+    far: float = -math.inf
+    work: Work = field(default_factory=Work)
 
 
-class ContactProblem(Problem):
+def order_for(tolerance: float) -> int:
+    """Nodes a panel for a tolerance: high orders pay when many digits are asked for."""
+    return int(min(20, max(8, round(6 - math.log10(tolerance) * 0.8))))
+
+
+def first_problem(contact: Contact, accuracy: float, tolerance: float) -> ContactProblem:
+    """The problem from which the curve of a reduced contact starts."""
+    tip, law = contact.axisymmetric_tip, contact.interaction
+    coordinate = ContactCoordinate(tip, min(tip.apex_exponent, 2.0))
+    resolution = Resolution(tolerance, order_for(tolerance), contact, accuracy)
+    mesh = Mesh(np.array([0.0, 1.0]), resolution.order)
+    scale = 1.0 if law is None else min(term.range for term in law.terms)
+    return ContactProblem(Equations(tip, law, mesh, coordinate, False), scale, resolution)
+
+
+class ContactProblem(EquilibriumProblem):
     """R(h, y) = 0 with the parameter u, ``y = scale · sinh(u)``, on one side of first touch.
 
     The parameter is logarithmic far away and in deep contact, and linear within the interaction's range.
@@ -71,6 +137,8 @@ class ContactProblem(Problem):
         Factor by which the panels' own error guide was found too optimistic here.
     """
 
+    ordered = True
+
     def __init__(self, equations: Equations, scale: float, resolution: Resolution, sharpness: float = 1.0) -> None:
         self.equations = equations
         self.scale = scale
@@ -78,11 +146,9 @@ class ContactProblem(Problem):
         self.sharpness = sharpness
         mesh = equations.mesh
         self._weights = mesh.weights
-        resolution.unknowns = max(resolution.unknowns, mesh.size)
-
-    def in_contact(self) -> ContactProblem:
-        """The same problem on the other side of first touch, with a contact disc."""
-        return ContactProblem(self.equations.touching(True), self.scale, self.resolution, self.sharpness)
+        self.guided = math.inf  # error per guide of the panels, found last
+        self.work = resolution.work
+        self.work.unknowns = max(self.work.unknowns, mesh.size)
 
     # -- the equations ------------------------------------------------------------------------------------------------
     def coordinate(self, u: float) -> float:
@@ -112,7 +178,7 @@ class ContactProblem(Problem):
 
     def linearise(self, x: Array, p: float) -> Linearisation:
         """Residual and derivatives from one evaluation of the fields."""
-        self.resolution.newton += 1
+        self.work.newton += 1
         fields = self.fields(x, p)
         if not fields.finite:
             return Linearisation(fields.residual, np.empty((0, 0)), fields.residual)
@@ -132,47 +198,210 @@ class ContactProblem(Problem):
         rate = np.linalg.solve(self.jacobian(x, p), -self.parameter_derivative(x, p))
         return np.asarray(rate, dtype=np.float64), 1.0
 
-    # -- observables --------------------------------------------------------------------------------------------------
-    def observables(self, x: Array, p: float) -> Mapping[str, float]:
-        """Load, displacement and their error estimates."""
-        fields = self.fields(x, p)
-        error = self.error(fields)
-        if self.relative_error(fields) > UNRESOLVED * self.resolution.tolerance:
-            raise ModelError("the mesh does not resolve the solution")  # which repeats the step shorter
-        return {
-            "load": self.equations.load(fields),
-            "displacement": self.equations.displacement(fields),
-            "contact_radius": fields.rim.radius,
-            "central_gap": 0.0 if self.equations.contact else max(0.0, -fields.y),
-            "energy": self.equations.energy(fields),
-            "load_error": error.load,
-            "displacement_error": error.displacement,
-        }
+    # -- the curve ----------------------------------------------------------------------------------------------------
+    def start(self, control: Control) -> Point:
+        """Far away, where the interaction is negligible at the accuracy asked, and softer than a spring."""
+        contact = self.resolution.contact
+        if contact is None:
+            raise ModelError("this problem does not begin a curve")
+        law, problem = contact.interaction, self
+        if law is None:
+            u = -math.asinh(1.0)
+        else:
+            negligible = min(0.1, START_SHARE * self.resolution.accuracy / (2 * math.pi))
+            if control.spring_stiffness is not None:
+                negligible = min(negligible, SOFTER * control.spring_stiffness * self.scale / (2 * math.pi))
+            far = law.reach(max(negligible, np.finfo(float).tiny))
+            width = _radius_at(contact, min(far, 4 * max(term.range for term in law.terms)))
+            edges = start_edges(width, max(_radius_at(contact, far), 2 * width))
+            problem = self.on_mesh(Mesh(edges, self.resolution.order))
+            u = self.parameter(-max(far, self.scale))
+        self.resolution.far = u
+        none = np.zeros(problem.size)
+        x = problem.solve_at(none, u)
+        return oriented(problem, x, u, (none, 1.0))
 
-    def rates(self, x: Array, p: float, x_rate: Array, p_rate: float) -> tuple[float, float]:
-        """Rates of load and displacement along a direction."""
+    @property
+    def parameter_range(self) -> tuple[float, float]:
+        """First touch, u = 0, is where either side ends."""
+        return (0.0, math.inf) if self.equations.contact else (self.resolution.far, 0.0)
+
+    def steps(self, start: Point) -> Options:
+        """Far away a step may be long, since the elastic body answers little; not so long as to miss a layer."""
+        steps = replace(STEPS, state_floor=STATE_FLOOR * self.scale * (2 * self.scale) ** 0.25)
+        law, u = self.equations.interaction, start.parameter
+        if law is None or not math.isfinite(law.wave) or u == 0.0:
+            return steps
+        longest = LONGEST_IN_LAYERS * law.wave / (self.scale * math.cosh(u) * abs(u))
+        return replace(steps, largest_parameter_step=min(steps.largest_parameter_step, longest))
+
+    def margins(self, x: Array, p: float) -> Mapping[str, float]:
+        """Whether a disc is right: smallest gap outside and wall pressure inside, in the interaction's own units."""
         fields = self.fields(x, p)
-        known: list[tuple[Array, float, float, float]] = fields.derived.setdefault("rates", [])
-        for direction, p_known, load_rate, displacement_rate in known:
-            if direction is x_rate and p_known == p_rate:
-                return load_rate, displacement_rate
+        if "admissible" not in fields.derived:
+            fields.derived["admissible"] = self.equations.admissibility(fields, self.scale)
+        return {"inadmissible": fields.derived["admissible"] + TOLERATED}
+
+    def successor(self, name: str, points: Sequence[Point]) -> Succession | None:
+        """First touch is followed by a disc of contact, a contact set that stops being a disc by any other.
+
+        Raises
+        ------
+        ModelError
+            If the curve is not found again with free boundaries.
+        """
+        last = points[-1]
+        if name == "inadmissible":
+            return self._freed(points)
+        if last.parameter != 0.0 or self.equations.contact:
+            return None
+        return Succession("touch", last, self.across(last.x, 0.0))
+
+    def across(self, x: Array, p: float) -> tuple[Point, ...]:
+        """First touch on the other side.
+
+        A stiff film answers a tiny contact on a length far below the innermost panel: then with graded panels.
+        """
+        if p != 0.0:
+            return ()
+        disc = not self.equations.contact
+        other = ContactProblem(self.equations.touching(disc), self.scale, self.resolution, self.sharpness)
+        if disc:
+            return other.touching(x), *other.graded(x)
+        return (other.touching(other.solve_at(x, 0.0)),)
+
+    def _freed(self, points: Sequence[Point]) -> Succession:
+        """The curve with free boundaries, from the last row that is admissible."""
+        from contbranch.models.rings.handover import taken_over
+
+        failure = ModelError("no admissible state was left")
+        right = [k for k, point in enumerate(points) if k and _margin(point) > 0.0]
+        for k in reversed(right[-TRIES:]):
+            try:
+                start = taken_over(
+                    self.equations.tip,
+                    self.equations.interaction,
+                    self.resolution.accuracy,
+                    _disc(points[k]),
+                    self.work,
+                )
+            except ModelError as error:
+                failure = error
+                continue
+            here, before = points[k].observables, points[k - 1].observables
+            moved = math.hypot(*(here[name] - before[name] for name in ("contact_radius", "displacement")))
+            return Succession("", points[k], (start,), dropped=len(points) - k, step=HANDED * max(moved, 1e-4))
+        raise failure
+
+    def touching(self, x: Array) -> Point:
+        """First touch as a point of the side in contact, towards larger contacts, on a mesh that resolves it."""
+        problem = self
+        for _ in range(ROUNDS):
+            if problem.relative_error(problem.fields(x, 0.0)) <= self.resolution.tolerance:
+                break
+            problem, x = problem.remeshed(x, 0.0)
+        rate, one = problem.direction(x, 0.0)
+        return Point(problem, x, 0.0, rate, one, observables=problem.values(x, 0.0)._asdict(), label="start")
+
+    @property
+    def limitation(self) -> str:
+        """Where a law ends."""
+        law = self.equations.interaction
+        return law.limitation if law is not None else ""
+
+    def ending(self, name: str, point: Point) -> str:
+        """Why the curve ends."""
+        if name == "inadmissible":
+            return (
+                "The branch ends where the contact set stops being a disc: the gap would close outside the contact, or "
+                "the wall would have to pull."
+            )
+        tip, limitation = self.equations.tip, self.limitation
+        if not math.isfinite(tip.extent):
+            return limitation
+        fields = self.fields(point.x, point.parameter)
+        r = np.hypot(self.equations.mesh.nodes, fields.rim.radius)
+        felt = r[np.abs(fields.pressure) > 1e-3 * np.abs(fields.pressure).max()]
+        if max(fields.rim.radius, float(felt.max(initial=0.0))) < 0.9 * tip.extent:
+            return limitation
+        return f"{limitation} The contact, or the interaction around it, has reached the end of the tip.".strip()
+
+    def before(self, control: Control, value: float) -> Point | None:
+        """Out there the tip feels next to nothing: its displacement is minus the gap, and so is a spring's position."""
+        if control.kind == "load":
+            return None
+        u = self.parameter(value)
+        none = np.zeros(self.size)
+        return oriented(self, self.solve_at(none, u), u, (none, 1.0))
+
+    # -- what is seen -------------------------------------------------------------------------------------------------
+    def values(self, x: Array, p: float) -> Values:
+        """Load, displacement, contact radius, central gap, energy."""
+        fields, equations = self.fields(x, p), self.equations
+        gap = 0.0 if equations.contact else max(0.0, -fields.y)
+        load, displacement = equations.load(fields), equations.displacement(fields)
+        return Values(load, displacement, fields.rim.radius, gap, equations.energy(fields))
+
+    def observables(self, x: Array, p: float) -> Mapping[str, float]:
+        """The values, by name, where the mesh resolves them."""
+        allowed = UNRESOLVED * self.resolution.tolerance
+        if self.expected_error(self.fields(x, p), allowed) > allowed:
+            raise ModelError("the mesh does not resolve the solution")  # which repeats the step shorter
+        return self.values(x, p)._asdict()
+
+    def rates(self, x: Array, p: float, x_rate: Array, p_rate: float) -> Rates:
+        """Rates of load, displacement, contact radius and central gap along a direction."""
+        fields, equations = self.fields(x, p), self.equations
         y_rate = self.scale * math.cosh(p) * p_rate
-        load_rate, displacement_rate = self.equations.rates(fields, x_rate, y_rate)
-        if 0.0 <= p < TINY and self.equations.interaction is not None:
-            parts = abs(float(self.equations.rim_row @ x_rate))
-            if abs(displacement_rate) > MOVING * parts:
+        load, displacement = equations.rates(fields, x_rate, y_rate)
+        if 0.0 <= p < TINY and equations.interaction is not None:
+            parts = abs(float(equations.rim_row @ x_rate))
+            if abs(displacement) > MOVING * parts:
                 if "slope" not in fields.derived:
-                    fields.derived["slope"] = load_per_displacement(self.equations, fields)
-                load_rate = fields.derived["slope"] * displacement_rate
-        known.append((x_rate, p_rate, load_rate, displacement_rate))
-        return load_rate, displacement_rate
+                    fields.derived["slope"] = load_per_displacement(equations, fields)
+                load = fields.derived["slope"] * displacement
+        if equations.contact:
+            return Rates(load, displacement, equations.coordinate.slopes(fields.y)[0] * y_rate, 0.0)
+        return Rates(load, displacement, 0.0, -y_rate)
+
+    def unstable(self, x: Array, p: float) -> int:
+        """Negative eigenvalues of the second variation at fixed displacement, by inertia.
+
+        Deep in contact the rough answer is nearly always 0, which is what is expected; any other is checked finely.
+        """
+        fields, equations = self.fields(x, p), self.equations
+        return equations.unstable_modes(fields, finely=False) and equations.unstable_modes(fields)
+
+    def azimuthal(self, x: Array, p: float, unstable: int, limit: int = 32, near: int = 1) -> Count | None:
+        """Numbers of unstable modes cos mθ."""
+        return counted(self.equations, self.fields(x, p), unstable, limit, near)
+
+    def mode_eigenvalue(self, x: Array, p: float, mode: int, index: int = 1) -> float:
+        """An eigenvalue of T_m on the present mesh; 0 where the interaction stiffens everywhere."""
+        fields = self.fields(x, p)
+        if not bool((fields.stiffness < 0).any()):
+            return 0.0
+        return float(eigenvalues(self.equations, fields, mode, index)[-1])
+
+    def mode_shape(self, x: Array, p: float, mode: int, index: int = 1) -> ModeShape:
+        """Gap and pressure of the mode of that eigenvalue."""
+        return mode_shape(self.equations, self.fields(x, p), mode, index)
+
+    def profile(self, x: Array, p: float) -> Profile:
+        """Gap and pressures over the radius."""
+        return profile_of(self.equations, self.fields(x, p))
+
+    # -- errors -------------------------------------------------------------------------------------------------------
+    def defect(self, point: Point) -> Defect:
+        """One Newton step towards the solution on the finer mesh."""
+        found = self.error(self.fields(point.x, point.parameter))
+        return Defect(found.load, found.displacement, found.state)
 
     def error(self, fields: Fields) -> DefectError:
         """Discretisation error of a solution."""
         if "error" not in fields.derived:
             fields.derived["error"] = defect_error(self.equations, fields)
-        found = fields.derived["error"]
-        assert isinstance(found, DefectError)
+        found: DefectError = fields.derived["error"]
         return found
 
     # -- meshes -------------------------------------------------------------------------------------------------------
@@ -182,9 +411,9 @@ class ContactProblem(Problem):
         resolution = self.resolution
         scale = max(1.0, abs(self.equations.load(fields)))
         allowed = resolution.tolerance * scale
-        error = self.relative_error(fields)
         reach = needed_reach(self.equations, fields, 0.1 * allowed)
         mesh = self.equations.mesh
+        error = self.expected_error(fields, resolution.tolerance)
         if error <= resolution.tolerance and reach <= mesh.edges[-1]:
             if error > 1e-3 * resolution.tolerance or mesh.panels <= 6:
                 return None
@@ -224,9 +453,8 @@ class ContactProblem(Problem):
             edges = np.append(self.equations.mesh.edges, end * (reach / end) ** (np.arange(1, count + 1) / count))
         else:
             error = self.relative_error(fields)
-            guide = float(panel_errors(self.equations, fields).sum()) / max(1.0, abs(self.equations.load(fields)))
             if error > tolerance:
-                sharpness = min(max(sharpness, 2 * error / max(guide, 1e-16)), 1e6)
+                sharpness = min(max(sharpness, 2 * error / max(self._guide(fields), 1e-16)), 1e6)
             edges = adapted_edges(self.equations, fields, SLACK * allowed / sharpness, reach)
         return self.on(Mesh(edges, self.resolution.order), x, p, sharpness, solve)
 
@@ -240,21 +468,120 @@ class ContactProblem(Problem):
         carried = self.equations.mesh.interpolate(x, mesh.nodes)
         return problem, problem.solve_at(carried, p) if solve else carried
 
-    def graded(self, x: Array) -> tuple[ContactProblem, Array]:
-        """The problem at first touch with panels graded down to the length on which elasticity answers the
-        interaction."""
+    def on_mesh(self, mesh: Mesh, sharpness: float | None = None) -> ContactProblem:
+        """The problem on another mesh."""
+        sharpness = self.sharpness if sharpness is None else sharpness
+        return ContactProblem(self.equations.on(mesh), self.scale, self.resolution, sharpness)
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns."""
+        return self.equations.mesh.size
+
+    def finer(self) -> ContactProblem:
+        """On panels of higher order."""
+        return self.on_mesh(self.equations.mesh.finer)
+
+    def halved(self) -> ContactProblem:
+        """On halved panels."""
+        return self.on_mesh(self.equations.mesh.halved())
+
+    def carried(self, vector: Array, x: Array, other: EquilibriumProblem) -> Array:
+        """A function of tau on another problem's mesh."""
+        nodes = other.equations.mesh.nodes if isinstance(other, ContactProblem) else self.equations.mesh.nodes
+        return self.equations.mesh.interpolate(vector, nodes)
+
+    def joins(self, other: EquilibriumProblem) -> bool:
+        """Either side of first touch is a representation of its own."""
+        return isinstance(other, ContactProblem) and other.equations.contact == self.equations.contact
+
+    def resolving(self, point: Point, tolerance: float) -> ContactProblem:
+        """A mesh made for a state; in a tiny contact with panels graded down to its radius.
+
+        The gap's answer s = (2/π) arccos(a/r) to a rigid motion varies on the scale of the radius a; on panels far
+        longer the radius of a fold has a relative error that further panels farther out do not cure.
+        """
+        x, u = point.x, point.parameter
+        if self.relative_error(self.fields(x, u)) > tolerance:
+            return self.remeshed(x, u, tolerance, solve=False)[0]
+        mesh = self.equations.mesh
+        length = SHARE * self.equations.coordinate.radius(self.coordinate(u)) if 0.0 < u < SMALL else 0.0
+        if not (self.equations.contact and 0.0 < length < mesh.innermost / GRADING):
+            return self
+        count = min(PANELS, math.ceil(math.log(mesh.innermost / length) / math.log(GRADING)))
+        inner = mesh.innermost * (length / mesh.innermost) ** (np.arange(count, 0, -1) / count)
+        return self.on_mesh(Mesh(np.concatenate([[0.0], inner, mesh.edges[1:]]), mesh.order))
+
+    def coarser(self, point: Point, tolerance: float) -> ContactProblem:
+        """A mesh with clearly fewer nodes that serves a tolerance."""
+        problem, x = self, point.x
+        for _ in range(COARSENINGS):
+            problem, x = problem.remeshed(x, point.parameter, tolerance)
+            if problem.size > FEWER * self.size:
+                break
+            if problem.relative_error(problem.fields(x, point.parameter)) <= tolerance:
+                return problem
+        return self
+
+    # -- off the curve ------------------------------------------------------------------------------------------------
+    def gradients(self, x: Array, p: float) -> tuple[Array, Array]:
+        """Derivatives of load and displacement with respect to h, (N,) each."""
+        return self.equations.gradients(self.fields(x, p))
+
+    def search(self, points: Sequence[Point]) -> Search | None:
+        """On one mesh, from rows and undeformed states; without interaction there is nothing to find."""
+        return None if self.equations.interaction is None else search_from(self, points)
+
+    def relaxed(
+        self, fold: Point, control: Control, direction: int, others: Sequence[Point], guarded: bool
+    ) -> int | None:
+        """Followed with a viscous half space, see `relaxation`."""
+        y, goals = self.coordinate(fold.parameter), [self.coordinate(other.parameter) for other in others]
+        return Release(self.equations, fold.x, y, self.scale, control, direction, guarded).nearest(goals)
+
+    def rows_within(self, tolerance: float) -> ContactProblem:
+        """The first problem of the chain with rows as accurate as this."""
+        contact = self.resolution.contact
+        if contact is None:
+            return self
+        return first_problem(contact, self.resolution.accuracy, tolerance / ROW_SAFETY)
+
+    def member(self, contact: Contact, tolerance: float | None = None) -> ContactProblem:
+        """The same mesh and side of first touch for another contact, with the contact coordinate's scale and power."""
+        tip, old, resolution = contact.axisymmetric_tip, self.equations, self.resolution
+        if tolerance is not None:
+            resolution = Resolution(tolerance, order_for(tolerance), work=self.work)
+        coordinate = ContactCoordinate(tip, old.coordinate.power)
+        equations = Equations(tip, contact.interaction, old.mesh, coordinate, old.contact)
+        return ContactProblem(equations, self.scale, resolution, self.sharpness)
+
+    @property
+    def power(self) -> float:
+        """In contact the load has a term of order a³ beside a²: it is smooth in the radius a and not in a^m ~ u."""
+        return self.equations.coordinate.power if self.equations.contact else 1.0
+
+    @property
+    def beyond_edge(self) -> bool:
+        """Without contact the equations go on into u > 0, where the gap would be negative at the centre."""
+        return not self.equations.contact
+
+    def graded(self, x: Array) -> list[Point]:
+        """First touch with panels graded down to the length on which elasticity answers the interaction."""
         mesh = self.equations.mesh
         fields = self.fields(x, 0.0)
         length = 0.5 / max(1.0, float(np.abs(fields.stiffness).max()))
+        if length >= mesh.innermost:
+            return []
         count = max(1, math.ceil(math.log(mesh.innermost / length) / math.log(4)))
         edges = np.concatenate([[0.0], mesh.innermost * 4.0 ** np.arange(-count, 0), mesh.edges[1:]])
-        return self.on(Mesh(edges, self.resolution.order), x, 0.0)
+        problem, x = self.on(Mesh(edges, self.resolution.order), x, 0.0)
+        return [problem.touching(x)]
 
     def solve_at(self, x: Array, p: float, iterations: int = 12) -> Array:
         """Newton's method at a fixed parameter; the best that was reached, whatever that is."""
         best, size = x, math.inf
         for _ in range(iterations):
-            self.resolution.newton += 1
+            self.work.newton += 1
             fields = self.fields(x, p)
             if not fields.finite:
                 return best
@@ -270,80 +597,66 @@ class ContactProblem(Problem):
                 return best
         return best
 
+    def expected_error(self, fields: Fields, tolerance: float) -> float:
+        """Discretisation error of a solution relative to max(1, |value|), roughly where it is below a tolerance.
+
+        There the panels' own guide serves, scaled to the error last found on this mesh, with some room; otherwise the
+        error is estimated anew.
+        """
+        if "error" not in fields.derived:
+            rough = ROOM * self.guided * self._guide(fields)
+            if rough <= tolerance:
+                return rough
+        error = self.relative_error(fields)
+        self.guided = error / max(self._guide(fields), 1e-300)
+        return error
+
+    def _guide(self, fields: Fields) -> float:
+        if "guide" not in fields.derived:
+            missed = float(panel_errors(self.equations, fields).sum())
+            fields.derived["guide"] = missed / max(1.0, abs(self.equations.load(fields)))
+        found: float = fields.derived["guide"]
+        return found
+
     def relative_error(self, fields: Fields) -> float:
         """Discretisation error of a solution relative to max(1, |value|): the larger of load's and displacement's."""
         return self.error(fields).relative(self.equations.load(fields), self.equations.displacement(fields))
 
 
-@dataclass(frozen=True)
-class FoldEvent(Event):
-    """Extrema of what is controlled along the curve, from the true tangent."""
-
-    control: Control = LOAD
-    name: str = "fold"
-    terminal: bool = False
-    relative_resolution: float = COARSE  # type: ignore[misc]
-
-    def primitive(self, point: Point) -> float:
-        """What is controlled, up to a positive factor."""
-        return self.control.weighted(point.observables["load"], point.observables["displacement"])
-
-    def value(self, point: Point) -> float:
-        """Its rate along the unit tangent."""
-        problem = point.problem
-        assert isinstance(problem, ContactProblem)
-        rates = problem.rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
-        return self.control.weighted(*rates)
+def _radius_at(contact: Contact, height: float) -> float:
+    """Radius at which the tip's profile has a height."""
+    tip = contact.axisymmetric_tip
+    low, high = 0.0, 1.0
+    while high < tip.extent and float(tip.height(np.float64(high))) < height:
+        low, high = high, 2 * high
+    high = min(high, tip.extent)
+    for _ in range(40):
+        middle = (low + high) / 2
+        low, high = (middle, high) if float(tip.height(np.float64(middle))) < height else (low, middle)
+    return high
 
 
-class ControlReached(Event):
-    """What is controlled reaches a value; as the end of a trace, `target` may be raised while the curve is followed.
-
-    Parameters
-    ----------
-    control : Control
-        Reduced units.
-    target : float
-        Value of ``control.weighted(load, displacement)``.
-    """
-
-    name = "end"
-    terminal = True
-    hidden_pairs = False
-    relative_resolution = 1e-9
-
-    def __init__(self, control: Control, target: float) -> None:
-        self.control = control
-        self.target = target
-
-    def value(self, point: Point) -> float:
-        """What is controlled minus its target."""
-        problem = point.problem
-        assert isinstance(problem, ContactProblem)
-        fields = problem.fields(point.x, point.parameter)
-        equations = problem.equations
-        first, second = self.control.weights
-        value = first * equations.load(fields) if first else 0.0
-        return value + (second * equations.displacement(fields) if second else 0.0) - self.target
+def _margin(point: Point) -> float:
+    """How far a disc is from being wrong, without tolerance."""
+    return equilibrium(point).margins(point.x, point.parameter)["inadmissible"] - TOLERATED
 
 
-@dataclass(frozen=True)
-class InadmissibleEvent(Event):
-    """The contact set stops being a disc: the gap closes outside the rim, or the wall would have to pull inside."""
+def _disc(point: Point) -> Disc:
+    """What a model with free boundaries needs of a state."""
+    from contbranch.models.rings.handover import Disc
 
-    tolerance: float = 1e-3
-    name: str = "inadmissible"
-    terminal: bool = True
-    hidden_pairs: ClassVar[bool] = False
-    relative_resolution: ClassVar[float] = COARSE
+    problem = point.problem
+    if not isinstance(problem, ContactProblem):
+        raise TypeError(f"{type(problem).__name__} is not a ContactProblem")
+    fields, equations = problem.fields(point.x, point.parameter), problem.equations
+    a, mesh = fields.rim.radius, equations.mesh
 
-    def value(self, point: Point) -> float:
-        """Smallest gap and wall pressure in units of the interaction's own, plus the tolerance; negative: inadmissible.
+    def pressure(r: Array) -> Array:
+        found = mesh.interpolate(fields.pressure, np.sqrt(np.maximum(r * r - a * a, 0.0)))
+        inside = r < a
+        if inside.any():
+            found[inside] = equations.inner_pressure(fields, r[inside])
+        return found
 
-        While tracing, the tolerance keeps errors of the discretisation close to the rim from looking like a wall that
-        pulls.
-        """
-        problem = point.problem
-        assert isinstance(problem, ContactProblem)
-        fields = problem.fields(point.x, point.parameter)
-        return problem.equations.admissibility(fields, problem.scale) + self.tolerance
+    along = problem.rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
+    return Disc(a, equations.displacement(fields), np.hypot(mesh.edges[1:], a), pressure, along)

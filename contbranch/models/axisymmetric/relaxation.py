@@ -15,7 +15,7 @@ tip pushed beyond its largest load would have no state to go to.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,7 +27,7 @@ from .adapt import adapted_edges, needed_reach
 from .equations import Equations
 from .mesh import Mesh
 
-__all__ = ["Relaxed", "relax"]
+__all__ = ["Relaxed", "Release"]
 
 Array = NDArray[np.float64]
 
@@ -38,6 +38,9 @@ NUDGE = 1e-4
 AIM, LARGEST = 0.05, 0.15
 FIRST_STEP, LONGEST, SHORTEST = 0.1, 1e14, 1e-6
 STEPS, NEWTON = 2000, 20
+# The control is pushed on by so much more where the flow does not leave the fold; it has arrived at a state so close in
+# u.
+PUSHES, ARRIVED = (1.0, 10.0, 100.0), 0.1
 # Meshes for the flow: it decides between states, which are then found to the accuracy asked.
 TOLERANCE = 1e-4
 # Where attraction and repulsion all but cancel, the load is this small a share of what either could carry, or smaller.
@@ -80,75 +83,112 @@ class _State:
         return np.where(t < a, inside, outside)
 
 
-def relax(
-    equations: Equations,
-    h: Array,
-    y: float,
-    scale: float,
-    control: Control,
-    value: float,
-    direction: int,
-    watch: Callable[[float], None] | None = None,
-    guarded: bool = False,
-    push: float = 1.0,
-) -> Relaxed:
-    """Let a state go at a value of the control.
+@dataclass(frozen=True)
+class Release:
+    """A state at a fold that is let go, with the control held at its value there.
 
-    Parameters
+    Attributes
     ----------
     equations, h, y : Equations, array (N,), float
         The fold.
     scale : float
         Range of the interaction; y = scale · sinh(u).
-    control, value : Control, float
-        What is held, and where (reduced units).
+    control : Control
     direction : int
         1 if the fold was reached by raising the control, −1 by lowering it.
-    watch : callable, optional
-        Called with y after every step.
     guarded : bool
         Stop, without having settled, where the surfaces would penetrate one another outside the disc.
-    push : float
-        Factor of the little by which the control is moved on to leave the fold.
     """
-    state = _State(equations, h, y)
-    # A load that is small compared with the forces at play is nudged, and the flow resolved, by its own measure.
-    share = 1.0
-    if control.kind == "load" and not equations.contact and state.strength > 0.0:
-        share = min(1.0, max(SMALLEST_SHARE, abs(value) / state.strength))
-    nudge = share * state.strength if control.kind == "load" else scale
-    if control.kind == "spring":
-        nudge = min(nudge, state.strength / control.stiffness)
-    target = control.target(value + direction * push * NUDGE * nudge)
-    step, rate = FIRST_STEP, 0.0
-    for _ in range(STEPS):
-        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # answered by a shorter step
-            state = _remeshed(state, share)
-            found = _implicit(state, 1.0 / step, rate * step, control, target, 2 * math.sqrt(2 * scale))
-        moved = math.inf if found is None else _moved(found.y, state.y, scale)
-        if found is None or moved > LARGEST:
-            step /= 3.0
-            rate = 0.0
-            if step < SHORTEST:
+
+    equations: Equations
+    h: Array
+    y: float
+    scale: float
+    control: Control
+    direction: int
+    guarded: bool = False
+
+    def end(self, push: float = 1.0, watch: Callable[[float], None] | None = None) -> Relaxed:
+        """Where it comes to rest.
+
+        Parameters
+        ----------
+        push : float
+            Factor of the little by which the control is moved on to leave the fold.
+        watch : callable, optional
+            Called with y after every step.
+        """
+        state = _State(self.equations, self.h, self.y)
+        share, held = self._held(state, push)
+        step, rate = FIRST_STEP, 0.0
+        for _ in range(STEPS):
+            with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # answered by a shorter step
+                state = _remeshed(state, share)
+                found = _implicit(state, 1.0 / step, rate * step, held)
+            moved = math.inf if found is None else _moved(found.y, state.y, self.scale)
+            if found is None or moved > LARGEST:
+                step /= 3.0
+                rate = 0.0
+                if step < SHORTEST:
+                    break
+                continue
+            rate = (found.y - state.y) / step
+            state = found
+            if watch is not None:
+                watch(state.y)
+            if self.guarded and float(state.fields.gap.min()) < 0.0:
                 break
-            continue
-        rate = (found.y - state.y) / step
-        state = found
-        if watch is not None:
-            watch(state.y)
-        if guarded and float(state.fields.gap.min()) < 0.0:
-            break
-        if step >= LONGEST:
-            return Relaxed(state.y, state.load, state.displacement, True)
-        step *= min(3.0, max(0.5, AIM / max(moved, 1e-12)))
-        step = min(step, LONGEST)
-    return Relaxed(state.y, state.load, state.displacement, False)
+            if step >= LONGEST:
+                return Relaxed(state.y, state.load, state.displacement, True)
+            step *= min(3.0, max(0.5, AIM / max(moved, 1e-12)))
+            step = min(step, LONGEST)
+        return Relaxed(state.y, state.load, state.displacement, False)
+
+    def _held(self, state: _State, push: float) -> tuple[float, _Held]:
+        """How small the forces at play are, as a share of what the interaction could carry, and what is held."""
+        control, value = self.control, self.control.value(state.load, state.displacement)
+        # A load that is small compared with the forces at play is nudged, and the flow resolved, by its own measure.
+        share = 1.0
+        if control.kind == "load" and not self.equations.contact and state.strength > 0.0:
+            share = min(1.0, max(SMALLEST_SHARE, abs(value) / state.strength))
+        nudge = share * state.strength if control.kind == "load" else self.scale
+        if control.kind == "spring":
+            nudge = min(nudge, state.strength / control.stiffness)
+        target = control.target(value + self.direction * push * NUDGE * nudge)
+        return share, _Held(control, target, 2 * math.sqrt(2 * self.scale))
+
+    def nearest(self, others: Sequence[float]) -> int | None:
+        """Which of several contact parameters y it comes to rest at; None if at none of them.
+
+        The fold may lie a little aside on the meshes of the relaxation: where that has not left it, it is pushed
+        harder.
+        """
+        for push in PUSHES:
+            end = self.end(push)
+            if not end.settled:
+                return None
+            apart = [_moved(y, end.y, self.scale, far=0.0) for y in others]
+            nearest = int(np.argmin(apart))
+            if apart[nearest] <= ARRIVED:
+                return nearest
+            if _moved(self.y, end.y, self.scale, far=0.0) > ARRIVED:
+                return None  # it has left the fold
+        return None
 
 
-def _moved(y: float, before: float, scale: float) -> float:
-    """How far a step has gone."""
+@dataclass(frozen=True)
+class _Held:
+    """What the drive does: ``w·(F, d)`` = target, against a drag of the tip as a whole."""
+
+    control: Control
+    target: float
+    drag: float
+
+
+def _moved(y: float, before: float, scale: float, far: float = 0.5) -> float:
+    """How far one state is from another: in u, without contact at least in this share of the gap in ranges."""
     moved = abs(math.asinh(y / scale) - math.asinh(before / scale))
-    return moved if max(y, before) > 0.0 else max(moved, 0.5 * abs(y - before) / scale)
+    return moved if max(y, before) > 0.0 else max(moved, far * abs(y - before) / scale)
 
 
 def _remeshed(state: _State, share: float) -> _State:
@@ -166,26 +206,24 @@ def _remeshed(state: _State, share: float) -> _State:
     return _State(equations.on(mesh), equations.mesh.interpolate(state.h, mesh.nodes), state.y)
 
 
-def _implicit(state: _State, s: float, ahead: float, control: Control, target: float, drag: float) -> _State | None:
+def _implicit(state: _State, s: float, ahead: float, held: _Held) -> _State | None:
     """One implicit step, on the side of first touch on which it ends; None if Newton's method fails."""
     contact = state.y + ahead > 0.0
     for _ in range(2):
         y = state.y + ahead
         if (y > 0.0) != contact:
             y = 0.0
-        found = _newton(state, state.equations.touching(contact), y, s, control, target, drag)
+        found = _newton(state, state.equations.touching(contact), y, s, held)
         if found is not None:
             return found
         contact, ahead = not contact, 0.0
     return None
 
 
-def _newton(
-    state: _State, equations: Equations, y: float, s: float, control: Control, target: float, drag: float
-) -> _State | None:
+def _newton(state: _State, equations: Equations, y: float, s: float, held: _Held) -> _State | None:
     """Newton's method for (h, y) on one side of first touch."""
     tau = equations.mesh.nodes
-    first, second = control.weights
+    first, second = held.control.weights
 
     def radius(at: float) -> float:
         return equations.coordinate.radius(at) if equations.contact else 0.0
@@ -204,8 +242,8 @@ def _newton(
         old = before(y)
         load, displacement = equations.load(fields), equations.displacement(fields)
         residual = fields.residual + s * (h - old)
-        held = load + s * (load - state.load) + drag * s * (displacement - state.displacement)
-        excess = first * held + second * displacement - target
+        felt = load + s * (load - state.load) + held.drag * s * (displacement - state.displacement)
+        excess = first * felt + second * displacement - held.target
         width = 1e-6 * max(1e-3, abs(y))
         drift = (before(y + width) - old) / width if equations.contact else np.zeros(n)
         rim = fields.rim
@@ -215,7 +253,7 @@ def _newton(
         matrix[:n, :n].flat[:: n + 1] += s
         matrix[:n, n] = equations.slopes(fields)[1] - s * drift
         load_row = 2 * (rim.weights + rim.radius * equations.rim_row)
-        moving = second + first * drag * s
+        moving = second + first * held.drag * s
         matrix[n, :n] = first * (1 + s) * load_row + moving * equations.rim_row
         load_slope, _ = equations.rates(fields, np.zeros(n), 1.0)
         matrix[n, n] = first * (1 + s) * load_slope + moving * lift

@@ -7,7 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .mesh import Mesh, chebyshev_slopes, chebyshev_values, gauss
+from contbranch.models.quadrature import chebyshev_slopes, chebyshev_values, gauss
+
+from .mesh import Mesh
 
 __all__ = ["Rim", "make_rim"]
 

@@ -1,5 +1,12 @@
 """The exact model: a parabola with Maugis-Dugdale attraction, whose equilibria are known in closed form."""
 
-from contbranch.models.exact.model import Exact, ExactCurve
+from typing import TYPE_CHECKING
 
-__all__ = ["Exact", "ExactCurve"]
+from contbranch._lazy import lazily
+
+if TYPE_CHECKING:
+    from contbranch.models.exact.model import Exact
+
+__all__ = ["Exact"]
+
+__getattr__, __dir__ = lazily(__name__, {".model": "Exact"})

@@ -8,10 +8,11 @@ from typing import ClassVar
 from contbranch.contact.contact import Contact
 from contbranch.contact.interactions import MaugisDugdale
 from contbranch.contact.tips import Parabola
+from contbranch.curve.problem import Work
 from contbranch.errors import InputError
-from contbranch.models.exact.curve import ExactCurve
+from contbranch.models.exact.problem import Beyond, ExactProblem, zone_of
 
-__all__ = ["Exact", "ExactCurve"]
+__all__ = ["Exact"]
 
 
 @dataclass(frozen=True)
@@ -32,15 +33,15 @@ class Exact:
             return "for repulsion the true solution has a ring of constant gap that the closed form does not contain"
         return None
 
-    def curve(self, contact: Contact) -> ExactCurve:
-        """Return the curve of equilibria of a contact, in its reduced units.
+    def problem(self, contact: Contact, accuracy: float) -> ExactProblem:
+        """The first piece of the curve of a contact, which is exact whatever the accuracy asked for.
 
         Raises
         ------
         InputError
             If the model does not represent the contact; the message says why.
         """
-        obstacle, tabor = self.obstacle(contact), contact.tabor
-        if obstacle is not None or tabor is None:
+        obstacle = self.obstacle(contact)
+        if obstacle is not None:
             raise InputError(f"model exact does not represent this contact: {obstacle}; choose axisymmetric or auto")
-        return ExactCurve(tabor)
+        return Beyond(zone_of(contact), Work())

@@ -1,6 +1,16 @@
 """Elastic contact on square lattices with fast transforms: a periodic cell, or a cell alone in free space."""
 
-from .model import FreeSpace, Periodic
-from .resolution import GridWarning
+from typing import TYPE_CHECKING
 
-__all__ = ["FreeSpace", "GridWarning", "Periodic"]
+from contbranch._lazy import lazily
+
+if TYPE_CHECKING:
+    from contbranch.models.grid.curves import LatticeCurves
+    from contbranch.models.grid.model import FreeSpace, Periodic
+    from contbranch.models.grid.resolution import GridWarning
+
+__all__ = ["FreeSpace", "GridWarning", "LatticeCurves", "Periodic"]
+
+__getattr__, __dir__ = lazily(
+    __name__, {".curves": "LatticeCurves", ".model": "FreeSpace Periodic", ".resolution": "GridWarning"}
+)

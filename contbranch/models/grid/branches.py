@@ -17,8 +17,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from contbranch.control import DISPLACEMENT, LOAD, Control
-from contbranch.models.outcome import RawCurve
+from contbranch.curve.outcome import RawCurve
+from contbranch.curve.trace import Request
 from contbranch.results.diagram import Cost
 
 from .kept import kept_symmetry
@@ -62,15 +62,7 @@ class _Ending:
         return None
 
 
-def follow_branch(
-    setup: Setup,
-    event: Breaking,
-    accuracy: float,
-    limit: float | None = None,
-    control: Control = LOAD,
-    points: int | None = None,
-    modes: int = 1,
-) -> Traced | str:
+def follow_branch(setup: Setup, event: Breaking, request: Request, points: int | None = None) -> Traced | str:
     """Follow the branch that leaves a curve at a symmetry event; the reason, a sentence, if none was found.
 
     Parameters
@@ -78,15 +70,10 @@ def follow_branch(
     setup : Setup
         With which the event was found, on a quarter of the lattice.
     event : Breaking
-    accuracy : float
-    limit : float, optional
-        Load at which the branch ends, in contact.
-    control : Control
-        A spring (reduced units), whose folds are located besides those of load and displacement.
+    request : Request
+        As for `trace`. Without modes, those that break the symmetry of the branch are not counted.
     points : int, optional
         The branch ends after so many (default: `POINTS`), if it has not come back to the symmetric curve before.
-    modes : int
-        0: modes that break the symmetry of the branch are not counted.
     """
     sector = event.kind.sector
     what = f"at load {event.equilibrium.load * setup.units.load:.6g} with mode {event.mode}"
@@ -100,18 +87,12 @@ def follow_branch(
     heights = setup.problem.heights
     swapped = bool(np.allclose(heights, heights.T, rtol=1e-12, atol=0.0))
     kept = kept_symmetry(whole.lattice, sector, swapped)
-    controls = (LOAD, DISPLACEMENT, *((control,) if control.kind == "spring" else ()))
     ending = _Ending(switched, POINTS if points is None else points)
-    return followed(whole, accuracy, limit, controls, switched.states, ending, kept, modes)
+    return followed(whole, request, switched.states, ending, kept)
 
 
 def follow_branches(
-    setup: Setup,
-    traced: Traced,
-    accuracy: float,
-    limit: float | None,
-    control: Control = LOAD,
-    points: int | None = None,
+    setup: Setup, traced: Traced, request: Request, points: int | None = None
 ) -> tuple[list[Traced], list[str]]:
     """Every branch that leaves a traced curve, and why some were not followed.
 
@@ -121,11 +102,12 @@ def follow_branches(
     branches: list[Traced] = []
     origins: list[Breaking] = []
     notes: list[str] = []
-    top = float(traced.curve.load.max()) if limit is None and len(traced.curve.load) else limit
+    if request.target is None and len(traced.curve.load):
+        request = replace(request, target=float(traced.curve.load.max()))
     for event in events:
         if any(_ends_at(branch, origin, event) for branch, origin in zip(branches, origins, strict=True)):
             continue
-        found = follow_branch(setup, event, accuracy, top, control, points)
+        found = follow_branch(setup, event, request, points)
         if isinstance(found, str):
             notes.append(found)
         else:
@@ -147,12 +129,10 @@ def _ends_at(branch: Traced, origin: Breaking, event: Breaking) -> bool:
     return close and bool(sizes) and sizes[-1] < BACK * max(sizes)
 
 
-def with_branches(
-    setup: Setup, traced: Traced, accuracy: float, limit: float | None, control: Control = LOAD
-) -> RawCurve:
+def with_branches(setup: Setup, traced: Traced, request: Request) -> RawCurve:
     """The raw result of a traced curve together with the branches that leave it."""
     began = time.perf_counter()
-    found, notes = follow_branches(setup, traced, accuracy, limit, control)
+    found, notes = follow_branches(setup, traced, request)
     counter, curve = setup.counter, traced.curve
     curves = tuple(branch.curve for branch in found)
     for number, branch in enumerate(curves, start=1):

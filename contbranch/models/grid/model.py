@@ -2,29 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import ClassVar, Self
 
 from contbranch.contact.contact import Contact
 from contbranch.contact.height_map import HeightMap
 from contbranch.contact.units import positive_number
-from contbranch.control import LOAD, Control
 from contbranch.errors import InputError
 from contbranch.grid_size import grid_points
-from contbranch.models.outcome import RawCurve
-from contbranch.results.diagram import State
 
-from .branches import with_branches
 from .lattice import Kind
 from .setup import REDUCED_VALUES, Setup, UnitValues
 from .size import chosen_size
-from .solve import find_all, solve_all
-from .trace import trace
 
 __all__ = ["FreeSpace", "Periodic"]
-
-Progress = Callable[[float, str], None]
 
 
 @dataclass(frozen=True)
@@ -91,61 +82,8 @@ class _Cell:
             cell = tip.cell if cell is None else cell
             grid = (tip.points if tip.points % 2 == 0 else 2 * tip.points) if grid is None else grid
         if cell is None or grid is None:
-            cell, grid = chosen_size(contact, self.name, cell, grid, field, value, accuracy)
+            cell, grid = chosen_size(contact, self.name, (cell, grid), (field, value), accuracy)
         return Setup(contact, self.name, cell, grid, threads=self.threads, units=self.units)
-
-    def trace(
-        self,
-        contact: Contact,
-        accuracy: float,
-        max_load: float | None,
-        progress: Progress | None = None,
-        control: Control = LOAD,
-        modes: int = 0,
-    ) -> RawCurve:
-        """The whole curve of a reduced contact."""
-        setup = self.setup(contact, None, max_load, accuracy)
-        traced = trace(setup, accuracy, max_load, control, progress, modes=modes)
-        return with_branches(setup, traced, accuracy, max_load, control) if self.branches else traced.curve
-
-    def solve(
-        self,
-        contact: Contact,
-        field: str,
-        value: float,
-        accuracy: float,
-        progress: Progress | None = None,
-        control: Control = LOAD,
-        near: State | None = None,
-    ) -> tuple[list[State], RawCurve]:
-        """Equilibria of a reduced contact with a given load or displacement, one for every start that leads to one.
-
-        Where `near` has the fields of this lattice, it is the start.
-        """
-        setup = self.setup(contact, field, value, accuracy)
-        found = solve_all(setup, field, value, accuracy, progress, control, near)
-        return list(found.states), found.curve
-
-    def find_all(
-        self,
-        contact: Contact,
-        field: str,
-        value: float,
-        accuracy: float,
-        window: tuple[float, float] | None,
-        progress: Progress | None = None,
-        control: Control = LOAD,
-    ) -> tuple[list[State], list[bool], tuple[float, float], RawCurve]:
-        """The equilibria on the traced curve with a value, in a window of displacements; others are not looked for."""
-        setup = self.setup(contact, field, value, accuracy)
-        if self.cell is None and not isinstance(contact.tip, HeightMap):
-            # The curve goes on to the events, which may take more room than the value does.
-            room, _ = chosen_size(contact, self.name, None, setup.grid, None, None, accuracy)
-            if room > setup.edge:
-                edge, grid = chosen_size(contact, self.name, room, self.grid, field, value, accuracy)
-                setup = replace(setup, edge=edge, grid=grid)
-        states, used, curve = find_all(setup, field, value, accuracy, window, progress, control)
-        return states, [True] * len(states), used, curve
 
 
 @dataclass(frozen=True)

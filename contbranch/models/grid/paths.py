@@ -18,10 +18,9 @@ from contbranch.results.diagram import State
 
 from .accuracy import compared, held
 from .landing import land
-from .newton import Equilibrium, Hold, Settings, hold_control, newton
-from .problem import GridProblem
+from .newton import Equilibrium, Hold, Settings, newton
 from .reading import Reading, read
-from .solve import crossing, state_at
+from .solve import control_held, crossing, state_at
 from .trace import Traced
 from .walk import Direction, Measure, Point, between
 
@@ -175,7 +174,7 @@ class GridWalk:
             if exact:
                 state: Equilibrium | None = state_at(self.problem, exact[0])
             else:
-                state = crossing(self.setup, *rows, self._control, value, self._hold(value), self.settings)
+                state = crossing(self.setup, rows, self._control, value, self.settings)
             if state is None:
                 raise ModelError(f"no state was found on the curve where the {self._control.kind} is {value:.6g}")
             self._crossings[key] = self._stop(state, piece)
@@ -310,7 +309,7 @@ class GridWalk:
         if stop.piece < 0:
             value = self._control.value(stop.state.load, stop.state.displacement)
             coarse = self.setup.on(self.setup.grid // 2).problem
-            found = held(self.setup, stop.place, _held_on(coarse, self._control, value), self.settings)
+            found = held(self.setup, stop.place, control_held(coarse, self._control, value), self.settings)
             # out there, where rounding may be all that is left, energies are no larger than their errors
             return abs(stop.state.energy) if found is None else found.potential
         row = stop.piece if stop.row is None else stop.row
@@ -325,10 +324,7 @@ class GridWalk:
         return min(potentials, default=math.inf)
 
     def _hold(self, value: float) -> Hold:
-        return _held_on(self.setup.problem, self._control, value)
-
-    def _coarse_hold(self, value: float) -> Hold:
-        return _held_on(self.setup.on(self.setup.grid // 2).problem, self._control, value)
+        return control_held(self.setup.problem, self._control, value)
 
     def _stop(self, state: Equilibrium, piece: int) -> Stop:
         load, displacement = (int(kind[max(piece, 0)]) for kind in self._pieces)
@@ -338,12 +334,6 @@ class GridWalk:
     def _pieces(self) -> tuple[Integers, Integers]:
         indices = self.traced.indices
         return indices.pieces("load")[0], indices.pieces("displacement")[0]
-
-
-def _held_on(problem: GridProblem, control: Control, value: float) -> Hold:
-    if control.kind == "load":
-        return Hold(value)
-    return hold_control(problem, 1.0 / control.stiffness if control.kind == "spring" else 0.0, 1.0, value)
 
 
 def _state(reading: Reading, unstable_load: int, unstable_displacement: int) -> State:

@@ -9,9 +9,10 @@ import numpy as np
 
 from contbranch.contact.contact import Contact
 from contbranch.contact.tips import Parabola
+from contbranch.curve.curves import FollowedCurves
+from contbranch.curve.trace import Request
 from contbranch.errors import InputError, ModelError
 from contbranch.grid_size import nearest_fast
-from contbranch.models.axisymmetric import Axisymmetric
 
 from .lattice import Kind
 from .resolution import DECAYED, needed_grid
@@ -26,24 +27,28 @@ LEAST, MOST = 64, 512
 # Relative error of loads and radii with a spacing as long as the shortest length of the contact, and its order in the
 # spacing: measured on folds of the repulsive and the attractive Gauss and exponential laws in free space.
 COARSE_ERROR, ORDER = 0.02, 1.5
+# Accuracy of the curve that tells how much room a trace takes.
+COARSE_CURVE = 1e-4
 
 
 def chosen_size(
     contact: Contact,
     kind: Kind,
-    cell: float | None,
-    grid: int | None,
-    field: str | None,
-    value: float | None,
+    given: tuple[float | None, int | None],
+    asked: tuple[str | None, float | None],
     accuracy: float,
 ) -> tuple[float, int]:
-    """Edge and nodes for a reduced contact; what is given stays.
+    """Edge and nodes for a reduced contact.
 
     Parameters
     ----------
-    field, value
-        A load or displacement that must fit, or ``None`` and the largest load of a trace (``None``: its default).
+    given : (float or None, int or None)
+        Edge and nodes; what is given stays.
+    asked : (str or None, float or None)
+        ``("load", F)`` or ``("displacement", d)`` that must fit; ``(None, F)`` for a trace to its largest load, None
+        for its default.
     """
+    (cell, grid), (field, value) = given, asked
     depth, radius = _extent(contact, field, value)
     if cell is None:
         cell = ROOM[kind] * _radius_at(contact, depth + _reach(contact))
@@ -92,10 +97,13 @@ def _extent(contact: Contact, field: str | None, value: float | None) -> tuple[f
             radii = [state.contact_radius for state in states if state.contact_radius > 0.0]
             return max(state.displacement for state in states), min(radii, default=0.0)
         return max(value, 1.0), 0.0
-    model = Axisymmetric()
-    if model.obstacle(likeness) is None:
+    from contbranch.models.choice import axisymmetric
+
+    model = axisymmetric(likeness)
+    if model is not None:
+        request = Request(COARSE_CURVE, target=value, events=False, modes=0)
         try:
-            curve = model.trace(likeness, 1e-4, value, modes=0)
+            curve = FollowedCurves(likeness, model).trace(request)
             return float(curve.displacement.max(initial=1.0)), 0.0
         except ModelError:
             pass

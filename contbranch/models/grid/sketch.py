@@ -15,10 +15,9 @@ from numpy.typing import NDArray
 from contbranch.contact.contact import Contact
 from contbranch.contact.height_map import HeightMap
 from contbranch.contact.tips import Parabola
-from contbranch.control import LOAD, Control
+from contbranch.curve.curves import FollowedCurves
+from contbranch.curve.trace import Request
 from contbranch.errors import InputError, ModelError
-from contbranch.models.axisymmetric import Axisymmetric
-from contbranch.models.rings import Rings
 from contbranch.results.diagram import State
 
 from .setup import Setup
@@ -38,7 +37,7 @@ class Sketch:
     contact: Mask
 
 
-def relatives(contact: Contact, field: str, value: float, control: Control = LOAD) -> tuple[list[State], bool]:
+def relatives(contact: Contact, field: str, value: float) -> tuple[list[State], bool]:
     """Equilibria of the axisymmetric model at a load or displacement, with their profiles.
 
     Returns
@@ -52,15 +51,15 @@ def relatives(contact: Contact, field: str, value: float, control: Control = LOA
     if isinstance(contact.tip, HeightMap):
         return [], False
     likeness = contact if own else replace(contact, tip=Parabola(1.0))
-    for model in (Axisymmetric(), Rings()):
-        if model.obstacle(likeness) is not None:
-            continue
-        try:
-            states, _ = model.solve(likeness, field, value, 1e-6, None, control)
-        except (InputError, ModelError):
-            return [], own
-        return states, own
-    return [], own
+    from contbranch.models.choice import axisymmetric
+
+    model = axisymmetric(likeness)
+    if model is None:
+        return [], own
+    try:
+        return list(FollowedCurves(likeness, model).solve(Request(1e-6), field, value).states), own
+    except (InputError, ModelError):
+        return [], own
 
 
 def drawn(setup: Setup, state: State) -> Sketch:

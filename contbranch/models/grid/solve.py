@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
 from contbranch.control import DISPLACEMENT, LOAD, Control
+from contbranch.curve.curves import Coexisting
+from contbranch.curve.trace import Request
 from contbranch.errors import InputError, ModelError
-from contbranch.models.outcome import RawCurve
 from contbranch.results.diagram import Cost, State
 
 from .accuracy import Comparison, held, no_comparison
@@ -28,37 +30,52 @@ from .stability import morse
 from .trace import trace
 from .walk import Direction, Measure, Point, between
 
-__all__ = ["Found", "crossing", "find_all", "solve_all", "state_at"]
-
-Progress = Callable[[float, str], None]
+__all__ = ["Asked", "control_held", "crossing", "find_all", "solve_all", "state_at"]
 
 # Two states are one if their fields differ by less than this part of the law's range.
 SAME = 1e-3
 
 
-@dataclass(frozen=True)
-class Found:
-    """States on a lattice, and what is known of their number."""
-
-    states: tuple[State, ...]
-    message: str
-    curve: RawCurve
-
-
 def keep(problem: GridProblem, field: str, value: float) -> Hold:
     """What is held for a load or displacement."""
-    return hold_control(problem, 0.0, 1.0, value) if field == "displacement" else Hold(value)
+    return control_held(problem, DISPLACEMENT if field == "displacement" else LOAD, value)
 
 
-def solve_all(
-    setup: Setup,
-    field: str,
-    value: float,
-    accuracy: float,
-    progress: Progress | None = None,
-    control: Control = LOAD,
-    near: State | None = None,
-) -> Found:
+def control_held(problem: GridProblem, control: Control, value: float) -> Hold:
+    """What is held at a value of a control."""
+    if control.kind == "load":
+        return Hold(value)
+    return hold_control(problem, 1.0 / control.stiffness if control.kind == "spring" else 0.0, 1.0, value)
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A load or displacement (reduced units) for which equilibria on a lattice are wanted."""
+
+    setup: Setup
+    request: Request
+    field: str
+    value: float
+
+    @property
+    def settings(self) -> Settings:
+        """Newton's method, for the accuracy asked."""
+        return Settings(tolerance=min(max(1e-2 * self.request.accuracy, 1e-10), 1e-8))
+
+    def hold(self, problem: GridProblem) -> Hold:
+        """What is held."""
+        return keep(problem, self.field, self.value)
+
+    def answer(self, states: Sequence[State], **known: Any) -> Coexisting:
+        """The states as an answer, with what is known of them."""
+        counter = self.setup.counter
+        cost = Cost(0.0, counter.newton, counter.equilibrium, counter.stability)
+        lowest = min((getattr(state, self.field) for state in states), default=math.inf)
+        size = self.setup.lattice.size**2
+        return Coexisting(tuple(states), (True,) * len(states), lowest, cost, size, **known)
+
+
+def solve_all(setup: Setup, request: Request, field: str, value: float, near: State | None = None) -> Coexisting:
     """Equilibria with a load or displacement on a lattice: one for every sketch that leads to one.
 
     A state of the same lattice given as `near` is the only start, if Newton's method finds an equilibrium from it.
@@ -70,9 +87,8 @@ def solve_all(
     """
     if field == "contact_radius":
         raise InputError("contact_radius: a lattice cannot hold it; give a load or a displacement")
-    began = time.perf_counter()
-    settings = Settings(tolerance=min(max(1e-2 * accuracy, 1e-10), 1e-8))
-    hold = keep(setup.problem, field, value)
+    asked = Asked(setup, request, field, value)
+    settings, hold = asked.settings, asked.hold(setup.problem)
     equilibria: list[Equilibrium] = []
     notes = [Resolution.of(setup.lattice, setup.law).message]
     related: list[State] = []
@@ -90,9 +106,8 @@ def solve_all(
                 equilibria.append(reached_state)
         if not equilibria:
             raise _unreached(setup, field, value, bool(related))
-        states = tuple(state_of(setup, found, field, value, settings, control) for found in equilibria)
-    for found in equilibria[:1]:
-        notes.append("" if setup.crowded else _border(setup, found, field, value, accuracy))
+        states = [state_of(asked, found) for found in equilibria]
+    notes.append("" if setup.crowded else _border(asked, equilibria[0]))
     for note in notes:
         warn(note)
     if own and related:
@@ -100,16 +115,18 @@ def solve_all(
         notes.insert(0, f"The axisymmetric model has {count} equilibri{'um' if count == 1 else 'a'} here.")
     else:
         notes.insert(0, "Whether other equilibria exist has not been searched.")
-    message = " ".join(note for note in notes if note)
-    return Found(states, message, _curve(setup, states, message, time.perf_counter() - began))
+    return asked.answer(states, message=" ".join(note for note in notes if note))
 
 
-def _border(setup: Setup, state: Equilibrium, field: str, value: float, accuracy: float) -> str:
+def _border(asked: Asked, state: Equilibrium) -> str:
     """A sentence if contact or interaction have reached the border of the cell."""
+    setup = asked.setup
     if not fills(setup, state):
         return border_message(setup, state)
     # Heights and gaps at the border do not tell how far a contact would go: the cell that would be chosen does.
-    wanted, _ = chosen_size(setup.contact, setup.kind, None, setup.grid, field, value, accuracy)
+    wanted, _ = chosen_size(
+        setup.contact, setup.kind, (None, setup.grid), (asked.field, asked.value), asked.request.accuracy
+    )
     load, edge = state.load * setup.units.load, max(wanted, 2.0 * setup.edge) * setup.units.in_plane
     return (
         f"The cell is too small: the contact has reached its border at load {load:.6g}; use a cell of about "
@@ -159,21 +176,14 @@ def _same(setup: Setup, one: Equilibrium, other: Equilibrium) -> bool:
     return float(np.abs(one.u - other.u).max()) < SAME * setup.length
 
 
-def state_of(
-    setup: Setup,
-    found: Equilibrium,
-    field: str,
-    value: float,
-    settings: Settings,
-    control: Control,
-    compare: bool = True,
-) -> State:
+def state_of(asked: Asked, found: Equilibrium) -> State:
     """An equilibrium as a state, with error estimates from the coarser lattice and its Morse indices."""
+    setup, settings = asked.setup, asked.settings
     problem = setup.problem
     reading = read(setup, found)
     difference = None
-    if compare and not no_comparison(setup):
-        difference = held(setup, found, keep(setup.on(setup.grid // 2).problem, field, value), settings)
+    if not no_comparison(setup):
+        difference = held(setup, found, asked.hold(setup.on(setup.grid // 2).problem), settings)
     unknown = Comparison(*[np.inf] * 5)
     differences = (difference or unknown).four
     least = settings.tolerance
@@ -190,7 +200,7 @@ def state_of(
     if reading.contact_radius > 0.0:
         error["central_gap"] = 0.0
     indices = morse(problem, found)
-    spring = control.spring_stiffness
+    spring = asked.request.control.spring_stiffness
 
     def index(stiffness: float) -> int:
         return indices.symmetric + int(indices.slope + stiffness < 0.0)
@@ -214,48 +224,51 @@ def state_of(
 
 
 def find_all(
-    setup: Setup,
-    field: str,
-    value: float,
-    accuracy: float,
-    window: tuple[float, float] | None,
-    progress: Progress | None = None,
-    control: Control = LOAD,
-) -> tuple[list[State], tuple[float, float], RawCurve]:
+    setup: Setup, request: Request, field: str, value: float, window: tuple[float, float] | None
+) -> Coexisting:
     """Every equilibrium with a value on the traced curve of the lattice, within a window of displacements."""
+    asked = Asked(setup, request, field, value)
     limit = max(value, 0.0) * 1.1 + 1.0 if field == "load" else None
     beyond = value if field == "displacement" else None
-    traced = trace(setup, accuracy, limit, control, progress, verdicts=False, modes=0, beyond=beyond)
-    settings = Settings(tolerance=min(max(1e-2 * accuracy, 1e-10), 1e-8))
+    traced = trace(setup, replace(request, target=limit, modes=0), verdicts=False, beyond=beyond)
     driven = LOAD if field == "load" else DISPLACEMENT
-    hold = keep(setup.problem, field, value)
+    settings, hold = asked.settings, asked.hold(setup.problem)
     rows = [row for row in traced.rows if row.u is not None]
     states: list[State] = []
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         for first, second in pairwise(rows):
             low, high = (driven.value(row.load, row.reading.displacement) - value for row in (first, second))
             if low * high < 0.0 or high == 0.0:
-                found = crossing(setup, first, second, driven, value, hold, settings)
+                found = crossing(setup, (first, second), driven, value, settings)
                 if found is not None:
-                    states.append(state_of(setup, found, field, value, settings, control))
+                    states.append(state_of(asked, found))
         if field == "displacement" and rows and value < rows[0].reading.displacement:
             # The curve begins where the interaction is negligible; further away nothing but a rigid shift changes.
             found = newton(setup.problem, np.full(setup.problem.shape, -value), rows[0].load, hold, None, settings)
             if found.converged:
-                states.append(state_of(setup, found, field, value, settings, control))
+                states.append(state_of(asked, found))
     reach = traced.curve.displacement
     own = [value] if field == "displacement" else []
     used = window or (min([float(reach.min()), *own]), max([float(reach.max()), *own]))
-    return [state for state in states if used[0] <= state.displacement <= used[1]], used, traced.curve
+    states = [state for state in states if used[0] <= state.displacement <= used[1]]
+    curve = traced.curve
+    return asked.answer(
+        states,
+        complete=curve.complete,
+        message=curve.message,
+        window=used,
+        searched="others were not looked for off the curve",
+    )
 
 
 def crossing(
-    setup: Setup, first: Row, second: Row, control: Control, value: float, hold: Hold, settings: Settings
+    setup: Setup, rows: tuple[Row, Row], control: Control, value: float, settings: Settings
 ) -> Equilibrium | None:
     """The equilibrium between two rows at a value of the control: from the nearer end, within the bracket."""
     problem = setup.problem
-    ends = [state_at(problem, row) for row in (first, second)]
-    points = [Point(row.arc, state) for row, state in zip((first, second), ends, strict=True)]
+    hold = control_held(problem, control, value)
+    ends = [state_at(problem, row) for row in rows]
+    points = [Point(row.arc, state) for row, state in zip(rows, ends, strict=True)]
     values = [control.value(state.load, state.displacement) for state in ends]
     share = (value - values[0]) / (values[1] - values[0])
     u = ends[0].u + share * (ends[1].u - ends[0].u)
@@ -288,27 +301,3 @@ def state_at(problem: GridProblem, row: Row) -> Equilibrium:
     assert row.contact is not None
     fields = problem.fields(row.u, row.load)
     return Equilibrium(fields, row.contact, 0.0, row.reading.displacement, True)
-
-
-def _curve(setup: Setup, states: Sequence[State], message: str, wall: float) -> RawCurve:
-    """The states as a raw result, for messages and costs."""
-    nothing = np.zeros(len(states))
-    counts = np.zeros(len(states), dtype=np.int64)
-    counter = setup.counter
-    return RawCurve(
-        load=np.array([state.load for state in states]),
-        displacement=np.array([state.displacement for state in states]),
-        contact_radius=np.array([state.contact_radius for state in states]),
-        central_gap=np.array([state.central_gap for state in states]),
-        energy=np.array([state.energy for state in states]),
-        unstable_load=counts,
-        unstable_displacement=counts,
-        load_error=nothing,
-        displacement_error=nothing,
-        profiles=[],
-        events=[],
-        complete=bool(states),
-        message=message,
-        cost=Cost(wall, counter.newton, counter.equilibrium, counter.stability),
-        unknowns=setup.lattice.size**2,
-    )

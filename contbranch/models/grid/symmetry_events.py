@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from contbranch.models.outcome import RawEvent
+from contbranch.curve.outcome import RawEvent
 
 from .angular import angular_content
 from .newton import Equilibrium, Settings, newton

@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbranch.control import DISPLACEMENT, LOAD, Control
-from contbranch.curve.stability import Indices, morse_indices
-from contbranch.models.axisymmetric.symmetry import merged
-from contbranch.models.outcome import RawCurve
+from contbranch.curve.outcome import RawCurve
+from contbranch.curve.symmetry import merged
+from contbranch.curve.trace import Request
+from contbranch.models.grid.indices import Indices, morse_indices
 from contbranch.results.diagram import Cost
 
 from .accuracy import Comparison, compared, no_comparison, touched
@@ -39,7 +40,6 @@ __all__ = ["Traced", "followed", "trace"]
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-Progress = Callable[[float, str], None]
 # From the last points, the message with which a curve ends and whether the last point lies beyond; None: it goes on.
 Ending = Callable[[Sequence[Point]], tuple[str, bool] | None]
 
@@ -71,11 +71,8 @@ class _Tracer:
     """State of a trace."""
 
     setup: Setup
-    accuracy: float
-    limit: float | None
-    controls: tuple[Control, ...]
-    verdicts: bool
-    progress: Progress | None = None
+    request: Request
+    verdicts: bool = False
     start: tuple[Equilibrium, Equilibrium] | None = None
     ending: Ending | None = None
     symmetry: Callable[[Array], Array] | None = None
@@ -88,7 +85,7 @@ class _Tracer:
 
     def __post_init__(self) -> None:
         self.problem = self.setup.problem
-        tolerance = min(max(self.accuracy, 1e-10), 1e-6)
+        tolerance = min(max(self.request.accuracy, 1e-10), 1e-6)
         period = self.setup.lattice.spacing / self.setup.length
         self.options = WalkOptions(tolerance=tolerance, period=period, noise=max(1e-3, 0.05 * period))
         self.settings = following(tolerance)
@@ -103,7 +100,7 @@ class _Tracer:
 
     def run(self) -> str:
         """Follow the curve to its end; the reason why it ended early, or nothing."""
-        began = self.start or beginning(self.setup, self.accuracy, self.settings)
+        began = self.start or beginning(self.setup, self.request.accuracy, self.settings)
         if isinstance(began, str):
             return began
         walker = Walker(self.problem, self.setup.length, self.options, units=self.setup.units)
@@ -165,8 +162,8 @@ class _Tracer:
         return False
 
     def _goal(self) -> float:
-        if self.limit is not None:
-            return self.limit
+        if self.request.target is not None:
+            return self.request.target
         loads = [row.load for row in self.rows if row.mark is not None]
         return max(AT_LEAST, BEYOND * max(loads, default=0.0))
 
@@ -217,16 +214,16 @@ class _Tracer:
         return message + (remedy if resolution.ratio > 1.0 else "; try a finer grid or a larger cell")
 
     def _report(self, point: Point) -> None:
-        if self.progress is not None:
+        if self.request.progress is not None:
             done = min(0.98, max(0.0, point.load / self._goal()))
-            self.progress(done, f"load {point.load * self.setup.units.load:.4g}, {len(self.rows)} points")
+            self.request.progress(done, f"load {point.load * self.setup.units.load:.4g}, {len(self.rows)} points")
 
     # Events
 
     def _events(self, points: Sequence[Point]) -> None:
         if len(points) < 3:
             return
-        for control in self.controls:
+        for control in self.request.controls:
             a, b, c = (control.value(point.load, point.displacement) for point in points[-3:])
             tiny = 1e-9 * max(1.0, abs(b))
             if (b - a) * (c - b) < 0.0 and max(abs(b - a), abs(c - b)) > tiny:
@@ -299,13 +296,13 @@ class _Tracer:
 
     # The result
 
-    def outcome(self, message: str, began: float, modes: int) -> Traced:
+    def outcome(self, message: str, began: float) -> Traced:
         """Rows in order, indices, events."""
         self.rows.sort(key=lambda row: row.arc)
         rows = self.rows
         columns = {name: np.array([getattr(row.reading, name) for row in rows]) for name in Reading._fields}
         errors = self._errors(np.array([row.arc for row in rows]), columns)
-        judge(self.setup, rows, self.controls, errors, self.settings)
+        judge(self.setup, rows, self.request.controls, errors, self.settings)
         marks = [(k, row.mark) for k, row in enumerate(rows) if row.mark is not None]
         # Pairs of folds that are the lattice's own do not count for stability.
         folds = [
@@ -316,9 +313,11 @@ class _Tracer:
         load_error, displacement_error = errors[:2]
         turning = [row for row, kind in folds if kind != "spring"]
         first = 0 if self.symmetry is None else first_index(self.setup, rows, turning, self.symmetry)
-        indices = _indices(columns, folds, self.controls, first)
+        indices = _indices(columns, folds, self.request.controls, first)
         inner = [[k for k, mark in marks if mark.unresolved and mark.control == c] for c in (LOAD, DISPLACEMENT)]
-        checked = verify_curve(self.setup, rows, indices, turning, self.accuracy, modes, self.symmetry, inner)
+        checked = verify_curve(
+            self.setup, rows, indices, turning, self.request.accuracy, self.request.modes, self.symmetry, inner
+        )
         # What the lattice is too coarse for, the message names already.
         complete = not message and (not checked.contradicted or too_coarse(self.setup))
         own = [(float(a), float(b), float(c), float(d)) for a, b, c, d in zip(*errors, strict=True)]
@@ -334,15 +333,14 @@ class _Tracer:
             energy=columns["energy"],
             unstable_load=indices.load if rows else np.empty(0, dtype=np.int64),
             unstable_displacement=indices.displacement if rows else np.empty(0, dtype=np.int64),
-            load_error=load_error,
-            displacement_error=displacement_error,
+            row_errors=np.stack([load_error, displacement_error], axis=1),
             profiles=[deferred_profile(self.setup, row) for row in rows],
             events=events,
             complete=complete,
             message=" ".join([f"{message}." if message else "", *self.notes, *checked.notes]).strip(),
             cost=cost,
             unknowns=self.setup.lattice.size**2,
-            unstable_spring=indices.spring if any(c.kind == "spring" for c in self.controls) else None,
+            unstable_spring=indices.spring if any(c.kind == "spring" for c in self.request.controls) else None,
             unstable_azimuthal=checked.azimuthal,
             fft_pairs=np.array([row.pairs for row in rows], dtype=np.int64),
         )
@@ -367,38 +365,22 @@ class _Tracer:
         return load, displacement, radius, gap
 
 
-def trace(
-    setup: Setup,
-    accuracy: float,
-    limit: float | None,
-    control: Control = LOAD,
-    progress: Progress | None = None,
-    verdicts: bool = True,
-    modes: int = 1,
-    beyond: float | None = None,
-) -> Traced:
+def trace(setup: Setup, request: Request, verdicts: bool = True, beyond: float | None = None) -> Traced:
     """Follow a contact's curve on a lattice from far away to a load in contact.
 
     Parameters
     ----------
     setup : Setup
-    accuracy : float
-        Equations are solved to it; events on a lattice are as good as their error estimates say.
-    limit : float or None
-        Load at which the curve ends, in contact; None: 1.4 times the largest of any event, at least 10.
-    control : Control
-        A spring (reduced units), whose folds are located besides those of load and displacement.
-    progress : callable, optional
+    request : Request
+        Equations are solved to its accuracy; events on a lattice are as good as their error estimates say. Its target
+        is a load. Without modes, those that break a symmetry of the tip are not examined.
     verdicts : bool
         Whether every fold is looked for on the lattice with twice the nodes a side.
-    modes : int
-        0: modes that break a symmetry of the tip are not examined.
     beyond : float, optional
         A displacement that the curve passes before it ends, besides the load.
     """
     began = time.perf_counter()
-    controls = (LOAD, DISPLACEMENT, *((control,) if control.kind == "spring" else ()))
-    tracer = _Tracer(setup, accuracy, limit, controls, verdicts, progress, beyond=beyond)
+    tracer = _Tracer(setup, request, verdicts, beyond=beyond)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         tracer.notes += [Resolution.of(setup.lattice, setup.law).message]
         tracer.notes += [jump_message(setup.law)]
@@ -408,18 +390,15 @@ def trace(
         worst = _reaching(tracer)
         warn(worst)
         tracer.notes = [note for note in (*tracer.notes, worst, no_comparison(setup)) if note]
-        return tracer.outcome(message, began, modes)
+        return tracer.outcome(message, began)
 
 
 def followed(
     setup: Setup,
-    accuracy: float,
-    limit: float | None,
-    controls: tuple[Control, ...],
+    request: Request,
     start: tuple[Equilibrium, Equilibrium],
     ending: Ending,
     kept: Callable[[Array], Array],
-    modes: int = 1,
 ) -> Traced:
     """Follow a curve from two of its states to where it ends.
 
@@ -427,21 +406,19 @@ def followed(
     ----------
     setup : Setup
         On the whole lattice.
-    accuracy, limit, controls
+    request : Request
         As for `trace`.
     start : two Equilibrium
         The first, and one close to it in the direction in which to go.
     ending : callable
     kept : callable
         The symmetry that the states have: the image of a field.
-    modes : int
-        0: modes that break this symmetry are not examined.
     """
     began = time.perf_counter()
-    tracer = _Tracer(setup, accuracy, limit, controls, False, start=start, ending=ending, symmetry=kept)
+    tracer = _Tracer(setup, request, start=start, ending=ending, symmetry=kept)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         message = tracer.run()
-        return tracer.outcome(message, began, modes)
+        return tracer.outcome(message, began)
 
 
 def _reaching(tracer: _Tracer) -> str:

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbranch.control import Control
-from contbranch.curve.stability import Indices
-from contbranch.models.outcome import RawEvent
+from contbranch.curve.outcome import RawEvent
+from contbranch.models.grid.indices import Indices
 
 from .folds import refine_fold
 from .newton import Settings

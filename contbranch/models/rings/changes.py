@@ -3,29 +3,107 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from contbranch.continuation import CorrectionError, Point
+from contbranch.continuation import CorrectionError, Event, Point, StopAt
+from contbranch.continuation.edge import Range
+from contbranch.continuation.follow import follow
+from contbranch.curve.events import Margin
+from contbranch.curve.problem import Succession, equilibrium, oriented
 from contbranch.errors import ModelError
 
-from .constraints import Breach
+from .constraints import Breach, begun, least_margin
+from .equations import rings
 from .layout import Layout
-from .legs import AdaptingProblem, Violation, oriented, solved, unit_metric
 from .meshing import BOUNDED
+from .newton import resolved, solved
 from .panels import Grid, Panels
-from .problem import RingProblem
+from .topology import change
 
-__all__ = ["passed", "seeded"]
+__all__ = ["born", "vanished"]
 
 Array = NDArray[np.float64]
 
-# Half-widths with which a region is born, as shares of the room there is for it; the first that succeeds counts.
-SEEDS = (0.02, 0.05, 0.01, 0.1, 0.004, 0.2)
-# Breaks taken over from other panels are at least this share of the outermost one apart; rounds of meshing of a state.
-APART, MESHINGS = 0.02, 4
+# Half-widths with which a region is born, as shares of the room there is for it; the first that succeeds counts, unless
+# an inequality fails there by more than this.
+SEEDS, FAILS = (0.02, 0.05, 0.01, 0.1, 0.004, 0.2), 1e-3
+# Breaks taken over from other panels are at least this share of the outermost one apart.
+APART = 0.02
+# First steps behind a change as a share of the narrowest region, or behind a jump of the outermost edge; no shorter.
+FIRST, AFTER_JUMP, SHORTEST = 0.3, 1e-2, 1e-3
+
+
+def born(point: Point) -> Succession:
+    """The curve behind a point at which an inequality fails: a region is born.
+
+    Raises
+    ------
+    ModelError
+        If no state with it was found.
+    """
+    breach = failing(point)
+    start = begun(seeded(point, breach))
+    kind, message = change(rings(point), breach, growing=True)
+    return Succession(kind, point, (start,), same=False, step=FIRST * narrowest(start), message=message)
+
+
+def vanished(point: Point) -> Succession:
+    """The curve behind a point at which a region has all but vanished.
+
+    The event lies where the layout without it begins to be right.
+
+    Raises
+    ------
+    ModelError
+        If the neighbours cannot be joined, or the event was not found.
+    """
+    joined, jump = passed(point)
+    if jump:  # no change of the contact set, only of how it is represented
+        return Succession("", point, (begun(joined),), step=AFTER_JUMP * float(joined.x[-1]))
+    width = narrowest(point)
+    right = margin(joined) > 0  # for a while already: look back
+    event = along(joined.turned() if right else joined, width, [Margin("breach")])
+    if event.label != "breach":
+        raise ModelError("a region vanished, but not where its inequality says")
+    if right:
+        event, start = event.turned(), joined
+    else:
+        start = along(event, width, [], lambda found: margin(found) > 0)
+    kind, message = change(rings(event), failing(event), growing=False)
+    step = max(width, SHORTEST)
+    return Succession(kind, event, (begun(start),), same=False, step=step, message=message, margin="breach")
+
+
+def along(start: Point, width: float, events: Sequence[Event], arrived: Callable[[Point], bool] | None = None) -> Point:
+    """The last point of the curve from a start on, in steps of a width at first, as far as events or `arrived` say."""
+    problem = equilibrium(start)
+    balance, everywhere = problem.balance(start, FIRST * width), Range(-math.inf, math.inf)
+    branch = follow(start, balance, everywhere, problem.steps(start), events, StopAt(predicate=arrived))
+    if not branch.points:
+        raise ModelError(f"where a region vanished the curve could not be followed: {branch.end.message}")
+    return branch.points[-1]
+
+
+def margin(point: Point) -> float:
+    """How far the inequalities of contact are from failing."""
+    return equilibrium(point).margins(point.x, point.parameter)["breach"]
+
+
+def failing(point: Point) -> Breach:
+    """The inequality that fails at a point."""
+    breach = least_margin(rings(point), rings(point).fields(point.x, point.parameter))
+    if breach is None:
+        raise ModelError("where the contact set changes its inequality could not be told")
+    return breach
+
+
+def narrowest(point: Point) -> float:
+    """The smallest width of a region."""
+    return float(np.diff(point.x[point.x.size - rings(point).edges :], prepend=0.0).min())
 
 
 def pieces(layout: Layout, edges: Array, panels: Panels, grid: Grid) -> Panels:
@@ -51,36 +129,6 @@ def pieces(layout: Layout, edges: Array, panels: Panels, grid: Grid) -> Panels:
     return replace(panels, halves=tuple(halves), outer=outer)
 
 
-def meshed(point: Point, row: tuple[Array, float] | None = None) -> Point:
-    """The point on panels that resolve it, in the plane that the row (by default: its own tangent) is normal to.
-
-    Raises
-    ------
-    CorrectionError
-        If Newton's method fails.
-    """
-    for _ in range(MESHINGS):
-        problem = point.problem
-        assert isinstance(problem, AdaptingProblem)
-        offer = problem.adapt(point.x, point.parameter)
-        if offer is None:
-            break
-        other = offer.problem
-        assert isinstance(other, AdaptingProblem)
-        assert offer.transfer is not None
-        tangent = offer.transfer(point.tangent_x), point.tangent_parameter
-        metric = unit_metric(other, offer.x)
-        if row is None:
-            across = metric.row(other, *tangent)
-        else:  # rows of edges alone
-            across = np.zeros(offer.x.size), row[1]
-            count = problem.edges
-            across[0][offer.x.size - count :] = row[0][row[0].size - count :]
-        x, d = solved(other, offer.x, point.parameter, across)
-        point = oriented(other, x, d, tangent)
-    return point
-
-
 def seeded(point: Point, breach: Breach) -> Point:
     """The state in which a narrow new region has been born, oriented towards its growth.
 
@@ -89,8 +137,7 @@ def seeded(point: Point, breach: Breach) -> Point:
     ModelError
         If none was found.
     """
-    problem = point.problem
-    assert isinstance(problem, RingProblem)
+    problem = rings(point)
     fields = problem.fields(point.x, point.parameter)
     grid = fields.grid
     edges = grid.edges
@@ -110,68 +157,53 @@ def seeded(point: Point, breach: Breach) -> Point:
         else:
             at = breach.radius + half * np.array([-1.0, 1.0])
             new = np.insert(edges, breach.region, at)
-        trial = AdaptingProblem(problem.setting, layout, pieces(layout, new, problem.panels, grid))
+        trial = problem.laid_out(layout, pieces(layout, new, problem.panels, grid))
         nodes = Grid(trial.panels, new, layout.bounded)
         x = np.concatenate([grid.interpolate(fields.pressure, nodes.r), new])
-        row = np.zeros(x.size)
-        row[nodes.size + breach.region] = 1.0
+        held = np.zeros(len(new))
+        held[breach.region] = 1.0
         if not centre:
-            row[nodes.size + breach.region], row[nodes.size + breach.region + 1] = -1.0, 1.0
+            held[breach.region : breach.region + 2] = -1.0, 1.0
+        row = np.concatenate([np.zeros(nodes.size), held]), 0.0
         try:
-            x, d = solved(trial, x, point.parameter, (row, 0.0))
-            born = meshed(oriented(trial, x, d, (row, 0.0)), (row, 0.0))
+            found = resolved(oriented(trial, *solved(trial, x, point.parameter, row), row), (held, 0.0))
         except CorrectionError:
             continue
-        if Violation().value(born) < -1e-3:
-            continue
-        return born
+        if margin(found) >= -FAILS:
+            return found
     raise ModelError("no state was found beyond the change of the contact set")
 
 
-def passed(point: Point, limits: tuple[float, ...]) -> tuple[Point, bool]:
+def passed(point: Point) -> tuple[Point, bool]:
     """The state without the region that has all but vanished, oriented as before, and whether a jump takes its place.
-
-    Parameters
-    ----------
-    limits : tuple of float
-        The `thresholds` of the leg that ends at the point.
 
     Raises
     ------
     ModelError
         If the neighbours cannot be joined, or Newton's method fails.
     """
-    problem = point.problem
-    assert isinstance(problem, RingProblem)
+    problem = rings(point)
     fields = problem.fields(point.x, point.parameter)
-    edges = fields.grid.edges
-    widths = problem.widths(fields)
+    edges, widths, limits = fields.grid.edges, problem.widths(fields), problem.vanishing
     region = min((k for k, limit in enumerate(limits) if limit > 0), key=lambda k: widths[k] / limits[k])
-    joined, collapsed = problem.layout.without(region), problem.layout.collapsed(region)
-    layout = joined if joined is not None else collapsed
-    assert layout is not None
+    joined = problem.layout.without(region)
+    layout = joined or problem.layout.collapsed(region)
+    if layout is None:
+        raise ModelError("the neighbours of a region that vanished cannot be joined")
     gone = [region] if region == 0 or joined is None else [region - 1, region]
     kept = np.delete(edges, gone)
     if joined is None:
         kept[region - 1] = (edges[region - 1] + edges[region]) / 2
-    trial = AdaptingProblem(problem.setting, layout, pieces(layout, kept, problem.panels, fields.grid))
+    trial = problem.laid_out(layout, pieces(layout, kept, problem.panels, fields.grid))
     nodes = Grid(trial.panels, kept, layout.bounded)
-    n = fields.grid.size
-
-    def carried(vector: Array) -> Array:
-        return np.concatenate([fields.grid.interpolate(vector[:n], nodes.r), np.delete(vector[n:], gone)])
-
-    tangent = carried(point.tangent_x)
-    x = carried(point.x)
-    x[nodes.size :] = kept
-    metric = unit_metric(trial, x)
+    x = np.concatenate([fields.grid.interpolate(fields.pressure, nodes.r), kept])
     # Close to the vanishing region rates of pressure are large and mean nothing for the joined state.
-    tangent[: nodes.size] = 0.0
-    if not np.abs(tangent[nodes.size :]).max(initial=0.0) + abs(point.tangent_parameter) > 0:
+    rates = np.delete(point.tangent_x[fields.grid.size :], gone)
+    tangent = np.concatenate([np.zeros(nodes.size), rates]), point.tangent_parameter
+    if not np.abs(rates).max(initial=0.0) + abs(point.tangent_parameter) > 0:
         raise ModelError("the direction of the curve was lost where a region vanished")
-    row = metric.row(trial, tangent, point.tangent_parameter)
     try:
-        x, d = solved(trial, x, point.parameter, row)
-        return meshed(oriented(trial, x, d, (tangent, point.tangent_parameter))), joined is None
+        x, d = solved(trial, x, point.parameter, trial.metric(x).row(trial, *tangent))
+        return resolved(oriented(trial, x, d, tangent)), joined is None
     except CorrectionError as error:
         raise ModelError(f"no state was found without the region that vanished {error.detail}") from error

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from contbranch.models.axisymmetric.mesh import legendre_values
+from contbranch.continuation import Point
+from contbranch.models.quadrature import legendre_values
 
+from .equations import Fields, RingEquations, rings
 from .layout import Region
-from .problem import Fields, RingProblem
 
-__all__ = ["Breach", "breaches", "least_margin"]
+__all__ = ["NARROW_RING", "Breach", "begun", "least_margin", "narrowness"]
 
 Array = NDArray[np.float64]
 
@@ -28,6 +29,9 @@ ROUNDING, NARROW = 1e-8, 0.02
 PRESSURE_NOISE = 3e-8
 # ... and at a jump the gap passes the level by what the ring left out would prevent.
 JUMP_NOISE = 1e-4
+# A region vanishes at this share of its width where the piece of the curve begins, or of the outermost edge if that is
+# less: a ring at rest between two bands may be replaced by a jump of the pressure below the latter.
+SHRUNK, NARROWEST, NARROW_RING = 0.5, 1e-3, 1e-4
 # Places on a panel at which its polynomial is sampled for an extremum.
 SAMPLES = (np.arange(33)) / 32
 
@@ -54,7 +58,29 @@ class Breach:
     new: Region
 
 
-def breaches(problem: RingProblem, fields: Fields) -> Iterator[Breach]:
+def begun(point: Point) -> Point:
+    """The point as the start of a piece of curve, with the widths at which its regions vanish."""
+    problem = rings(point)
+    edges = point.x[point.x.size - problem.edges :]
+    shares = np.diff(np.concatenate([[0.0], edges])) / edges[-1] if len(edges) else edges
+    widths = []
+    for k, share in enumerate(shares):
+        joins, collapses = problem.layout.without(k) is not None, problem.layout.collapsed(k) is not None
+        least = NARROWEST if joins else NARROW_RING if collapses else 0.0
+        widths.append(float(min(least, SHRUNK * share)))
+    return replace(point, problem=problem.laid_out(problem.layout, problem.panels, tuple(widths)))
+
+
+def narrowness(problem: RingEquations, fields: Fields) -> float:
+    """The smallest width over that at which its region vanishes, less 1; at most 1."""
+    if not any(problem.vanishing):
+        return 1.0
+    least = np.array(problem.vanishing)
+    shares = problem.widths(fields) / fields.grid.edges[-1]
+    return min(1.0, float((shares[least > 0] / least[least > 0]).min()) - 1)
+
+
+def breaches(problem: RingEquations, fields: Fields) -> Iterator[Breach]:
     """The interior extrema of gaps and pressures against their bounds, in every region."""
     law = problem.setting.law
     scale = problem.setting.scale
@@ -77,17 +103,16 @@ def breaches(problem: RingProblem, fields: Fields) -> Iterator[Breach]:
                 yield from _extrema(problem, fields, k, (ceiling - fields.gap) / scale, Region(True, region.index + 1))
 
 
-def least_margin(problem: RingProblem, fields: Fields) -> Breach | None:
+def least_margin(problem: RingEquations, fields: Fields) -> Breach | None:
     """The inequality closest to failing; None if no gap and no pressure has an extremum against its bound."""
     if "breach" not in fields.derived:
         found = list(breaches(problem, fields))
         fields.derived["breach"] = min(found, key=lambda breach: breach.margin) if found else None
-    breach = fields.derived["breach"]
-    assert breach is None or isinstance(breach, Breach)
+    breach: Breach | None = fields.derived["breach"]
     return breach
 
 
-def _extrema(problem: RingProblem, fields: Fields, region: int, margin: Array, new: Region) -> Iterator[Breach]:
+def _extrema(problem: RingEquations, fields: Fields, region: int, margin: Array, new: Region) -> Iterator[Breach]:
     grid = fields.grid
     own = np.flatnonzero(grid.of_node == region)
     if len(own) < 3:
@@ -114,7 +139,7 @@ def _extrema(problem: RingProblem, fields: Fields, region: int, margin: Array, n
         yield Breach(value + noise if at_edge else value, region, radius, new)
 
 
-def _refined(problem: RingProblem, fields: Fields, margin: Array, node: int) -> tuple[float, float, int]:
+def _refined(problem: RingEquations, fields: Fields, margin: Array, node: int) -> tuple[float, float, int]:
     """The minimum near a node from the polynomials of its panel and the neighbours in its region."""
     grid = fields.grid
     panel = node // grid.order

@@ -1,264 +1,97 @@
-"""Going on with a general contact set where a curve followed with a single disc of contact can go no further."""
+"""Going on with any contact set where one disc of contact, followed by another model, is no longer all there is."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from dataclasses import fields as fields_of
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
+from contbranch.contact.interactions import Interaction
 from contbranch.contact.tips import Tip
 from contbranch.continuation import CorrectionError, Point
-from contbranch.control import Control
-from contbranch.curve.stability import Indices
+from contbranch.curve.problem import Rates, Work, oriented
 from contbranch.errors import ModelError
-from contbranch.models.axisymmetric.equations import Equations
-from contbranch.models.axisymmetric.equations import Fields as DiscFields
-from contbranch.models.axisymmetric.problem import ContactProblem
-from contbranch.models.outcome import RawCurve
 
-from .journey import Journey, Target
+from .constraints import begun
+from .equations import Setting, rings
 from .law import BandedLaw
 from .layout import Layout, Region
-from .legs import AdaptingProblem, Violation, oriented, solved
 from .meshing import BOUNDED, order_for
+from .newton import resolved, solved
 from .panels import Grid, Panels
-from .problem import RingProblem, Setting
-from .results import assembled
-from .trace import TRACE_TOLERANCE
+from .problem import RingProblem
 
-__all__ = ["Continued", "continue_from", "from_disc", "joined"]
+__all__ = ["Disc", "taken_over"]
 
-# Rounds of meshing and solving for the first state.
-ROUNDS = 6
-# Rows, from the last admissible one backwards, from which the curve is taken over until one succeeds.
-TRIES = 4
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Continued:
-    """What follows a state with a disc of contact.
+class Disc:
+    """A state with one disc of contact, or none, reduced units.
 
     Attributes
     ----------
-    curve : RawCurve
-        Its rows begin with the state handed over; its events count rows from there.
-    indices : Indices
-    points : tuple of Point
+    radius, displacement : float
+    radii : array
+        Where panels end that resolve the pressure outside of the contact, increasing.
+    pressure : callable
+        Total pressure at radii, inside of the contact and outside.
+    along : Rates
+        Rates of its values along the curve.
     """
 
-    curve: RawCurve
-    indices: Indices
-    points: tuple[Point, ...]
+    radius: float
+    displacement: float
+    radii: Array
+    pressure: Callable[[Array], Array]
+    along: Rates
 
 
-def from_disc(setting: Setting, equations: Equations, fields: DiscFields) -> tuple[RingProblem, np.ndarray, float]:
-    """The equilibrium of a disc (or of none) on panels of this model: problem, unknowns, displacement.
-
-    Raises
-    ------
-    CorrectionError
-        If Newton's method fails.
-    """
-    mesh, a = equations.mesh, fields.rim.radius
-    d = equations.displacement(fields)
-    floating = Region(False, setting.law.outermost)
-    tip: Tip = setting.tip
-    # The same panels outside: tau = √(r² − a²) and y = √(r − a).
-    radii = np.hypot(mesh.edges[1:], a)
-    radii = radii[radii < tip.extent]
-    order = order_for(setting.tolerance)
-    infinite = not math.isfinite(tip.extent)
-    if a > 0:
-        layout = Layout((Region(True, 0), floating), False)
-        panels = Panels(order, (BOUNDED,), tuple(float(y) for y in np.sqrt(radii - a)), infinite)
-        edges = np.array([a])
-    else:
-        layout = Layout((floating,), False)
-        panels = Panels(order, (), tuple(float(r) for r in radii), infinite)
-        edges = np.zeros(0)
-    problem: RingProblem = AdaptingProblem(setting, layout, panels)
-    grid = Grid(panels, edges, False)
-    rho = np.sqrt(np.maximum(grid.r**2 - a * a, 0.0))
-    pressure = mesh.interpolate(fields.pressure, rho)
-    inside = grid.r < a
-    if inside.any():
-        pressure[inside] = equations.inner_pressure(fields, grid.r[inside])
-    x, d = solved(problem, np.concatenate([pressure, edges]), d)
-    for _ in range(ROUNDS):
-        offer = problem.adapt(x, d)
-        if offer is None or isinstance(offer, np.ndarray):
-            break
-        assert isinstance(offer.problem, RingProblem)
-        problem = offer.problem
-        x, d = solved(problem, offer.x, d)
-    return problem, x, d
-
-
-def continue_from(
-    before: Sequence[tuple[Equations, DiscFields]],
-    law: BandedLaw,
-    target: Target,
-    controls: Sequence[Control],
-    accuracy: float | None,
-    largest: float = 0.0,
-    unstable: int = 0,
-) -> Continued:
-    """The curve beyond a state with a disc of contact, through any number of changes of the contact set.
+def taken_over(tip: Tip, interaction: Interaction | None, accuracy: float, disc: Disc, work: Work) -> Point:
+    """The same state with free boundaries, from which any contact set may follow.
 
     Parameters
     ----------
-    before : sequence of (Equations, Fields), two
-        Two states of the axisymmetric model in order along the curve, both admissible. The second is the one handed
-        over; the first tells the direction.
-    law : BandedLaw
-    target : Target
-        Where the curve ends; without value, at the multiple of the largest load of any event.
-    controls : sequence of Control
-        Load and displacement, and a spring if there is one.
-    accuracy : float or None
-        Error allowed to every event; None: no events.
-    largest : float
-        The largest load of the events so far.
-    unstable : int
-        Morse index under displacement control at the state handed over.
+    tip, interaction : Tip, Interaction or None
+        Reduced units.
+    accuracy : float
+        Error allowed to events, relative to max(1, |value|).
+    disc : Disc
+    work : Work
+        In which what is spent on the whole curve is counted.
 
     Raises
     ------
     ModelError
-        If this model does not find the state handed over.
+        If the state is not found, or its contact set is not right.
     """
-    (first_equations, first), (equations, last) = before
-    tolerance = TRACE_TOLERANCE if accuracy is None else min(TRACE_TOLERANCE, 10 * accuracy)
-    setting = Setting(equations.tip, law, tolerance)
+    setting = Setting(tip, BandedLaw(interaction), accuracy, work)
+    around, a = Region(False, setting.law.outermost), disc.radius
+    order, infinite = order_for(setting.tolerance), not math.isfinite(tip.extent)
+    radii = disc.radii[(disc.radii > a) & (disc.radii < tip.extent)]
+    edges = np.array([a] if a > 0 else [])
+    if a > 0:
+        layout = Layout((Region(True, 0), around), False)
+        panels = Panels(order, (BOUNDED,), tuple(np.sqrt(radii - a).tolist()), infinite)
+    else:
+        layout, panels = Layout((around,), False), Panels(order, (), tuple(radii.tolist()), infinite)
+    problem = RingProblem(setting, layout, panels)
+    x = np.concatenate([disc.pressure(Grid(panels, edges, False).r), edges])
+    held = (np.zeros(x.size), 1.0)
     try:
-        problem, x, d = from_disc(setting, equations, last)
-        load = problem.load(problem.fields(x, d))
-        start = oriented(problem, x, d, (np.zeros_like(x), 1.0))
-        # Along the curve load, displacement and contact radius change as they did before.
-        old = np.array(
-            [
-                equations.load(last) - first_equations.load(first),
-                equations.displacement(last) - first_equations.displacement(first),
-                last.rim.radius - first.rim.radius,
-            ]
-        )
-        edge = float(start.tangent_x[-1]) if problem.edges else 0.0
-        new = np.array([problem.load_rate(problem.fields(x, d), start.tangent_x), start.tangent_parameter, edge])
-        scale = np.array([max(1.0, abs(load)), max(1.0, abs(d)), 1.0])
-        if float((old / scale) @ (new / scale)) < 0:
-            start = start.turned()
+        point = oriented(problem, *solved(problem, x, disc.displacement, held), held)
+        point = begun(resolved(point, (np.zeros(len(edges)), 1.0)))
     except CorrectionError as error:
         raise ModelError(f"the state was not found with free boundaries {error.detail}") from error
-    journey = Journey(target, controls, largest)
-    if Violation().value(start) <= 0:
+    found = rings(point)
+    if found.margins(point.x, point.parameter)["breach"] <= 0:
         raise ModelError("the state handed over is not admissible")
-    step = math.hypot(abs(old[2]), abs(old[1]))
-    journey.run(start, 0.1 * max(step, 1e-4))
-    curve, indices = assembled(journey, accuracy, unstable)
-    return Continued(curve, indices, tuple(journey.points))
-
-
-def joined(
-    points: Sequence[Point],
-    curve: RawCurve,
-    indices: Indices,
-    target: Target,
-    controls: Sequence[Control],
-    accuracy: float | None,
-) -> tuple[tuple[Point, ...], RawCurve, Indices, int]:
-    """A curve of the model with a disc, ended where its contact set stops being one, with what follows.
-
-    Parameters
-    ----------
-    points, curve, indices
-        Rows of that model (whose last ones may already be inadmissible), its result and its Morse indices.
-
-    Returns
-    -------
-    points, curve, indices, row
-        The last row of that model; the next one is the same state in the model with free boundaries.
-
-    Raises
-    ------
-    ModelError
-        If the curve could not be taken over.
-    """
-    failure = ModelError("no admissible state was left")
-    admissible = [k for k, point in enumerate(points) if _margin(point) > 0]
-    for row in reversed([k for k in admissible if k - 1 in admissible][-TRIES:]):
-        before, last = _disc(points[row - 1]), _disc(points[row])
-        loads = [p.observables["load"] for p in points[: row + 1] if p.label in ("load", "spring", "edge")]
-        law = BandedLaw(last[0].interaction)
-        unstable = int(indices.displacement_pieces[row - 1])
-        try:
-            more = continue_from(
-                (before, last), law, target, controls, accuracy, max(loads, default=-math.inf), unstable
-            )
-        except ModelError as error:
-            failure = error
-            continue
-        return (
-            (*points[: row + 1], *more.points),
-            _chained(curve, more.curve, row),
-            _along(indices, more.indices, row),
-            row,
-        )
-    raise failure
-
-
-def _margin(point: Point) -> float:
-    problem = point.problem
-    assert isinstance(problem, ContactProblem)
-    return problem.equations.admissibility(problem.fields(point.x, point.parameter), problem.scale)
-
-
-def _disc(point: Point) -> tuple[Equations, DiscFields]:
-    problem = point.problem
-    assert isinstance(problem, ContactProblem)
-    return problem.equations, problem.fields(point.x, point.parameter)
-
-
-def _chained(first: RawCurve, second: RawCurve, row: int) -> RawCurve:
-    """Rows 0 … row of one curve, and all of another; events beyond the row belong to the second."""
-
-    def chain(name: str) -> np.ndarray:
-        return np.concatenate([getattr(first, name)[: row + 1], getattr(second, name)])
-
-    events = [event for event in first.events if event.row <= row and event.kind not in ("inadmissible", "end")]
-    events += [replace(event, row=event.row + row + 1) for event in second.events]
-    spring = None if first.unstable_spring is None else chain("unstable_spring")
-    known = first.unstable_azimuthal is not None and second.unstable_azimuthal is not None
-    return replace(
-        second,
-        load=chain("load"),
-        displacement=chain("displacement"),
-        contact_radius=chain("contact_radius"),
-        central_gap=chain("central_gap"),
-        energy=chain("energy"),
-        unstable_load=chain("unstable_load"),
-        unstable_displacement=chain("unstable_displacement"),
-        load_error=chain("load_error"),
-        displacement_error=chain("displacement_error"),
-        unstable_spring=spring,
-        unstable_azimuthal=chain("unstable_azimuthal") if known else None,
-        profiles=[*first.profiles[: row + 1], *second.profiles],
-        events=events,
-    )
-
-
-def _along(first: Indices, second: Indices, row: int) -> Indices:
-    """Indices of both: pieces up to the row, the piece between the two representations of one state, the rest."""
-
-    def rows(name: str) -> np.ndarray:
-        return np.concatenate([getattr(first, name)[: row + 1], getattr(second, name)])
-
-    def pieces(name: str) -> np.ndarray:
-        own = getattr(first, name)[:row]
-        return np.concatenate([own, own[-1:], getattr(second, name)])
-
-    names = [item.name for item in fields_of(Indices)]
-    between = ("pieces", "loading", "approaching", "pulling")
-    return Indices(**{name: pieces(name) if name.endswith(between) else rows(name) for name in names})
+    # Load, displacement and contact radius change as they did before.
+    values = found.values(point.x, point.parameter)
+    own = found.rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
+    scale = np.array([max(1.0, abs(values.load)), max(1.0, abs(values.displacement)), 1.0])
+    return point if float((np.array(own[:3]) / scale) @ (np.array(disc.along[:3]) / scale)) >= 0 else point.turned()

@@ -47,7 +47,6 @@ class Layout:
         outer = self.regions[edge + 1] if edge + 1 < len(self.regions) else None
         if inner.rests:
             return 0, outer if outer is not None else Region(False, inner.index)
-        assert outer is not None
         return 1, inner
 
     def jump(self, edge: int) -> bool:

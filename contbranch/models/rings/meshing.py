@@ -9,9 +9,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from .equations import Fields, RingEquations
 from .layout import Layout
 from .panels import Panels
-from .problem import Fields, RingProblem
 
 __all__ = ["adapted", "finer", "order_for", "panel_errors", "start_panels"]
 
@@ -64,7 +64,7 @@ def finer(panels: Panels) -> Panels:
     return replace(panels, order=panels.order + max(4, panels.order // FINER_SHARE), halves=halves, outer=outer)
 
 
-def panel_errors(problem: RingProblem, fields: Fields) -> Array:
+def panel_errors(problem: RingEquations, fields: Fields) -> Array:
     """Load that each panel may miss: the tail of the Legendre series of the pressure times the panel's area, (P,)."""
     grid = fields.grid
     coefficients = np.abs(grid.coefficients(fields.pressure))
@@ -82,10 +82,13 @@ def panel_errors(problem: RingProblem, fields: Fields) -> Array:
     return np.asarray(np.where(infinite, np.maximum(missed, ring * np.minimum(1.0, share)), tail * area))
 
 
-def adapted(problem: RingProblem, fields: Fields, allowed: float) -> Panels | None:
-    """Panels with those split that miss too much load and those joined that need not be apart; None: no change."""
+def adapted(problem: RingEquations, fields: Fields, tolerance: float) -> Panels | None:
+    """Panels with those split that miss too much load and those joined that need not be apart; None: no change.
+
+    The tolerance is that of the load, relative to max(1, |value|).
+    """
     errors = panel_errors(problem, fields)
-    share = allowed / max(4.0, len(errors) ** 0.5)
+    share = tolerance * max(1.0, abs(problem.load(fields))) / max(4.0, len(errors) ** 0.5)
     panels = problem.panels
     halves: list[tuple[float, ...]] = []
     at = 0

@@ -8,13 +8,11 @@ from typing import ClassVar
 
 from contbranch.contact.contact import Contact
 from contbranch.contact.interactions import MaugisDugdale
-from contbranch.control import LOAD, Control
-from contbranch.models.outcome import RawCurve
-from contbranch.results.diagram import State
 
-from .journey import Target
-from .solve import solve_all
-from .trace import trace
+from .equations import Setting
+from .law import BandedLaw
+from .problem import RingProblem
+from .start import distance, floating
 
 __all__ = ["Rings"]
 
@@ -41,51 +39,7 @@ class Rings:
             return "there is no interaction with which the contact could begin"
         return None
 
-    def trace(
-        self,
-        contact: Contact,
-        accuracy: float,
-        max_load: float | None,
-        progress: Progress | None = None,
-        control: Control = LOAD,
-        modes: int = 0,
-    ) -> RawCurve:
-        """The whole curve of a reduced contact; azimuthal modes are not examined, whatever `modes`."""
-        return trace(contact, accuracy, Target(max_load), progress, control=control).curve
-
-    def solve(
-        self,
-        contact: Contact,
-        field: str,
-        value: float,
-        accuracy: float,
-        progress: Progress | None = None,
-        control: Control = LOAD,
-    ) -> tuple[list[State], RawCurve]:
-        """Every equilibrium of a reduced contact with a given load, displacement or contact radius."""
-        states, traced = solve_all(contact, field, value, accuracy, progress, control)
-        return states, traced.curve
-
-    def find_all(
-        self,
-        contact: Contact,
-        field: str,
-        value: float,
-        accuracy: float,
-        window: tuple[float, float] | None,
-        progress: Progress | None = None,
-        control: Control = LOAD,
-    ) -> tuple[list[State], list[bool], tuple[float, float], RawCurve]:
-        """The equilibria on the curve with a value in a window of displacements; others are not looked for.
-
-        Returns
-        -------
-        states, connected, window, curve
-            As for the model with a disc.
-        """
-        states, traced = solve_all(contact, field, value, accuracy, progress, control)
-        reached = traced.curve.displacement
-        own = [value] if field == "displacement" else []
-        used = window or (min([float(reached.min()), *own]), max([float(reached.max()), *own]))
-        kept = [state for state in states if used[0] <= state.displacement <= used[1]]
-        return kept, [True] * len(kept), used, traced.curve
+    def problem(self, contact: Contact, accuracy: float) -> RingProblem:
+        """The first problem of a reduced contact's curve, with nothing at rest."""
+        setting = Setting(contact.axisymmetric_tip, BandedLaw(contact.interaction), accuracy)
+        return RingProblem(setting, *floating(setting, distance(setting)))

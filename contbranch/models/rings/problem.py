@@ -1,314 +1,135 @@
-"""Equilibrium of a contact with given regions, as a problem that the continuation can follow.
-
-Unknowns are the pressure at the nodes and the edges of the regions; the parameter is the displacement d:
-
-    g = z − d + W p,        floating:  p = p_fr(g),        resting:  g = level,
-    at every edge:          p = p_fr(level), the law's pressure in the floating region next to it.
-
-The last equation says that the pressure is bounded (and with it continuous) at an edge; it determines the edge.
-"""
+"""The curve of a contact with discs and annuli, one layout of regions after the other."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from contbranch.contact.tips import Tip
-from contbranch.continuation import Linearisation, Problem
-from contbranch.errors import ModelError
+from contbranch.continuation import Adaptation, Options, Point
+from contbranch.continuation.metric import Balance
+from contbranch.continuation.newton import border, linearise, solve
+from contbranch.control import Control
+from contbranch.curve.problem import STEPS, Count, Defect, Succession
+from contbranch.results.profile import Profile
 
-from .law import BandedLaw
-from .layout import Layout
-from .panels import Grid, Panels
+from .changes import born, vanished
+from .constraints import NARROW_RING, least_margin, narrowness
+from .equations import RingEquations
+from .meshing import adapted, finer
+from .profile import profile_of
+from .stability import unstable_modes
+from .start import beginning, farther
 
-__all__ = ["Fields", "RingProblem", "Setting"]
+__all__ = ["RingProblem"]
 
 Array = NDArray[np.float64]
 
-# States whose fields are kept: the ends of a step and what is tried between them.
-RECENT = 6
+# What a jump in place of a narrow resting ring leaves out is a tenth of the square of its width as a share of its
+# radius, measured against the closed form; relative to max(1, |value|).
+JUMP = 0.1
+# Rounding of values, relative to max(1, |value|).
+ROUNDING = 1e-12
+# Pressures below this share of the interaction's own, 1/range, do not matter for the steps of a curve without contact.
+STATE_FLOOR = 0.02
+# Part of a tolerance that may be left to what panels miss of the load.
+AIM = 0.4
+# An edge beyond this share of a tip's extent has reached its end.
+NEAR_END = 0.95
 
 
-@dataclass(frozen=True)
-class Setting:
-    """A contact in reduced units, and what is counted over a whole trace."""
+class RingProblem(RingEquations):
+    """Equilibria with one layout of regions: a piece of the curve."""
 
-    tip: Tip
-    law: BandedLaw
-    tolerance: float
-    counts: dict[str, int] = field(default_factory=lambda: {"newton": 0, "unknowns": 0})
+    # -- the curve ----------------------------------------------------------------------------------------------------
+    def start(self, control: Control) -> Point:
+        """Far away, or where surfaces come to rest at the end of the interaction's range."""
+        return beginning(self, control)
+
+    def before(self, control: Control, value: float) -> Point | None:
+        """A state farther away than the start."""
+        return farther(self, control, value)
+
+    def steps(self, start: Point) -> Options:
+        """Step control; without edges pressures far below the interaction's own do not shorten steps."""
+        floor = 0.0 if self.edges else STATE_FLOOR / self.scale
+        return replace(STEPS, noise=1e6, maximum_points=3_000, state_floor=floor)
+
+    def balance(self, start: Point, step: float | None = None) -> Balance:
+        """First scales; `step`: how far edges (without: the displacement) move in the first step."""
+        if step is None:
+            step = 0.3 * float(start.x[-1]) if self.edges else self.scale
+        slope, rate = math.sqrt(self.inner(start.tangent_x, start.tangent_x)), abs(start.tangent_parameter)
+        length = step / STEPS.first_step
+        if self.edges:
+            return Balance(length, max(length * rate / max(slope, 1e-300), 1e-9))
+        return Balance(max(length * slope / max(rate, 1e-300), 1e-300), length)
+
+    def margins(self, x: Array, p: float) -> Mapping[str, float]:
+        """The inequalities of contact, and how far the narrowest region is from vanishing; at most 1."""
+        fields = self.fields(x, p)
+        breach = least_margin(self, fields)
+        return {"breach": 1.0 if breach is None else min(breach.margin, 1.0), "narrow": narrowness(self, fields)}
+
+    def successor(self, name: str, points: Sequence[Point]) -> Succession:
+        """The layout with a new region where an inequality fails, or without the region that has all but vanished."""
+        return born(points[-1]) if name == "breach" else vanished(points[-1])
+
+    def ending(self, name: str, point: Point) -> str:
+        """A sentence if the contact has come to the end of a tip of finite extent."""
+        extent = self.setting.tip.extent
+        if not math.isfinite(extent) or not self.edges or float(point.x[-1]) < NEAR_END * extent:
+            return ""
+        return "The contact, or the interaction around it, has reached the end of the tip."
+
+    # -- discretisations ----------------------------------------------------------------------------------------------
+    def adapt(self, x: Array, p: float) -> Adaptation | None:
+        """Split and join panels where the solution asks for it."""
+        panels = adapted(self, self.fields(x, p), self.setting.tolerance)
+        if panels is None:
+            return None
+        other = self.on(panels)
+        self.forget()  # its points stay, but are seldom asked again
+        return Adaptation(other, self.carried(x, x, other), lambda vector: self.carried(vector, x, other))
+
+    def resolving(self, point: Point, tolerance: float) -> Self:
+        """Panels made for a state."""
+        panels = adapted(self, self.fields(point.x, point.parameter), AIM * tolerance)
+        return self if panels is None else self.on(panels)
+
+    def finer(self) -> Self:
+        """Panels on which the present ones' errors have all but vanished."""
+        return self.on(finer(self.panels))
+
+    def defect(self, point: Point) -> Defect:
+        """One step of Newton's method on finer panels, across the curve; of the state the largest error of an edge."""
+        fine = self.finer()
+        x, tangent = (self.carried(vector, point.x, fine) for vector in (point.x, point.tangent_x))
+        row = fine.metric(x).row(fine, tangent, point.tangent_parameter)
+        at = linearise(fine, x, point.parameter)
+        dx, dd = solve(border(fine, x, point.parameter, at, row), -at[0], 0.0, point.parameter)
+        fields = fine.fields(x, point.parameter)
+        load = fine.load(fields) + fine.load_rate(fields, dx) - self.load(self.fields(point.x, point.parameter))
+        return Defect(load, dd, float(np.abs(dx[fields.grid.size :]).max(initial=0.0)))
 
     @property
-    def scale(self) -> float:
-        """The shortest range of the interaction."""
-        terms = self.law.interaction.terms if self.law.interaction is not None else ()
-        return min((term.range for term in terms), default=1.0)
+    def rounding(self) -> float:
+        """Rounding errors of values, and what jumps in place of narrow rings leave out."""
+        return ROUNDING + JUMP * NARROW_RING**2 * self.layout.jumps
 
+    # -- what is seen -------------------------------------------------------------------------------------------------
+    def unstable(self, x: Array, p: float) -> int:
+        """Morse index at fixed displacement."""
+        return unstable_modes(self, self.fields(x, p))
 
-@dataclass(frozen=True)
-class Fields:
-    """All that follows from one (x, d), at the nodes."""
+    def azimuthal(self, x: Array, p: float, unstable: int, limit: int = 32, near: int = 1) -> Count | None:
+        """No mode of any symmetry is unstable if v″ ≥ 0 wherever the gap floats; otherwise they are not examined."""
+        return Count() if (self.fields(x, p).stiffness >= 0).all() else None
 
-    x: Array
-    displacement: float
-    grid: Grid
-    pressure: Array
-    lift: Array  # elastic displacement w
-    gap: Array
-    law_pressure: Array  # floating regions' law; 0 where the gap rests
-    stiffness: Array  # v'' there
-    response: Array
-    derived: dict[str, Any] = field(default_factory=dict, compare=False, repr=False)
-
-
-class RingProblem(Problem):
-    """R(p, e; d) = 0 for one layout on one set of panels.
-
-    Parameters
-    ----------
-    setting : Setting
-    layout : Layout
-    panels : Panels
-    """
-
-    def __init__(self, setting: Setting, layout: Layout, panels: Panels) -> None:
-        self.setting, self.layout, self.panels = setting, layout, panels
-        self._recent: list[Fields] = []
-
-    @property
-    def edges(self) -> int:
-        """Number of unknown edges."""
-        return self.layout.edges
-
-    # -- the equations ------------------------------------------------------------------------------------------------
-    def fields(self, x: Array, d: float) -> Fields:
-        """Grid, gap and pressures of (x, d).
-
-        Raises
-        ------
-        ModelError
-            If the edges are not in order, which the continuation answers by a shorter step.
-        """
-        for known in self._recent:
-            if known.displacement == d and (known.x is x or np.array_equal(known.x, x)):
-                return known
-        same = next((k for k in self._recent if np.array_equal(k.x, x)), None)
-        count = self.edges
-        pressure, edges = x[: x.size - count], x[x.size - count :]
-        if same is not None:
-            grid, response, lift = same.grid, same.response, same.lift
-        else:
-            if count and not (edges[0] > 0 and np.all(np.diff(edges) > 0) and edges[-1] < self.setting.tip.extent):
-                raise ModelError("the edges of the contact are not in order")
-            grid = Grid(self.panels, edges, self.layout.bounded)
-            response = grid.response()
-            lift = response @ pressure
-        gap = self.setting.tip.height(grid.r) - d + lift
-        law_pressure, stiffness = np.zeros(grid.size), np.zeros(grid.size)
-        for k, region in enumerate(self.layout.regions):
-            if not region.rests:
-                own = grid.of_node == k
-                answer = self.setting.law.evaluate(region.index, gap[own])
-                law_pressure[own], stiffness[own] = answer.pressure, answer.stiffness
-        found = Fields(x, d, grid, pressure, lift, gap, law_pressure, stiffness, response)
-        self._recent = [found, *self._recent[: RECENT - 1]]
-        return found
-
-    def resting(self, grid: Grid) -> tuple[NDArray[np.bool_], Array]:
-        """Which nodes rest, and their levels."""
-        rests, level = np.zeros(grid.size, dtype=bool), np.zeros(grid.size)
-        for k, region in enumerate(self.layout.regions):
-            if region.rests:
-                own = grid.of_node == k
-                rests[own], level[own] = True, self.setting.law.levels[region.index]
-        return rests, level
-
-    def _edges(self, fields: Fields) -> tuple[Array, Array, Array, Array]:
-        """Equations of the edges: residuals (E,), and their derivatives with respect to pressures, edges and d.
-
-        Next to a resting region the pressure, extrapolated to the edge, is the floating region's; at a jump the gap is
-        the level's.
-        """
-        grid, count, law = fields.grid, self.edges, self.setting.law
-        residual, rows = np.zeros(count), np.zeros((count, grid.size))
-        moves, shifts = np.zeros((count, count)), np.zeros(count)
-        for edge in range(count):
-            if self.layout.jump(edge):
-                radius = np.float64(grid.edges[edge])
-                rows[edge], moves[edge] = grid.at_edge(edge, fields.pressure)
-                level = law.levels[self.layout.jump_level(edge)]
-                lift = float(rows[edge] @ fields.pressure)
-                residual[edge] = float(self.setting.tip.height(radius)) - fields.displacement + lift - level
-                moves[edge, edge] += float(self.setting.tip.height_derivative(radius))
-                shifts[edge] = -1.0
-                continue
-            side, floating = self.layout.neighbour(edge)
-            panels = np.flatnonzero(grid.region == edge + side)
-            rows[edge] = grid.at_end(int(panels[-1] if side == 0 else panels[0]), outer=side == 0)
-            wanted = law.pressure(floating.index, self.layout.resting(edge).index)
-            residual[edge] = float(rows[edge] @ fields.pressure) - wanted
-        return residual, rows, moves, shifts
-
-    def _edge_equations(self, fields: Fields) -> tuple[Array, Array, Array, Array]:
-        if "edges" not in fields.derived:
-            fields.derived["edges"] = self._edges(fields)
-        found: tuple[Array, Array, Array, Array] = fields.derived["edges"]
-        return found
-
-    def residual(self, x: Array, p: float) -> Array:
-        """Residual, (N + E,)."""
-        return self._residual(self.fields(x, p))
-
-    def _residual(self, fields: Fields) -> Array:
-        rests, level = self.resting(fields.grid)
-        own = np.where(rests, fields.gap - level, fields.pressure - fields.law_pressure)
-        return np.concatenate([own, self._edge_equations(fields)[0]])
-
-    def gap_moves(self, fields: Fields) -> Array:
-        """d(gap at the nodes)/d(edges), the nodes moving with the edges, (N, E)."""
-        if "gap_moves" not in fields.derived:
-            grid = fields.grid
-            moves = grid.moved(fields.pressure)
-            slope = self.setting.tip.height_derivative(grid.r)
-            for edge in range(self.edges):
-                moves[:, edge] += slope * grid.motion(edge)[0]
-            fields.derived["gap_moves"] = moves
-        found = fields.derived["gap_moves"]
-        assert isinstance(found, np.ndarray)
-        return found
-
-    def jacobian(self, x: Array, p: float) -> Array:
-        """dR/dx, (N + E, N + E)."""
-        return self._jacobian(self.fields(x, p))
-
-    def _jacobian(self, fields: Fields) -> Array:
-        grid = fields.grid
-        n, count = grid.size, self.edges
-        rests, _ = self.resting(grid)
-        factor = np.where(rests, 1.0, fields.stiffness)
-        matrix = np.zeros((n + count, n + count))
-        matrix[:n, :n] = factor[:, None] * fields.response
-        matrix[:n, :n].flat[:: n + 1] += np.where(rests, 0.0, 1.0)
-        matrix[:n, n:] = factor[:, None] * self.gap_moves(fields)
-        _, matrix[n:, :n], matrix[n:, n:], _ = self._edge_equations(fields)
-        return matrix
-
-    def parameter_derivative(self, x: Array, p: float) -> Array:
-        """dR/dd, (N + E,)."""
-        return self._parameter_derivative(self.fields(x, p))
-
-    def _parameter_derivative(self, fields: Fields) -> Array:
-        rests, _ = self.resting(fields.grid)
-        shifts = self._edge_equations(fields)[3]
-        return np.concatenate([-np.where(rests, 1.0, fields.stiffness), shifts])
-
-    def linearise(self, x: Array, p: float) -> Linearisation:
-        """Residual and derivatives from one evaluation of the fields."""
-        fields = self.fields(x, p)
-        counts = self.setting.counts
-        counts["newton"] += 1
-        counts["unknowns"] = max(counts["unknowns"], x.size)
-        return Linearisation(self._residual(fields), self._jacobian(fields), self._parameter_derivative(fields))
-
-    # -- lengths ------------------------------------------------------------------------------------------------------
-    def _weights(self, size: int) -> Array:
-        """Weights of the inner product: all nodes alike, and the edges as all nodes together."""
-        nodes = size - self.edges
-        weights = np.ones(size)
-        weights[:nodes] = 1.0 / max(nodes, 1)
-        return weights
-
-    def inner(self, u: Array, v: Array) -> float:
-        """Mean of the products of pressures, plus the products of edges: meshes graded alike measure alike."""
-        return float((self._weights(u.size) * u) @ v)
-
-    def dual(self, u: Array) -> Array:
-        """Vector whose product with v is inner(u, v)."""
-        return self._weights(u.size) * u
-
-    # -- observables --------------------------------------------------------------------------------------------------
-    def load(self, fields: Fields) -> float:
-        """F = 2π ∫ p r dr."""
-        grid = fields.grid
-        return 2 * math.pi * float((grid.weights * grid.r) @ fields.pressure)
-
-    def energy(self, fields: Fields) -> float:
-        """V_ela + V_fr = π ∫ p w r dr + 2π ∫ v r dr, the law's tail included."""
-        grid = fields.grid
-        ring = grid.weights * grid.r
-        return math.pi * float(ring @ (fields.pressure * fields.lift)) + 2 * math.pi * float(
-            ring @ self.density(fields)
-        )
-
-    def density(self, fields: Fields) -> Array:
-        """Interaction energy per area at the nodes."""
-        grid, law = fields.grid, self.setting.law
-        density = np.zeros(grid.size)
-        for k, region in enumerate(self.layout.regions):
-            own = grid.of_node == k
-            if region.rests:
-                density[own] = law.energy(region.index)
-            else:
-                density[own] = law.evaluate(region.index, fields.gap[own]).energy
-        return density
-
-    def contact_radius(self, fields: Fields) -> float:
-        """Outermost edge of the contact with the wall; 0 without."""
-        walls = [k for k, region in enumerate(self.layout.regions) if region.rests and region.index == 0]
-        return float(fields.grid.edges[walls[-1]]) if walls else 0.0
-
-    def central_gap(self, fields: Fields) -> float:
-        """Gap at r = 0."""
-        first = self.layout.regions[0]
-        if first.rests:
-            return self.setting.law.levels[first.index]
-        # At the centre the ring integral is 2 ∫ p ds.
-        lift = 2 * float(fields.grid.weights @ fields.pressure)
-        return float(self.setting.tip.height(np.float64(0.0))) - fields.displacement + lift
-
-    def widths(self, fields: Fields) -> Array:
-        """Widths of the regions that end at an edge, (E,)."""
-        return np.diff(np.concatenate([[0.0], fields.grid.edges]))
-
-    def numbers(self, x: Array, d: float) -> tuple[float, float, float, float]:
-        """Load, displacement, contact radius and central gap."""
-        fields = self.fields(x, d)
-        return self.load(fields), float(d), self.contact_radius(fields), float(self.central_gap(fields))
-
-    def observables(self, x: Array, p: float) -> Mapping[str, float]:
-        """Load, displacement, contact radius, central gap and energy."""
-        fields = self.fields(x, p)
-        load, displacement, radius, gap = self.numbers(x, p)
-        return {
-            "load": load,
-            "displacement": displacement,
-            "contact_radius": radius,
-            "central_gap": gap,
-            "energy": self.energy(fields),
-        }
-
-    def load_rate(self, fields: Fields, x_rate: Array) -> float:
-        """Rate of the load along a direction."""
-        grid = fields.grid
-        n = grid.size
-        rate = float((grid.weights * grid.r) @ x_rate[:n])
-        for edge in range(self.edges):
-            shift, stretch = grid.motion(edge)
-            rate += float((grid.weights * (shift + grid.r * stretch)) @ fields.pressure) * x_rate[n + edge]
-        return 2 * math.pi * rate
-
-    # -- other panels -------------------------------------------------------------------------------------------------
-    def on(self, panels: Panels) -> RingProblem:
-        """The same regions on other panels."""
-        return RingProblem(self.setting, self.layout, panels)
-
-    def carried(self, vector: Array, x: Array, other: RingProblem) -> Array:
-        """A vector of states (pressures, or their rates, and edges) on the other problem's panels, same edges."""
-        n = x.size - self.edges
-        here, there = Grid(self.panels, x[n:], self.layout.bounded), Grid(other.panels, x[n:], self.layout.bounded)
-        return np.concatenate([here.interpolate(vector[:n], there.r, there.of_node), vector[n:]])
+    def profile(self, x: Array, p: float) -> Profile:
+        """Gap and pressures over the radius."""
+        return profile_of(self, self.fields(x, p))

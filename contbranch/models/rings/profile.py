@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from contbranch.results.diagram import Profile
+from contbranch.results.profile import Profile
 
-from .problem import Fields, RingProblem
+from .equations import Fields, RingEquations
 
 __all__ = ["profile_of"]
 
@@ -14,7 +14,7 @@ __all__ = ["profile_of"]
 OUTSIDE = 1 + np.linspace(0.0, 1.0, 17)[1:] ** 2
 
 
-def profile_of(problem: RingProblem, fields: Fields) -> Profile:
+def profile_of(problem: RingEquations, fields: Fields) -> Profile:
     """Gap, total pressure and the wall's share of it: what exceeds the law's own pressure where the gap is closed."""
     grid, law = fields.grid, problem.setting.law
     rests, level = problem.resting(grid)

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from .problem import Fields, RingProblem
+from .equations import Fields, RingEquations
 
 __all__ = ["unstable_modes"]
 
@@ -14,7 +14,7 @@ __all__ = ["unstable_modes"]
 SMALLEST = 1e-9
 
 
-def unstable_modes(problem: RingProblem, fields: Fields) -> int:
+def unstable_modes(problem: RingEquations, fields: Fields) -> int:
     """Number of unstable axisymmetric modes under displacement control.
 
     Where the gap rests it cannot vary; there the pressure answers. With A the flexibility of the floating nodes that

@@ -5,25 +5,55 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from contbranch.contact.tips import Tip
 from contbranch.continuation import CorrectionError, Point
+from contbranch.control import LOAD, Control
+from contbranch.curve.problem import oriented
 from contbranch.errors import ModelError
 
-from .constraints import least_margin
+from .constraints import begun, least_margin
+from .equations import RingEquations, Setting, rings
 from .layout import Layout, Region
-from .legs import AdaptingProblem, oriented, solved
 from .meshing import order_for, start_panels
-from .panels import Grid
-from .problem import RingProblem, Setting
+from .newton import resolved, solved
+from .panels import Grid, Panels
 
-__all__ = ["beginning", "radius_at"]
+__all__ = ["beginning", "distance", "farther", "floating"]
 
-# Share of the accuracy that the load at the start of the trace may have.
+Array = NDArray[np.float64]
+
+# Share of the accuracy that the load at the start of the curve may have.
 START_SHARE = 0.3
+# A curve with a spring starts where the stiffness of the interaction is about this share of the spring's.
+SOFTER = 0.05
+# Radius of the first disc at rest, at most, as a share of that over which the interaction reaches.
+SMALL = 1e-2
 # Radii of the hole, in shares of the disc's, from which Newton's method is tried where the pressure at the apex would
 # exceed its bound however small the disc (a cone's).
 HOLES = (0.3, 0.1, 0.6, 0.03, 0.85, 0.01, 0.003, 0.001, 1e-4, 1e-5)
+
+
+def distance(setting: Setting, control: Control = LOAD) -> float:
+    """The gap beyond which the interaction is negligible at the accuracy asked, and softer than a spring."""
+    law, range_ = setting.law, setting.law.levels[-1]
+    if law.smooth is None:
+        return range_
+    negligible = min(0.1, START_SHARE * setting.accuracy / (2 * math.pi))
+    if control.spring_stiffness is not None:
+        negligible = min(negligible, SOFTER * control.spring_stiffness * setting.scale / (2 * math.pi))
+    return max(law.smooth.reach(max(negligible, np.finfo(float).tiny)), 1.2 * range_)
+
+
+def floating(setting: Setting, gap: float) -> tuple[Layout, Panels]:
+    """Nothing at rest, and panels for a tip at a distance."""
+    tip, law = setting.tip, setting.law
+    terms = law.interaction.terms if law.interaction is not None else ()
+    width = radius_at(tip, min(gap, 4 * max((term.range for term in terms), default=gap)))
+    reach = max(radius_at(tip, gap), 2 * width)
+    layout = Layout((Region(False, law.outermost),), False)
+    return layout, start_panels(layout, order_for(setting.tolerance), width, reach, not math.isfinite(tip.extent))
 
 
 def radius_at(tip: Tip, height: float) -> float:
@@ -38,78 +68,81 @@ def radius_at(tip: Tip, height: float) -> float:
     return high
 
 
-def beginning(setting: Setting, accuracy: float) -> tuple[list[Point], Point, float]:
-    """Rows before the first leg, its first point and the length of its first step.
+def beginning(problem: RingEquations, control: Control) -> Point:
+    """The first point of the curve.
 
     Raises
     ------
     ModelError
         If no state was found.
     """
+    setting = problem.setting
     law = setting.law
-    if law.vanishes(law.outermost):
-        return _resting(setting, accuracy)
-    return _far(setting, accuracy)
-
-
-def _resting(setting: Setting, accuracy: float) -> tuple[list[Point], Point, float]:
-    """A tiny disc, or ring, on which the gap rests at the end of the law's range."""
-    law = setting.law
-    # The load grows with radius^(n + 1) over a tip that begins like r^n.
-    small = (START_SHARE * accuracy) ** (1 / (1 + setting.tip.apex_exponent))
-    radius = radius_at(setting.tip, law.levels[-1]) * min(1e-2, small)
-    order = order_for(setting.tolerance)
-    rests = Region(True, law.outermost)
-    if setting.tip.apex_exponent > 1:
-        return [], _at_radius(setting, Layout((rests,), True), np.array([radius]), order), 0.3 * radius
+    if not law.vanishes(law.outermost):
+        far = distance(setting, control)
+        return apart(problem.laid_out(*floating(setting, far)), -far)
     if law.outermost == 0:
         raise ModelError("there is no interaction")
+    # The load grows with radius^(n + 1) over a tip that begins like r^n.
+    small = (START_SHARE * setting.accuracy) ** (1 / (1 + setting.tip.apex_exponent))
+    return at_rest(problem, radius_at(setting.tip, law.levels[-1]) * min(SMALL, small))
+
+
+def farther(problem: RingEquations, control: Control, value: float) -> Point | None:
+    """A state farther away than the beginning, close to the one with a value of a control; None if there is none.
+
+    Raises
+    ------
+    CorrectionError
+        If Newton's method fails.
+    """
+    setting = problem.setting
+    law = setting.law
+    if control.kind != "load":  # out there the tip feels next to nothing: a spring's end is where the tip is
+        return apart(problem.laid_out(*floating(setting, distance(setting))), value)
+    if not law.vanishes(law.outermost) or value < 0.0:
+        return None
+    if value == 0.0:
+        return apart(problem.laid_out(*floating(setting, law.levels[-1])), -law.levels[-1])
+    first = beginning(problem, control)
+    share = value / first.observables["load"]
+    return at_rest(problem, float(first.x[-1]) * share ** (1 / (1 + setting.tip.apex_exponent)))
+
+
+def apart(problem: RingEquations, d: float) -> Point:
+    """The state at a displacement at which nothing rests, on its way towards the wall."""
+    law = problem.setting.law
+    r = Grid(problem.panels, np.zeros(0), False).r
+    pressure = law.evaluate(law.outermost, problem.setting.tip.height(r) - d).pressure
+    x, d = solved(problem, np.asarray(pressure, dtype=float), d, (np.zeros(r.size), 1.0))
+    return resolved(oriented(problem, x, d, (np.zeros(r.size), 1.0)), (np.zeros(0), 1.0))
+
+
+def at_rest(problem: RingEquations, radius: float) -> Point:
+    """A tiny disc, or ring, of a radius, on which the gap rests at the end of the law's range, on its way to grow."""
+    law = problem.setting.law
+    rests = Region(True, law.outermost)
+    if problem.setting.tip.apex_exponent > 1:
+        return _with_edges(problem, Layout((rests,), True), np.array([radius]))
     layout = Layout((Region(False, law.outermost - 1), rests), True)
     for share in HOLES:
         try:
-            point = _at_radius(setting, layout, np.array([share * radius, radius]), order)
+            point = _with_edges(problem, layout, np.array([share * radius, radius]))
         except CorrectionError:
             continue
-        found = least_margin(point.problem, point.problem.fields(point.x, point.parameter))  # type: ignore[attr-defined,arg-type]
-        if found is None or found.margin > 0:
-            return [], point, 0.3 * radius
+        breach = least_margin(rings(point), rings(point).fields(point.x, point.parameter))
+        if breach is None or breach.margin > 0:
+            return point
     raise ModelError("no ring at rest was found where the interaction begins")
 
 
-def _at_radius(setting: Setting, layout: Layout, edges: np.typing.NDArray[np.float64], order: int) -> Point:
+def _with_edges(problem: RingEquations, layout: Layout, edges: Array) -> Point:
     """The state with a given outermost edge."""
-    law = setting.law
-    problem = AdaptingProblem(setting, layout, start_panels(layout, order, 1.0, 1.0, False))
-    grid = Grid(problem.panels, edges, True)
-    pressure = np.full(grid.size, law.pressure(law.outermost - 1, law.outermost) if law.outermost else 1.0)
-    x = np.concatenate([pressure, edges])
-    row = np.zeros(x.size)
-    row[-1] = 1.0
-    x, d = solved(problem, x, -law.levels[-1], (row, 0.0))
-    return oriented(problem, x, d, (row, 0.0))
-
-
-def _far(setting: Setting, accuracy: float) -> tuple[list[Point], Point, float]:
-    """No region at rest: floating in the outermost band."""
-    tip, law = setting.tip, setting.law
-    assert law.smooth is not None
-    terms = law.smooth.terms
-    far = max(law.smooth.reach(min(0.1, START_SHARE * accuracy / (2 * math.pi))), 1.2 * law.levels[-1])
-    width = radius_at(tip, min(far, 4 * max(term.range for term in terms)))
-    reach = radius_at(tip, far)
-    layout = Layout((Region(False, law.outermost),), False)
-    infinite = not math.isfinite(tip.extent)
-    panels = start_panels(layout, order_for(setting.tolerance), width, max(reach, 2 * width), infinite)
-    problem: RingProblem = AdaptingProblem(setting, layout, panels)
-    d = -far
-    grid = Grid(panels, np.zeros(0), False)
-    pressure = law.evaluate(law.outermost, tip.height(grid.r) - d).pressure
-    x, d = solved(problem, np.asarray(pressure, dtype=float), d)
-    for _ in range(4):
-        found = problem.adapt(x, d)
-        if found is None or isinstance(found, np.ndarray):
-            break
-        assert isinstance(found.problem, RingProblem)
-        problem = found.problem
-        x, d = solved(problem, found.x, d)
-    return [], oriented(problem, x, d, (np.zeros_like(x), 1.0)), setting.scale
+    law = problem.setting.law
+    order = order_for(problem.setting.tolerance)
+    trial = problem.laid_out(layout, start_panels(layout, order, 1.0, 1.0, False))
+    size = Grid(trial.panels, edges, True).size
+    pressure = np.full(size, law.pressure(law.outermost - 1, law.outermost))
+    row = np.append(np.zeros(size + len(edges) - 1), 1.0), 0.0
+    x, d = solved(trial, np.concatenate([pressure, edges]), -law.levels[-1], row)
+    return begun(oriented(trial, x, d, row))

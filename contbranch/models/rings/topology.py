@@ -2,43 +2,38 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from .constraints import Breach
+from .equations import RingEquations
 
-from .layout import Layout, Region
+__all__ = ["change"]
 
-__all__ = ["Change", "change"]
-
-
-@dataclass(frozen=True)
-class Change:
-    """A change of the contact set: `kind` of the event and a sentence."""
-
-    kind: str
-    message: str
+CONE = "The Morse indices there are those of both sides: admissible variations form a cone."
 
 
-def change(before: Layout, region: int, radius: float, new: Region, levels: tuple[float, ...], growing: bool) -> Change:
-    """The change in which a region is born inside (or, not growing, vanishes into) another one of `before`.
+def change(problem: RingEquations, breach: Breach, growing: bool) -> tuple[str, str]:
+    """The kind of an event at which a region is born (or, not growing, vanishes), and a sentence.
 
     Parameters
     ----------
-    before : Layout
-        The layout without the narrow region.
-    region : int
-        The region in which it lies.
-    radius : float
-        Where; 0 at the centre.
+    problem : RingEquations
+        With the layout without that region.
+    breach : Breach
+        Where it lies.
+    growing : bool
     """
-    place = "at the centre" if radius == 0.0 else f"on a ring of radius {radius:.6g}"
-    wall = new.index == 0 if new.rests else before.regions[region].index == 0
-    where = "the wall" if wall else f"a gap of {levels[(new if new.rests else before.regions[region]).index]:.6g}"
-    alone = not any(r.rests and r.index == 0 for r in before.regions)
+    new, around = breach.new, problem.layout.regions[breach.region]
+    centre = breach.radius == 0.0
+    place = "at the centre" if centre else f"on a ring of radius {breach.radius:.6g}"
+    level = (new if new.rests else around).index
+    where = "the wall" if level == 0 else f"a gap of {problem.setting.law.levels[level]:.6g}"
     if new.rests:
-        verb = "comes to rest at" if growing else "leaves"
-        kind = "touch" if wall and radius == 0.0 and alone else "topology"
-        return Change(kind, f"The surface {verb} {where} {place}.")
-    verb = "lifts from" if growing else "comes to rest at"
-    shape = "a disc opens into a ring" if radius == 0.0 else "an annulus opens"
-    if not growing:
-        shape = "a ring closes to a disc" if radius == 0.0 else "an annulus closes"
-    return Change("topology", f"The surface {verb} {where} {place}: {shape}.")
+        verb, shape = "comes to rest at" if growing else "leaves", ""
+        alone = not any(region.rests and region.index == 0 for region in problem.layout.regions)
+        kind = "touch" if level == 0 and centre and alone else "topology"
+    else:
+        verb, kind = "lifts from" if growing else "comes to rest at", "topology"
+        opens = ("a disc opens into a ring", "an annulus opens")
+        closes = ("a ring closes to a disc", "an annulus closes")
+        shape = f": {(opens if growing else closes)[0 if centre else 1]}"
+    sentence = f"The surface {verb} {where} {place}{shape}."
+    return kind, sentence if kind == "touch" else f"{sentence} {CONE}"

@@ -10,9 +10,9 @@ from grid_states import Row, grid_problem, traced
 from scipy.interpolate import CubicSpline
 
 import contbranch as cb
-from contbranch.curve.stability import morse_indices
 from contbranch.models.grid import branches as branches_module
 from contbranch.models.grid.branches import follow_branch
+from contbranch.models.grid.indices import morse_indices
 from contbranch.models.grid.kept import kept_symmetry
 from contbranch.models.grid.newton import Hold, Settings, hold_control, newton
 from contbranch.models.grid.resolution import GridWarning

@@ -1,0 +1,442 @@
+"""`trace`, `solve`, `find_all` and `hysteresis`: from a contact to its results, whatever the model."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from contbranch.contact.contact import Contact
+from contbranch.contact.family import Vary, family_of
+from contbranch.contact.units import finite_number, positive_number
+from contbranch.control import Control, Spring, as_control
+from contbranch.curve.curves import Coexisting, Curves, Model
+from contbranch.curve.loop import loop
+from contbranch.curve.outcome import assemble, state_in_reduced, state_in_units
+from contbranch.curve.trace import Request
+from contbranch.errors import InputError
+from contbranch.models.choice import choose, curves
+from contbranch.results.diagram import Cost, Diagram, ModelChoice, Solution, State
+from contbranch.results.equilibria import Barrier, Equilibria
+from contbranch.results.loop import Hysteresis
+from contbranch.threads import one_thread
+
+if TYPE_CHECKING:
+    from contbranch.results.phase import PhaseDiagram
+
+__all__ = ["best_of", "find_all", "hysteresis", "phase_diagram", "solve", "trace"]
+
+Progress = Callable[[float, str], None]
+
+FINEST, COARSEST = 1e-13, 1e-2
+
+
+@one_thread
+def trace(
+    contact: Contact,
+    control: str | Spring = "load",
+    accuracy: float = 1e-6,
+    max_load: float | None = None,
+    model: str | Model = "auto",
+    progress: Progress | None = None,
+    modes: int = 32,
+) -> Diagram:
+    """Trace the whole curve of equilibria of a contact, stable and unstable, and locate its events.
+
+    Parameters
+    ----------
+    contact : Contact
+    control : {"load", "displacement"} or Spring
+        The control whose stability plots speak of. Folds of load and displacement are reported always, those of a
+        spring besides.
+    accuracy : float
+        Error allowed to every event and threshold, relative to max(1, |value|) in reduced units; 1e-13 to 1e-2.
+    max_load : float, optional
+        Load (in the contact's units) at which the curve ends; default: in contact, at 1.4 times the largest load of any
+        event, and at least 10 in reduced units.
+    model : str or model object
+        ``"auto"``, ``"exact"``, ``"axisymmetric"``, ``"periodic"``, ``"free"``, or an object such as ``cb.Exact()`` or
+        ``cb.Periodic(cell=10.0, grid=256)``. ``"auto"`` takes a grid only for tips without axial symmetry. Any object
+        with a ``name`` and a method ``problem(contact, accuracy)`` that returns an `EquilibriumProblem` will do.
+    progress : callable, optional
+        Called as ``progress(fraction, text)`` now and then.
+    modes : int
+        Azimuthal modes cos mθ are examined from m = 1 up to here at most, fewer where the rest is known to be stable;
+        0: none, and no ``unstable_azimuthal``.
+
+    Returns
+    -------
+    Diagram
+        With status ``incomplete`` and a message where the curve could not be followed to its end; what was traced is
+        kept.
+
+    Raises
+    ------
+    InputError
+        If an argument cannot be used.
+    """
+    if not isinstance(modes, int) or modes < 0:
+        raise InputError(f"modes: {modes!r}; must be a whole number, zero or greater")
+    asked = _ask(contact, control, accuracy, model, progress)
+    raw = asked.curves.trace(replace(asked.request, target=_limit(contact, max_load), modes=modes))
+    raw = replace(raw, cost=asked.timed(raw.cost))
+    return assemble(contact, raw, asked.choice(raw.unknowns), asked.control, accuracy)
+
+
+@one_thread
+def solve(
+    contact: Contact,
+    *,
+    load: float | None = None,
+    displacement: float | None = None,
+    contact_radius: float | None = None,
+    near: State | None = None,
+    control: str | Spring | None = None,
+    accuracy: float = 1e-6,
+    model: str | Model = "auto",
+    progress: Progress | None = None,
+) -> Solution:
+    """Find the equilibrium at a load, displacement or contact radius (exactly one of them, in the contact's units).
+
+    Where several exist, the stable one that is lowest in energy − F d (load) or in energy (displacement) is returned,
+    or the one closest to `near`; all of them are in ``solution.states``.
+
+    Parameters
+    ----------
+    near : State, optional
+        A state whose nearest relative is wanted instead of the lowest. On a grid a state of the same grid is the start.
+    control : {"load", "displacement"} or Spring, optional
+        Whose stability counts; by default that of the quantity given (load for a contact radius).
+    accuracy : float
+        Error allowed to every number, relative to max(1, |value|) in reduced units.
+
+    Raises
+    ------
+    InputError
+        If the value cannot be reached; the message says which ones can.
+    ModelError
+        If the computation failed.
+    """
+    field, value = _only(load=load, displacement=displacement, contact_radius=contact_radius)
+    if near is not None and not isinstance(near, State):
+        raise InputError(f"near: {type(near).__name__}; must be a State, such as a solution or a branch's state")
+    held = control or ("displacement" if field == "displacement" else "load")
+    asked = _ask(contact, held, accuracy, model, progress)
+    unit = _unit(contact, field)
+    start = None if near is None else state_in_reduced(contact, near)
+    found = asked.curves.solve(asked.request, field, value / unit, start)
+    if not found.states:
+        raise InputError(f"{field}: {value:g} cannot be reached; {_reachable(found, field, unit)}")
+    states = tuple(state_in_units(contact, state) for state in found.states)
+    count, stable = len(states), sum(state.stable(asked.control) for state in states)
+    message = found.message or f"{_equilibria(count)} on the curve, {stable} stable under {asked.control.kind} control."
+    if not stable:
+        message += " None is stable" + ("; the lowest one is returned." if near is None else ".")
+    best = _lowest(states, asked.control) if near is None else min(states, key=lambda one: _apart(one, near))
+    return Solution(
+        **{item.name: getattr(best, item.name) for item in fields(State)},
+        model=asked.choice(found.unknowns),
+        cost=asked.timed(found.cost),
+        message=message,
+        states=(best, *(state for state in states if state is not best)),
+        contact=contact,
+    )
+
+
+@one_thread
+def find_all(
+    contact: Contact,
+    *,
+    load: float | None = None,
+    displacement: float | None = None,
+    window: tuple[float, float] | None = None,
+    control: str | Spring | None = None,
+    accuracy: float = 1e-6,
+    model: str | Model = "auto",
+    progress: Progress | None = None,
+) -> Equilibria:
+    """Find every equilibrium at a load or a displacement: on the traced curve, and by deflation what is not on it.
+
+    Deflated Newton's method starts from states all along the curve and from undeformed ones. No finite search can prove
+    that there is nothing else; the message says what was done.
+
+    Parameters
+    ----------
+    contact : Contact
+    load, displacement : float
+        Exactly one of them, in the contact's units.
+    window : (float, float), optional
+        Displacements between which equilibria are looked for; default: the traced range and the displacement asked for.
+    control : {"load", "displacement"} or Spring, optional
+        Whose stability counts; by default that of the quantity given.
+    accuracy, model, progress
+        As in `solve`.
+
+    Returns
+    -------
+    Equilibria
+        Without states if there are none in the window.
+
+    Raises
+    ------
+    InputError
+        If an argument cannot be used.
+    """
+    field, value = _only(load=load, displacement=displacement)
+    asked = _ask(contact, control or field, accuracy, model, progress)
+    normal = contact.scales.normal
+    inside = None if window is None else _window(window, normal)
+    found = asked.curves.find_all(asked.request, field, value / _unit(contact, field), inside)
+    states = tuple(state_in_units(contact, state) for state in found.states)
+    stable = sum(state.stable(asked.control) for state in states)
+    words = f"{_equilibria(len(states))} in the window, {stable} stable under {asked.control.kind} control"
+    return Equilibria(
+        states=states,
+        connected=found.connected,
+        barriers=_barriers(states, found.connected, asked.control),
+        window=(found.window[0] * normal, found.window[1] * normal),
+        control=asked.control.kind,
+        stiffness=asked.control.spring_stiffness,
+        model=asked.choice(found.unknowns),
+        cost=asked.timed(found.cost),
+        status="complete" if found.complete else "incomplete",
+        message=f"{words}; {found.searched}. {found.message}".strip(),
+        contact=contact,
+    )
+
+
+def best_of(found: Equilibria) -> Solution:
+    """The best of all equilibria as `solve` chooses it, with the others behind it.
+
+    Raises
+    ------
+    InputError
+        If there is none.
+    """
+    if not found.states:
+        low, high = found.window
+        raise InputError(f"load, displacement: no equilibrium there with a displacement from {low:.6g} to {high:.6g}")
+    best = _lowest(found.states, as_control(found.control if found.stiffness is None else Spring(found.stiffness)))
+    return Solution(
+        **{item.name: getattr(best, item.name) for item in fields(State)},
+        model=found.model,
+        cost=found.cost,
+        status=found.status,
+        message=found.message,
+        states=found.states,
+        contact=found.contact,
+    )
+
+
+@one_thread
+def hysteresis(
+    contact: Contact,
+    control: str | Spring = "load",
+    accuracy: float = 1e-6,
+    max_load: float | None = None,
+    model: str | Model = "auto",
+    progress: Progress | None = None,
+) -> Hysteresis:
+    """Follow the quasi-static loop of a contact: the control is raised, then lowered, with a jump at every fold.
+
+    After a jump the system is where overdamped relaxation from the fold ends. Where the contact set is no disc, the
+    relaxation is not followed: the system is then in the next stable state along the curve that is lower than the fold,
+    and the message says so unless the saddles along the curve are too high for any other. Energies are those of contact
+    and drive: V − F d under load, V under displacement control, V + K (D − d)²/2 with a spring.
+
+    Parameters
+    ----------
+    contact : Contact
+    control : {"load", "displacement"} or Spring
+    accuracy : float
+        Error allowed to jumps and dissipated energies, relative to max(1, |value|) in reduced units.
+    max_load : float, optional
+        Load, in contact, at which the path turns round; default as in `trace`, and far enough for every jump.
+    model, progress
+        As in `trace`.
+
+    Returns
+    -------
+    Hysteresis
+        With `dissipated` None, and a message, where the loop does not close.
+
+    Raises
+    ------
+    InputError
+        If an argument cannot be used.
+    ModelError
+        If the relaxation after a jump cannot be followed.
+    """
+    asked = _ask(contact, control, accuracy, model, progress)
+    route = asked.curves.path(replace(asked.request, target=_limit(contact, max_load)))
+    return loop(contact, route, asked.control, asked.choice(route.curve.unknowns), asked.timed(route.curve.cost))
+
+
+def phase_diagram(
+    contact: Contact,
+    vary: Vary = "tabor",
+    between: Sequence[float] = (0.25, 4.0),
+    control: str = "load",
+    *,
+    start: float | None = None,
+    samples: int = 17,
+    accuracy: float = 1e-6,
+    progress: Progress | None = None,
+) -> PhaseDiagram:
+    """Find the regions of a parameter and a control by the number and kind of stable states.
+
+    The contact is traced at values of the parameter; every fold of the control and every first touch met there is
+    followed to both ends, unless it lies on a curve that is known. Folds that appear and vanish between neighbouring
+    values are missed: ask for more samples.
+
+    Parameters
+    ----------
+    contact : Contact
+    vary : str or callable
+        As for `follow`, apart from a stiffness.
+    between : pair of floats
+        Values of the parameter.
+    control : {"load", "displacement"}
+    start : float, optional
+        Present value of the parameter of a function.
+    samples : int
+        Values at which the contact is traced, at least 3.
+    accuracy : float
+        Of the boundaries, as for `follow`.
+
+    Returns
+    -------
+    PhaseDiagram
+
+    Raises
+    ------
+    InputError
+        If an argument cannot be used.
+    """
+    kind = as_control(control).kind
+    if kind == "spring" or vary == "stiffness":
+        raise InputError("control: a spring; phase diagrams are for load and displacement control")
+    if len(between) != 2 or not between[0] < between[1]:
+        raise InputError(f"between: {tuple(between)}; give two values, the lower one first")
+    if samples < 3:
+        raise InputError(f"samples: {samples}; must be at least 3")
+    if contact.tip.axisymmetric is None:
+        raise InputError("contact: its tip needs a grid; phase diagrams are made of curves that grids cannot follow")
+    family = family_of(contact, vary, between[0], start)
+    low, high = map(float, between)
+    if family.spacing == "logarithmic" and low * high <= 0:
+        raise InputError(f"between: {tuple(between)}; both must have the sign of the present {family.name}")
+
+    def traced(member: Contact) -> Diagram:
+        return trace(member, control=kind, accuracy=max(accuracy, 1e-5))
+
+    from contbranch.curve.phase import Regions  # what other commands do not use is not imported for them
+
+    return Regions(family, kind, (low, high), accuracy, traced).find(samples, progress)
+
+
+# -- what is asked ----------------------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class _Asked:
+    """A question made of arguments: whom to ask, under which control (in the contact's units), since when."""
+
+    curves: Curves
+    request: Request
+    control: Control
+    name: str
+    why: str
+    began: float
+
+    def choice(self, unknowns: int) -> ModelChoice:
+        """The model of a result."""
+        return ModelChoice(self.name, self.why, unknowns)
+
+    def timed(self, cost: Cost) -> Cost:
+        """A cost with the time since the question was asked."""
+        return replace(cost, wall_s=time.perf_counter() - self.began)
+
+
+def _ask(contact: Contact, control: object, accuracy: float, model: str | Model, progress: Progress | None) -> _Asked:
+    began = time.perf_counter()
+    if not isinstance(contact, Contact):
+        raise InputError(f"contact: {type(contact).__name__}; must be a Contact, made by cb.Contact(...)")
+    driven = as_control(control)
+    number = finite_number(accuracy, "accuracy")
+    if not FINEST <= number <= COARSEST:
+        raise InputError(f"accuracy: {number:g}; must lie between {FINEST:g} and {COARSEST:g}")
+    chosen, why = choose(contact, model)
+    request = Request(number, driven.scaled(contact.scales.stiffness), progress=progress)
+    return _Asked(curves(contact, chosen), request, driven, chosen.name, why, began)
+
+
+def _only(**given: float | None) -> tuple[str, float]:
+    """The one quantity that is given."""
+    asked = [(name, finite_number(value, name)) for name, value in given.items() if value is not None]
+    if len(asked) != 1:
+        raise InputError(f"give exactly one of {', '.join(given)}, not {len(asked)}")
+    return asked[0]
+
+
+def _limit(contact: Contact, max_load: float | None) -> float | None:
+    return None if max_load is None else positive_number(max_load, "max_load") / contact.scales.load
+
+
+def _unit(contact: Contact, field: str) -> float:
+    scales = contact.scales
+    return {"load": scales.load, "displacement": scales.normal, "contact_radius": scales.in_plane}[field]
+
+
+def _window(window: Sequence[float], unit: float) -> tuple[float, float]:
+    if len(window) != 2:
+        raise InputError(f"window: {window!r}; must be two displacements")
+    low, high = (finite_number(value, "window") / unit for value in window)
+    if not low < high:
+        raise InputError(f"window: {window!r}; the first displacement must be the smaller one")
+    return low, high
+
+
+# -- what is answered -------------------------------------------------------------------------------------------------
+def _equilibria(count: int) -> str:
+    return f"{count} equilibri{'um' if count == 1 else 'a'}"
+
+
+def _reachable(found: Coexisting, field: str, unit: float) -> str:
+    if field == "contact_radius":
+        return "contact radii greater than zero are reachable"
+    return f"{field}s from {found.lowest * unit:.10g} upwards are reachable"
+
+
+def _lowest(states: Sequence[State], control: Control) -> State:
+    """The lowest of the stable states; of all, if none is stable."""
+    stable = [state for state in states if state.stable(control)]
+    return min(stable or states, key=lambda state: _height(state, control))
+
+
+def _height(state: State, control: Control) -> float:
+    """Energy of contact and drive."""
+    value = control.value(state.load, state.displacement)
+    return state.energy + control.potential(value, state.load, state.displacement)
+
+
+def _apart(state: State, near: State) -> float:
+    names = ("load", "displacement", "contact_radius", "central_gap")
+    return math.hypot(*(getattr(state, name) - getattr(near, name) for name in names))
+
+
+def _barriers(states: Sequence[State], connected: Sequence[bool], control: Control) -> tuple[Barrier, ...]:
+    """Barriers between consecutive stable states of the curve with one saddle between them."""
+    on_curve = [k for k, joined in enumerate(connected) if joined]
+    indices = np.array([states[k].unstable(control) for k in on_curve])
+    found = []
+    for place in range(1, len(on_curve) - 1):
+        if indices[place] != 1 or indices[place - 1] != 0 or indices[place + 1] != 0:
+            continue
+        before, saddle, after = on_curve[place - 1 : place + 2]
+        top = _height(states[saddle], control)
+        heights = top - _height(states[before], control), top - _height(states[after], control)
+        found.append(Barrier((before, after), saddle, heights))
+    return tuple(found)

@@ -1,0 +1,247 @@
+"""What is asked of a contact's curve, and what any model's equilibrium problem answers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import ClassVar, Protocol
+
+from contbranch.contact.contact import Contact
+from contbranch.control import DISPLACEMENT, LOAD, Control
+from contbranch.curve.find import disconnected
+from contbranch.curve.outcome import RawCurve, state_in_units
+from contbranch.curve.paths import CurveWalk
+from contbranch.curve.problem import EquilibriumProblem
+from contbranch.curve.quasi_static import Jump, Leg, Stop, Walk, quasi_static
+from contbranch.curve.refine import Found
+from contbranch.curve.rows import ROW_SAFETY, raw_curve
+from contbranch.curve.solve import CONTROLS, Crossing, crossings, state_apart, state_on
+from contbranch.curve.trace import Request, trace
+from contbranch.curve.track import Track
+from contbranch.errors import InputError, ModelError
+from contbranch.results.diagram import Cost, State
+
+__all__ = ["EXTENSIONS", "Coexisting", "Curves", "FollowedCurves", "Model", "Route", "landed"]
+
+# A curve is continued until what a path jumps to lies on it: beyond the fold's value by this share, and as often.
+BEYOND, EXTENSIONS = 1e-3, 3
+# The rows of a path count themselves, in integrals along it: they are as accurate as the events, down to this.
+FINE = 1e-9
+# A curve goes on beyond a value asked for by this share.
+PAST = 1e-9
+
+
+class Model(Protocol):
+    """A model: what makes an equilibrium problem of a contact.
+
+    It may also have a method ``obstacle(contact)`` that returns why it does not represent a contact, as the end of a
+    sentence, or None.
+
+    Attributes
+    ----------
+    name : str
+        As it is called in results.
+    """
+
+    name: ClassVar[str]
+
+    def problem(self, contact: Contact, accuracy: float) -> EquilibriumProblem:
+        """The first problem of the curve of a contact in reduced units, for events of an accuracy."""
+
+
+@dataclass(frozen=True)
+class Coexisting:
+    """Equilibria with one load, displacement or contact radius, reduced units.
+
+    Attributes
+    ----------
+    states : tuple of State
+        Those on the curve in its order, then the others.
+    connected : tuple of bool
+        Whether each lies on the curve.
+    lowest : float
+        Least value that the curve reaches.
+    cost, unknowns : Cost, int
+    complete : bool
+    message : str
+        What else is known of them.
+    window : (float, float)
+        Displacements between which they were looked for.
+    searched : str
+        Whether there are others, as the end of a sentence.
+    """
+
+    states: tuple[State, ...]
+    connected: tuple[bool, ...]
+    lowest: float
+    cost: Cost
+    unknowns: int
+    complete: bool = True
+    message: str = ""
+    window: tuple[float, float] = (0.0, 0.0)
+    searched: str = ""
+
+
+@dataclass(frozen=True)
+class Route:
+    """A quasi-static path along a curve, reduced units.
+
+    Attributes
+    ----------
+    walk : Walk
+    legs, jumps : list of Leg, list of Jump
+    curve : RawCurve
+        On which it runs.
+    complete : bool
+    message : str
+    """
+
+    walk: Walk
+    legs: Sequence[Leg]
+    jumps: Sequence[Jump]
+    curve: RawCurve
+    complete: bool
+    message: str
+
+
+class Curves(Protocol):
+    """The curves of one contact by one model. Requests, fields and states are in reduced units.
+
+    Attributes
+    ----------
+    followable : bool
+        Whether events can be followed in a parameter.
+    """
+
+    followable: bool
+
+    def trace(self, request: Request) -> RawCurve:
+        """The whole curve with its events."""
+
+    def solve(self, request: Request, field: str, value: float, near: State | None) -> Coexisting:
+        """Equilibria with a value of load, displacement or contact radius; `near` may serve as a start."""
+
+    def find_all(self, request: Request, field: str, value: float, window: tuple[float, float] | None) -> Coexisting:
+        """All equilibria with a value of load or displacement, in a window of displacements."""
+
+    def path(self, request: Request) -> Route:
+        """The quasi-static path under a control, along a curve as long as it needs."""
+
+
+@dataclass(frozen=True)
+class FollowedCurves:
+    """Curves of a contact whose model makes an equilibrium problem of it (a `Curves`).
+
+    Attributes
+    ----------
+    contact : Contact
+        In its own units.
+    model : Model
+    """
+
+    contact: Contact
+    model: Model
+    followable = True
+
+    @cached_property
+    def reduced(self) -> Contact:
+        """The contact in reduced units."""
+        return self.contact.to_reduced()
+
+    def trace(self, request: Request) -> RawCurve:
+        """The whole curve with its events."""
+        return raw_curve(trace(self.model.problem(self.reduced, request.accuracy), request), request)
+
+    def solve(self, request: Request, field: str, value: float, near: State | None = None) -> Coexisting:
+        """Equilibria on the curve with a load, displacement or contact radius, in order along it.
+
+        Raises
+        ------
+        ModelError
+            If the curve ends before the value could be reached.
+        InputError
+            If the value is out of range whatever the curve does.
+        """
+        track, found = self._crossings(request, field, value)
+        if not found and not track.complete:
+            raise ModelError(f"{field}: the curve ends before {value:.6g} is reached. {track.message}")
+        states = tuple(state_on(track, one, {field: value}) for one in found)
+        return _coexisting(track, field, states, (True,) * len(states))
+
+    def find_all(self, request: Request, field: str, value: float, window: tuple[float, float] | None) -> Coexisting:
+        """Equilibria with a load or displacement: on the curve, and off it where the problem offers a search."""
+        track, known = self._crossings(request, field, value)
+        curve = raw_curve(track, replace(request, events=False))
+        if window is None:
+            # farther away than the trace begins, too
+            reached = [*curve.displacement, *([value] if field == "displacement" else [])]
+            window = (float(min(reached)), float(max(reached)))
+        others: list[Found] | None = []
+        searched = ""
+        if len(track.points) > 1:
+            searched = track.problem(0).complete_by
+            held = LOAD if field == "load" else DISPLACEMENT
+            others = [] if searched else disconnected(track, known, held, value, request.accuracy)
+        given = {field: value}
+        states = [state_on(track, one, given) for one in known]
+        states += [state_apart(one, track.controls, given) for one in others or ()]
+        kept = [(s, k < len(known)) for k, s in enumerate(states) if window[0] <= s.displacement <= window[1]]
+        apart = sum(not joined for _, joined in kept)
+        if others is None:
+            searched = "others were not looked for off the curve"
+        elif not searched:
+            searched = f"{apart} not connected to the curve" if apart else "the search off the curve found no other"
+        found = _coexisting(track, field, tuple(s for s, _ in kept), tuple(joined for _, joined in kept))
+        return replace(found, complete=curve.complete, message=curve.message, window=window, searched=searched)
+
+    def path(self, request: Request) -> Route:
+        """The quasi-static path under a control."""
+        control, tolerance = request.control, max(FINE, request.accuracy) / ROW_SAFETY
+        problem = self.model.problem(self.reduced, request.accuracy).rows_within(tolerance)
+        request = replace(request, modes=0)
+        for _ in range(EXTENSIONS):
+            track = trace(problem, request)
+            curve = raw_curve(track, request)
+            walk = CurveWalk(track, curve.events, control, request.accuracy)
+            legs, jumps = quasi_static(walk) if len(track.points) > 1 else ([], [])
+            lost = [jump for jump in jumps if jump.end is None and jump.direction > 0]
+            if not (lost and curve.complete):
+                break
+            value = control.value(lost[0].begin.state.load, lost[0].begin.state.displacement)
+            request = replace(request, target=value + BEYOND * max(1.0, abs(value)), held=control)
+        notes = [landed(self.contact, *note) for note in walk.notes]
+        return Route(walk, legs, jumps, curve, curve.complete, " ".join([curve.message, *notes]).strip())
+
+    def _crossings(self, request: Request, field: str, value: float) -> tuple[Track, list[Crossing]]:
+        """Where the curve has a value, in order along it.
+
+        Raises
+        ------
+        InputError
+            If the value is out of range whatever the curve does.
+        """
+        control: Control | None = CONTROLS[field]
+        if control is None and not 0 < value < self.reduced.axisymmetric_tip.extent:
+            raise InputError(f"contact_radius: {value:g}; must be greater than zero (and within the tip)")
+        problem = self.model.problem(self.reduced, request.accuracy)
+        request = replace(request, events=False, modes=0)
+        track = trace(problem, request)
+        if track.complete and value > track.column(field)[-1]:
+            track = trace(problem, replace(request, target=value + PAST * abs(value), held=control))
+        return track, crossings(track, field, value, request.accuracy)
+
+
+def _coexisting(track: Track, field: str, states: tuple[State, ...], connected: tuple[bool, ...]) -> Coexisting:
+    lowest = float(track.column(field).min(initial=float("inf")))
+    return Coexisting(states, connected, lowest, Cost(0.0, track.work.newton), track.work.unknowns)
+
+
+def landed(contact: Contact, fold: Stop, end: Stop) -> str:
+    """A sentence on a landing that was not followed, in the contact's units."""
+    begin, after = state_in_units(contact, fold.state), state_in_units(contact, end.state)
+    return (
+        f"After the fold at load {begin.load:.6g} the path goes on at the next stable state along the curve (load "
+        f"{after.load:.6g}, displacement {after.displacement:.6g}): the relaxation was not followed there, and "
+        "energies along the curve do not exclude that it ends at another one, see `others` of the jump."
+    )

@@ -1,0 +1,454 @@
+"""An event followed along its curve in a second parameter: through first touch, past cusps, where it meets others."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from contbranch.contact.family import Family
+from contbranch.continuation import CorrectionError, Event, Outcome, Point, Segment, StopAt, correct
+from contbranch.continuation.edge import Range, land
+from contbranch.continuation.follow import follow
+from contbranch.continuation.outcomes import End
+from contbranch.continuation.problem import Array
+from contbranch.continuation.walk import annotated, to_point
+from contbranch.control import DISPLACEMENT, LOAD, Control
+from contbranch.curve.augmented import STEPS, Augmented, Condition, Fold, Held, Locus, Other, augmented, direction
+from contbranch.curve.events import Margin, rates
+from contbranch.curve.problem import equilibrium
+from contbranch.curve.refine import Found, moved, refine, settled
+from contbranch.errors import ModelError
+from contbranch.results.followed import FollowedPoint, Special
+
+__all__ = ["EventCurve", "condition_for"]
+
+Progress = Callable[[float, str], None]
+
+# Beside first touch a curve starts at this w (or smaller ones), and one that comes to half of it has come to it.
+BESIDE = (0.06, 0.02, 0.006, 0.002)
+# A curve passes first touch no more often than this.
+PASSAGES = 8
+# Error of loads along the curve; where it may lead far away, the stiffness of a weak spring is that of the interaction
+# there. Loads this many times larger count as none, or those below a share of the accuracy.
+TOLERANCE, FAR_TOLERANCE, RESOLVED, NEGLIGIBLE = 3e-7, 1e-9, 60.0, 0.5
+# States are measured in units of the one at the start, or of this share of the interaction's range.
+LEAST_SIZE = 1e-2
+# Discretisations are made anew so often at the start.
+REMESHES = 3
+# Relative to their place in a step, events are located so coarsely while following; they are refined afterwards.
+COARSE = 0.03
+# What differences leave undecided of a tangent's component.
+TANGENT_NOISE = 2e-10
+CUSP = "Two folds merge: a cusp. The curve goes on as the other fold."
+PAIR = "Two events of this kind merge: the parameter has an extremum along them."
+COINCIDENCE = "Load and displacement have their folds at the same state, and with them every spring."
+MEETING = "A fold of this control lies exactly at first touch."
+MET = "A fold of this control lies at the same state."
+THROUGH = "The fold passes first touch: on one side it has contact, on the other none."
+CORNER = "Two folds, one with contact and one without, meet at first touch and end there: a kinked cusp."
+AT_TOUCH = "The event lies exactly at first touch."
+KEYS = ("load", "displacement", "contact_radius", "central_gap")
+ENDED = (Outcome.REACHED_EDGE, Outcome.STARTED_ON_EDGE)
+
+
+class Turn(Event):
+    """The parameter turns round: two events merge."""
+
+    name = "cusp"
+    relative_resolution = COARSE
+    noise = TANGENT_NOISE
+
+    def value(self, point: Point) -> float:
+        """Component of the tangent."""
+        return point.tangent_parameter
+
+
+class Edge(Event):
+    """First touch, or another edge of the equilibria's parameter; close to it, where there are no states beyond."""
+
+    name = "touch"
+    terminal = True
+    hidden_pairs = False
+
+    def __init__(self, beside: float = 0.0) -> None:
+        self.beside = beside
+
+    def value(self, point: Point) -> float:
+        """Distance of w."""
+        problem, w = augmented(point), float(point.x[-1])
+        low, high = map(problem.root, problem.base.parameter_range)
+        return min(w - low, high - w) - (0.0 if problem.base.beyond_edge else 0.5 * self.beside)
+
+
+class Meeting(Event):
+    """The rate of another control vanishes, too.
+
+    Parameters
+    ----------
+    name : str
+    weights : callable
+        Of load and displacement, at the parameter's coordinate.
+    """
+
+    relative_resolution = COARSE
+
+    def __init__(self, name: str, weights: Callable[[float], tuple[float, float]]) -> None:
+        self.name, self.weights = name, weights
+
+    def value(self, point: Point) -> float:
+        """Weighted rates of load and displacement along the equilibria at fixed parameter."""
+        return float(np.dot(self.weights(point.parameter), rates(augmented(point).held(point))))
+
+
+def condition_for(family: Family, place: Point, control: Control | None, event: Event | None) -> Condition:
+    """What makes a place an event: the fold of a control (reduced units), an edge of the parameter, another event."""
+    if event is not None:
+        return Other(event)
+    if control is None or place.parameter in equilibrium(place).parameter_range:
+        return Held(place.parameter, corner=control is not None)
+    return Fold(family, control)
+
+
+@dataclass
+class EventCurve:
+    """One event along the parameter of a family.
+
+    Attributes
+    ----------
+    family : Family
+    condition : Condition
+    to : tuple of float
+        One value of the parameter, or one on each side of the start.
+    accuracy : float
+        Error allowed to every number, relative to max(1, |value|) in reduced units.
+    progress : callable or None
+    rows : list of FollowedPoint
+        Along the curve, in the contact's units; the special ones are `Special`. It begins at the event or, followed
+        both ways, at the end with the lower value.
+    complete, message : bool, str
+    """
+
+    family: Family
+    condition: Condition
+    to: tuple[float, ...]
+    accuracy: float
+    progress: Progress | None = None
+
+    def __post_init__(self) -> None:
+        self.tolerance = FAR_TOLERANCE if self.family.spacing == "angle" else TOLERANCE
+        self.negligible = max(NEGLIGIBLE * self.accuracy, RESOLVED * self.tolerance)
+        self.q = self.family.coordinate(self.family.start)
+        self.known = {self.q: self.family.start, **{self.family.coordinate(value): value for value in self.to}}
+        self.interval = Range(min(self.known), max(self.known))
+        self.touching = isinstance(self.condition, Held)
+        meetings = [Meeting("load", lambda _: LOAD.weights), Meeting("displacement", lambda _: DISPLACEMENT.weights)]
+        if isinstance(self.condition, Fold):
+            meetings = [Meeting("coincidence", self.condition.crossed)]
+        elif isinstance(self.condition, Held) and self.condition.corner:
+            meetings = []
+        self.meetings: dict[str, Event] = {"cusp": Turn(), **{event.name: event for event in meetings}}
+        self.rows: list[FollowedPoint] = []
+        self.points: list[Point] = []
+        self.scale = self.beside = 0.0
+        self.worst, self.complete, self.message = 0.0, True, ""
+
+    # -- the curve ----------------------------------------------------------------------------------------------------
+    def trace(self, place: Point) -> None:
+        """Follow the event from where it was found.
+
+        Raises
+        ------
+        InputError
+            If the model has no such member of the family.
+        ModelError
+            If it is not found again.
+        """
+        self.scale = equilibrium(place).scale
+        for q in self.known:
+            equilibrium(place).member(self.family.reduced(q)[0])
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            try:
+                start = self._start(place)
+            except CorrectionError as error:
+                message = f"follow: the event was not found again at its start. {error.outcome.value} {error.detail}"
+                raise ModelError(message.strip()) from error
+            backward, first = self._onward(start.turned())
+            forward, last = self._onward(start)
+            points, ends = [*(point.turned() for point in reversed(backward)), start, *forward], (first, last)
+            if not forward:  # the curve begins at the event
+                points, ends = [point.turned() for point in reversed(points)], (last, first)
+            self._refine(points, ends)
+
+    def _start(self, place: Point) -> Point:
+        """The event on a discretisation as fine as the curve needs, towards larger values of the parameter."""
+        base = equilibrium(place)
+        # A state may vanish at the event itself.
+        size = max(math.sqrt(base.inner(place.x, place.x)), LEAST_SIZE * base.scale)
+        locus = Locus(self.family, self.condition, (self.interval.low, self.interval.high), size)
+        problem = base.member(self.family.reduced(self.q)[0], self.tolerance)
+        own = self._resolved(replace(place, problem=problem))  # the event may come from a trace for fewer digits
+        system = Augmented(locus, equilibrium(own), direction(own))
+        return annotated(_solved(system, system.joined(own.x, own.parameter), self.q), label="start")
+
+    def _resolved(self, point: Point) -> Point:
+        """A point on a discretisation as fine as the curve needs."""
+        for _ in range(REMESHES):
+            problem = equilibrium(point)
+            if problem.defect(point).relative(problem.values(point.x, point.parameter)) <= self.tolerance:
+                break
+            point = settled(moved(point, problem.resolving(point, self.tolerance)))
+        return annotated(point, label="")
+
+    def _onward(self, start: Point) -> tuple[list[Point], End]:
+        """The curve from a point along its tangent, through first touch as often as it comes there, and how it ends."""
+        points, end = self._piece(start, min(BESIDE[0], abs(float(start.x[-1]))))
+        for _ in range(PASSAGES):
+            if end.outcome is not Outcome.STOPPED_AT_EVENT or points[-1].label != "touch":
+                break
+            try:
+                beyond, end = self._beyond(points)
+            except CorrectionError as error:
+                smaller = [beside for beside in BESIDE if beside < self.beside]
+                if not smaller or points[-1].label == "touch":
+                    return points, End(error.outcome, f"(Beyond first touch: {error.detail})")
+                beyond, end = self._piece(points[-1], smaller[0])  # it was not so close
+            points += beyond
+        return points, end
+
+    def _piece(self, start: Point, beside: float) -> tuple[list[Point], End]:
+        """The curve from a point along its tangent, in one representation of the equilibria."""
+        outward = start.parameter == (self.interval.high if start.tangent_parameter > 0 else self.interval.low)
+        if outward and abs(start.tangent_parameter) > 1e-12:
+            return [], End(Outcome.STARTED_ON_EDGE)
+        problem = augmented(start)
+        margins = (Margin(name) for name in problem.margins(start.x, start.parameter))
+        self.beside = beside
+        edged = not self.touching and np.isfinite(problem.base.parameter_range).any()
+        events = [*self.meetings.values(), *margins, *([Edge(beside)] if edged else [])]
+        branch = follow(start, problem.balance(start), self.interval, STEPS, events, StopAt(predicate=self._told))
+        return branch.points, branch.end
+
+    def _told(self, point: Point) -> bool:
+        """Report progress; whether the curve is to end."""
+        if self.progress is not None:
+            share = abs(point.parameter - self.q) / self.interval.width
+            self.progress(0.6 * share, f"{self.family.name} {self.family.value(point.parameter):.4g}")
+        return self._far(point)
+
+    def _far(self, point: Point) -> bool:
+        """Whether the interaction is negligible: the load, and its mean from here to infinity."""
+        load, energy, gap = (abs(point.observables[name]) for name in ("load", "energy", "central_gap"))
+        return not self.touching and max(load, energy / max(gap, self.scale)) <= self.negligible and gap > self.scale
+
+    # -- first touch --------------------------------------------------------------------------------------------------
+    def _beyond(self, points: list[Point]) -> tuple[list[Point], End]:
+        """The curve on the other side of first touch, to which points have come.
+
+        A contact too small to go on with is not first touch itself, which is then appended to the points.
+
+        Raises
+        ------
+        CorrectionError
+            If it is not found there.
+        """
+        last = points[-1]
+        problem = augmented(last)
+        x, p = problem.split(last.x)
+        edge = min(problem.base.parameter_range, key=lambda one: abs(one - p))
+        doors = problem.at(last.parameter).across(x, edge)
+        if not problem.base.beyond_edge:
+            points[-1] = replace(last, label="")
+            for door in doors[:1]:
+                other = problem.on(equilibrium(door), direction(door))
+                touch = _solved(other, other.joined(door.x, edge), last.parameter, place=True)
+                points.append(replace(touch, label="touch"))
+        failure = CorrectionError(Outcome.STEP_TOO_SMALL, "(The curve was not found there.)")
+        for door, beside in itertools.product(doors, BESIDE):
+            rate = door.tangent_x / door.tangent_parameter
+            other = problem.on(equilibrium(door), np.append(rate, 1.0))
+            inward = 1.0 if edge == other.base.parameter_range[0] else -1.0
+            w = other.root(edge) + inward * beside
+            try:
+                z = np.append(door.x + (other.parameter(w) - edge) * rate, w)
+                start = self._resolved(_solved(other, z, points[-1].parameter, place=True))
+            except CorrectionError as error:
+                failure = error
+                continue
+            if not self.interval.contains(start.parameter):
+                failure = CorrectionError(Outcome.REACHED_EDGE, "(The curve leaves the range at first touch.)")
+                continue
+            start = start if start.tangent_x[-1] * inward > 0 else start.turned()
+            following, end = self._piece(start, beside)
+            if following:
+                return [start, *following], end
+        raise failure
+
+    # -- points made precise ------------------------------------------------------------------------------------------
+    def _refine(self, points: list[Point], ends: tuple[End, End]) -> None:
+        """Rows and special points from the points of the curve."""
+        messages: list[str] = []
+        self.points = points
+        for k, point in enumerate(points):
+            if self.progress is not None:
+                self.progress(0.6 + 0.4 * k / len(points), f"{len(self.special)} special points")
+            try:
+                found = self._special(k)
+            except CorrectionError as error:
+                where = f"{self.family.name} = {self._value(point.parameter):.6g}"
+                messages.append(f"The point at {where} ({point.label}) could not be made precise. {error.detail}")
+                found = None
+            self.rows.append(found or self._row(point))
+        self.complete = not messages
+        for k, end in zip((0, len(points) - 1), ends, strict=True):
+            kind, message = self._ending(points[k], end, len(points))
+            self.complete &= end.outcome in ENDED or kind == "infinite-separation"
+            messages.append(message)
+            if kind:
+                self.rows[k] = _as_special(self.rows[k], k, kind, message)
+        if self.worst > self.accuracy:
+            self.complete = False
+            messages.append(f"An error estimate is {self.worst / self.accuracy:.3g} times the accuracy asked.")
+        self.message = " ".join(dict.fromkeys(filter(None, messages)))
+
+    @property
+    def special(self) -> tuple[Special, ...]:
+        """The special points, in order."""
+        return tuple(row for row in self.rows if isinstance(row, Special))
+
+    def _value(self, q: float) -> float:
+        """Value of the parameter at a coordinate, exactly what was asked for at the ends."""
+        return self.known.get(q, self.family.value(q))
+
+    def _scaled(self, found: Found, at: Point, of_value: float = 0.0) -> FollowedPoint:
+        """In the contact's units."""
+        self.worst = max(self.worst, found.relative_error())
+        scales = self.family.reduced(at.parameter)[1]
+        units = scales.load, scales.normal, scales.in_plane, scales.normal
+        load, displacement, radius, gap = (value * unit for value, unit in zip(found.numbers, units, strict=True))
+        error = {key: float(e) * unit for key, e, unit in zip(KEYS, found.error, units, strict=True)}
+        error[self.family.name] = of_value
+        return FollowedPoint(self.family.name, self._value(at.parameter), load, displacement, radius, gap, error)
+
+    def _row(self, point: Point) -> FollowedPoint:
+        """The event at the parameter of a point of the curve, located there on discretisations made for it."""
+        held = augmented(point).held(point)
+        if isinstance(self.condition, Held):
+            held = replace(held, parameter=self.condition.parameter)
+        return self._scaled(refine(held, self.condition.event(point.parameter), self.accuracy), point)
+
+    def _special(self, k: int) -> Special | None:
+        """A point of codimension two made precise; None at other points."""
+        point = self.points[k]
+        label = point.label or ""
+        if label not in self.meetings and label != "touch":
+            return None
+        problem = augmented(point)
+        fine = problem.on(problem.base, direction(problem.held(point)), fine=label == "cusp")
+        found = refine(settled(replace(point, problem=fine)), self.meetings.get(label, Edge()), self.accuracy)
+        if self.touching or label == "touch":
+            found = replace(found, numbers=(*found.numbers[:2], 0.0, 0.0), error=(*found.error[:2], 0.0, 0.0))
+        row = self._scaled(found, found.point, found.parameter_error * abs(self.family.rate(found.point.parameter)))
+        return _as_special(row, k, *self._named(label, k), label if label in ("load", "displacement") else None)
+
+    def _named(self, label: str, k: int) -> tuple[str, str]:
+        """Kind and message of a special point."""
+        fold = isinstance(self.condition, Fold)
+        if label == "cusp":
+            return label, CUSP if fold else PAIR
+        if label == "coincidence":
+            return label, COINCIDENCE
+        if label != "touch":
+            return ("fold-through-touch", MEETING) if self.touching else ("coincidence", MET)
+        if not fold:
+            return "through-touch", AT_TOUCH
+        return ("fold-through-touch", THROUGH) if self._passing(k) else ("cusp-at-touch", CORNER)
+
+    def _passing(self, k: int) -> bool:
+        """Whether the parameter goes on in the same sense at a point."""
+        if k in (0, len(self.points) - 1):
+            return True
+        before, here, after = (point.parameter for point in self.points[k - 1 : k + 2])
+        return (here - before) * (after - here) > 0
+
+    def _ending(self, last: Point, end: End, count: int) -> tuple[str, str]:
+        """The kind of special point that an end is, if any, and a sentence."""
+        if self._far(last):
+            return "infinite-separation", "The event leaves to infinite separation."
+        if end.outcome in ENDED:
+            if self.family.spacing == "angle" and last.parameter in (0.0, 0.5 * math.pi):
+                kind = "load-fold" if last.parameter == 0.0 else "displacement-fold"
+                return kind, f"The fold of the spring has become a {kind.replace('-', ' ')}."
+            if end.outcome is Outcome.REACHED_EDGE and last.parameter == self.q and count > 1:
+                return "", f"The curve turns and comes back to the present {self.family.name}."
+            return "", ""
+        if end.outcome is Outcome.STOPPED_AT_EVENT:
+            held = augmented(last).held(last)
+            return "inadmissible", equilibrium(held).ending(last.label or "", held)
+        return "", end.message
+
+    # -- single values ------------------------------------------------------------------------------------------------
+    def at(self, value: float) -> tuple[FollowedPoint, ...]:
+        """The event at exactly one value of the parameter, as often as the curve passes it.
+
+        Raises
+        ------
+        ModelError
+            If it is not found again.
+        """
+        q = self.family.coordinate(value)
+        found: list[FollowedPoint] = []
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            for k, (point, row) in enumerate(zip(self.points, self.rows, strict=True)):
+                if row.value == value or point.parameter == q:
+                    found.append(row)
+                elif k and (self.points[k - 1].parameter - q) * (point.parameter - q) < 0:
+                    try:
+                        between = _between(self.points[k - 1], point, q)
+                    except CorrectionError as error:
+                        where = f"{self.family.value(q):.9g}"
+                        raise ModelError(f"at: the event was not found at {where}. {error.detail}") from error
+                    found.append(replace(self._row(between), value=value))
+        return tuple(found)
+
+
+def _as_special(row: FollowedPoint, index: int, kind: str, message: str, control: str | None = None) -> Special:
+    return Special(**{**vars(row), "kind": kind, "index": index, "control": control, "message": message})
+
+
+def _solved(problem: Augmented, z: Array, q: float, place: bool = False) -> Point:
+    """The point of the curve at q; with `place` that with the state's w, for which q is found.
+
+    Raises
+    ------
+    CorrectionError
+        If there is none close by.
+    """
+    row = np.append(np.zeros(z.size - 1), float(place)), float(not place)
+    metric = problem.metric(z)
+    corrected = correct(problem, z, q, row, metric, tolerance=1e-12, noise=1e8, precise=True)
+    point = to_point(problem, corrected, metric, sign=False)
+    return replace(point, x=np.append(point.x[:-1], z[-1])) if place else replace(point, parameter=q)
+
+
+def _between(begin: Point, end: Point, q: float) -> Point:
+    """The point of the curve at a coordinate between two neighbouring points.
+
+    Raises
+    ------
+    CorrectionError
+        If it is not found.
+    """
+    if augmented(begin).base.parameter_range == augmented(end).base.parameter_range:
+        end = settled(moved(end, augmented(begin)))
+        return replace(land(Segment(begin, end, augmented(begin).metric(begin.x)), q, STEPS), parameter=q)
+    # First touch belongs to one of its sides only; the curve is that of the other.
+    touch, own = (begin, end) if begin.label == "touch" else (end, begin)
+    problem, there = augmented(own), augmented(touch)
+    x, p = there.split(touch.x)
+    z = problem.joined(there.base.carried(x, x, problem.base), p)
+    share = (q - touch.parameter) / (own.parameter - touch.parameter)
+    return _solved(problem, z + share * (own.x - z), q)

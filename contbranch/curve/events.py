@@ -1,0 +1,268 @@
+"""What happens along a curve of equilibria: folds of every control, values reached, representations that end."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import ClassVar
+
+from contbranch.continuation import Event, EventPoint, Happening, Options, Point, Segment
+from contbranch.continuation.probe import Bracket, Probe
+from contbranch.continuation.walk import annotated, point_on
+from contbranch.control import LOAD, Control
+from contbranch.curve.angle import in_passing, short_way
+from contbranch.curve.problem import equilibrium
+
+__all__ = ["Ceiling", "FoldEvent", "Folds", "Margin", "Reached", "rates"]
+
+# Relative to their place in a step, folds are located so coarsely while tracing (they are refined afterwards); where
+# there are several, as sharply as it takes to tell them apart, down to the last.
+SHARPER = (0.01, 1e-4, 1e-7, 1e-10)
+# ... and beyond that by what is seen so far aside, relative to their place.
+ASIDE = 1e-6
+# A rate that is zero, with a sign.
+TINY = 1e-300
+
+
+def rates(point: Point) -> tuple[float, float]:
+    """Rates of load and displacement along the unit tangent."""
+    found = equilibrium(point).rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
+    return found.load, found.displacement
+
+
+@dataclass(frozen=True)
+class FoldEvent(Event):
+    """Extrema of what is controlled along the curve, from the true tangent."""
+
+    control: Control = LOAD
+
+    @property
+    def name(self) -> str:  # type: ignore[override]
+        """The kind of the control."""
+        return self.control.kind
+
+    def value(self, point: Point) -> float:
+        """The rate of what is controlled along the unit tangent."""
+        return self.control.weighted(*rates(point))
+
+
+@dataclass(frozen=True)
+class Reached(Event):
+    """A control, or without control the contact radius, reaches a value.
+
+    Attributes
+    ----------
+    control : Control or None
+        Reduced units.
+    target : float
+        Value of ``control.weighted(load, displacement)``, or of the radius.
+    """
+
+    control: Control | None
+    target: float
+    name: str = "reached"
+    terminal: bool = False
+    hidden_pairs: ClassVar[bool] = False
+    relative_resolution: ClassVar[float] = 1e-9
+
+    def value(self, point: Point) -> float:
+        """What is controlled minus its target."""
+        values = equilibrium(point).values(point.x, point.parameter)
+        if self.control is None:
+            return values.contact_radius - self.target
+        return self.control.weighted(values.load, values.displacement) - self.target
+
+
+class Ceiling(Event):
+    """The end of a trace: in contact, a control comes up to a value, which events may raise.
+
+    Parameters
+    ----------
+    control : Control or None
+        None: the contact radius.
+    target : float
+        As for `Reached`.
+    """
+
+    name = "end"
+    terminal = True
+    hidden_pairs = False
+    relative_resolution = 1e-9
+
+    def __init__(self, control: Control | None, target: float) -> None:
+        self.control, self.target = control, target
+
+    def value(self, point: Point) -> float:
+        """What is controlled minus its target."""
+        own = point.observables
+        if not own:
+            return Reached(self.control, self.target).value(point)
+        if self.control is None:
+            return own["contact_radius"] - self.target
+        return self.control.weighted(own["load"], own["displacement"]) - self.target
+
+    def happenings(self, segment: Segment, previous: Segment | None, options: Options) -> list[Happening]:
+        """The first passage from below, in contact; beyond the value already, where it rises."""
+        if segment.end.observables["contact_radius"] == 0.0 or self.value(segment.end) < 0.0:
+            return []
+        if self.value(segment.begin) < 0.0:
+            return super().happenings(segment, previous, options)[:1]
+        values = equilibrium(segment.end).rates(
+            segment.end.x, segment.end.parameter, segment.end.tangent_x, segment.end.tangent_parameter
+        )
+        control = self.control
+        rate = values.contact_radius if control is None else control.weighted(values.load, values.displacement)
+        if rate <= 0.0:
+            return []
+        return [Happening(1.0, EventPoint(segment.end, 0.0, 0.0, name=self.name), terminal=True)]
+
+
+@dataclass(frozen=True)
+class Margin(Event):
+    """The representation of the equilibria ends: one of the problem's margins vanishes."""
+
+    name: str
+    terminal: bool = True
+    hidden_pairs: ClassVar[bool] = False
+    relative_resolution: ClassVar[float] = 1e-3
+
+    def value(self, point: Point) -> float:
+        """The margin."""
+        return equilibrium(point).margins(point.x, point.parameter)[self.name]
+
+
+class Folds(Event):
+    """The folds of all controls within a step, in the order in which the direction of (d', F') passes theirs.
+
+    Parameters
+    ----------
+    controls : sequence of Control
+    told : callable
+        Called with every fold found.
+    """
+
+    name = "fold"
+
+    def __init__(self, controls: Sequence[Control], told: Callable[[Point], None]) -> None:
+        self.controls, self.told = controls, told
+        self._known: list[tuple[Point, tuple[float, float]]] = []
+        self._signs: dict[str, float] = {}
+
+    def value(self, point: Point) -> float:
+        """The rate of the first control."""
+        return self.controls[0].weighted(*self._rates(point))
+
+    def happenings(self, segment: Segment, previous: Segment | None, options: Options) -> list[Happening]:
+        """Every fold in the step once."""
+        passages = [one for control in self.controls for one in self._passages(control, segment, previous, options)]
+        found = self._ordered(passages, segment, options) if passages else []
+        for control in self.controls:
+            self._signs[control.kind] = control.weighted(*self._rates(segment.end)) or self._signs.get(
+                control.kind, 0.0
+            )
+        for happening in found:
+            self.told(happening.event.point)
+        return found
+
+    def _rates(self, point: Point) -> tuple[float, float]:
+        """Rates along the unit tangent, which is scaled anew with every step."""
+        for known, values in self._known:
+            if known.x is point.x and known.problem is point.problem:
+                inner = point.problem.inner
+                along = inner(known.tangent_x, point.tangent_x) + known.tangent_parameter * point.tangent_parameter
+                factor = along / (inner(known.tangent_x, known.tangent_x) + known.tangent_parameter**2)
+                return values[0] * factor, values[1] * factor
+        found = rates(point)
+        self._known = [(point, found), *self._known[:5]]
+        return found
+
+    def _passages(
+        self, control: Control, segment: Segment, previous: Segment | None, options: Options
+    ) -> list[tuple[Control, Probe, Bracket]]:
+        """Brackets of the folds of one control."""
+
+        def held(point: Point) -> float:
+            own = point.observables
+            return control.weighted(own["load"], own["displacement"])
+
+        probe = Probe(lambda point: control.weighted(*self._rates(point)), options, held)
+        begin, end = probe.at(segment.begin), probe.at(segment.end)
+        if begin == 0.0:  # a zero at the end of the step before belongs to this one
+            begin = probe.known[segment.begin] = math.copysign(TINY, self._signs.get(control.kind) or end)
+        if end == 0.0:  # what is controlled rests, or a fold at the very end: the next step has it
+            probe.known[segment.end] = math.copysign(TINY, begin)
+        if abs(begin) == TINY and (begin > 0) == (probe.at(segment.end) > 0):
+            return []
+        return [(control, probe, bracket) for bracket in probe.brackets(segment, previous)]
+
+    def _ordered(
+        self, passages: Sequence[tuple[Control, Probe, Bracket]], segment: Segment, options: Options
+    ) -> list[Happening]:
+        """The folds in order, located as sharply as it takes to tell them apart; by the angle where that fails."""
+        for resolution in SHARPER:
+            found = []
+            for control, probe, bracket in passages:
+                theta, point = self._zero(probe, bracket, resolution)
+                found.append((bracket.whole(theta), control, point))
+            found.sort(key=lambda one: one[0])
+            together = [k for k, (a, b) in enumerate(pairwise(found)) if b[0] - a[0] <= 4 * resolution * b[0]]
+            if not together:
+                break
+        for group in _runs(together):
+            own = found[group.start : group.stop]
+            place = sum(theta for theta, _, _ in own) / len(own)
+            order = [control.kind for control in self._turned(segment, place, options)]
+            own.sort(key=lambda one: order.index(one[1].kind))
+            found[group.start : group.stop] = [(place, control, point) for _, control, point in own]
+        return [self._happening(segment, resolution, *one) for one in found]
+
+    def _zero(self, probe: Probe, bracket: Bracket, resolution: float) -> tuple[float, Point]:
+        """Position of a fold in a bracket, and the point there: where it is foretold if the rate all but vanishes."""
+        theta, (first, begin), (last, end) = bracket.guess, bracket.first, bracket.last
+        if resolution == SHARPER[0] and 0.0 < theta < 1.0:
+            point = point_on(bracket.segment, theta, probe.options)[0]
+            value = probe.at(point)
+            if abs(value) <= resolution * min(abs(begin), abs(end)):
+                return theta, point
+            ends = ((theta, value), (last, end)) if (value > 0) == (begin > 0) else ((first, begin), (theta, value))
+            share = ends[0][1] / (ends[0][1] - ends[1][1])
+            bracket = replace(
+                bracket, first=ends[0], last=ends[1], guess=ends[0][0] + share * (ends[1][0] - ends[0][0])
+            )
+        return probe.zero(bracket, 0.0, resolution)
+
+    def _turned(self, segment: Segment, place: float, options: Options) -> list[Control]:
+        """The controls in the order in which (d', F') passes their directions where folds coincide to rounding.
+
+        It turns by nearly half a turn there; the Morse indices on both sides say which way.
+        """
+        sides = [point_on(segment, place + aside, options)[0] for aside in (-ASIDE * place, ASIDE * place)]
+        angles = [math.atan2(*rates(point)) for point in sides]
+        first, last = (equilibrium(point).unstable(point.x, point.parameter) for point in sides)
+        turn = first - last if first != last else short_way(angles[1] - angles[0])
+        return in_passing(self.controls, angles[0], math.copysign(math.pi * (1 - 1e-12), turn))
+
+    def _happening(
+        self, segment: Segment, resolution: float, theta: float, control: Control, point: Point
+    ) -> Happening:
+        change = segment.end.x - segment.begin.x
+        located = EventPoint(
+            annotated(replace(point, observables={}), label=control.kind),
+            resolution * abs(segment.end.parameter - segment.begin.parameter),
+            resolution * math.sqrt(point.problem.inner(change, change)),
+            name=control.kind,
+        )
+        return Happening(theta, located)
+
+
+def _runs(numbers: Sequence[int]) -> list[range]:
+    """Neighbours k and k + 1 joined to runs."""
+    found: list[range] = []
+    for k in numbers:
+        if found and found[-1].stop == k + 1:
+            found[-1] = range(found[-1].start, k + 2)
+        else:
+            found.append(range(k, k + 2))
+    return found

@@ -1,0 +1,162 @@
+"""Equilibria that a followed curve does not reach, by deflated Newton's method at one value of a control."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbranch.continuation import CorrectionError, Linearisation, Point, Problem
+from contbranch.continuation.deflation import search
+from contbranch.continuation.newton import tangent_at
+from contbranch.control import Control
+from contbranch.curve.events import Reached
+from contbranch.curve.problem import EquilibriumProblem, Search, equilibrium
+from contbranch.curve.refine import Found, refine
+from contbranch.curve.solve import Crossing
+from contbranch.curve.track import Track
+
+__all__ = ["HeldProblem", "disconnected"]
+
+Array = NDArray[np.float64]
+
+# Rows from which the search starts in each representation.
+ROWS = 6
+# A state whose error stays above this, relative to max(1, |value|), is one of the discretisation, not of the contact.
+VAGUE = 1e-3
+# States closer than this, relative to max(1, |value|), are one; residuals allowed, relative to the state.
+SAME, RESIDUAL = 1e-5, 1e-6
+# Newton's steps that bring a known state to the search's discretisation, as long as they are shorter than the last.
+STEPS, SHORT = 6, 0.1
+
+
+class HeldProblem(Problem):
+    """``F(x, u) = 0`` and ``w·(F, d) = p`` for the state (x, u) of one discretisation.
+
+    Parameters
+    ----------
+    problem : EquilibriumProblem
+    control : Control
+    size : float
+        What the norm of x is measured in; u counts by itself.
+    """
+
+    def __init__(self, problem: EquilibriumProblem, control: Control, size: float = 1.0) -> None:
+        self.problem, self.control, self.size = problem, control, size
+
+    def residual(self, x: Array, p: float) -> Array:
+        """Residuals of equilibrium and control, (n + 1,); infinite where numbers overflow."""
+        state, u = x[:-1], float(x[-1])
+        try:
+            values = self.problem.values(state, u)
+            residual = self.problem.residual(state, u)
+        except ArithmeticError:
+            return np.full_like(x, np.inf)
+        return np.append(residual, self.control.weighted(values.load, values.displacement) - p)
+
+    def jacobian(self, x: Array, p: float) -> Array:
+        """Derivatives with respect to (x, u), (n + 1, n + 1)."""
+        state, u = x[:-1], float(x[-1])
+        _, jacobian, slope = self.problem.linearise(state, u)
+        along = self.problem.rates(state, u, np.zeros_like(state), 1.0)
+        load, displacement = self.problem.gradients(state, u)
+        first, second = self.control.weights
+        held = np.append(first * load + second * displacement, first * along.load + second * along.displacement)
+        return np.vstack([np.column_stack([np.asarray(jacobian), slope]), held])
+
+    def linearise(self, x: Array, p: float) -> Linearisation:
+        """Residual and Jacobian; the parameter enters the last equation alone."""
+        residual = self.residual(x, p)
+        if not np.isfinite(residual).all():
+            return Linearisation(residual, np.empty((0, 0)), residual)
+        return Linearisation(residual, self.jacobian(x, p), np.append(np.zeros(len(x) - 1), -1.0))
+
+    def inner(self, u: Array, v: Array) -> float:
+        """The problem's own in units of the size, plus the product of the parameters."""
+        return self.problem.inner(u[:-1], v[:-1]) / self.size**2 + float(u[-1] * v[-1])
+
+
+def disconnected(
+    track: Track, known: Sequence[Crossing], control: Control, value: float, accuracy: float
+) -> list[Found] | None:
+    """Equilibria at a value of a control that are not among the known ones; None where the model offers no search.
+
+    Parameters
+    ----------
+    track : Track
+        From whose rows to search, in each representation that it passes.
+    known : sequence of Crossing
+        What the curve has at this value.
+    """
+    found: list[Found] = []
+    joints = [0, *sorted(track.onward), len(track.points) - 1]
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # trial states may be anything
+        for first, last in pairwise(joints):
+            points = [track.onward.get(first, track.points[first]), *track.points[first + 1 : last + 1]]
+            offer = equilibrium(points[0]).search(points)
+            if offer is None:
+                return None
+            held, target = HeldProblem(offer.problem, control, offer.size), control.target(value)
+            own = [one.found.point for one in known if first <= max(one.piece, 0) < last]
+            centres = [_carried(held, point, target) for point in own]
+            for x in search(held, target, centres, _starts(points, offer)):
+                other = _settled(offer.problem, x, Reached(control, target), accuracy)
+                if other is not None and not any(_same(other, one) for one in [*(k.found for k in known), *found]):
+                    found.append(other)
+    return found
+
+
+def _on(problem: EquilibriumProblem, point: Point) -> Array:
+    """State and parameter of a point on another discretisation."""
+    return np.append(equilibrium(point).carried(point.x, point.x, problem), point.parameter)
+
+
+def _starts(points: Sequence[Point], offer: Search) -> Iterator[Array]:
+    """States of the curve, and those that the model offers."""
+    for k in sorted({round(k * (len(points) - 1) / (ROWS - 1)) for k in range(ROWS)}):
+        yield _on(offer.problem, points[k])
+    for x, u in offer.starts:
+        yield np.append(x, u)
+
+
+def _carried(held: HeldProblem, point: Point, target: float) -> Array:
+    """A known state on the discretisation of the search."""
+    x = _on(held.problem, point)
+    for _ in range(STEPS):
+        residual, jacobian, _ = held.linearise(x, target)
+        step = np.linalg.solve(jacobian, -residual)
+        if not np.isfinite(step).all() or held.inner(step, step) > SHORT:
+            break
+        x = x + step
+    return x
+
+
+def _settled(problem: EquilibriumProblem, x: Array, event: Reached, accuracy: float) -> Found | None:
+    """What was found, to the accuracy asked; None if it is no equilibrium after all."""
+    if not _admissible(problem, x[:-1], float(x[-1])):
+        return None
+    try:
+        tangent_x, tangent, _ = tangent_at(problem, x[:-1], float(x[-1]))
+        found = refine(Point(problem, x[:-1], float(x[-1]), tangent_x, tangent), event, accuracy)
+    except (CorrectionError, np.linalg.LinAlgError):
+        return None  # an artefact of the coarse discretisation: it does not survive refinement
+    point = found.point
+    own = equilibrium(point)
+    if found.relative_error() > VAGUE or not _admissible(own, point.x, point.parameter):
+        return None
+    residual = float(np.abs(own.residual(point.x, point.parameter)).max(initial=0.0))
+    return found if residual < RESIDUAL * max(1.0, float(np.abs(point.x).max(initial=0.0))) else None
+
+
+def _admissible(problem: EquilibriumProblem, x: Array, p: float) -> bool:
+    """Whether a state is one that its representation stands for."""
+    low, high = problem.parameter_range
+    return low <= p <= high and min(problem.margins(x, p).values(), default=math.inf) >= 0.0
+
+
+def _same(one: Found, other: Found) -> bool:
+    """Whether two states are one."""
+    return all(abs(a - b) <= SAME * max(1.0, abs(a)) for a, b in zip(one.numbers, other.numbers, strict=True))

@@ -1,0 +1,207 @@
+"""A followed curve as a quasi-static path needs it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbranch.continuation import CorrectionError, Point
+from contbranch.control import Control
+from contbranch.curve.outcome import RawEvent
+from contbranch.curve.problem import Values, equilibrium
+from contbranch.curve.quasi_static import Stop, next_along
+from contbranch.curve.refine import Found
+from contbranch.curve.solve import Crossing, before, crossing, energy_at, seen, state_on
+from contbranch.curve.track import Track, linked
+from contbranch.curve.work import Piece, work_along
+from contbranch.errors import ModelError
+from contbranch.results.diagram import State
+
+__all__ = ["CurveWalk"]
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+# Quadrature error allowed on a piece, as a share of the accuracy, or in units of rounding.
+SHARE, ROUNDINGS = 0.1, 10.0
+
+
+@dataclass(frozen=True)
+class CurveWalk:
+    """A followed curve under one control (a `quasi_static.Walk`), reduced units.
+
+    Attributes
+    ----------
+    track : Track
+        Followed with the control if that is a spring.
+    events : sequence of RawEvent
+        The curve's, made precise.
+    control : Control
+    accuracy : float
+        Error allowed to the states between which the path jumps, relative to max(1, |value|).
+    notes : list of (Stop, Stop)
+        Folds, and states after them, between which the relaxation was not followed and energies do not decide.
+    """
+
+    track: Track
+    events: Sequence[RawEvent]
+    control: Control
+    accuracy: float
+    notes: list[tuple[Stop, Stop]] = field(default_factory=list)
+    follows: bool = False
+    _crossings: dict[tuple[int, float], Stop] = field(default_factory=dict, init=False, repr=False)
+    _between: dict[tuple[int, int, int], list[State]] = field(default_factory=dict, init=False, repr=False)
+
+    @cached_property
+    def values(self) -> Array:
+        """What is controlled at the rows."""
+        return self.track.controlled(self.control)
+
+    @cached_property
+    def unstable(self) -> Integers:
+        """Morse index under the control on the pieces; where it rests, it holds nothing."""
+        index = self.track.hodograph.pieces(self.control)[0]
+        return np.where(np.diff(self.values) == 0.0, np.maximum(index, 1), index)
+
+    @cached_property
+    def rising(self) -> Integers:
+        """Signs of the change of what is controlled on the pieces."""
+        return self.track.hodograph.pieces(self.control)[1]
+
+    @cached_property
+    def _folds(self) -> dict[int, Stop]:
+        own = (e for e in self.events if e.kind == "fold" and e.control == self.control.kind)
+        return {e.row: self._stop(Crossing(self._piece(e.row), Found(e.values, e.error, e.place)), e.row) for e in own}
+
+    def folds(self) -> dict[int, Stop]:
+        """The folds of the control, by row."""
+        return self._folds
+
+    def row(self, row: int) -> State:
+        """The state of a row, without profile."""
+        own = self.track.points[row].observables
+        load, displacement, radius, gap, energy = (own[name] for name in Values._fields)
+        return State(load, displacement, radius, max(gap, 0.0), energy, 0, 0, 0.0)
+
+    def stop(self, row: int) -> Stop:
+        """A row as a stop."""
+        return Stop(self._piece(row), self.row(row), self.track.points[row], row)
+
+    def _piece(self, row: int) -> int:
+        return min(row, len(self.unstable) - 1)
+
+    def _stop(self, crossing: Crossing, row: int | None = None) -> Stop:
+        found = crossing.found
+        return Stop(crossing.piece, state_on(self.track, crossing), found.point, row, energy_at(found)[1])
+
+    def crossing(self, piece: int, value: float) -> Stop:
+        """The state on a piece at a value of the control.
+
+        Raises
+        ------
+        ModelError
+            If it was not found.
+        """
+        key = piece, value
+        if key not in self._crossings:
+            self._crossings[key] = self._stop(crossing(self.track, piece, self.control, value, self.accuracy))
+        return self._crossings[key]
+
+    def before(self, value: float) -> Stop | None:
+        """The state farther away than the first row; None under load, which holds nothing out there.
+
+        Raises
+        ------
+        ModelError
+            If it was not found.
+        """
+        found = None if self.control.kind == "load" else before(self.track, self.control, value, self.accuracy)
+        return None if found is None else self._stop(found)
+
+    def between(self, begin: Stop, end: Stop, count: int) -> list[State]:
+        """States between two stops on one piece of the curve, without profiles; fewer where it cannot be followed."""
+        first, last = (begin, end) if _position(begin) <= _position(end) else (end, begin)
+        # The way back passes what the way there has passed.
+        key = id(first.place), id(last.place), count
+        if key not in self._between:
+            self._between[key] = [seen(point) for point in self._points(first, last, count)]
+        states = self._between[key]
+        return list(states) if first is begin else states[::-1]
+
+    def _points(self, begin: Stop, end: Stop, count: int) -> list[Point]:
+        points: list[Point] = []
+        try:
+            piece = self._joined(begin, end)
+            if isinstance(piece, Piece):
+                for k in range(count):
+                    points.append(piece.point((k + 1) / (count + 1)))
+        except CorrectionError:
+            return points
+        return points
+
+    def _joined(self, begin: Stop, end: Stop) -> Piece | tuple[Point, Point]:
+        """The curve between two stops on one piece."""
+        onward = self.track.onward
+        first = begin.place if begin.row is None else onward.get(begin.row, begin.place)
+        piece = begin.piece if begin.row is None else begin.row
+        if piece in self.track.gaps:
+            return first, end.place
+        return Piece(*linked(first, end.place), (begin.row in onward, end.row in onward))
+
+    def work(self, begin: Stop, end: Stop) -> float:
+        """∫ F dd along the curve from one stop to another.
+
+        Raises
+        ------
+        ModelError
+            If the curve cannot be followed between them.
+        """
+        if _position(begin) > _position(end):
+            return -self.work(end, begin)
+        first = (begin.piece if begin.row is None else begin.row) + 1
+        rows = range(first, end.piece + 1 if end.row is None else end.row)
+        stops = [begin, *(self.stop(row) for row in rows), end]
+        try:
+            pieces = [self._joined(*ends) for ends in pairwise(stops)]
+            return work_along(begin.place, pieces, end.place, self._allowed)
+        except CorrectionError as error:
+            raise ModelError(f"work along the curve: the curve cannot be followed there. {error}") from error
+
+    @cached_property
+    def _allowed(self) -> float:
+        """Quadrature error allowed on a piece; equations without errors of their own are integrated as exactly."""
+        problem = self.track.problem(0)
+        return SHARE * self.accuracy if problem.finer() is not problem else ROUNDINGS * problem.rounding
+
+    def relaxed(self, fold: Stop, candidates: Sequence[Stop]) -> Stop | None:
+        """Which of several stable states overdamped relaxation from a fold reaches.
+
+        It is followed among states of the fold's own kind where the model can. Otherwise, or where it comes to rest at
+        none of them, it is the next one along the curve, and `notes` says so unless the energies along the curve
+        decide.
+        """
+        problem = equilibrium(fold.place)
+        kind = type(problem)
+        alike = [stop for stop in candidates if type(stop.place.problem) is kind]
+        if alike and fold.row is not None:
+            # From the tangents: far away the values of neighbouring rows differ by less than their errors.
+            direction = 1 if self.rising[max(fold.row - 1, 0)] > 0 else -1
+            guarded = any(type(point.problem) is not kind for point in self.track.points)
+            places = [stop.place for stop in alike]
+            reached = problem.relaxed(fold.place, self.control, direction, places, guarded)
+            if reached is not None:
+                return alike[reached]
+        end, certain = next_along(self, fold, candidates)
+        if not certain:
+            self.notes.append((fold, end))
+        return end
+
+
+def _position(stop: Stop) -> float:
+    """Order along the curve."""
+    return float(stop.row if stop.row is not None else stop.piece + 0.5)

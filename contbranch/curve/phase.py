@@ -1,0 +1,144 @@
+"""Regions of a parameter and a control, from followed folds and from curves traced between."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+
+import numpy as np
+
+from contbranch.contact.contact import Contact
+from contbranch.contact.family import Family
+from contbranch.curve.follow import followed
+from contbranch.errors import ModelError
+from contbranch.results.diagram import Cost, Diagram, Event
+from contbranch.results.followed import Followed
+from contbranch.results.phase import Part, PhaseDiagram
+
+__all__ = ["Regions"]
+
+# An event lies on a followed curve if that passes it as closely as this, relative to max(1, |value|) in reduced units.
+SAME = 1e-4
+LEVELS = 161
+# Room beyond the boundaries, as a share of their extent.
+MARGIN = 0.12
+
+
+@dataclass
+class Regions:
+    """The regions of a family and a control, while they are found.
+
+    Attributes
+    ----------
+    family : Family
+    kind : {"load", "displacement"}
+    between : (float, float)
+        Values of the parameter, the lower one first.
+    accuracy : float
+        Of the boundaries.
+    trace : callable
+        The diagram of a contact.
+    """
+
+    family: Family
+    kind: str
+    between: tuple[float, float]
+    accuracy: float
+    trace: Callable[[Contact], Diagram]
+    boundaries: list[Followed] = field(default_factory=list)
+    parts: list[tuple[Part, ...]] = field(default_factory=list)
+    messages: list[str] = field(default_factory=list)
+    newton: int = 0
+
+    def find(self, samples: int, progress: Callable[[float, str], None] | None = None) -> PhaseDiagram:
+        """Trace curves at so many values, and follow what bounds their parts."""
+        began, family = time.perf_counter(), self.family
+        low, high = (family.coordinate(value) for value in self.between)
+        values = [family.value(float(q)) for q in np.linspace(low, high, samples)]
+        values[0], values[-1] = self.between
+        for k, value in enumerate(values):
+            if progress is not None:
+                progress(k / samples, f"{family.name} {value:.4g}")
+            self._add(value)
+        return PhaseDiagram(
+            parameter=family.name,
+            control=self.kind,  # type: ignore[arg-type]
+            values=np.array(values),
+            parts=tuple(self.parts),
+            levels=self._levels(),
+            boundaries=tuple(self.boundaries),
+            contact=family.contact,
+            cost=Cost(time.perf_counter() - began, self.newton),
+            logarithmic=family.spacing == "logarithmic" and self.between[0] > 0,
+            status="incomplete" if self.messages else "complete",
+            message=" ".join(dict.fromkeys(self.messages)),
+            unit_names=family.contact.units.names,
+        )
+
+    def _add(self, value: float) -> None:
+        """Trace the curve at a value, and follow the events on it that lie on no known boundary."""
+        member = self.family.member(value)
+        diagram = self.trace(member)
+        self.newton += diagram.cost.newton
+        if diagram.status != "complete":
+            self.messages.append(f"At {self.family.name} = {value:.4g}: {diagram.message}")
+        edges = [e for e in diagram.events if e.kind == "touch" or (e.kind == "fold" and e.control == self.kind)]
+        self.parts.append(_parts(diagram, sorted(edges, key=lambda e: e.position), self.kind))
+        for event in edges:
+            if any(_on(boundary, event, value, member) for boundary in self.boundaries):
+                continue
+            goals = tuple(v for v in self.between if v != value)
+            found = followed(event, replace(self.family, start=value, contact=member), goals, self.accuracy)
+            self.boundaries.append(found)
+            self.newton += found.cost.newton
+            if found.status != "complete":
+                self.messages.append(found.message)
+
+    def _levels(self) -> np.ndarray:
+        """Values of the control that frame the boundaries."""
+        found = [value for boundary in self.boundaries for value in boundary.curve[self.kind]]
+        found = found or [end for row in self.parts for part in row for end in (part.start, part.stop)]
+        finite = [value for value in found if math.isfinite(value)] or [0.0]
+        low, high = min(finite), max(finite)
+        room = MARGIN * ((high - low) or max(1.0, abs(high)))
+        return np.linspace(low - room, high + room, LEVELS)
+
+
+def _parts(diagram: Diagram, events: Sequence[Event], kind: str) -> tuple[Part, ...]:
+    """The parts of a traced curve between events in order, the ends taken as far as they go."""
+    branch = diagram.branches[0]
+    control, unstable = getattr(branch, kind), branch.unstable(kind)
+    rows = [0, *(round(e.position) for e in events), len(branch) - 1]
+    limits = [
+        0.0 if kind == "load" else -math.inf,
+        *(getattr(e, kind) for e in events),
+        math.inf if diagram.status == "complete" else float(control[-1]),
+    ]
+    stable = [bool(unstable[(a + b) // 2] == 0) if b - a >= 2 else None for a, b in pairwise(rows)]
+    for k, known in enumerate(stable):
+        if known is None:  # no row between two events: a fold's other side
+            other, beside = (stable[k - 1], events[k - 1]) if k else (stable[1], events[0])
+            stable[k] = bool(other) == (beside.kind == "touch")
+    touching = [b > a and bool(branch.contact_radius[b] > 0) for a, b in pairwise(rows)]
+    ends = pairwise(limits)
+    return tuple(Part(*end, disc, bool(held)) for end, disc, held in zip(ends, touching, stable, strict=True))
+
+
+def _on(boundary: Followed, event: Event, value: float, member: Contact) -> bool:
+    """Whether an event lies on a followed curve."""
+    if boundary.event.kind != event.kind:
+        return False
+    scales = member.scales
+    try:
+        points = boundary.at(value)
+    except ModelError:  # a curve that cannot be solved there is followed anew
+        return False
+    return any(
+        abs(point.load - event.load) <= SAME * max(scales.load, abs(event.load))
+        and abs(point.displacement - event.displacement) <= SAME * max(scales.normal, abs(event.displacement))
+        and abs(point.contact_radius - event.contact_radius) <= 30 * SAME * scales.in_plane
+        for point in points
+    )

@@ -1,0 +1,437 @@
+"""What a model offers: its equilibria as a problem F(x, p) = 0, with what can be seen of them in the plane (d, F)."""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar, NamedTuple, Self
+
+import numpy as np
+
+from contbranch.continuation import Balance, Metric, Options, Point, Problem
+from contbranch.continuation.newton import tangent_at
+from contbranch.continuation.problem import Array
+from contbranch.continuation.walk import annotated
+from contbranch.control import Control
+from contbranch.results.profile import ModeShape, Profile
+
+if TYPE_CHECKING:
+    from contbranch.contact.contact import Contact
+
+__all__ = [
+    "STEPS",
+    "Defect",
+    "EquilibriumProblem",
+    "Rates",
+    "Search",
+    "Succession",
+    "Values",
+    "Work",
+    "equilibrium",
+    "oriented",
+]
+
+STEPS = Options(
+    angle=0.3,
+    angle_limit=0.8,
+    tolerance=1e-9,
+    noise=1e5,
+    first_step=0.05,
+    detect_folds=False,
+    detect_branch_points=False,
+    maximum_points=40_000,
+)
+
+
+class Values(NamedTuple):
+    """What is seen of an equilibrium, reduced units."""
+
+    load: float
+    displacement: float
+    contact_radius: float
+    central_gap: float
+    energy: float
+
+
+class Rates(NamedTuple):
+    """Derivatives of the observables along a direction of the curve."""
+
+    load: float
+    displacement: float
+    contact_radius: float
+    central_gap: float
+
+
+class Defect(NamedTuple):
+    """Signed discretisation errors of load and displacement, and the size of that of the state."""
+
+    load: float
+    displacement: float
+    state: float
+
+    def relative(self, values: Values) -> float:
+        """The larger error of load and displacement, each relative to max(1, |value|)."""
+        return max(
+            abs(self.load) / max(1.0, abs(values.load)),
+            abs(self.displacement) / max(1.0, abs(values.displacement)),
+        )
+
+
+@dataclass(frozen=True)
+class Count:
+    """Numbers of unstable azimuthal modes of one state.
+
+    Attributes
+    ----------
+    modes : tuple of int
+        n_1, n_2, … up to the last one that is not zero; cos mθ and sin mθ count as one.
+    complete : bool
+        Whether all larger m are known to be stable; otherwise the limit was reached.
+    """
+
+    modes: tuple[int, ...] = ()
+    complete: bool = True
+
+    @property
+    def total(self) -> int:
+        """Number of unstable modes of all m ≥ 1."""
+        return sum(self.modes)
+
+    def of(self, m: int) -> int:
+        """n_m."""
+        return self.modes[m - 1] if m <= len(self.modes) else 0
+
+
+@dataclass
+class Work:
+    """What has been spent on one curve, counted by all its problems together."""
+
+    newton: int = 0
+    unknowns: int = 0
+
+
+@dataclass(frozen=True)
+class Succession:
+    """How a curve goes on behind the end of one problem.
+
+    Attributes
+    ----------
+    kind : str
+        Of the event there: ``"touch"``, ``"topology"``; empty where only the representation changes.
+    event : Point
+        Where: the last row of the problem that ends.
+    starts : tuple of Point
+        First point of the next problem, with its tangent along the curve; further ones are tried where the curve does
+        not leave from it.
+    same : bool
+        Whether event and start are one equilibrium, which then is one row; otherwise both are rows.
+    dropped : int
+        Rows of the problem that ends to be forgotten before the event's row is appended.
+    step : float or None
+        Length of the first step as `EquilibriumProblem.balance` understands it.
+    message : str
+    margin : str
+        What vanishes at the event, as a margin of the event's problem; empty: what ended the piece.
+    """
+
+    kind: str
+    event: Point
+    starts: tuple[Point, ...]
+    same: bool = True
+    dropped: int = 1
+    step: float | None = None
+    message: str = ""
+    margin: str = ""
+
+
+@dataclass(frozen=True)
+class Search:
+    """Where equilibria off the curve are looked for.
+
+    Attributes
+    ----------
+    problem : EquilibriumProblem
+        On a coarse discretisation that can hold all that the curve's rows hold.
+    starts : tuple of (state, parameter)
+        From which to search, besides the rows.
+    size : float
+        What the norm of a state is measured in.
+    """
+
+    problem: EquilibriumProblem
+    starts: tuple[tuple[Array, float], ...]
+    size: float
+
+
+class EquilibriumProblem(Problem):
+    """Equilibria of one contact in reduced units, as long as one representation serves: a piece of its curve.
+
+    A model writes the equations (`residual`, `linearise`, `inner`, `dual`), what is seen of a state (`values`,
+    `rates`, `unstable`, `profile`), where the representation ends and what goes on there (`margins`,
+    `parameter_range`, `successor`), and how it is discretised (`finer`, `resolving`, `carried`, `defect`). The curve,
+    its folds, indices, error estimates, paths and exponents are made of these in `contbranch.curve`.
+
+    Attributes
+    ----------
+    scale : float
+        Shortest length of the interaction: the unit in which lengths along the curve are measured.
+    work : Work
+    ordered : bool
+        Whether the parameter changes one way along the curve, and so is a coordinate on it.
+    complete_by : str
+        Why the curve holds every equilibrium there is, as the end of a sentence; empty where that is not known.
+    """
+
+    scale: float
+    work: Work
+    ordered: ClassVar[bool] = False
+    complete_by: ClassVar[str] = ""
+
+    @property
+    def limitation(self) -> str:
+        """Where the description of the contact ends, a sentence; empty where it does not."""
+        return ""
+
+    # -- the curve ----------------------------------------------------------------------------------------------------
+    @abstractmethod
+    def start(self, control: Control) -> Point:
+        """The first equilibrium of the curve (without interaction, or next to it), along the way it is to be followed.
+
+        Asked of the first problem of the chain only. A soft spring feels the interaction farther away.
+        """
+
+    @property
+    def parameter_range(self) -> tuple[float, float]:
+        """Parameters between which this representation holds; arriving at an edge is the event ``"edge"``."""
+        return -np.inf, np.inf
+
+    def steps(self, start: Point) -> Options:
+        """Step control of the piece that begins at a point."""
+        return STEPS
+
+    def metric(self, x: Array) -> Metric:
+        """Lengths along the curve at a state: of the state relative to itself, of the parameter in its own unit."""
+        return Metric(math.sqrt(self.inner(x, x)) + self.scale, 1.0)
+
+    def balance(self, start: Point, step: float | None = None) -> Balance:
+        """Scales of state and parameter with which a piece begins: how far both will go, by the tangent.
+
+        Parameters
+        ----------
+        step : float, optional
+            `Succession.step`.
+        """
+        low, high = self.parameter_range
+        parameter = high - low if math.isfinite(high - low) else max(1.0, abs(start.parameter))
+        slope, size = (math.sqrt(self.inner(v, v)) for v in (start.tangent_x, start.x))
+        rate = abs(start.tangent_parameter)
+        state = slope / rate * parameter if rate > 0 else math.inf
+        if state > 10 * size > 0:  # close to a fold the tangent says nothing about how far the state will go
+            state = 10 * size
+            parameter = max(state * rate / slope, 1e-6 * parameter)
+        if not (math.isfinite(state) and state > 0):
+            state = size or 1.0
+        return Balance(state, parameter)
+
+    def margins(self, x: Array, p: float) -> Mapping[str, float]:
+        """Signed distances, positive as long as this representation holds; the curve is cut where one vanishes."""
+        return {}
+
+    def successor(self, name: str, points: Sequence[Point]) -> Succession | None:
+        """What goes on behind the margin (or ``"edge"``) of that name, reached by the last of the piece's points.
+
+        None: nothing, the curve ends there. `ending` says why.
+
+        Raises
+        ------
+        ModelError
+            If it could not be found.
+        """
+        return None
+
+    def ending(self, name: str, point: Point) -> str:
+        """Why a curve that ends at a point is incomplete; `name` is a margin, or empty if it could not be followed."""
+        return ""
+
+    def before(self, control: Control, value: float) -> Point | None:
+        """An equilibrium close to the one with a value of a control farther away than the start; None without."""
+        return None
+
+    def joins(self, other: EquilibriumProblem) -> bool:
+        """Whether the other problem's states are states of this representation, on a discretisation of their own."""
+        return type(other) is type(self)
+
+    # -- what is seen -------------------------------------------------------------------------------------------------
+    @abstractmethod
+    def values(self, x: Array, p: float) -> Values:
+        """Load, displacement, contact radius, central gap, energy."""
+
+    @abstractmethod
+    def rates(self, x: Array, p: float, x_rate: Array, p_rate: float) -> Rates:
+        """Derivatives of load, displacement, contact radius and central gap along a direction, exact."""
+
+    @abstractmethod
+    def unstable(self, x: Array, p: float) -> int:
+        """Morse index at fixed displacement for axisymmetric modes, by inertia or eigenvalues of the second variation.
+
+        It is asked at a few points, as a check and where the way along the curve leaves two answers open.
+        """
+
+    def azimuthal(self, x: Array, p: float, unstable: int, limit: int = 32, near: int = 1) -> Count | None:
+        """Numbers of unstable modes cos mθ, m = 1 … limit; None where the model does not examine them.
+
+        Parameters
+        ----------
+        unstable : int
+            Morse index at fixed displacement.
+        near : int
+            A guess of the last unstable m.
+        """
+        return None
+
+    def mode_eigenvalue(self, x: Array, p: float, mode: int, index: int = 1) -> float:
+        """An eigenvalue of an azimuthal mode, counted from the largest: the mode is unstable where it exceeds 1."""
+        raise NotImplementedError
+
+    def mode_shape(self, x: Array, p: float, mode: int, index: int = 1) -> ModeShape:
+        """Gap and pressure of the mode of that eigenvalue."""
+        raise NotImplementedError
+
+    @abstractmethod
+    def profile(self, x: Array, p: float) -> Profile:
+        """Gap and pressures over the radius."""
+
+    def observables(self, x: Array, p: float) -> Mapping[str, float]:
+        """The values, by name."""
+        return self.values(x, p)._asdict()
+
+    # -- discretisations ----------------------------------------------------------------------------------------------
+    def finer(self) -> Self:
+        """The same problem with errors smaller by orders; itself where there is nothing to refine."""
+        return self
+
+    def halved(self) -> Self:
+        """The same problem with halved panels, for states that are not smooth; by default `finer`."""
+        return self.finer()
+
+    def carried(self, vector: Array, x: Array, other: Self) -> Array:
+        """A state or direction at the state x, on another discretisation of the same problem."""
+        return vector
+
+    def resolving(self, point: Point, tolerance: float) -> Self:
+        """A discretisation made for a state; itself where it serves.
+
+        Parameters
+        ----------
+        point : Point
+            Of this problem.
+        tolerance : float
+            Error wanted of load and displacement, relative to max(1, |value|).
+        """
+        return self
+
+    def coarser(self, point: Point, tolerance: float) -> Self:
+        """A discretisation with fewer unknowns that serves a tolerance at a state; itself if there is none."""
+        return self
+
+    def defect(self, point: Point) -> Defect:
+        """Estimated discretisation errors of a point: of its load and displacement, and of its state."""
+        return Defect(0.0, 0.0, 0.0)
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns, where it can be refined."""
+        return 1
+
+    @property
+    def rounding(self) -> float:
+        """Rounding errors of values, relative to max(1, |value|)."""
+        return 4e-14
+
+    # -- off the curve ------------------------------------------------------------------------------------------------
+    def gradients(self, x: Array, p: float) -> tuple[Array, Array]:
+        """Derivatives of load and displacement with respect to the state, (n,) each; a search asks for them."""
+        rates = [self.rates(x, p, unit, 0.0) for unit in np.eye(len(x))]
+        return np.array([rate.load for rate in rates]), np.array([rate.displacement for rate in rates])
+
+    def search(self, points: Sequence[Point]) -> Search | None:
+        """Where to look for equilibria off the curve, given its rows in this representation; None: nowhere."""
+        return None
+
+    def relaxed(
+        self, fold: Point, control: Control, direction: int, others: Sequence[Point], guarded: bool
+    ) -> int | None:
+        """Which of several stable states overdamped relaxation from a fold reaches; None where that cannot be told.
+
+        Parameters
+        ----------
+        fold : Point
+            Of this problem.
+        control : Control
+            Held at its value at the fold.
+        direction : int
+            1 if the fold was reached by raising the control, −1 by lowering it.
+        others : sequence of Point
+            Of problems of the same class.
+        guarded : bool
+            Whether the relaxation may leave what this representation can hold, which then ends it.
+        """
+        return None
+
+    def rows_within(self, tolerance: float) -> Self:
+        """The first problem of the chain with rows as accurate as this, as far as round-off allows."""
+        return self
+
+    # -- families -----------------------------------------------------------------------------------------------------
+    def member(self, contact: Contact, tolerance: float | None = None) -> Self:
+        """The same discretisation for another contact, with the parameter meaning the same.
+
+        Parameters
+        ----------
+        contact : Contact
+            In one set of reduced units for the whole family, so that its own scales need not be 1.
+        tolerance : float, optional
+            Error of load and displacement that `adapt` allows from now on.
+        """
+        raise NotImplementedError
+
+    @property
+    def power(self) -> float:
+        """m where load and displacement are smooth functions of p^(1/m) next to p = 0."""
+        return 1.0
+
+    @property
+    def beyond_edge(self) -> bool:
+        """Whether the equations go on smoothly beyond the edges of the parameter, so that states there are defined."""
+        return False
+
+    def across(self, x: Array, p: float) -> Sequence[Point]:
+        """A state at an edge of the parameter as one of the problem behind it, with its tangent in either sense.
+
+        Further ones are tried where the curve does not leave from the first; none where nothing is known.
+        """
+        return ()
+
+
+def equilibrium(point: Point) -> EquilibriumProblem:
+    """The problem of a point of a contact's curve.
+
+    Raises
+    ------
+    TypeError
+        If it is not an `EquilibriumProblem`.
+    """
+    problem = point.problem
+    if isinstance(problem, EquilibriumProblem):
+        return problem
+    raise TypeError(f"{type(problem).__name__} is not an EquilibriumProblem")
+
+
+def oriented(problem: EquilibriumProblem, x: Array, p: float, direction: tuple[Array, float]) -> Point:
+    """The point with its unit tangent, along the direction given rather than against it."""
+    u, a, _ = tangent_at(problem, x, p)
+    along = problem.inner(u, direction[0]) + a * direction[1]
+    sign = 1.0 if along >= 0 else -1.0
+    return annotated(Point(problem, x, p, sign * u, sign * a), label="start")

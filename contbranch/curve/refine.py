@@ -1,0 +1,344 @@
+"""Events of a curve to the accuracy asked for: located on discretisations made for them, compared with finer ones."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from contbranch.continuation import CorrectionError, Event, Options, Point
+from contbranch.continuation.walk import corrected_point
+from contbranch.curve.events import FoldEvent
+from contbranch.curve.problem import EquilibriumProblem, Rates, equilibrium
+from contbranch.errors import ModelError
+
+__all__ = ["OPTIONS", "Found", "Four", "at_parameter", "further", "moved", "numbers", "refine", "settled", "upright"]
+
+Four = tuple[float, float, float, float]
+
+OPTIONS = Options(tolerance=1e-13, noise=1e8)
+# The finer discretisation has an error of its own, and its event is found to first order only.
+SAFETY = 3.0
+# Least error estimate as a share of the accuracy: both discretisations may happen to agree.
+FLOOR = 0.003
+# An event this close (in the parameter, relative to its distance from an edge) needs no further iteration.
+CLOSE = 1e-4
+# Discretisations for an event aim at this part of the accuracy, since position adds its own error, in so many rounds.
+AIM, ROUNDS_OF_AIM = 0.25, 3
+# Times that a discretisation is replaced by its finer one, and the number of unknowns at which that ends.
+ROUNDS, LARGEST = 6, 1500
+# A finer one that leaves more than this share of the error has not helped; one that makes it so much larger has met
+# round-off.
+GAIN, WORSE = 0.1, 3.0
+# The parameter itself is the coordinate along the curve where it makes up this share of the tangent's length.
+UPRIGHT = 0.3
+ITERATIONS = 14
+# Steps towards an event below this multiple of rounding are not taken.
+CLOSEST = 2.5
+
+
+@dataclass(frozen=True)
+class Found:
+    """An event, or a state asked for: load, displacement, contact radius, central gap, their errors, and the point.
+
+    The error of the point's own parameter is known where that was compared with a finer discretisation's.
+    """
+
+    numbers: Four
+    error: Four
+    point: Point
+    parameter_error: float = 0.0
+
+    def relative_error(self) -> float:
+        """Largest error relative to max(1, |value|)."""
+        return max(e / max(1.0, abs(v)) for e, v in zip(self.error, self.numbers, strict=True))
+
+
+@dataclass(frozen=True)
+class _Place:
+    """A point near an event, the derivative of the event along the curve, and what rounding leaves open of the place.
+
+    Both per unit of the coordinate along the curve, see `_Line`.
+    """
+
+    point: Point
+    steepness: float = 0.0
+    uncertainty: float = 0.0
+
+
+def numbers(point: Point) -> Four:
+    """Load, displacement, contact radius and central gap of a point."""
+    return equilibrium(point).values(point.x, point.parameter)[:4]
+
+
+def moved(point: Point, problem: EquilibriumProblem) -> Point:
+    """A point carried to another discretisation, not yet a solution there."""
+    old = equilibrium(point)
+    if old is problem:
+        return point
+    return replace(
+        point,
+        problem=problem,
+        x=old.carried(point.x, point.x, problem),
+        tangent_x=old.carried(point.tangent_x, point.x, problem),
+        observables={},
+    )
+
+
+def upright(point: Point) -> bool:
+    """Whether the parameter is a good coordinate along the curve here."""
+    metric = equilibrium(point).metric(point.x)
+    size = metric.norm(point.problem, point.tangent_x, point.tangent_parameter)
+    return abs(point.tangent_parameter) > UPRIGHT * size * metric.parameter_scale
+
+
+def settled(point: Point) -> Point:
+    """The equilibrium next to a point: at its parameter where that is a good coordinate, otherwise across the curve.
+
+    Raises
+    ------
+    CorrectionError
+        If Newton's method fails.
+    """
+    return _Line(point).at(0.0, point)
+
+
+def at_parameter(point: Point) -> Point:
+    """The equilibrium at the parameter of a point.
+
+    Raises
+    ------
+    CorrectionError
+        If Newton's method fails.
+    """
+    line = _Line(point)
+    line.upright = True
+    return line.at(0.0, point)
+
+
+def further(point: Point, length: float) -> Point:
+    """The equilibrium ahead of a point along its tangent: by a change of the parameter where that is a coordinate.
+
+    Raises
+    ------
+    CorrectionError
+        If Newton's method fails.
+    """
+    line = _Line(point)
+    line.upright |= line.problem.ordered
+    return line.at(math.copysign(1.0, point.tangent_parameter) * length if line.upright else length, point)
+
+
+class _Line:
+    """A coordinate along the curve through a point: the parameter where that serves, otherwise the arclength."""
+
+    def __init__(self, point: Point) -> None:
+        problem = equilibrium(point)
+        self.problem, self.metric = problem, problem.metric(point.x)
+        size = self.metric.norm(problem, point.tangent_x, point.tangent_parameter)
+        self.direction = point.tangent_x / size, point.tangent_parameter / size
+        self.upright = upright(point)
+        self.origin = point
+        self.unit = self.metric.parameter_scale
+        if self.upright:  # places next to the edge of a representation matter relative to their distance from it
+            for edge in problem.parameter_range:
+                if edge != point.parameter:
+                    self.unit = min(self.unit, abs(point.parameter - edge))
+        else:
+            self.unit = 1.0
+
+    def speed(self, point: Point) -> float:
+        """Length of the point's own tangent per unit of the coordinate."""
+        if self.upright:
+            return 1.0 / point.tangent_parameter
+        return 1.0 / self.metric.dot(self.problem, point.tangent_x, point.tangent_parameter, *self.direction)
+
+    def at(self, place: float, near: Point, from_place: float = 0.0) -> Point:
+        """The point of the curve at a coordinate, predicted from a point of known coordinate."""
+        ahead = (place - from_place) * self.speed(near)
+        x, p = near.x + ahead * near.tangent_x, near.parameter + ahead * near.tangent_parameter
+        if self.upright:
+            p = self.origin.parameter + place
+            sign = math.copysign(1.0, self.origin.tangent_parameter)
+            point, _ = corrected_point(self.problem, x, p, (np.zeros_like(x), sign), self.metric, OPTIONS)
+            return replace(point, parameter=p)
+        return corrected_point(self.problem, x, p, self.direction, self.metric, OPTIONS)[0]
+
+    def rates(self, point: Point) -> Rates:
+        """Rates of the observables per unit of the coordinate."""
+        own = self.problem.rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
+        speed = self.speed(point)
+        return Rates(*(rate * speed for rate in own))
+
+
+def _located(place: _Place, event: Event | None) -> _Place:
+    """The zero of the event function near a place, by a secant iteration; the place itself without an event.
+
+    Raises
+    ------
+    CorrectionError
+        If the curve cannot be followed there.
+    """
+    if event is None:
+        return replace(place, point=at_parameter(place.point))
+    line = _Line(place.point)
+    least = CLOSEST * line.problem.rounding * line.unit
+    s, point = 0.0, line.at(0.0, place.point)
+    value = event.value(point)
+    steepness, best = place.steepness, (abs(value), point)
+    for iteration in range(ITERATIONS):
+        step = -value / steepness if steepness else 1e-4 * line.unit
+        step = math.copysign(min(abs(step), 0.2 * line.unit), step)
+        if iteration and abs(step) <= least:
+            break
+        new_point = line.at(s + step, point, s)
+        new_value = event.value(new_point)
+        if new_value != value and (abs(step) > 1e-7 * line.unit or not steepness):
+            steepness = (new_value - value) / step
+        s, point, value = s + step, new_point, new_value
+        stalled = abs(value) >= 0.5 * best[0]
+        if abs(value) < best[0]:
+            best = (abs(value), point)
+        if value == 0.0 or (stalled and abs(step) < 1e-8 * line.unit):
+            break
+    uncertainty = (best[0] + event.noise) / abs(steepness) if steepness else 0.0
+    return _Place(best[1], steepness, min(uncertainty, 1e-3 * line.unit))
+
+
+def refine(point: Point, event: Event | None, accuracy: float) -> Found:
+    """An event with error estimates within the accuracy if they can be had, and the point that gave its values.
+
+    The estimate is the difference to the same event on the finer discretisation. The values are those of the coarser
+    one: their error is known, that of the finer one is only known to be smaller. Where the curve cannot be followed on
+    a finer one, the estimate is that of one Newton step towards it.
+
+    Parameters
+    ----------
+    point : Point
+        Close to the event.
+    event : Event or None
+        None: the point at its own parameter.
+    accuracy : float
+        Error allowed to all four numbers, relative to max(1, |value|).
+    """
+    aimed = point
+    try:
+        for _ in range(ROUNDS_OF_AIM):
+            problem = equilibrium(aimed).resolving(aimed, AIM * accuracy)
+            if problem is aimed.problem:
+                break
+            carried = moved(aimed, problem)
+            aimed = at_parameter(carried) if event is None else settled(carried)
+    except CorrectionError:
+        aimed = point
+    best = _best(_Place(aimed), event, accuracy)
+    if aimed is not point and (best is None or best.relative_error() > accuracy):
+        # A discretisation made for the state may turn out worse than the one it came from.
+        other = _best(_Place(point), event, accuracy)
+        if best is None or (other is not None and other.relative_error() < best.relative_error()):
+            best = other
+    return best if best is not None else _by_defect(aimed, event)
+
+
+def _best(place: _Place, event: Event | None, accuracy: float) -> Found | None:
+    """The event on a place's discretisation and ever finer ones, until the estimate satisfies; None if not found."""
+    best: Found | None = None
+    last = math.inf
+    try:
+        place = _located(place, event)
+        for _ in range(ROUNDS):
+            problem = equilibrium(place.point)
+            finer = problem.finer()
+            if finer is problem:
+                return _compared(place, None, accuracy)
+            fine = replace(place, point=moved(place.point, finer))
+            there = None if event is None else _nudged(fine, event)
+            if there is None:
+                fine = _located(fine, event)
+                there = fine.point.parameter, numbers(fine.point)
+            found = _compared(place, there, accuracy)
+            error = found.relative_error()
+            if best is None or error < best.relative_error():
+                best = found
+            if error <= accuracy or finer.size > LARGEST or error > WORSE * last:
+                break
+            if error > GAIN * last:
+                # Higher order does not help where the law has kinks, as tables have: halve the panels.
+                fine = replace(place, point=moved(place.point, problem.halved()))
+            last = error
+            place = _located(fine, event)
+    except (CorrectionError, ModelError):
+        return best  # what has been reached stands, with its own error estimate
+    return best
+
+
+def _nudged(place: _Place, event: Event) -> tuple[float, Four] | None:
+    """What parameter and `numbers` will be at the event, from one point close to it; None if it is not close.
+
+    The event is as far away as one Newton step says; over that distance the observables change at their rates.
+    """
+    if not place.steepness:
+        return None
+    line = _Line(place.point)
+    point = line.at(0.0, place.point)
+    step = -event.value(point) / place.steepness
+    if not abs(step) < CLOSE * line.unit:
+        return None
+    # Half of the rate at this end: where it vanishes at the other, the load (or displacement) has an extremum.
+    held = event.control.kind if isinstance(event, FoldEvent) else ""
+    share = [0.5 if held == name else 1.0 for name in ("load", "displacement")] + [1.0, 1.0]
+    load, displacement, radius, gap = (
+        value + part * rate * step for value, part, rate in zip(numbers(point), share, line.rates(point), strict=True)
+    )
+    speed = line.speed(point) * point.tangent_parameter
+    return point.parameter + speed * step, (load, displacement, radius, gap)
+
+
+def _compared(place: _Place, finer: tuple[float, Four] | None, accuracy: float) -> Found:
+    """The event with error estimates; `finer`: parameter and numbers on the finer discretisation, if there is one."""
+    point, here = place.point, numbers(place.point)
+    parameter, there = finer or (point.parameter, here)
+    floor = equilibrium(point).rounding + (FLOOR * accuracy if finer else 0.0)
+    along, moves = 0.0, Rates(0.0, 0.0, 0.0, 0.0)
+    if place.uncertainty:  # what rounding leaves open of the place
+        line = _Line(point)
+        along, moves = line.speed(point) * point.tangent_parameter, line.rates(point)
+
+    def error(a: float, b: float, rate: float) -> float:
+        return SAFETY * abs(a - b) + floor * max(1.0, abs(a)) + 2 * abs(rate * place.uncertainty)
+
+    load, displacement, radius, gap = (
+        # Without contact the radius is exactly zero, in contact the gap is.
+        0.0 if k > 1 and a == b == 0.0 else error(a, b, rate)
+        for k, (a, b, rate) in enumerate(zip(here, there, moves, strict=True))
+    )
+    return Found(here, (load, displacement, radius, gap), point, error(point.parameter, parameter, along))
+
+
+def _by_defect(point: Point, event: Event | None) -> Found:
+    """The point with the error estimates of one Newton step, where a finer discretisation could not be followed.
+
+    An event that was not located itself adds how far away it may be, by a secant step along the parameter.
+    """
+    problem = equilibrium(point)
+    defect, here = problem.defect(point), numbers(point)
+    line = _Line(point)
+    moves = line.rates(point)
+    along = abs(defect.state) / max(float(np.abs(point.tangent_x).max()) * abs(line.speed(point)), 1e-300)
+    missed = 0.0
+    if event is not None:
+        try:
+            value = event.value(point)
+            step = 1e-4 * line.unit
+            beside = event.value(line.at(step, point))
+            missed = abs(value * step / (beside - value)) if beside != value else math.inf
+        except CorrectionError:
+            missed = line.unit
+    away = min(along + missed, line.unit)
+    error = [
+        6 * abs(e) + problem.rounding * max(1.0, abs(v)) + 2 * abs(rate) * (missed and away)
+        for e, v, rate in zip(defect[:2], here[:2], moves[:2], strict=True)
+    ]
+    shifts = [2 * abs(rate) * away for rate in moves[2:]]
+    return Found(here, (error[0], error[1], shifts[0], shifts[1]), point)

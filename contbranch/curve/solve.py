@@ -1,0 +1,180 @@
+"""Where a followed curve meets a value of load, displacement, spring position or contact radius."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbranch.continuation import CorrectionError, Point
+from contbranch.control import DISPLACEMENT, LOAD, Control
+from contbranch.curve.events import Reached
+from contbranch.curve.problem import Rates, equilibrium
+from contbranch.curve.refine import Found, moved, refine, settled
+from contbranch.curve.track import Track, between
+from contbranch.errors import ModelError
+from contbranch.results.diagram import State
+
+__all__ = ["CONTROLS", "Crossing", "before", "crossing", "crossings", "pieces_at", "state_apart", "state_on"]
+
+Array = NDArray[np.float64]
+
+# What may be asked for; a contact radius is no control.
+CONTROLS: Mapping[str, Control | None] = {"load": LOAD, "displacement": DISPLACEMENT, "contact_radius": None}
+# Share of a piece to which a crossing is bracketed before it is refined.
+BRACKET = 1e-4
+# The finer discretisation that an energy is compared with has an error of its own; sums of energies round.
+SAFETY, ROUNDING = 3.0, 2.5
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """A state and the piece of the curve it lies on; −1 for before the first row or off the curve."""
+
+    piece: int
+    found: Found
+
+
+def pieces_at(reached: Array, value: float) -> list[int]:
+    """Pieces of the curve (between rows i and i + 1) on which a quantity, monotone on each, passes a value.
+
+    Where it rests it tells no states, and so not the one with which it begins to move or comes to rest.
+    """
+    low, high = np.minimum(reached[:-1], reached[1:]), np.maximum(reached[:-1], reached[1:])
+    resting = reached[np.append(low == high, False) | np.append(False, low == high)]
+    return [int(k) for k in np.flatnonzero((low < value) & (value <= high)) if value not in resting or value < high[k]]
+
+
+def crossings(track: Track, field: str, value: float, accuracy: float) -> list[Crossing]:
+    """Where the curve has a load, displacement or contact radius, in order along it; without contact there is none.
+
+    Raises
+    ------
+    ModelError
+        If a state could not be found where the rows say there is one.
+    """
+    control, reached = CONTROLS[field], track.column(field)
+    found = []
+    if control is not None and len(reached) and _farther(control, value, float(reached[0])):
+        first = before(track, control, value, accuracy)
+        found += [] if first is None else [first]
+    pieces = (k for k in pieces_at(reached, value) if control is not None or reached[k + 1] > 0)
+    return found + [crossing(track, k, control, value, accuracy) for k in pieces]
+
+
+def _farther(control: Control, value: float, first: float) -> bool:
+    """Whether a value lies on the way from infinite separation to the first row."""
+    return value < first if control.kind != "load" else 0.0 <= value / first <= 1.0 if first else value == 0.0
+
+
+def before(track: Track, control: Control, value: float, accuracy: float) -> Crossing | None:
+    """The state before the first row, farther away, at a value of a control; None where there is none.
+
+    Raises
+    ------
+    ModelError
+        If it could not be found.
+    """
+    try:
+        near = track.problem(0).before(control, value)
+    except CorrectionError as error:
+        raise ModelError(f"no state was found before the curve's first row {error.detail}") from error
+    return None if near is None else Crossing(-1, refine(near, Reached(control, control.target(value)), accuracy))
+
+
+def crossing(track: Track, piece: int, control: Control | None, value: float, accuracy: float) -> Crossing:
+    """The state between two rows at which a control, or without control the contact radius, has a value.
+
+    Raises
+    ------
+    ModelError
+        If the curve cannot be followed there.
+    """
+    event = Reached(control, value if control is None else control.target(value))
+    begin, end = track.onward.get(piece, track.points[piece]), track.points[piece + 1]
+    try:
+        ends = track.link(piece)
+        # Without a piece in between, the state is next to one of its ends: with the one whose problem has it.
+        nearest = [begin, end.turned()] if ends is None else [between(ends, event, BRACKET)[1]]
+        found = [refine(near, event, accuracy) for near in nearest]
+    except CorrectionError as error:
+        name = "contact radius" if control is None else control.kind
+        raise ModelError(f"no state was found on the curve where the {name} is {value:.6g} {error.detail}") from error
+    return Crossing(piece, min(found, key=Found.relative_error))
+
+
+def state_on(track: Track, crossing: Crossing, given: Mapping[str, float] | None = None) -> State:
+    """The state of a crossing, reduced units; `given` are observables known exactly, since they were asked for."""
+    piece = max(crossing.piece, 0)
+    indices = [int(track.hodograph.pieces(control)[0][piece]) for control in track.controls]
+    return _state(crossing.found, indices, given or {})
+
+
+def state_apart(found: Found, controls: Sequence[Control], given: Mapping[str, float] | None = None) -> State:
+    """The same for a state off the curve: its Morse indices by inertia and by the slope dF/dd."""
+    point = found.point
+    problem = equilibrium(point)
+    held = problem.unstable(point.x, point.parameter)
+    rates = problem.rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
+    return _state(found, [held + _freed(control, rates) for control in controls], given or {})
+
+
+def _freed(control: Control, rates: Rates) -> int:
+    """Whether freeing the displacement makes one direction more unstable: dF/dd + K < 0."""
+    return int(control.weighted(rates.load, rates.displacement) * rates.displacement < 0)
+
+
+def _state(found: Found, indices: Sequence[int], given: Mapping[str, float]) -> State:
+    point = found.point
+    problem, state, p = equilibrium(point), point.x, point.parameter
+    names = ("load", "displacement", "contact_radius", "central_gap")
+    load, displacement, radius, gap = (given.get(name, x) for name, x in zip(names, found.numbers, strict=True))
+    error = dict(zip(names, found.error, strict=True)) | dict.fromkeys(given, 0.0)
+    energy, uncertain = energy_at(found)
+    error["energy"] = uncertain + abs(found.numbers[0]) * found.error[1]
+    size = float(np.abs(state).max(initial=0.0))
+    azimuthal = problem.azimuthal(state, p, indices[1])
+    return State(
+        load,
+        displacement,
+        radius,
+        gap,
+        energy,
+        unstable_load=indices[0],
+        unstable_displacement=indices[1],
+        unstable_spring=indices[2] if len(indices) > 2 else None,
+        residual=float(np.abs(problem.residual(state, p)).max() / size) if size else 0.0,
+        error=error,
+        profile=problem.profile(state, p),
+        unstable_azimuthal=0 if azimuthal is None else azimuthal.total,
+    )
+
+
+def energy_at(found: Found) -> tuple[float, float]:
+    """Energy V_ela + V_fr of a state, and the error estimate of V − F d at its load.
+
+    The latter is stationary at equilibrium, so it does not matter which state of the finer discretisation next to it is
+    compared; the rest of the error of V is F times that of the displacement.
+    """
+    point = found.point
+    problem = equilibrium(point)
+    here = problem.values(point.x, point.parameter)
+    rounding = ROUNDING * problem.rounding * max(1.0, abs(here.energy))
+    finer = problem.finer()
+    if finer is problem:
+        return here.energy, rounding
+    try:
+        fine = settled(moved(point, finer))
+    except CorrectionError:
+        return here.energy, abs(here.load) * found.error[1] + abs(here.displacement) * found.error[0]
+    there = finer.values(fine.x, fine.parameter)
+    change = there.energy - here.energy - here.load * (there.displacement - here.displacement)
+    return here.energy, SAFETY * abs(change) + rounding
+
+
+def seen(point: Point) -> State:
+    """A point of the curve as a state without profile and indices, as a path shows it."""
+    load, displacement, radius, gap, energy = equilibrium(point).values(point.x, point.parameter)
+    return State(load, displacement, radius, max(gap, 0.0), energy, 0, 0, 0.0)

@@ -1,0 +1,164 @@
+"""Where on a curve azimuthal modes m ≥ 1 change stability.
+
+The numbers n_m of unstable modes are found at every row; where n_m differs between two neighbours, the eigenvalue of
+the mode that passes 1 is followed to the place where it does. An eigenvalue that passes 1 twice between two rows is not
+seen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbranch.continuation import CorrectionError, Event, Point
+from contbranch.control import DISPLACEMENT
+from contbranch.curve.outcome import RawEvent
+from contbranch.curve.problem import Count, EquilibriumProblem, equilibrium
+from contbranch.curve.refine import refine
+from contbranch.curve.trace import Request
+from contbranch.curve.track import Track, between
+
+__all__ = ["Breaking", "SymmetryEvent", "critical_eigenvalues", "has_modes", "merged", "symmetry_breaking"]
+
+Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class SymmetryEvent(Event):
+    """An eigenvalue of the azimuthal mode m passes 1.
+
+    Attributes
+    ----------
+    mode : int
+        m.
+    index : int
+        Which eigenvalue, counted from the largest.
+    """
+
+    mode: int
+    index: int = 1
+    name: str = "symmetry"
+    terminal: bool = False
+
+    def value(self, point: Point) -> float:
+        """The eigenvalue minus 1: positive where the mode is unstable."""
+        return equilibrium(point).mode_eigenvalue(point.x, point.parameter, self.mode, self.index) - 1.0
+
+
+@dataclass(frozen=True)
+class Breaking:
+    """What breaks the symmetry along a curve.
+
+    Attributes
+    ----------
+    counts : tuple of Count
+        Numbers of unstable modes at every row; none where the model does not examine them.
+    events : tuple of RawEvent
+        In the order in which they lie on the curve.
+    complete : bool
+        Whether every change of the numbers was located.
+    message : str
+        Empty, or what is missing.
+    """
+
+    counts: tuple[Count, ...] = ()
+    events: tuple[RawEvent, ...] = ()
+    complete: bool = True
+    message: str = ""
+
+    @property
+    def unstable(self) -> Integers:
+        """Number of unstable modes of all m ≥ 1 at every row, (M,)."""
+        return np.array([count.total for count in self.counts], dtype=np.int64)
+
+
+def symmetry_breaking(track: Track, request: Request) -> Breaking:
+    """Numbers of unstable azimuthal modes along a curve, and the events at which they change."""
+    counts: list[Count | None] = []
+    for point, index in zip(track.points, track.hodograph.rows(DISPLACEMENT), strict=True):
+        last = counts[-1] if counts else None
+        near = len(last.modes) if last is not None else 1
+        counts.append(equilibrium(point).azimuthal(point.x, point.parameter, int(index), request.modes, near))
+    found: list[RawEvent] = []
+    lost = 0
+    for row, (here, there) in enumerate(pairwise(counts)):
+        if here is None or there is None:
+            continue
+        for event in _changes(here, there):
+            if request.progress is not None:
+                request.progress(0.98, f"locating the loss of symmetry, m = {event.mode}")
+            try:
+                kind = "lost" if there.of(event.mode) > here.of(event.mode) else "regained"
+                found.append(_located(track, row, event, kind, request.accuracy))
+            except CorrectionError:
+                lost += 1
+    notes = []
+    known = tuple(count for count in counts if count is not None)
+    if not all(count.complete for count in known):
+        notes.append(f"Azimuthal modes above m = {request.modes} were not examined, and some are unstable.")
+    if lost:
+        notes.append(f"{lost} symmetry events could not be located: the curve cannot be followed there.")
+    everywhere = known if len(known) == len(counts) else ()
+    return Breaking(everywhere, tuple(sorted(found, key=_position)), not lost, " ".join(notes))
+
+
+def has_modes(track: Track) -> bool:
+    """Whether the eigenvalues of azimuthal modes are known at every row, and not only how many are unstable."""
+    own = (type(equilibrium(point)).mode_eigenvalue for point in track.points)
+    return all(method is not EquilibriumProblem.mode_eigenvalue for method in own)
+
+
+def critical_eigenvalues(points: Sequence[Point]) -> NDArray[np.float64]:
+    """Largest eigenvalue of all m ≥ 1, which is that of m = 1, at every row, (M,), as exact as the rows' meshes.
+
+    Zero, to which the eigenvalues accumulate, where the interaction stiffens everywhere.
+    """
+    return np.array([max(0.0, equilibrium(p).mode_eigenvalue(p.x, p.parameter, 1)) for p in points])
+
+
+def merged(events: Sequence[RawEvent], others: Sequence[RawEvent]) -> list[RawEvent]:
+    """Both in the order in which they lie on the curve; at one place the former first."""
+    return sorted([*events, *others], key=_position) if others else list(events)
+
+
+def _position(event: RawEvent) -> float:
+    return float(event.row) if event.position is None else event.position
+
+
+def _changes(here: Count, there: Count) -> list[SymmetryEvent]:
+    """Eigenvalues that pass 1 between two rows."""
+    return [
+        SymmetryEvent(m, index)
+        for m in range(1, max(len(here.modes), len(there.modes)) + 1)
+        for index in range(min(here.of(m), there.of(m)) + 1, max(here.of(m), there.of(m)) + 1)
+    ]
+
+
+def _located(track: Track, row: int, event: SymmetryEvent, kind: str, accuracy: float) -> RawEvent:
+    """The event on the piece behind a row.
+
+    Raises
+    ------
+    CorrectionError
+        If the curve cannot be followed there.
+    """
+    share, start = between(track.link(row), event)
+    found = refine(start, event, accuracy)
+    point = found.point
+    shape = equilibrium(point).mode_shape(point.x, point.parameter, event.mode, event.index)
+    return RawEvent(
+        "symmetry",
+        row,
+        found.numbers,
+        found.error,
+        message=f"Stability to variations cos({event.mode}θ) is {kind} along the curve.",
+        place=point,
+        position=row + share,
+        mode=event.mode,
+        index=event.index,
+        mode_shape=shape,
+    )

@@ -1,0 +1,279 @@
+"""The whole curve of a contact: one problem after the other, from its start to a load in contact."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from contbranch.continuation import CorrectionError, EventPoint, Outcome, Point, StopAt
+from contbranch.continuation.edge import Range
+from contbranch.continuation.follow import Branch, follow
+from contbranch.control import DISPLACEMENT, LOAD, Control
+from contbranch.curve.angle import AMBIGUOUS, Hodograph, Turning, alpha, in_passing, short_way
+from contbranch.curve.events import Ceiling, Folds, Margin, rates
+from contbranch.curve.problem import EquilibriumProblem, Succession, equilibrium
+from contbranch.curve.track import Mark, Track
+from contbranch.errors import InputError, ModelError
+
+__all__ = ["Request", "trace"]
+
+Progress = Callable[[float, str], None]
+
+# A trace ends at this multiple of the largest load of any event, and not below the least load (reduced).
+END_FACTOR, LEAST_END = 1.4, 10.0
+# Changes of the problem after which a trace gives up.
+PIECES = 80
+EDGE = "edge"
+# Where rows count themselves, in integrals along the curve, they are as accurate as this, as far as round-off allows.
+FINE = 1e-9
+
+
+@dataclass(frozen=True)
+class Request:
+    """What is asked of a curve, reduced units.
+
+    Attributes
+    ----------
+    accuracy : float
+        Error allowed to every event, relative to max(1, |value|).
+    control : Control
+        A spring, whose folds are located besides those of load and displacement.
+    target : float or None
+        Where the curve ends, in contact: a value of `held`; None: by the events.
+    held : Control or None
+        None: the contact radius.
+    modes : int
+        Largest azimuthal mode number examined; 0: none.
+    events : bool
+        Whether events are made precise; without, the result has none.
+    fine : bool
+        Whether rows are to be as accurate as the events, as far as round-off allows.
+    progress : callable or None
+        Called with the fraction done (a guess) and what is being done.
+    """
+
+    accuracy: float
+    control: Control = LOAD
+    target: float | None = None
+    held: Control | None = LOAD
+    modes: int = 32
+    events: bool = True
+    fine: bool = False
+    progress: Progress | None = None
+
+    @property
+    def controls(self) -> tuple[Control, ...]:
+        """The controls whose folds are located."""
+        return (LOAD, DISPLACEMENT, *((self.control,) if self.control.kind == "spring" else ()))
+
+
+def trace(problem: EquilibriumProblem, request: Request) -> Track:
+    """Follow the curve of a contact from the start of its first problem through all that succeed it."""
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # answered by shorter steps, or reported
+        try:
+            if request.fine:
+                problem = problem.rows_within(max(FINE, request.accuracy))
+            start = problem.start(request.control)
+        except (InputError, KeyboardInterrupt):
+            raise
+        except CorrectionError as error:
+            return _nothing(problem, request, f"{Outcome.START_FAILED.value} {error.detail} {problem.limitation}")
+        except Exception as error:  # a law written by the user may raise anything; its text is kept
+            message = f"The interaction cannot be evaluated far away: {type(error).__name__}: {error}"
+            return _nothing(problem, request, message)
+        tracing = _Tracing(request)
+        tracing.follow(start)
+        return tracing.track(problem)
+
+
+def _nothing(problem: EquilibriumProblem, request: Request, message: str) -> Track:
+    """A curve that could not be begun."""
+    controls = request.controls
+    return Track((), {}, frozenset(), (), controls, complete=False, message=message.strip(), work=problem.work)
+
+
+@dataclass
+class _Tracing:
+    """A curve while it is followed: rows so far, and how the problems join."""
+
+    request: Request
+    points: list[Point] = field(default_factory=list)
+    onward: dict[int, Point] = field(default_factory=dict)
+    gaps: set[int] = field(default_factory=set)
+    marks: list[Mark] = field(default_factory=list)
+    largest: float = -math.inf
+    complete: bool = False
+    message: str = ""
+
+    def __post_init__(self) -> None:
+        asked, held = self.request.target, self.request.held
+        target = LEAST_END if asked is None else held.target(asked) if held is not None else asked
+        self.end = Ceiling(held, target)
+
+    def follow(self, start: Point) -> None:
+        """Follow the curve from a point to its end."""
+        self.points.append(start)
+        joint = Succession("", start, (start,))
+        for _ in range(PIECES):
+            following = self._piece(joint)
+            if following is None:
+                return
+            joint = following
+        self.message = "The contact set changes without end."
+
+    def _piece(self, joint: Succession) -> Succession | None:
+        """Follow one problem; return what succeeds it, or None at the end of the curve."""
+        first = len(self.points)
+        branch = self._leaving(joint)
+        start = self.onward.get(first - 1, self.points[-1])
+        self.points += branch.points
+        controls = {control.kind: control for control in self.request.controls}
+        for event, index in branch.events:
+            if isinstance(event, EventPoint) and event.name in controls:
+                self.marks.append(Mark(first + index, "fold", event.point, controls[event.name]))
+        last = branch.points[-1] if branch.points else start
+        problem, name = equilibrium(last), _stopped(branch)
+        if name == self.end.name:
+            self.complete = True
+            self.marks.append(Mark(len(self.points) - 1, "end", last))
+            return None
+        if not name:
+            self.message = f"{branch.end.message} {problem.ending('', last)}".strip()
+            return None
+        try:
+            found = problem.successor(name, [start, *branch.points])
+        except (ModelError, CorrectionError) as error:
+            self._stop(name, f"{problem.ending(name, last)} It could not be followed beyond: {error}.".strip())
+            return None
+        if found is None:
+            self._stop(name, problem.ending(name, last))
+            return None
+        self._join(found, name)
+        return found
+
+    def _leaving(self, joint: Succession) -> Branch:
+        """The piece from the first start from which the curve leaves."""
+        for k, start in enumerate(joint.starts):
+            if joint.same and len(self.points) > 1:
+                self.onward[len(self.points) - 1] = start
+            problem = equilibrium(start)
+            margins = [Margin(name) for name in problem.margins(start.x, start.parameter)]
+            events = [Folds(self.request.controls, self._met), *margins, self.end]
+            interval = Range(*problem.parameter_range)
+            balance = problem.balance(start, joint.step)
+            stop = StopAt(predicate=self._told)
+            branch = follow(start, balance, interval, problem.steps(start), events, stop)
+            if len(branch.points) > 1 or k + 1 == len(joint.starts):
+                return branch
+        raise ModelError("a problem without a start")
+
+    def _join(self, found: Succession, margin: str) -> None:
+        """Append the event at which one problem takes over from another."""
+        if found.dropped:
+            kept = len(self.points) - found.dropped
+            self.marks = [mark for mark in self.marks if mark.row < kept]
+            del self.points[kept:]
+        self._append(found.event)
+        row = len(self.points) - 1
+        if found.kind:
+            self.marks.append(Mark(row, found.kind, found.event, margin=found.margin or margin, message=found.message))
+            self._met(found.event)
+        if not found.same:
+            self._append(found.starts[0])
+
+    def _append(self, point: Point) -> None:
+        """Append a row that the present problem's piece has not reached."""
+        last = len(self.points) - 1
+        if last >= 0 and not equilibrium(self.onward.get(last, self.points[last])).joins(equilibrium(point)):
+            self.gaps.add(last)
+        self.points.append(point)
+
+    def _stop(self, margin: str, message: str) -> None:
+        self.message = message
+        if margin != EDGE:
+            row = len(self.points) - 1
+            self.marks.append(Mark(row, "inadmissible", self.points[-1], margin=margin))
+
+    def _met(self, point: Point) -> None:
+        """Raise the end beyond the load of an event."""
+        self.largest = max(self.largest, point.observables["load"])
+        if self.request.target is None:
+            self.end.target = max(LEAST_END, END_FACTOR * self.largest)
+
+    def _told(self, point: Point) -> bool:
+        """Report progress, guessed from the load: most of the way is the approach."""
+        if self.request.progress is not None and len(self.points) % 5 == 0:
+            share = 0.1 + 0.8 * max(0.0, point.observables["load"]) / max(self.end.target, 1.0)
+            load = point.observables["load"]
+            self.request.progress(
+                min(share, 0.9), f"load {load:.4g}, contact {point.observables['contact_radius']:.4g}"
+            )
+        return False
+
+    # -- folds in corners, indices ------------------------------------------------------------------------------------
+    def track(self, problem: EquilibriumProblem) -> Track:
+        """The curve with its hodograph, and with the folds that lie in corners."""
+        turning = Turning(self.request.controls)
+        marks = sorted(self.marks, key=lambda mark: mark.row)
+        folds = {}
+        for mark in marks:
+            if mark.control is not None:
+                folds[mark.row] = mark.control
+        start = self.points[0]
+        turning.begin(*rates(start))
+        extra: list[Mark] = []
+        for row in range(1, len(self.points)):
+            point = self.points[row]
+            if row in folds:
+                turning.fold(folds[row])
+            else:
+                missed = turning.row(*rates(point))
+                extra += [Mark(row, "fold", point, control) for control in missed]
+            if row in self.onward:
+                extra += self._corner(turning, row)
+        # At one row the event that makes the corner comes first.
+        marks = sorted([*marks, *extra], key=lambda mark: mark.row)
+        hodograph = Hodograph(np.array(turning.angles), equilibrium(start).unstable(start.x, start.parameter))
+        return Track(
+            tuple(self.points),
+            self.onward,
+            frozenset(self.gaps),
+            tuple(marks),
+            self.request.controls,
+            hodograph,
+            self.complete,
+            self.message,
+            problem.work,
+        )
+
+    def _corner(self, turning: Turning, row: int) -> list[Mark]:
+        """The folds in the corner where one problem takes over from another."""
+        ahead = self.onward[row]
+        load, displacement = rates(ahead)
+        begin = turning.present
+        turn = short_way(math.atan2(load, displacement) - begin)
+        if abs(turn) > AMBIGUOUS * math.pi:
+            behind = self.points[row - 1]
+            before, after = (equilibrium(p).unstable(p.x, p.parameter) for p in (behind, ahead))
+            ways = turn, turn - math.copysign(2 * math.pi, turn)
+            turn = next((way for way in ways if _raised(begin, way) == after - before), turn)
+        passed = in_passing(self.request.controls, begin, turn)
+        turning.corner(turn)
+        return [Mark(row, "fold", replace(self.points[row]), control) for control in passed]
+
+
+def _raised(begin: float, turn: float) -> int:
+    """By how much a turn raises the Morse index under displacement control."""
+    first, last = (math.floor((angle - alpha(DISPLACEMENT)) / math.pi) for angle in (begin, begin + turn))
+    return first - last
+
+
+def _stopped(branch: Branch) -> str:
+    """The margin, edge or end at which a piece stopped; empty if it could not be followed."""
+    if branch.end.outcome is Outcome.STOPPED_AT_EVENT:
+        event = branch.events[-1][0]
+        return event.name if isinstance(event, EventPoint) else ""
+    return EDGE if branch.end.outcome is Outcome.REACHED_EDGE else ""

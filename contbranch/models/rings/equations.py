@@ -1,0 +1,364 @@
+"""Equilibrium of a contact with given regions, as a problem that the continuation can follow.
+
+Unknowns are the pressure at the nodes and the edges of the regions; the parameter is the displacement d:
+
+    g = z − d + W p,        floating:  p = p_fr(g),        resting:  g = level,
+    at every edge:          p = p_fr(level), the law's pressure in the floating region next to it.
+
+The last equation says that the pressure is bounded (and with it continuous) at an edge; it determines the edge.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbranch.contact.tips import Tip
+from contbranch.continuation import Linearisation, Point
+from contbranch.continuation.metric import Metric
+from contbranch.curve.problem import EquilibriumProblem, Rates, Values, Work
+from contbranch.errors import ModelError
+
+from .law import BandedLaw
+from .layout import Layout
+from .panels import Grid, Panels
+
+__all__ = ["Fields", "RingEquations", "Setting", "rings"]
+
+Array = NDArray[np.float64]
+
+# States whose fields are kept: the ends of a step and what is tried between them.
+RECENT = 6
+# Panels of the rows need not be as fine as those of the events, which are refined.
+ROW_TOLERANCE = 1e-7
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A contact in reduced units, and what is counted over a whole curve.
+
+    Attributes
+    ----------
+    tip : Tip
+    law : BandedLaw
+    accuracy : float
+        Error allowed to every event, relative to max(1, |value|).
+    work : Work
+    """
+
+    tip: Tip
+    law: BandedLaw
+    accuracy: float
+    work: Work = field(default_factory=Work)
+
+    @property
+    def tolerance(self) -> float:
+        """Error allowed to rows."""
+        return min(ROW_TOLERANCE, 10 * self.accuracy)
+
+    @property
+    def scale(self) -> float:
+        """The shortest range of the interaction."""
+        terms = self.law.interaction.terms if self.law.interaction is not None else ()
+        return min((term.range for term in terms), default=1.0)
+
+
+@dataclass(frozen=True)
+class Fields:
+    """All that follows from one (x, d), at the nodes."""
+
+    x: Array
+    displacement: float
+    grid: Grid
+    pressure: Array
+    lift: Array  # elastic displacement w
+    gap: Array
+    law_pressure: Array  # floating regions' law; 0 where the gap rests
+    stiffness: Array  # v'' there
+    response: Array
+    derived: dict[str, Any] = field(default_factory=dict, compare=False, repr=False)
+
+
+class RingEquations(EquilibriumProblem):
+    """R(p, e; d) = 0 for one layout on one set of panels.
+
+    Parameters
+    ----------
+    setting : Setting
+    layout : Layout
+    panels : Panels
+    vanishing : tuple of float
+        Widths in shares of the outermost edge at which regions vanish on this piece of the curve; 0: never.
+    """
+
+    def __init__(self, setting: Setting, layout: Layout, panels: Panels, vanishing: tuple[float, ...] = ()) -> None:
+        self.setting, self.layout, self.panels, self.vanishing = setting, layout, panels, vanishing
+        self.scale, self.work = setting.scale, setting.work
+        self._recent: list[Fields] = []
+
+    @property
+    def edges(self) -> int:
+        """Number of unknown edges."""
+        return self.layout.edges
+
+    # -- the equations ------------------------------------------------------------------------------------------------
+    def fields(self, x: Array, d: float) -> Fields:
+        """Grid, gap and pressures of (x, d).
+
+        Raises
+        ------
+        ModelError
+            If the edges are not in order, which the continuation answers by a shorter step.
+        """
+        for known in self._recent:
+            if known.displacement == d and (known.x is x or np.array_equal(known.x, x)):
+                return known
+        same = next((k for k in self._recent if np.array_equal(k.x, x)), None)
+        count = self.edges
+        pressure, edges = x[: x.size - count], x[x.size - count :]
+        if same is not None:
+            grid, response, lift = same.grid, same.response, same.lift
+        else:
+            if count and not (edges[0] > 0 and np.all(np.diff(edges) > 0) and edges[-1] < self.setting.tip.extent):
+                raise ModelError("the edges of the contact are not in order")
+            if self._recent:
+                self._recent[0].grid.forget()
+            grid = Grid(self.panels, edges, self.layout.bounded)
+            response = grid.response()
+            lift = response @ pressure
+        gap = self.setting.tip.height(grid.r) - d + lift
+        law_pressure, stiffness = np.zeros(grid.size), np.zeros(grid.size)
+        for k, region in enumerate(self.layout.regions):
+            if not region.rests:
+                own = grid.of_node == k
+                answer = self.setting.law.evaluate(region.index, gap[own])
+                law_pressure[own], stiffness[own] = answer.pressure, answer.stiffness
+        found = Fields(x, d, grid, pressure, lift, gap, law_pressure, stiffness, response)
+        self._recent = [found, *self._recent[: RECENT - 1]]
+        return found
+
+    def forget(self) -> None:
+        """Drop what has been kept to save work, matrices mostly; it is made again when it is asked for."""
+        self._recent = []
+
+    def resting(self, grid: Grid) -> tuple[NDArray[np.bool_], Array]:
+        """Which nodes rest, and their levels."""
+        rests, level = np.zeros(grid.size, dtype=bool), np.zeros(grid.size)
+        for k, region in enumerate(self.layout.regions):
+            if region.rests:
+                own = grid.of_node == k
+                rests[own], level[own] = True, self.setting.law.levels[region.index]
+        return rests, level
+
+    def _edges(self, fields: Fields) -> tuple[Array, Array, Array, Array]:
+        """Equations of the edges: residuals (E,), and their derivatives with respect to pressures, edges and d.
+
+        Next to a resting region the pressure, extrapolated to the edge, is the floating region's; at a jump the gap is
+        the level's.
+        """
+        grid, count, law = fields.grid, self.edges, self.setting.law
+        residual, rows = np.zeros(count), np.zeros((count, grid.size))
+        moves, shifts = np.zeros((count, count)), np.zeros(count)
+        for edge in range(count):
+            if self.layout.jump(edge):
+                radius = np.float64(grid.edges[edge])
+                rows[edge], moves[edge] = grid.at_edge(edge, fields.pressure)
+                level = law.levels[self.layout.jump_level(edge)]
+                lift = float(rows[edge] @ fields.pressure)
+                residual[edge] = float(self.setting.tip.height(radius)) - fields.displacement + lift - level
+                moves[edge, edge] += float(self.setting.tip.height_derivative(radius))
+                shifts[edge] = -1.0
+                continue
+            side, floating = self.layout.neighbour(edge)
+            panels = np.flatnonzero(grid.region == edge + side)
+            rows[edge] = grid.at_end(int(panels[-1] if side == 0 else panels[0]), outer=side == 0)
+            wanted = law.pressure(floating.index, self.layout.resting(edge).index)
+            residual[edge] = float(rows[edge] @ fields.pressure) - wanted
+        return residual, rows, moves, shifts
+
+    def _edge_equations(self, fields: Fields) -> tuple[Array, Array, Array, Array]:
+        if "edges" not in fields.derived:
+            fields.derived["edges"] = self._edges(fields)
+        found: tuple[Array, Array, Array, Array] = fields.derived["edges"]
+        return found
+
+    def residual(self, x: Array, p: float) -> Array:
+        """Residual, (N + E,)."""
+        fields = self.fields(x, p)
+        rests, level = self.resting(fields.grid)
+        own = np.where(rests, fields.gap - level, fields.pressure - fields.law_pressure)
+        return np.concatenate([own, self._edge_equations(fields)[0]])
+
+    def jacobian(self, x: Array, p: float) -> Array:
+        """dR/dx, (N + E, N + E)."""
+        fields = self.fields(x, p)
+        n, count = fields.grid.size, self.edges
+        rests, _ = self.resting(fields.grid)
+        factor = np.where(rests, 1.0, fields.stiffness)
+        matrix = np.zeros((n + count, n + count))
+        matrix[:n, :n] = factor[:, None] * fields.response
+        matrix[:n, :n].flat[:: n + 1] += np.where(rests, 0.0, 1.0)
+        matrix[:n, n:] = factor[:, None] * self._gap_moves(fields)
+        _, matrix[n:, :n], matrix[n:, n:], _ = self._edge_equations(fields)
+        return matrix
+
+    def _gap_moves(self, fields: Fields) -> Array:
+        """d(gap at the nodes)/d(edges), the nodes moving with the edges, (N, E)."""
+        grid = fields.grid
+        moves = grid.moved(fields.pressure)
+        slope = self.setting.tip.height_derivative(grid.r)
+        for edge in range(self.edges):
+            moves[:, edge] += slope * grid.motion(edge)[0]
+        return moves
+
+    def parameter_derivative(self, x: Array, p: float) -> Array:
+        """dR/dd, (N + E,)."""
+        fields = self.fields(x, p)
+        rests, _ = self.resting(fields.grid)
+        return np.concatenate([-np.where(rests, 1.0, fields.stiffness), self._edge_equations(fields)[3]])
+
+    def linearise(self, x: Array, p: float) -> Linearisation:
+        """Residual and derivatives, counted."""
+        self.work.newton += 1
+        self.work.unknowns = max(self.work.unknowns, x.size)
+        return super().linearise(x, p)
+
+    # -- lengths ------------------------------------------------------------------------------------------------------
+    def _weights(self, size: int) -> Array:
+        """Weights of the inner product: all nodes alike, and the edges as all nodes together."""
+        nodes = size - self.edges
+        weights = np.ones(size)
+        weights[:nodes] = 1.0 / max(nodes, 1)
+        return weights
+
+    def inner(self, u: Array, v: Array) -> float:
+        """Mean of the products of pressures, plus the products of edges: meshes graded alike measure alike."""
+        return float((self._weights(u.size) * u) @ v)
+
+    def dual(self, u: Array) -> Array:
+        """Vector whose product with v is inner(u, v)."""
+        return self._weights(u.size) * u
+
+    def metric(self, x: Array) -> Metric:
+        """Lengths relative to the state (without pressure: to one) and to the interaction's range."""
+        return Metric(math.sqrt(self.inner(x, x)) or 1.0, self.scale)
+
+    # -- observables --------------------------------------------------------------------------------------------------
+    def load(self, fields: Fields) -> float:
+        """F = 2π ∫ p r dr."""
+        grid = fields.grid
+        return 2 * math.pi * float((grid.weights * grid.r) @ fields.pressure)
+
+    def energy(self, fields: Fields) -> float:
+        """V_ela + V_fr = π ∫ p w r dr + 2π ∫ v r dr, the law's tail included."""
+        grid = fields.grid
+        ring = grid.weights * grid.r
+        return math.pi * float(ring @ (fields.pressure * fields.lift)) + 2 * math.pi * float(
+            ring @ self.density(fields)
+        )
+
+    def density(self, fields: Fields) -> Array:
+        """Interaction energy per area at the nodes."""
+        grid, law = fields.grid, self.setting.law
+        density = np.zeros(grid.size)
+        for k, region in enumerate(self.layout.regions):
+            own = grid.of_node == k
+            if region.rests:
+                density[own] = law.energy(region.index)
+            else:
+                density[own] = law.evaluate(region.index, fields.gap[own]).energy
+        return density
+
+    def _wall_edge(self) -> int | None:
+        """The outermost edge of the contact with the wall."""
+        walls = [k for k, region in enumerate(self.layout.regions) if region.rests and region.index == 0]
+        return walls[-1] if walls else None
+
+    def contact_radius(self, fields: Fields) -> float:
+        """Outermost edge of the contact with the wall; 0 without."""
+        wall = self._wall_edge()
+        return 0.0 if wall is None else float(fields.grid.edges[wall])
+
+    def central_gap(self, fields: Fields) -> float:
+        """Gap at r = 0."""
+        first = self.layout.regions[0]
+        if first.rests:
+            return self.setting.law.levels[first.index]
+        # At the centre the ring integral is 2 ∫ p ds.
+        lift = 2 * float(fields.grid.weights @ fields.pressure)
+        return float(self.setting.tip.height(np.float64(0.0))) - fields.displacement + lift
+
+    def widths(self, fields: Fields) -> Array:
+        """Widths of the regions that end at an edge, (E,)."""
+        return np.diff(np.concatenate([[0.0], fields.grid.edges]))
+
+    def values(self, x: Array, p: float) -> Values:
+        """Load, displacement, contact radius, central gap, energy."""
+        fields = self.fields(x, p)
+        radius, gap = self.contact_radius(fields), max(self.central_gap(fields), 0.0)
+        return Values(self.load(fields), float(p), radius, gap, self.energy(fields))
+
+    def rates(self, x: Array, p: float, x_rate: Array, p_rate: float) -> Rates:
+        """Derivatives of load, displacement, contact radius and central gap along a direction."""
+        fields, n = self.fields(x, p), x.size - self.edges
+        wall = self._wall_edge()
+        gap, weights = 0.0, fields.grid.weights
+        if not self.layout.regions[0].rests:
+            gap = 2 * float(weights @ x_rate[:n]) - p_rate
+            for edge in range(self.edges):  # panels are stretched, and the weights of ∫ p dr with them
+                gap += 2 * float((weights * fields.grid.motion(edge)[1]) @ fields.pressure) * float(x_rate[n + edge])
+        radius = 0.0 if wall is None else float(x_rate[n + wall])
+        return Rates(self.load_rate(fields, x_rate), float(p_rate), radius, gap)
+
+    def load_rate(self, fields: Fields, x_rate: Array) -> float:
+        """Rate of the load along a direction."""
+        grid = fields.grid
+        n = grid.size
+        rate = float((grid.weights * grid.r) @ x_rate[:n])
+        for edge in range(self.edges):
+            shift, stretch = grid.motion(edge)
+            rate += float((grid.weights * (shift + grid.r * stretch)) @ fields.pressure) * x_rate[n + edge]
+        return 2 * math.pi * rate
+
+    # -- other regions and panels -------------------------------------------------------------------------------------
+    def on(self, panels: Panels) -> Self:
+        """The same regions on other panels."""
+        return type(self)(self.setting, self.layout, panels, self.vanishing)
+
+    def laid_out(self, layout: Layout, panels: Panels, vanishing: tuple[float, ...] = ()) -> Self:
+        """The same contact with other regions."""
+        return type(self)(self.setting, layout, panels, vanishing)
+
+    def joins(self, other: EquilibriumProblem) -> bool:
+        """Whether the regions are the same."""
+        return isinstance(other, RingEquations) and other.layout == self.layout
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns."""
+        outer = 0 if self.layout.bounded else len(self.panels.outer) + self.panels.infinite
+        return self.panels.order * (sum(len(piece) + 1 for piece in self.panels.halves) + outer) + self.edges
+
+    def carried(self, vector: Array, x: Array, other: RingEquations) -> Array:
+        """A vector of states (pressures, or their rates, and edges) on the other problem's panels, same edges."""
+        n = x.size - self.edges
+        here, there = (Grid(panels, x[n:], self.layout.bounded) for panels in (self.panels, other.panels))
+        return np.concatenate([here.interpolate(vector[:n], there.r, there.of_node), vector[n:]])
+
+
+def rings(point: Point) -> RingEquations:
+    """The problem of a point of such a curve.
+
+    Raises
+    ------
+    TypeError
+        If it is another model's.
+    """
+    problem = point.problem
+    if isinstance(problem, RingEquations):
+        return problem
+    raise TypeError(f"{type(problem).__name__} has no regions")

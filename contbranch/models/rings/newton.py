@@ -1,0 +1,93 @@
+"""Newton's method from afar: states of a new layout, and states on panels made for them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbranch.continuation import CorrectionError, Outcome, Point
+from contbranch.continuation.newton import border, correct, linearise, residual
+from contbranch.curve.problem import oriented
+
+from .equations import RingEquations, rings
+from .meshing import adapted
+
+__all__ = ["resolved", "solved"]
+
+Array = NDArray[np.float64]
+Row = tuple[Array, float]
+
+# Most iterations, the relative correction from which the iteration is left to itself, the growth of the residual that
+# is accepted, and how often a step is halved to avoid more.
+APPROACHES, NEARLY, GROWS, HALVINGS = 30, 1e-3, 1.5, 6
+# Rounds of meshing and solving for one state.
+ROUNDS = 6
+
+
+def solved(problem: RingEquations, x: Array, d: float, row: Row) -> tuple[Array, float]:
+    """The solution near (x, d) in the plane that `row` is normal to.
+
+    Newton's method, with steps shortened so that edges move by no more than a share of the distances between them and
+    the residual does not grow much: a guess at a new layout may be far from the solution.
+
+    Raises
+    ------
+    CorrectionError
+        If Newton's method fails.
+    """
+    metric, count = problem.metric(x), problem.edges
+    size = math.inf
+    for _ in range(APPROACHES):
+        at = linearise(problem, x, d)
+        dx, dd = border(problem, x, d, at, row).solve(-at[0], 0.0)
+        size = metric.norm(problem, dx, dd)
+        if not math.isfinite(size):
+            break
+        if size < NEARLY:
+            done = correct(problem, x, d, row, metric, tolerance=1e-12, noise=1e6, maximum_iterations=12)
+            return done.x, done.parameter
+        room = np.diff(np.concatenate([[0.0], x[x.size - count :]]))
+        moved = np.abs(dx[x.size - count :]).max(initial=0.0)
+        share = min(1.0, 0.3 * float(room.min()) / moved if moved > 0 else 1.0)
+        before = float(np.abs(at[0]).max())
+        for _ in range(HALVINGS):
+            trial = x + share * dx, d + share * dd
+            try:
+                after = float(np.abs(residual(problem, *trial)).max())
+            except CorrectionError:
+                after = math.inf
+            if after < GROWS * before:
+                break
+            share /= 2
+        x, d = trial
+    raise CorrectionError(Outcome.START_FAILED, f"(Newton's last correction was {size:.2g} of the state.)")
+
+
+def resolved(point: Point, held: Row | None = None) -> Point:
+    """The point on panels that resolve it.
+
+    Parameters
+    ----------
+    held : (array (E,), float), optional
+        What is held of edges and displacement; by default the solution is sought across the curve.
+
+    Raises
+    ------
+    CorrectionError
+        If Newton's method fails.
+    """
+    for _ in range(ROUNDS):
+        problem, d = rings(point), point.parameter
+        panels = adapted(problem, problem.fields(point.x, d), problem.setting.tolerance)
+        if panels is None:
+            break
+        other = problem.on(panels)
+        x, tangent = (problem.carried(vector, point.x, other) for vector in (point.x, point.tangent_x))
+        if held is None:
+            row = other.metric(x).row(other, tangent, point.tangent_parameter)
+        else:
+            row = np.concatenate([np.zeros(x.size - problem.edges), held[0]]), held[1]
+        point = oriented(other, *solved(other, x, d, row), (tangent, point.tangent_parameter))
+    return point

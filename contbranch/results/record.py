@@ -1,0 +1,244 @@
+"""Results describe their fields: documents, files and comparisons are made from what is said here, and nowhere else.
+
+A result is a frozen dataclass that derives from `Record`. Of a field, its annotation says the kind of value and whether
+it may be None, its name the quantity in whose unit it is; what else there is to say is said with `described`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from copy import deepcopy
+from dataclasses import Field, dataclass, field, fields
+from pathlib import Path
+from typing import Any, ClassVar, Final, NamedTuple, Self, TypeVar, dataclass_transform
+
+import numpy as np
+
+__all__ = [
+    "OBSERVABLES",
+    "Column",
+    "Record",
+    "Result",
+    "columns",
+    "described",
+    "key_of",
+    "kind_of",
+    "late",
+    "record",
+    "same",
+    "unit_of",
+]
+
+Kind = TypeVar("Kind")
+
+OBSERVABLES: Final = ("load", "displacement", "contact_radius", "central_gap")
+# Quantities of fields that have another name; a field NAME_error is in the unit of NAME.
+_QUANTITIES: Final = {"r": "radius", "x": "radius", "y": "radius", "wall_pressure": "pressure"}
+_HEAD: Final = ("contact", "description", "unit_names")  # every document begins with them
+_KINDS: Final = {"float": float, "int": int, "str": str}
+
+
+def described(**options: Any) -> Any:
+    """Return a field of a record with its description.
+
+    Parameters
+    ----------
+    unit : str
+        The quantity of ``contact.units.names`` in whose unit it is, where it is not that of the field's name.
+    kind : type
+        What a table holds of it, where the annotation does not say it: a `Record` for its columns, or ``dict`` for one
+        column a key, the four observables; default: nothing.
+    key : str
+        Its name in documents, where it is not the field's.
+    written : {True, False, "if known"}
+        Whether documents have it; `None` is null, or left out if it is written only "if known".
+    computed : callable
+        What returns the value, from the record, of a field that may hold a callable instead, which computes it when it
+        is asked for. Files and pickles hold the value; comparisons leave it aside.
+    **options
+        As for `dataclasses.field`.
+    """
+    said = {name: options.pop(name) for name in ("unit", "kind", "key", "written", "computed") if name in options}
+    if "computed" in said:
+        options = {"repr": False, "compare": False, **options}
+    return field(metadata=said, **options)
+
+
+def key_of(item: Field[Any]) -> str:
+    """The name of a field in documents and files."""
+    return str(item.metadata.get("key", item.name))
+
+
+def unit_of(item: Field[Any]) -> str:
+    """The quantity in whose unit a field is."""
+    name = item.name.removesuffix("_error")
+    return str(item.metadata.get("unit", _QUANTITIES.get(name, name)))
+
+
+def kind_of(item: Field[Any]) -> Any:
+    """What a table holds of a field; None: nothing."""
+    return item.metadata.get("kind", _KINDS.get(str(item.type).removesuffix(" | None")))
+
+
+@dataclass_transform(frozen_default=True, eq_default=False, field_specifiers=(described,))
+def record(kind: type[Kind]) -> type[Kind]:
+    """Make a class a dataclass, frozen and compared as `Record` says."""
+    return dataclass(frozen=True, eq=False)(kind)
+
+
+class Late:
+    """A field that may be given as a callable, which computes its value when that is first asked for.
+
+    It is put in the place of the field once the class is a dataclass.
+    """
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = name
+
+    def __get__(self, instance: object, owner: type) -> Any:
+        if instance is None:
+            return self
+        value = instance.__dict__[self.name]
+        if callable(value):
+            value = instance.__dict__[self.name] = value()
+        return value
+
+    def __set__(self, instance: object, value: Any) -> None:
+        instance.__dict__[self.name] = value
+
+
+def late(kind: type[Kind], *names: str) -> type[Kind]:
+    """Let fields of a record be computed when they are first asked for."""
+    for name in names:
+        descriptor = Late()
+        descriptor.__set_name__(kind, name)
+        setattr(kind, name, descriptor)
+    return kind
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """A frozen dataclass that compares arrays by their values, and is pickled and copied whatever computes its parts.
+
+    Pickled, it holds plain data only: what is computed when asked for has been computed. Copies share what computes.
+    """
+
+    def held(self, name: str) -> Any:
+        """The value of a field, computed if need be."""
+        computed = self.__dataclass_fields__[name].metadata.get("computed")
+        return getattr(self, name) if computed is None else computed(self)
+
+    def items(self) -> dict[str, Any]:
+        """What documents hold, by its name there."""
+        found = {}
+        for item in fields(self):
+            written = item.metadata.get("written", item.name not in _HEAD)
+            value: Any = self.held(item.name) if written else None
+            if kind_of(item) is dict:
+                value = {name: value.get(name) for name in OBSERVABLES}
+            if value is not None or written is True:
+                found[key_of(item)] = value
+        return found
+
+    def __eq__(self, other: object) -> bool:
+        if type(self) is not type(other):
+            return NotImplemented
+        compared = (item.name for item in fields(self) if item.compare)
+        return all(same(getattr(self, name), getattr(other, name)) for name in compared)
+
+    __hash__ = None  # type: ignore[assignment]  # arrays have none
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {item.name: self.held(item.name) for item in fields(self)}
+
+    def __copy__(self) -> Self:
+        return self._with(self.__dict__)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
+        shared = {item.name for item in fields(self) if "computed" in item.metadata}
+        return self._with({k: v if k in shared else deepcopy(v, memo) for k, v in self.__dict__.items()})
+
+    def _with(self, values: Mapping[str, Any]) -> Self:
+        copied = object.__new__(type(self))
+        copied.__dict__.update(values)
+        return copied
+
+
+@record
+class Result(Record):
+    """What a computation returns: it is written to files and documents of a format."""
+
+    format: ClassVar[str]
+
+    def body(self) -> Mapping[str, Any]:
+        """What its document holds besides format, contact and units."""
+        return self.items()
+
+    def document(self) -> dict[str, Any]:
+        """Return the JSON document: a dictionary of plain values, with None for what JSON cannot hold."""
+        from contbranch.output.document import document
+
+        return document(self)
+
+    def save(self, path: str | Path) -> None:
+        """Write an HDF5 file; see ``docs/file-layout.md``.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be written.
+        """
+        from contbranch.output.hdf5 import save
+
+        save(self, path)
+
+
+class Column(NamedTuple):
+    """A column of a table of records.
+
+    Attributes
+    ----------
+    name, unit : str
+    kind : type
+        ``float``, ``int`` or ``str``.
+    path : tuple
+        Names of the attributes (keys of mappings) that lead to its value.
+    """
+
+    name: str
+    unit: str
+    kind: type
+    path: tuple[str, ...]
+
+    def of(self, record: object) -> Any:
+        """The value of a record; None where there is none."""
+        for name in self.path:
+            if isinstance(record, Record):
+                record = record.held(name)
+            else:
+                record = record.get(name) if isinstance(record, Mapping) else None
+        return record
+
+
+def columns(kind: type[Record], prefix: str = "", path: tuple[str, ...] = ()) -> Iterator[Column]:
+    """Columns of a table of records, those of records within them included."""
+    for item in fields(kind):
+        held, within = kind_of(item), (*path, item.name)
+        if held is dict:
+            yield from (Column(f"{one}_{item.name}", one, float, (*within, one)) for one in OBSERVABLES)
+        elif held in _KINDS.values():
+            yield Column(prefix + item.name, unit_of(item), held, within)
+        elif held is not None:
+            yield from columns(held, f"{item.name}_" if path else "", within)
+
+
+def same(one: Any, other: Any) -> bool:
+    """Whether two values are equal: arrays in shape and every number, NaN like NaN."""
+    if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
+        one, other = np.asarray(one), np.asarray(other)
+        return np.array_equal(one, other, equal_nan="f" in one.dtype.kind + other.dtype.kind)
+    if isinstance(one, Mapping) and isinstance(other, Mapping):
+        return one.keys() == other.keys() and all(same(value, other[key]) for key, value in one.items())
+    if isinstance(one, Sequence) and isinstance(other, Sequence) and not isinstance(one, str):
+        return len(one) == len(other) and all(map(same, one, other))
+    return bool(one == other or (one != one and other != other))

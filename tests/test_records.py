@@ -1,0 +1,134 @@
+"""Results are plain data: they compare by their numbers, pickle, copy, and are written as documents and files."""
+
+from __future__ import annotations
+
+import copy
+import json
+import pickle
+from dataclasses import replace
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+import contbranch as cb
+from contbranch.output.hdf5 import load
+from contbranch.results.diagram import Event
+from contbranch.results.record import Record, columns
+
+CELL = cb.Contact(cb.HeightMap(np.random.default_rng(0).normal(size=(16, 16)), 3.0), cb.Gauss(0.1, 0.5))
+RESTING = cb.Contact.reduced(cb.MaugisDugdale, tabor=1.0, sign=-1)
+
+
+@pytest.fixture(scope="module")
+def results() -> dict[str, Record]:
+    """A result of every kind, and of the models whose results hold what computes their parts."""
+    physical = cb.Contact.physical(
+        radius="1 um", modulus="5 GPa", interaction="gauss", work_of_adhesion="-40 mN/m", range="1 nm"
+    )
+    attraction = cb.Contact.reduced("exponential", tabor=2.0)
+    exact = cb.Contact.reduced("maugis-dugdale", tabor=1.0)
+    diagram = cb.trace(physical)
+    traced = cb.trace(attraction, control=cb.Spring(2.0))
+    pull_off = next(event for event in traced.folds("load") if event.name == "pull-off")
+    return {
+        "diagram": diagram,
+        "with a spring": traced,
+        "exact diagram": cb.trace(exact),
+        "rings": cb.trace(RESTING, accuracy=1e-4),
+        "event": diagram.events[0],
+        "state": diagram.branches[0].state(3),
+        "solution": cb.solve(physical, load=265.0),
+        "on a grid": cb.solve(CELL, load=1.0),
+        "exact solution": cb.solve(exact, load=0.5),
+        "equilibria": cb.find_all(physical, load=265.0),
+        "loop": cb.hysteresis(attraction, control=cb.Spring(2.0)),
+        "exact loop": cb.hysteresis(exact, control="displacement"),
+        "followed": cb.follow(pull_off, vary="tabor", to=1.5, accuracy=1e-4),
+        "phase": cb.phase_diagram(cb.Contact.reduced("gauss", tabor=2.0, sign=-1), "tabor", (1.0, 2.0)),
+        "local exponent": diagram.local_exponent(next(diagram.folds("load"))),
+    }
+
+
+KINDS = (
+    "rings", "diagram", "with a spring", "exact diagram", "event", "state", "solution", "on a grid", "exact solution",
+    "equilibria", "loop", "exact loop", "followed", "phase", "local exponent",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_copies_are_equal(results: dict[str, Record], kind: str) -> None:
+    result = results[kind]
+    for other in (copy.copy(result), copy.deepcopy(result), pickle.loads(pickle.dumps(result))):
+        assert type(other) is type(result)
+        assert other is not result
+        assert other == result
+        assert pickle.loads(pickle.dumps(other)) == result
+
+
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind not in ("event", "state", "local exponent")])
+def test_documents_are_json_and_files_hold_them(results: dict[str, Record], kind: str, tmp_path: Path) -> None:
+    result = results[kind]
+    document = result.document()
+    assert {"format", "version", "contact", "units", "status", "message", "cost"} <= set(document)
+    assert json.loads(json.dumps(document, allow_nan=False)) == document
+    assert pickle.loads(pickle.dumps(result)).document() == document
+    result.save(tmp_path / "x.h5")
+    with h5py.File(tmp_path / "x.h5") as file:
+        stored = file.attrs["format"]
+    assert stored == ("contbranch-diagram" if "solution" in document["format"] else document["format"])
+
+
+def test_a_pickled_diagram_answers_what_the_traced_one_does(results: dict[str, Record]) -> None:
+    diagram = results["diagram"]
+    other = pickle.loads(pickle.dumps(diagram))
+    for event, same in zip(diagram.events, other.events, strict=True):
+        assert same.exponent == event.exponent
+        if event.kind == "fold":
+            assert other.local_exponent(same) == diagram.local_exponent(event)
+    for number in (0, 5):
+        assert other.branches[0].state(number).profile == diagram.branches[0].state(number).profile
+    assert other.branches[0].critical_eigenvalue == pytest.approx(diagram.branches[0].critical_eigenvalue)
+    loop = results["loop"]
+    assert pickle.loads(pickle.dumps(loop)).area == loop.area
+    grid = results["on a grid"]
+    assert pickle.loads(pickle.dumps(grid)).cell == grid.cell
+
+
+def test_what_was_pickled_says_that_it_cannot_be_solved_again(results: dict[str, Record]) -> None:
+    followed = results["followed"]
+    assert copy.deepcopy(followed).at(1.75) == followed.at(1.75)
+    with pytest.raises(cb.InputError, match="follow the event again"):
+        pickle.loads(pickle.dumps(followed)).at(1.75)
+    with pytest.raises(cb.InputError, match="event"):
+        cb.follow(pickle.loads(pickle.dumps(results["event"])), vary="tabor", to=1.0)
+
+
+def test_results_that_differ_in_one_number_are_not_equal(results: dict[str, Record]) -> None:
+    diagram = results["diagram"]
+    branch = diagram.branches[0]
+    load = branch.load.copy()
+    load[-1] += 1e-9
+    assert diagram != replace(diagram, branches=(replace(branch, load=load),))
+    assert diagram != replace(diagram, events=diagram.events[1:])
+    assert diagram != results["with a spring"]
+    state = branch.state(2)
+    assert state != replace(state, profile=None)
+    unknown = replace(state, energy=np.nan)
+    assert unknown == replace(unknown)
+
+
+def test_a_saved_diagram_is_equal_to_the_traced_one(results: dict[str, Record], tmp_path: Path) -> None:
+    for kind in ("diagram", "with a spring", "exact diagram"):
+        results[kind].save(tmp_path / "x.h5")
+        found = load(tmp_path / "x.h5")
+        assert found == results[kind]
+        assert [event.exponent for event in found.events] == [event.exponent for event in results[kind].events]
+
+
+def test_columns_of_events_are_those_of_the_documented_table() -> None:
+    documented = (Path(__file__).parent.parent / "docs" / "file-layout.md").read_text(encoding="utf-8")
+    names = [column.name for column in columns(Event)]
+    assert len(set(names)) == len(names)
+    assert [name for name in names if f"`{name}`" not in documented] == []
