@@ -303,6 +303,7 @@ class ContactProblem(EquilibriumProblem):
         rate, one = problem.direction(x, 0.0)
         return Point(problem, x, 0.0, rate, one, observables=problem.values(x, 0.0)._asdict(), label="start")
 
+    @property
     def limitation(self) -> str:
         """Where a law ends."""
         law = self.equations.interaction
