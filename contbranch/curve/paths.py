@@ -168,9 +168,14 @@ class CurveWalk:
         stops = [begin, *(self.stop(row) for row in rows), end]
         try:
             pieces = [self._joined(*ends) for ends in pairwise(stops)]
-            return work_along(begin.place, pieces, end.place, SHARE * self.accuracy)
+            return work_along(begin.place, pieces, end.place, self._allowed(begin))
         except CorrectionError as error:
             raise ModelError(f"work along the curve: the curve cannot be followed there. {error}") from error
+
+    def _allowed(self, begin: Stop) -> float:
+        """Quadrature error allowed on a piece: nothing but rounding where there is no other."""
+        problem = equilibrium(begin.place)
+        return SHARE * self.accuracy if problem.finer() is not problem else problem.rounding
 
     def relaxed(self, fold: Stop, candidates: Sequence[Stop]) -> Stop | None:
         """Which of several stable states overdamped relaxation from a fold reaches.
