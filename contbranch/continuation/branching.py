@@ -197,7 +197,11 @@ def _report(
     point = Point(problem, x, p, along[0], along[1], label="branch point")
     error = 4 * abs(float(dp)) + 4 * ROUNDING * abs(p)
     state_error = 4 * math.sqrt(problem.inner(dx, dx)) + 4 * ROUNDING * math.sqrt(problem.inner(x, x))
-    return theta, BranchPoint(point, error, state_error, type=type_, other_x=other[0], other_parameter=other[1])
+    scales = (metric.state_scale, metric.parameter_scale)
+    other_x, other_p = other
+    return theta, BranchPoint(
+        point, error, state_error, type=type_, other_x=other_x, other_parameter=other_p, scales=scales
+    )
 
 
 def _directions(

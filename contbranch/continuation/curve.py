@@ -146,11 +146,14 @@ class BranchPoint(Located):
         "branch point" where the second derivatives do not tell.
     other_x, other_parameter : (n,) array, float
         Direction of the crossing curve, where it could be computed.
+    scales : (float, float)
+        Lengths of state and parameter that the trace took for one where it found the point.
     """
 
     type: Literal["pitchfork", "transcritical", "branch point"] = "branch point"
     other_x: Array | None = None
     other_parameter: float | None = None
+    scales: tuple[float, float] = (1.0, 1.0)
 
     @property
     def kind(self) -> str:

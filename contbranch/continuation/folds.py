@@ -14,6 +14,7 @@ from contbranch.continuation.problem import Array, Problem
 
 __all__ = ["locate_fold", "second_derivative"]
 
+ITERATIONS = 40
 _FOURTH_ROOT_OF_ROUNDING = ROUNDING**0.25
 
 
@@ -36,7 +37,6 @@ def locate_fold(
     direction: tuple[Array, float],
     metric: Metric,
     reach: float,
-    maximum_iterations: int = 15,
 ) -> Fold:
     """Locate a fold near (x, p) by Newton's method on F = 0, σ = 0, with σ from the bordered system
 
@@ -69,7 +69,7 @@ def locate_fold(
     # Steps below this are rounding: the position along the curve is known to about the root of it only through the
     # second derivative, but to `best` through the null vector.
     floor = 1e2 * ROUNDING * (1 + math.sqrt(problem.inner(x, x)) / metric.state_scale)
-    for _ in range(maximum_iterations):
+    for _ in range(ITERATIONS):
         at = linearise(problem, x, p)
         bordered = border(problem, x, p, at, row)
         back_x, back_p = solve(bordered, -at[0], 0.0, p)
@@ -85,7 +85,8 @@ def locate_fold(
             raise CorrectionError(Outcome.STEP_TOO_SMALL, "(The fold lies outside the step.)")
         x = x + back_x + s * phi + 0.5 * s * s * bend_x
         p = p + back_p + s * sigma + 0.5 * s * s * bend_p
-        if size <= floor or (size < 1e-8 and size > 0.1 * previous):
+        # Close to a cusp the iteration contracts by a half only: what stays larger than that is rounding.
+        if size <= floor or (size < 1e-8 and size > 0.7 * previous):
             norm = math.sqrt(problem.inner(phi, phi))
             point = Point(problem, x, p, phi / metric.norm(problem, phi, 0.0), 0.0, label="fold")
             error = 4 * abs(back_p) + 2 * abs(s * sigma) + 4 * ROUNDING * abs(p)

@@ -29,7 +29,7 @@ Value = Callable[[Point], float]
 # The better of two polynomials is trusted within this multiple of their difference: eight times that has been seen.
 SAFETY = 10.0
 # A step in which both differ by more than this share of the largest value has features that neither of them shows.
-RESOLVED = 0.02
+RESOLVED = 0.01
 # Error as a share of the function's values where there is no neighbouring point.
 UNTESTED = 0.3
 # A value inside that falls below this share of the smaller one of both ends is followed up in any case.

@@ -373,9 +373,11 @@ class Augmented(EquilibriumProblem):
         return self.at(p).values(*self.split(x))
 
     def rates(self, x: Array, p: float, x_rate: Array, p_rate: float) -> Rates:
-        """Of the equilibrium, by differences."""
-        above, below = (self.values(x + s * x_rate, p + s * p_rate) for s in (RATE_STEP, -RATE_STEP))
-        return Rates(*((a - b) / (2 * RATE_STEP) for a, b in zip(above[:4], below[:4], strict=True)))
+        """Of the equilibrium, by differences; to one side where the other has no states."""
+        w, w_rate = float(x[-1]), float(x_rate[-1])
+        one, other = [s for s in (RATE_STEP, -RATE_STEP, 0.0) if math.isfinite(self.parameter(w + s * w_rate))][:2]
+        there, here = (self.values(x + s * x_rate, p + s * p_rate)[:4] for s in (one, other))
+        return Rates(*((a - b) / (one - other) for a, b in zip(there, here, strict=True)))
 
     def observables(self, x: Array, p: float) -> Mapping[str, float]:
         """What the equilibrium problem records."""

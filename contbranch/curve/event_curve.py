@@ -35,6 +35,8 @@ PASSAGES = 8
 # Error of loads along the curve; where it may lead far away, the stiffness of a weak spring is that of the interaction
 # there. Loads this many times larger count as none, or those below a share of the accuracy.
 TOLERANCE, FAR_TOLERANCE, RESOLVED, NEGLIGIBLE = 3e-7, 1e-9, 60.0, 0.5
+# States are measured in units of the one at the start, or of this share of the interaction's range.
+LEAST_SIZE = 1e-2
 # Discretisations are made anew so often at the start.
 REMESHES = 3
 # Relative to their place in a step, events are located so coarsely while following; they are refined afterwards.
@@ -184,7 +186,8 @@ class EventCurve:
     def _start(self, place: Point) -> Point:
         """The event on a discretisation as fine as the curve needs, towards larger values of the parameter."""
         base = equilibrium(place)
-        size = math.sqrt(base.inner(place.x, place.x)) or base.scale
+        # A state may vanish at the event itself.
+        size = max(math.sqrt(base.inner(place.x, place.x)), LEAST_SIZE * base.scale)
         locus = Locus(self.family, self.condition, (self.interval.low, self.interval.high), size)
         problem = base.member(self.family.reduced(self.q)[0], self.tolerance)
         own = self._resolved(replace(place, problem=problem))  # the event may come from a trace for fewer digits

@@ -27,8 +27,8 @@ __all__ = ["CurveWalk"]
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-# Quadrature error allowed on a piece, as a share of the accuracy.
-SHARE = 0.1
+# Quadrature error allowed on a piece, as a share of the accuracy, or in units of rounding.
+SHARE, ROUNDINGS = 0.1, 10.0
 
 
 @dataclass(frozen=True)
@@ -168,14 +168,15 @@ class CurveWalk:
         stops = [begin, *(self.stop(row) for row in rows), end]
         try:
             pieces = [self._joined(*ends) for ends in pairwise(stops)]
-            return work_along(begin.place, pieces, end.place, self._allowed(begin))
+            return work_along(begin.place, pieces, end.place, self._allowed)
         except CorrectionError as error:
             raise ModelError(f"work along the curve: the curve cannot be followed there. {error}") from error
 
-    def _allowed(self, begin: Stop) -> float:
-        """Quadrature error allowed on a piece: nothing but rounding where there is no other."""
-        problem = equilibrium(begin.place)
-        return SHARE * self.accuracy if problem.finer() is not problem else problem.rounding
+    @cached_property
+    def _allowed(self) -> float:
+        """Quadrature error allowed on a piece; equations without errors of their own are integrated as exactly."""
+        problem = self.track.problem(0)
+        return SHARE * self.accuracy if problem.finer() is not problem else ROUNDINGS * problem.rounding
 
     def relaxed(self, fold: Stop, candidates: Sequence[Stop]) -> Stop | None:
         """Which of several stable states overdamped relaxation from a fold reaches.

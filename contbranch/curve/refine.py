@@ -13,7 +13,7 @@ from contbranch.curve.events import FoldEvent
 from contbranch.curve.problem import EquilibriumProblem, Rates, equilibrium
 from contbranch.errors import ModelError
 
-__all__ = ["OPTIONS", "Found", "Four", "moved", "numbers", "on_curve", "refine", "settled", "upright"]
+__all__ = ["OPTIONS", "Found", "Four", "at_parameter", "further", "moved", "numbers", "refine", "settled", "upright"]
 
 Four = tuple[float, float, float, float]
 
@@ -104,8 +104,8 @@ def settled(point: Point) -> Point:
     return _Line(point).at(0.0, point)
 
 
-def on_curve(point: Point, ahead: float) -> Point:
-    """The equilibrium at another parameter, `ahead` of that of a point.
+def at_parameter(point: Point) -> Point:
+    """The equilibrium at the parameter of a point.
 
     Raises
     ------
@@ -114,7 +114,20 @@ def on_curve(point: Point, ahead: float) -> Point:
     """
     line = _Line(point)
     line.upright = True
-    return line.at(ahead, point)
+    return line.at(0.0, point)
+
+
+def further(point: Point, length: float) -> Point:
+    """The equilibrium ahead of a point along its tangent: by a change of the parameter where that is a coordinate.
+
+    Raises
+    ------
+    CorrectionError
+        If Newton's method fails.
+    """
+    line = _Line(point)
+    line.upright |= line.problem.ordered
+    return line.at(math.copysign(1.0, point.tangent_parameter) * length if line.upright else length, point)
 
 
 class _Line:
@@ -168,7 +181,7 @@ def _located(place: _Place, event: Event | None) -> _Place:
         If the curve cannot be followed there.
     """
     if event is None:
-        return replace(place, point=on_curve(place.point, 0.0))
+        return replace(place, point=at_parameter(place.point))
     line = _Line(place.point)
     least = CLOSEST * line.problem.rounding * line.unit
     s, point = 0.0, line.at(0.0, place.point)
@@ -216,7 +229,7 @@ def refine(point: Point, event: Event | None, accuracy: float) -> Found:
             if problem is aimed.problem:
                 break
             carried = moved(aimed, problem)
-            aimed = on_curve(carried, 0.0) if event is None else settled(carried)
+            aimed = at_parameter(carried) if event is None else settled(carried)
     except CorrectionError:
         aimed = point
     best = _best(_Place(aimed), event, accuracy)

@@ -28,6 +28,7 @@ from contbranch.output.plot_view import (
     arrange_panels,
     axis_label,
     check_observables,
+    handle,
     has_natural_units,
     new_figure,
     view,
@@ -87,8 +88,7 @@ def bifurcation_diagram(diagram: Diagram, x: str = "load", y: str = "contact_rad
     """
     if not _drawable(diagram):
         return _nothing_to_draw(diagram)
-    with mpl.rc_context(STYLE):
-        figure = new_figure(2.7, None)
+    with new_figure(2.7, None) as figure:
         axes = figure.subplots()
         _draw_curve(axes, diagram, _lines(diagram), x, y)
         _finish(figure, [axes], diagram, [(x, y)])
@@ -100,8 +100,7 @@ def overview(diagram: Diagram) -> Figure:
     if not _drawable(diagram):
         return _nothing_to_draw(diagram)
     panels = [("load", "contact_radius"), ("displacement", "load")]
-    with mpl.rc_context(STYLE):
-        figure = new_figure(4.9, None)
+    with new_figure(4.9, None) as figure:
         both = list(figure.subplots(2, 1))
         lines = _lines(diagram)
         for axes, (x, y), letter in zip(both, panels, "ab", strict=True):
@@ -118,8 +117,7 @@ def _drawable(diagram: Diagram) -> bool:
 
 def _nothing_to_draw(diagram: Diagram) -> Figure:
     """Return a figure that says why there is no curve."""
-    with mpl.rc_context(STYLE):
-        figure = new_figure(1.2)
+    with new_figure(1.2) as figure:
         words = textwrap.fill(f"No curve could be traced. {diagram.message}", 60)
         figure.text(0.5, 0.5, words, ha="center", va="center")
     return figure
@@ -140,8 +138,7 @@ def profiles(state: State, unit_names: dict[str, str] | None = None) -> Figure:
     fine = fine_profile(profile, state.contact_radius)
     shown = fine.r <= _interesting_radius(state)
     r = fine.r[shown]
-    with mpl.rc_context(STYLE):
-        figure = new_figure(3.8)
+    with new_figure(3.8) as figure:
         above, below = figure.subplots(2, 1, sharex=True)
         above.plot(r, fine.gap[shown], color=_STABLE)
         below.plot(r, fine.pressure[shown], color=_STABLE, label="total")
@@ -184,8 +181,7 @@ def local_exponent(diagram: Diagram, events: Sequence[Event] | None = None) -> F
     if not chosen:
         raise InputError(f"events: no fold under {diagram.control} control has a name; give events of the diagram")
     names = diagram.unit_names
-    with mpl.rc_context(STYLE):
-        figure = new_figure(2.7)
+    with new_figure(2.7) as figure:
         axes = figure.subplots()
         for level, text in ((1 / 2, "1/2"), (1 / 3, "1/3")):
             axes.axhline(level, color=GREY, linewidth=0.6, linestyle=":", zorder=0)
@@ -363,9 +359,9 @@ def _legend(diagram: Diagram) -> list[Line2D]:
     unstable = {bool(np.any(b.unstable(diagram.control) > 0)) for b in diagram.branches}
     handles = []
     if True in stable:
-        handles.append(Line2D([], [], color=_STABLE, label=f"stable ({diagram.control} control)"))
+        handles.append(handle(f"stable ({diagram.control} control)", color=_STABLE))
     if True in unstable:
-        handles.append(Line2D([], [], color=_UNSTABLE, linestyle=(0, (3.2, 1.6)), label="unstable"))
+        handles.append(handle("unstable", color=_UNSTABLE, linestyle=(0, (3.2, 1.6))))
     seen = set()
     for event in sorted(_marked(diagram), key=lambda e: (e.kind == "fold", e.kind, e.control != diagram.control)):
         label = {"touch": "first touch", "symmetry": "loss of symmetry"}.get(
@@ -373,9 +369,7 @@ def _legend(diagram: Diagram) -> list[Line2D]:
         )
         if label not in seen:
             seen.add(label)
-            handles.append(
-                Line2D([], [], linestyle="none", markeredgewidth=0.7, label=label, **_marker(diagram, event))
-            )
+            handles.append(handle(label, linestyle="none", markeredgewidth=0.7, **_marker(diagram, event)))
     return handles
 
 

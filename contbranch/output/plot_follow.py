@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from contbranch.errors import InputError
 from contbranch.output.plot_labels import place_labels
-from contbranch.output.plot_view import BLUE, GREY, ORANGE, STYLE, axis_label, has_natural_units, new_figure
-from contbranch.output.smooth import smooth
+from contbranch.output.plot_view import BLUE, GREY, ORANGE, axis_label, handle, has_natural_units, new_figure
+from contbranch.output.smooth import smooth_path
 from contbranch.results.record import OBSERVABLES
 
 if TYPE_CHECKING:
@@ -82,8 +82,7 @@ def followed_curve(followed: Followed, y: str = "load") -> Figure:
     """
     if y not in OBSERVABLES:
         raise InputError(f"y: {y!r}; must be one of {', '.join(OBSERVABLES)}")
-    with mpl.rc_context(STYLE):
-        figure = new_figure(2.7)
+    with new_figure(2.7) as figure:
         axes = figure.subplots()
         logarithmic = _spacing(axes, followed.parameter, followed.curve[followed.parameter])
         for x, values, contact in _lines(followed, y, logarithmic):
@@ -103,8 +102,7 @@ def followed_curve(followed: Followed, y: str = "load") -> Figure:
 def phase_figure(phase: PhaseDiagram) -> Figure:
     """Draw the regions of a phase diagram, their boundaries, and the special points on them."""
     y = phase.control
-    with mpl.rc_context(STYLE):
-        figure = new_figure(3.0)
+    with new_figure(3.0) as figure:
         axes = figure.subplots()
         logarithmic = _spacing(axes, phase.parameter, phase.values)
         values, levels, without, within = phase.fine()
@@ -173,16 +171,8 @@ def _lines(followed: Followed, y: str, logarithmic: bool) -> list[tuple[Array, A
         shown = np.isfinite(at) & ((at > 0) | (not logarithmic))
         at, level = at[shown], level[shown]
         contact = bool(np.any(curve["contact_radius"][part] > 0))
-        if len(at) < 3:
-            lines.append((at, level, contact))
-            continue
-        coordinate = np.log(at) if logarithmic else at
-        scaled = [c / (np.ptp(c) or 1.0) for c in (coordinate, level)]
-        path = np.concatenate([[0.0], np.cumsum(np.hypot(*(np.diff(c) for c in scaled)))])
-        keep = np.concatenate([[True], np.diff(path) > 0])
-        fine = np.linspace(0.0, path[-1], 400)
-        lined = [smooth(path[keep], c[keep], fine, bounded=False) for c in (coordinate, level)]
-        lines.append((np.exp(lined[0]) if logarithmic else lined[0], lined[1], contact))
+        fine, level = smooth_path(np.log(at) if logarithmic else at, level, bounded=False)
+        lines.append((np.exp(fine) if logarithmic else fine, level, contact))
     return lines
 
 
@@ -227,9 +217,9 @@ def _legend(followed: Followed) -> list[Line2D]:
     radius = followed.curve["contact_radius"]
     handles = []
     if np.any(radius > 0):
-        handles.append(Line2D([], [], color=BLUE, label="with contact"))
+        handles.append(handle("with contact", color=BLUE))
     if not np.all(radius > 0):
-        handles.append(Line2D([], [], color=BLUE, linestyle=_DASHES, label="without contact"))
+        handles.append(handle("without contact", color=BLUE, linestyle=_DASHES))
     return handles
 
 
@@ -245,9 +235,9 @@ def _regions(phase: PhaseDiagram, present: list[tuple[int, int]]) -> list[Patch 
     kinds = {(f.event.kind == "touch", bool(np.any(f.curve["contact_radius"] > 0))) for f in phase.boundaries}
     folds = [f for f in phase.boundaries if f.event.kind != "touch"]
     if any(np.any(f.curve["contact_radius"] > 0) for f in folds):
-        handles.append(Line2D([], [], color=BLUE, label="fold with contact"))
+        handles.append(handle("fold with contact", color=BLUE))
     if any(np.any(f.curve["contact_radius"] == 0) for f in folds):
-        handles.append(Line2D([], [], color=ORANGE, linestyle=_DASHES, label="fold without contact"))
+        handles.append(handle("fold without contact", color=ORANGE, linestyle=_DASHES))
     if any(touch for touch, _ in kinds):
-        handles.append(Line2D([], [], color=_TOUCH, label="first touch"))
+        handles.append(handle("first touch", color=_TOUCH))
     return handles

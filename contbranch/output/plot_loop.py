@@ -4,13 +4,19 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import matplotlib as mpl
 import numpy as np
-from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from contbranch.output.plot_view import BLUE, ORANGE, STYLE, arrange_panels, axis_label, has_natural_units, new_figure
-from contbranch.output.smooth import smooth
+from contbranch.output.plot_view import (
+    BLUE,
+    ORANGE,
+    arrange_panels,
+    axis_label,
+    handle,
+    has_natural_units,
+    new_figure,
+)
+from contbranch.output.smooth import smooth_path
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,7 +30,6 @@ Array = NDArray[np.float64]
 
 _UP, _DOWN = BLUE, ORANGE
 _PAD = 0.6  # of the extent of the jumps, shown on either side of them
-_FINE = 40  # points between two of the path
 
 
 def loop_figure(loop: Hysteresis) -> Figure:
@@ -33,8 +38,7 @@ def loop_figure(loop: Hysteresis) -> Figure:
     The way up and the way down differ in colour; jumps are dotted, with an arrow.
     """
     first = "displacement" if loop.control == "load" else "load"
-    with mpl.rc_context(STYLE):
-        figure = new_figure(4.9, None)
+    with new_figure(4.9, None) as figure:
         if len(loop.path) < 2:
             figure.text(0.5, 0.5, loop.message or "No path.", ha="center", va="center", wrap=True)
             return figure
@@ -47,11 +51,11 @@ def loop_figure(loop: Hysteresis) -> Figure:
             axes.set_xlabel(_position_label(loop, names, natural))
             axes.set_title(f"({letter})", loc="left", fontsize=8.5, pad=4.0, y=1.0)
         handles = [
-            Line2D([], [], color=_UP, label="approach" if loop.control != "load" else "loading"),
-            Line2D([], [], color=_DOWN, label="retraction" if loop.control != "load" else "unloading"),
+            handle("approach" if loop.control != "load" else "loading", color=_UP),
+            handle("retraction" if loop.control != "load" else "unloading", color=_DOWN),
         ]
         if loop.jumps:
-            handles.append(Line2D([], [], color="black", linestyle=":", label="jump"))
+            handles.append(handle("jump", color="black", linestyle=":"))
         figure.legend(handles=handles, loc="upper center", ncols=3, bbox_to_anchor=(0.5, 1.0), borderaxespad=0.2)
         arrange_panels(figure, panels, rows=1)
     return figure
@@ -75,7 +79,7 @@ def _draw(axes: Axes, loop: Hysteresis, name: str) -> None:
         here = path.leg == number
         if np.count_nonzero(here) < 2:
             continue
-        x, y = _smooth(path.position[here], path[name][here])
+        x, y = smooth_path(path.position[here], path[name][here])
         up = path.direction[here][0] > 0
         axes.plot(x, y, color=_UP if up else _DOWN, linewidth=1.6 if up else 1.1, zorder=2.0 if up else 2.5)
         inside = (x >= limits[0]) & (x <= limits[1])
@@ -103,18 +107,6 @@ def _window(loop: Hysteresis) -> tuple[float, float]:
     # A jump may be where the path ends: some room beside it all the same.
     first = min(max(low, min(at) - pad), min(at) - 0.1 * pad) if len(at) > 1 else min(low, at[0] - 0.3 * pad)
     return first, min(high, max(at) + pad)
-
-
-def _smooth(x: Array, y: Array) -> tuple[Array, Array]:
-    """The leg with its steps filled in by monotonic cubics of the chord length."""
-    step = np.hypot(np.diff(x) / (np.ptp(x) or 1.0), np.diff(y) / (np.ptp(y) or 1.0))
-    kept = np.concatenate([[True], step > 0.0])
-    x, y = x[kept], y[kept]
-    if len(x) < 3:
-        return x, y
-    length = np.concatenate([[0.0], np.cumsum(step[step > 0.0])])
-    fine = np.interp(np.arange((len(x) - 1) * _FINE + 1) / _FINE, np.arange(len(x)), length)
-    return smooth(length, x, fine), smooth(length, y, fine)
 
 
 def _arrow(axes: Axes, x: Array, y: Array, color: str) -> None:

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Final
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.interpolate import Akima1DInterpolator
 
-from contbranch.output.plot_view import BLUE, GREY, ORANGE, STYLE, axis_label, new_figure
+from contbranch.output.plot_view import BLUE, GREY, ORANGE, axis_label, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -43,8 +42,7 @@ def mode_figure(shape: ModeShape, contact_radius: float = 0.0, unit_names: Mappi
     """
     names = unit_names or {}
     reach = _reach(shape, contact_radius)
-    with mpl.rc_context(STYLE):
-        figure = new_figure(4.5)
+    with new_figure(4.5) as figure:
         panels = figure.subplot_mosaic([["map"], ["gap"], ["pressure"]], height_ratios=[2.3, 1, 1])
         above, gap, pressure = (panels[name] for name in ("map", "gap", "pressure"))
         _draw_map(above, shape, contact_radius, reach)

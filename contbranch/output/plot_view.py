@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.ticker import ScalarFormatter
 from numpy.typing import NDArray
 
@@ -22,7 +24,7 @@ if TYPE_CHECKING:
     from contbranch.results.diagram import Diagram
 
 __all__ = ["BLUE", "GREY", "ORANGE", "STYLE", "WIDTH", "Limits", "arrange_panels", "axis_label"]
-__all__ += ["check_observables", "has_natural_units", "new_figure", "view"]
+__all__ += ["check_observables", "handle", "has_natural_units", "new_figure", "view"]
 
 BLUE: Final = "#0072B2"
 ORANGE: Final = "#D55E00"
@@ -80,11 +82,18 @@ class Limits(NamedTuple):
     y: tuple[float, float]
 
 
-def new_figure(height: float, layout: Literal["constrained"] | None = "constrained") -> Figure:
-    """Return an empty figure, one column wide; with a layout it is drawn twice, to measure it first."""
-    figure = Figure(figsize=(WIDTH, height), layout=layout)
-    FigureCanvasAgg(figure)
-    return figure
+@contextmanager
+def new_figure(height: float, layout: Literal["constrained"] | None = "constrained") -> Iterator[Figure]:
+    """Make a figure, one column wide, in the style of all; with a layout it is drawn twice, to measure it first."""
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(WIDTH, height), layout=layout)
+        FigureCanvasAgg(figure)
+        yield figure
+
+
+def handle(label: str, **style: Any) -> Line2D:
+    """Return a line for a legend."""
+    return Line2D([], [], label=label, **style)
 
 
 def axis_label(name: str, unit_names: Mapping[str, str], natural: bool) -> str:

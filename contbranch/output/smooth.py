@@ -6,9 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_banded
 
-__all__ = ["smooth"]
+__all__ = ["smooth", "smooth_path"]
 
 Array = NDArray[np.float64]
+
+_FINE = 32  # points for each step of a path
 
 
 def smooth(knots: Array, values: Array, at: Array, *, bounded: bool = True) -> Array:
@@ -36,3 +38,13 @@ def smooth(knots: Array, values: Array, at: Array, *, bounded: bool = True) -> A
     i = np.clip(np.searchsorted(knots, at, side="right") - 1, 0, len(step) - 1)
     t, rise, start, stop = (at - knots[i]) / step[i], step[i] * chord[i], step[i] * slopes[i], step[i] * slopes[i + 1]
     return np.asarray(values[i] + t * (start + t * (3.0 * rise - 2.0 * start - stop + t * (start + stop - 2.0 * rise))))
+
+
+def smooth_path(*columns: Array, bounded: bool = True) -> list[Array]:
+    """Fill in the steps of a path, given as columns (N,), with cubics of the chord length in units of its extent."""
+    step = np.linalg.norm([np.diff(column) / (np.ptp(column) or 1.0) for column in columns], axis=0)
+    kept = np.append(True, step > 0.0)
+    length = np.append(0.0, np.cumsum(step[step > 0.0]))
+    count = len(length) - 1
+    at = np.interp(np.linspace(0.0, count, _FINE * count + 1), np.arange(count + 1), length)
+    return [smooth(length, column[kept], at, bounded=bounded) for column in columns]

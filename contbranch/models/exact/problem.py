@@ -68,6 +68,7 @@ class ExactProblem(EquilibriumProblem):
         What has been spent, counted by all pieces together.
     """
 
+    ordered = True
     complete_by = "all there are, by the closed form"
     # Every value is a sum of a few terms, each good to a few units in the last place.
     rounding = 8e-15
