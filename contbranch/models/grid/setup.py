@@ -7,21 +7,18 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from contbranch.contact.contact import Contact
 from contbranch.contact.height_map import HeightMap
 from contbranch.contact.interactions import Interaction
 
+from .arrays import Array, Mask
 from .lattice import Kind, Lattice
 from .problem import GridProblem
 from .ramp import on_lattice
 from .transforms import Counter
 
 __all__ = ["Setup", "UnitValues", "coarsened", "refined", "refined_mask"]
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 class UnitValues(NamedTuple):
