@@ -12,13 +12,14 @@ from contbranch.contact.contact import Contact
 from contbranch.contact.height_map import HeightMap
 from contbranch.contact.interactions import Interaction
 
-from .arrays import Array, Mask
+from .arrays import Array
 from .lattice import Kind, Lattice
+from .newton import Equilibrium, Sketch
 from .problem import GridProblem
 from .ramp import on_lattice
 from .transforms import Counter
 
-__all__ = ["Setup", "UnitValues", "coarsened", "refined", "refined_mask"]
+__all__ = ["Setup", "UnitValues", "carried", "coarsened", "refined"]
 
 
 class UnitValues(NamedTuple):
@@ -98,9 +99,15 @@ class Setup:
         law = self.contact.interaction
         return law.range if law is not None else self.contact.tip.natural_length
 
-    def on(self, grid: int) -> Setup:
-        """The same contact on another grid."""
-        return replace(self, grid=grid)
+    @cached_property
+    def coarse(self) -> Setup | None:
+        """The same contact on half the nodes a side, if they are enough to compare with."""
+        return None if self.grid % 4 or self.grid < 16 else replace(self, grid=self.grid // 2)
+
+    @cached_property
+    def fine(self) -> Setup:
+        """The same contact on twice the nodes a side."""
+        return replace(self, grid=2 * self.grid)
 
     def whole(self) -> Setup:
         """The same contact without use of symmetries."""
@@ -161,6 +168,10 @@ def refined(values: Array, lattice: Lattice, centred: bool = True) -> Array:
     return np.asarray(4.0 * np.fft.ifft2(np.fft.ifftshift(padded)).real)
 
 
-def refined_mask(mask: Mask) -> Mask:
-    """Nodes of the finer lattice that lie in the squares of the coarse one's."""
-    return np.repeat(np.repeat(mask, 2, axis=0), 2, axis=1)
+def carried(setup: Setup, other: Setup, state: Equilibrium) -> Sketch:
+    """A state on a lattice as a trial state on that with twice or half the nodes a side."""
+    if other.grid > setup.grid:
+        contact = state.contact.repeat(2, axis=0).repeat(2, axis=1)
+        return Sketch(refined(state.u, setup.lattice, setup.centred), state.load, contact)
+    contact = coarsened(state.contact.astype(np.float64), setup.centred) >= 0.5
+    return Sketch(coarsened(state.u, setup.centred), state.load, contact)

@@ -1,4 +1,4 @@
-"""Branches of less symmetry that leave a curve where an eigenvalue passes zero.
+"""Branches of less symmetry that leave a curve where an eigenvalue passes zero, and the symmetry that they keep.
 
 At a symmetry event the variation φ neither carries a load nor can be told from -φ by the state, which one of its
 symmetries maps to the other. So the new branch is a pitchfork: with the amplitude ε,
@@ -13,7 +13,9 @@ iteration breaks that.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,11 +23,32 @@ from .arrays import Array
 from .lattice import Lattice
 from .newton import Equilibrium, Hold, Settings, newton
 from .problem import GridProblem
-from .stability import Sector
+from .setup import Setup
+from .stability import ZERO, Sector, Spectrum, Stability
 from .symmetry import Breaking
 from .transforms import EVEN
 
-__all__ = ["Switched", "mirrored", "on_whole", "switch", "whole_problem"]
+if TYPE_CHECKING:
+    from .rows import Row
+
+__all__ = [
+    "Image",
+    "Switched",
+    "first_index",
+    "has_symmetry",
+    "kept_symmetry",
+    "lacking",
+    "mirrored",
+    "on_whole",
+    "switch",
+    "whole_problem",
+]
+
+# The image of a field of the whole lattice.
+Image = Callable[[Array], Array]
+
+# Eigenvalue of the turn around the axis at most: zero, but for the lattice.
+TURN = 0.02
 
 
 # Amplitude, relative to the length over which the interaction decays.
@@ -211,3 +234,50 @@ def _amplitude(origin: Equilibrium) -> float:
     """A change of the gap that is small against the range of the interaction."""
     fields = origin.fields
     return AMPLITUDE * float(np.abs(fields.energy).max() / np.abs(fields.pressure).max())
+
+
+def kept_symmetry(lattice: Lattice, sector: Sector, swapped: bool) -> Image:
+    """The symmetry of the whole lattice that a branch keeps which breaks those of a sector."""
+    if sector == EVEN or (sector == ("odd", "odd") and not swapped):
+        return lambda values: mirrored(lattice, mirrored(lattice, values, ("even", "odd")), ("odd", "even"))
+    other = EVEN if sector[0] == sector[1] else (sector[1], sector[0])
+    return lambda values: mirrored(lattice, values, other)
+
+
+def has_symmetry(spectrum: Spectrum, kept: Image) -> Mask:
+    """Which variations are rather even than odd under a symmetry of the whole lattice."""
+    return np.array([np.vdot(vector, kept(vector)) > 0.0 for vector in spectrum.vectors], dtype=bool)
+
+
+def first_index(setup: Setup, rows: Sequence[Row], folds: Sequence[int], kept: Image) -> int:
+    """Index under displacement control with which a branch begins: by eigenvalues, at a row inside the first piece.
+
+    At its very beginning an eigenvalue is all but zero; and rows without contact are preferred, since eigenvalues jump
+    with the nodes of a contact.
+    """
+    last = min([*folds, len(rows) - 1])
+    inside = [row for row in rows[1 : last + 1] if row.u is not None]
+    free = [row for row in inside if row.reading.contact_radius == 0.0]
+    chosen = free or inside
+    state = chosen[len(chosen) // 2].state(setup.problem) if chosen else None
+    if state is None:
+        return 0
+    spectrum = Stability(setup.problem).spectrum(state, None)
+    return int((has_symmetry(spectrum, kept) & (spectrum.eigenvalues < 0.0)).sum())
+
+
+def lacking(spectrum: Spectrum, kept: Image, turning: bool) -> int:
+    """Number of unstable modes without a symmetry.
+
+    Parameters
+    ----------
+    spectrum : Spectrum
+        Of the whole lattice.
+    kept : callable
+    turning : bool
+        Whether a turn around the axis leads to another state of the branch; its mode is then left out.
+    """
+    values = spectrum.eigenvalues[~has_symmetry(spectrum, kept)]
+    if turning and values.size and float(np.abs(values).min()) < TURN:
+        values = np.delete(values, np.abs(values).argmin())
+    return int((values < -ZERO).sum())

@@ -1,6 +1,6 @@
 """Indices counted from folds, checked by eigenvalues; and the modes along a curve that break a symmetry.
 
-Folds are counted to know how many modes with the symmetry of the tip are unstable (`contbranch.models.grid.indices`).
+Folds are counted to know how many modes with the symmetry of the tip are unstable (`rows.morse_indices`).
 A fold that was passed over, or one that is none, spoils the count from there on. So eigenvalues are found at the first
 row, at the last, and at one row well inside every piece between two folds. Pieces without a row of their own follow
 from those on both sides of them, and so do those along which the rim of the contact moves by less than two rows of
@@ -24,14 +24,15 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from contbranch.contact.height_map import HeightMap
-from contbranch.models.grid.indices import Indices
+from contbranch.control import DISPLACEMENT, LOAD
+from contbranch.curve.angle import Hodograph
 
 from .arrays import Integers, Mask
-from .kept import Image, has_symmetry, lacking
 from .newton import Equilibrium
 from .resolution import Resolution, concavity
 from .setup import Setup
 from .stability import ZERO, Morse, Sector, Spectrum, Stability, as_stability
+from .switching import Image, has_symmetry, lacking
 from .symmetry import Breaking, Kind, counted, kinds, symmetry_breaking
 from .transforms import EVEN
 
@@ -91,7 +92,7 @@ def pieces(count: int, folds: Sequence[int]) -> list[tuple[int, int]]:
 def verify_curve(
     setup: Setup,
     rows: Sequence[Row],
-    indices: Indices,
+    indices: Hodograph,
     folds: Sequence[int],
     accuracy: float,
     modes: int = 1,
@@ -149,7 +150,7 @@ class _Survey:
 
     setup: Setup
     rows: Sequence[Row]
-    indices: Indices
+    indices: Hodograph
     breaking: bool
     kept: Image | None = None
     between: frozenset[int] = frozenset()
@@ -160,6 +161,8 @@ class _Survey:
 
     def __post_init__(self) -> None:
         self.stability = Stability(self.setup.problem)
+        self.index = self.indices.rows(DISPLACEMENT)
+        self.softening = self.indices.rows(LOAD) > self.index
         self.before = self.setup.problem.counter.stability
         self.axisymmetric = self.setup.contact.tip.is_axisymmetric and not isinstance(self.setup.contact.tip, HeightMap)
 
@@ -181,7 +184,7 @@ class _Survey:
         if state is None:
             return None
         if slope is None:
-            slope = -1.0 if self.indices.load[row] > self.indices.displacement[row] else 1.0
+            slope = -1.0 if self.softening[row] else 1.0
         if self.breaking:
             sectors = ROUND if self.axisymmetric and self.setup.quarter else None
             found = self.stability.morse(state, slope, sectors=sectors)
@@ -248,18 +251,18 @@ class _Survey:
         return _Found(row, *self.symmetric(state, morse), slope)
 
     def _index_agrees(self, found: _Found) -> bool:
-        return found.least <= int(self.indices.displacement[found.row]) <= found.most
+        return found.least <= self.index[found.row] <= found.most
 
     def _at_a_corner(self, found: _Found) -> bool:
         """Whether nothing but the slope of the smooth piece disagrees, with contact, and not that of the rows."""
         reading = self.rows[found.row].reading
         near = [self.rows[k].reading for k in (max(found.row - 1, 0), min(found.row + 1, len(self.rows) - 1))]
         rising = (near[1].load - near[0].load) * (near[1].displacement - near[0].displacement) > 0.0
-        return self._index_agrees(found) and reading.contact_radius > 0.0 and rising != self._softens(found.row)
+        return self._index_agrees(found) and reading.contact_radius > 0.0 and rising != self.softening[found.row]
 
     def _agrees(self, found: _Found) -> bool:
         flat = abs(found.slope) * self.setup.lattice.compliance < FLAT
-        return self._index_agrees(found) and (flat or self._softens(found.row) == (found.slope < 0.0))
+        return self._index_agrees(found) and (flat or self.softening[found.row] == (found.slope < 0.0))
 
     def symmetric(self, state: Equilibrium, morse: Morse) -> tuple[int, int]:
         """Fewest and most unstable modes with the symmetry of the tip that the eigenvalues allow."""
@@ -289,18 +292,15 @@ class _Survey:
         return (
             f"At load {load:.6g}, displacement {displacement:.6g}{others} eigenvalues find {number} "
             f"unstable modes under displacement control and a slope dF/dd of {slope:.3g}, while the folds say "
-            f"{self.indices.displacement[row]} and a {'negative' if self._softens(row) else 'positive'} slope"
+            f"{self.index[row]} and a {'negative' if self.softening[row] else 'positive'} slope"
         )
-
-    def _softens(self, row: int) -> bool:
-        return bool(self.indices.load[row] > self.indices.displacement[row])
 
     # Modes that break the symmetry
 
     def broken(self, folds: Sequence[int]) -> Integers:
         """Number of unstable modes without the symmetry of the tip at every row."""
         column = np.zeros(len(self.rows), dtype=np.int64)
-        suspected = self.indices.displacement > (0 if self.kept is None else -1)
+        suspected = self.index > (0 if self.kept is None else -1)
         for first, last in pieces(len(self.rows), folds):
             known = [row for row in self.found if first <= row <= last]
             if any(self.counts(row).total() for row in known):
@@ -394,7 +394,7 @@ class _Survey:
         """Whether the numbers change from a row to the next; rows not examined are stable or like their neighbours."""
         if not all(known):
             there = row + 1 if known[0] else row
-            inside = self.indices.displacement[there] > 0
+            inside = self.index[there] > 0
             return not inside and counts[0] != counts[1]
         return counts[0] != counts[1]
 
