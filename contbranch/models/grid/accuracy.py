@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from contbranch.control import Control
 
+from .arrays import Array
 from .newton import Equilibrium, Hold, Settings, control_held, newton
 from .observables import weights
 from .rows import difference, read
@@ -18,29 +20,21 @@ from .walk import beside
 __all__ = ["Comparison", "compared", "held", "no_comparison", "touched"]
 
 
-@dataclass(frozen=True)
-class Comparison:
+class Comparison(NamedTuple):
     """By how much the observables of a state change when the lattice is coarsened once.
 
     If errors fall at least in proportion to the spacing, this is at least the error on the finer of the two.
 
     Attributes
     ----------
+    four : array (4,)
+        Of load, displacement, contact radius and central gap.
     potential : float
         Of V - F d at the same load: the change of V less that which goes with the changes along a curve, F dd.
     """
 
-    load: float
-    displacement: float
-    contact_radius: float
-    central_gap: float
-    energy: float
-    potential: float = math.inf
-
-    @property
-    def four(self) -> tuple[float, float, float, float]:
-        """Of load, displacement, contact radius and central gap."""
-        return self.load, self.displacement, self.contact_radius, self.central_gap
+    four: Array
+    potential: float
 
 
 def no_comparison(setup: Setup) -> str:
@@ -76,8 +70,8 @@ def held(setup: Setup, state: Equilibrium, control: Control, value: float, setti
     return _difference(setup, state, coarse, found) if found.converged else None
 
 
-def touched(setup: Setup, touch: Equilibrium, settings: Settings) -> Comparison | None:
-    """Compare first touch with the finer lattice's: the state there whose gap at the apex is zero, without the wall.
+def touched(setup: Setup, touch: Equilibrium, settings: Settings) -> Equilibrium | None:
+    """First touch on the finer lattice: the state whose gap at the apex is zero, without the wall.
 
     Parameters
     ----------
@@ -87,20 +81,14 @@ def touched(setup: Setup, touch: Equilibrium, settings: Settings) -> Comparison 
     """
     if setup.crowded:
         return None
-    problem = setup.fine.problem
     apex = weights(setup.fine.lattice, 0.0)
     bare = replace(settings, wall=False, tolerance=min(settings.tolerance, 1e-8))
     hold = Hold(0.0, 0.0, np.outer(apex, apex))
-    found = newton(problem, carried(setup, setup.fine, touch).u, touch.load, hold, None, bare)
-    if not found.converged:
-        return None
-    energy = setup.problem.total_energy(touch.fields) - problem.total_energy(found.fields)
-    load, displacement = found.load - touch.load, found.displacement - touch.displacement
-    return Comparison(abs(load), abs(displacement), 0.0, 0.0, abs(energy))
+    found = newton(setup.fine.problem, carried(setup, setup.fine, touch).u, touch.load, hold, None, bare)
+    return found if found.converged else None
 
 
 def _difference(setup: Setup, state: Equilibrium, coarse: Setup, found: Equilibrium) -> Comparison:
     one, other = read(setup, state, cell=False), read(coarse, found, cell=False)
-    energy = one.energy - other.energy
     along = 0.5 * (one.load + other.load) * (one.displacement - other.displacement)
-    return Comparison(*np.abs(difference(one, other)), abs(energy), abs(energy - along))
+    return Comparison(abs(difference(one, other)), abs(one.energy - other.energy - along))

@@ -128,7 +128,7 @@ def difference(one: Reading, other: Reading) -> Array:
 def morse_indices(
     count: int,
     folds: Sequence[tuple[int, str]],
-    rates: tuple[float, float],
+    rates: Sequence[float],
     start: int = 0,
     controls: Sequence[Control] = (LOAD, DISPLACEMENT),
     one: Callable[[int, int], bool] = lambda row, other: False,
@@ -144,7 +144,7 @@ def morse_indices(
     count : int
         Number of rows.
     folds : sequence of (row, kind of control)
-    rates : (float, float)
+    rates : two floats
         Changes of load and displacement where the curve starts.
     start : int
         Index under displacement control there.
@@ -156,7 +156,7 @@ def morse_indices(
         return Hodograph.empty()
     turning, index, left = Turning(controls), start, list(folds)
     turning.begin(*(rate or 1.0 for rate in rates))
-    known = {control.kind: control for control in controls}
+    known: dict[str, Control] = {control.kind: control for control in controls}
     for k, (row, kind) in enumerate(left):
         other = left[k + 1] if k + 1 < len(left) else (row, kind)
         if {kind, other[1]} == {"load", "displacement"} and one(row, other[0]):

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .arrays import Array
+from .arrays import Array, Mask
 from .lattice import Lattice
 from .newton import Equilibrium, Hold, Settings, newton
 from .problem import GridProblem

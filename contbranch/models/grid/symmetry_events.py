@@ -99,7 +99,7 @@ def _number(stability: Stability, event: Breaking) -> int:
     weight = np.abs(event.equilibrium.fields.stiffness)
     lattice = stability.problem.lattice
     lower = [angular_content(lattice, vector, weight, event.kind.sector) for vector in spectrum.vectors[: event.number]]
-    return 1 + sum(content[1:].argmax() + 1 == event.mode for content in lower)
+    return 1 + [int(content[1:].argmax()) + 1 for content in lower].count(event.mode)
 
 
 def _shift(
@@ -127,7 +127,7 @@ def _shift(
     other = None if event.jump else located(spectra[1], first, last, event.kind, event.number, ACCURACY)
     if other is not None:
         return np.abs(difference(read(setup, event.equilibrium), read(coarse, other.equilibrium)))
-    values = []
+    values: list[Array] = []
     for one, stability, pair in zip((setup, coarse), spectra, ((begin, end), (first, last)), strict=True):
         precision = precision_for(ACCURACY)
         low, high = (eigenpair(stability, state, event.kind, event.number, precision) for state in pair)

@@ -74,7 +74,7 @@ class _Tracer:
     symmetry: Callable[[Array], Array] | None = None
     beyond: float | None = None
     rows: list[Row] = field(default_factory=list)
-    comparisons: list[tuple[float, tuple[float, ...]]] = field(default_factory=list)
+    comparisons: list[tuple[float, Array]] = field(default_factory=list)
     kept: float = 0.0
     notes: list[str] = field(default_factory=list)
     returns: int = 0
@@ -241,7 +241,7 @@ class _Tracer:
 
         That is far below the lattice's error; where a lattice has many folds of its own, its error.
         """
-        load, displacement, radius, _ = self.comparisons[-1][1] if self.comparisons else (0.0,) * 4
+        load, displacement, radius, _ = self.comparisons[-1][1] if self.comparisons else np.zeros(4)
         if not radius:
             return 0.0
         many = sum(row.mark is not None and row.mark.kind == "fold" for row in self.rows) > MOST_REFINED
@@ -258,7 +258,7 @@ class _Tracer:
         mark = Mark("touch")
         if other is not None:
             # From N to 2N, as for folds.
-            mark.shift = 2.0 * np.array(other.four)
+            mark.shift = 2.0 * np.array([other.load - found.load, other.displacement - found.displacement, 0.0, 0.0])
         else:
             states = [*(point.state for point in free[-2:]), found]
             coarse = coarser_touch(self.setup, states, clearance, self.settings)
@@ -288,17 +288,21 @@ class _Tracer:
         turning = [k for k, kind in counted if kind != "spring"]
         inner = [[k for k, own, doubtful in folds if doubtful and own == kind] for kind in ("load", "displacement")]
         first = 0 if self.symmetry is None else first_index(setup, rows, turning, self.symmetry)
-        rates = (float(rate) for rate in seen[1, :2] - seen[0, :2]) if len(rows) > 1 else (0.0, 0.0)
-        indices = morse_indices(len(rows), counted, tuple(rates), first, request.controls, partial(_one, seen))
+        rates = np.diff(seen[:2, :2], axis=0).ravel()
+        indices = morse_indices(len(rows), counted, rates.tolist(), first, request.controls, partial(_one, seen))
         checked = verify_curve(setup, rows, indices, turning, request.accuracy, request.modes, self.symmetry, inner)
         events = [raw_event(setup, rows, k, mark, errors[k], indices) for k, mark in marks]
         events = merged(events, symmetry_events(setup, rows, checked.breakings, errors, self.settings))
         unstable = [indices.rows(control)[: len(rows)] for control in request.controls]
+        load, displacement, radius, gap, energy = seen.T
         curve = RawCurve(
-            *seen.T,
-            unstable_load=unstable[0],
-            unstable_displacement=unstable[1],
-            row_errors=errors[:, :2],
+            load,
+            displacement,
+            radius,
+            gap,
+            energy,
+            *unstable[:2],
+            errors[:, :2],
             profiles=[deferred_profile(setup, row) for row in rows],
             events=events,
             # What the lattice is too coarse for, the message names already.
@@ -388,12 +392,12 @@ def followed(
 
 def _reaching(tracer: _Tracer) -> str:
     """Where along the curve the interaction reaches furthest beyond the border of the cell."""
-    problem = tracer.problem
-    rows = [row for row in tracer.rows if row.u is not None and row.reading.contact_radius > 0.0]
-    if not rows or tracer.setup.crowded:
-        return ""
-    worst = max(rows, key=lambda row: border_energy(problem, problem.heights + row.u))
-    return border_message(tracer.setup, problem.heights + worst.u, worst.load)
+    setup, heights = tracer.setup, tracer.problem.heights
+    gaps = (
+        (heights + row.u, row.load) for row in tracer.rows if row.u is not None and row.reading.contact_radius > 0.0
+    )
+    worst = max(gaps, key=lambda gap: border_energy(setup.problem, gap[0]), default=None)
+    return "" if setup.crowded or worst is None else border_message(setup, *worst)
 
 
 def clearance(setup: Setup, state: Equilibrium) -> float:

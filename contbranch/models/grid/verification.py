@@ -251,7 +251,7 @@ class _Survey:
         return _Found(row, *self.symmetric(state, morse), slope)
 
     def _index_agrees(self, found: _Found) -> bool:
-        return found.least <= self.index[found.row] <= found.most
+        return bool(found.least <= self.index[found.row] <= found.most)
 
     def _at_a_corner(self, found: _Found) -> bool:
         """Whether nothing but the slope of the smooth piece disagrees, with contact, and not that of the rows."""
