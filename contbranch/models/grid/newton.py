@@ -214,7 +214,7 @@ class Linearised:
             field += given
         else:
             smooth *= self.mask
-            self.problem.stiffness_into(smooth, field)
+            self.problem.stiffness(smooth, field)
             field *= self.mask
             field += self.diagonal * smooth
         if self.bordered:

@@ -15,6 +15,7 @@ from contbranch.contact.interactions import Interaction
 from .arrays import Array
 from .lattice import Kind, Lattice
 from .newton import Equilibrium, Sketch
+from .observables import weights
 from .problem import GridProblem
 from .ramp import on_lattice
 from .transforms import Counter
@@ -142,30 +143,9 @@ def refined(values: Array, lattice: Lattice, centred: bool = True) -> Array:
     lattice : Lattice
         On which it is given.
     """
-    if lattice.quarter:
-        from scipy.fft import dctn, idctn
-
-        n = values.shape[0]
-        spectrum = np.zeros((2 * n, 2 * n))
-        spectrum[:n, :n] = dctn(values, type=2)
-        return np.asarray(4.0 * idctn(spectrum, type=2))
-    n = values.shape[0]
-    half = n // 2
-    spectrum = np.fft.fftshift(np.fft.fft2(values))
-    # the shortest wave has no partner of the opposite sign: half of it on either side
-    padded = np.zeros((2 * n, 2 * n), dtype=complex)
-    block = np.zeros((n + 1, n + 1), dtype=complex)
-    block[:n, :n] = spectrum
-    block[0, :] *= 0.5
-    block[n, :] = block[0, :]
-    block[:, 0] *= 0.5
-    block[:, n] = block[:, 0]
-    padded[half : half + n + 1, half : half + n + 1] = block
-    if centred:
-        turns = np.fft.fftshift(np.fft.fftfreq(2 * n)) * 2.0 * np.pi
-        shift = np.exp(-0.5j * turns)
-        padded *= shift[:, None] * shift[None, :]
-    return np.asarray(4.0 * np.fft.ifft2(np.fft.ifftshift(padded)).real)
+    first = lattice.axis[0] - 0.25 * lattice.spacing * centred
+    between = weights(lattice, first + 0.5 * lattice.spacing * np.arange(2 * lattice.size)[:, None])
+    return between @ values @ between.T
 
 
 def carried(setup: Setup, other: Setup, state: Equilibrium) -> Sketch:

@@ -39,7 +39,6 @@ __all__ = [
     "kept_symmetry",
     "lacking",
     "mirrored",
-    "on_whole",
     "switch",
     "whole_problem",
 ]
@@ -102,22 +101,10 @@ class Switched:
         return _hold(self.origin, _row(self.origin, self.direction), amplitude)
 
 
-def on_whole(lattice: Lattice, values: Array, sector: Sector = EVEN) -> Array:
-    """A field of the quarter on the array of the whole lattice, padding included."""
-    signs = [1.0 if parity == "even" else -1.0 for parity in sector]
-    rows = np.concatenate([signs[0] * values[::-1], values])
-    whole = np.concatenate([signs[1] * rows[:, ::-1], rows], axis=1)
-    # The whole array begins at the border of the cell, that of two quarters where the padding does.
-    offset = lattice.inside - lattice.size
-    return np.roll(whole, (offset, offset), (0, 1))
-
-
 def whole_problem(problem: GridProblem) -> GridProblem:
     """The same problem without symmetry; work is counted with that of the given one."""
     lattice = problem.lattice
-    return GridProblem(
-        lattice.whole(), on_whole(lattice, problem.heights), problem.law, problem.threads, problem.counter
-    )
+    return GridProblem(lattice.whole(), lattice.unfold(problem.heights), problem.law, problem.threads, problem.counter)
 
 
 def mirrored(lattice: Lattice, values: Array, sector: Sector) -> Array:
@@ -158,14 +145,14 @@ def switch(problem: GridProblem, event: Breaking, amplitude: float | None = None
     vector = event.vector
     if sector == EVEN:
         vector = 0.5 * (vector - vector.T)
-    direction = on_whole(lattice, vector, sector)
+    direction = lattice.unfold(vector, sector)
     state = event.equilibrium
     origin = newton(
         whole,
-        on_whole(lattice, state.u),
+        lattice.unfold(state.u),
         state.load,
         Hold(state.load),
-        on_whole(lattice, state.contact.astype(np.float64)) > 0.5,
+        lattice.unfold(state.contact.astype(np.float64)) > 0.5,
         Settings(tolerance=max(SETTINGS.tolerance, 2.0 * state.residual), steps=0),
     )
     epsilon = amplitude if amplitude is not None else _amplitude(origin) * (MANY if event.jump else 1.0)

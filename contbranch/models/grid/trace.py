@@ -293,7 +293,7 @@ class _Tracer:
         checked = verify_curve(setup, rows, indices, turning, request.accuracy, request.modes, self.symmetry, inner)
         events = [raw_event(setup, rows, k, mark, errors[k], indices) for k, mark in marks]
         events = merged(events, symmetry_events(setup, rows, checked.breakings, errors, self.settings))
-        unstable = [indices.rows(control)[: len(rows)] for control in request.controls]
+        by_load, held, *by_spring = [indices.rows(control)[: len(rows)] for control in request.controls]
         load, displacement, radius, gap, energy = seen.T
         curve = RawCurve(
             load,
@@ -301,7 +301,8 @@ class _Tracer:
             radius,
             gap,
             energy,
-            *unstable[:2],
+            by_load,
+            held,
             errors[:, :2],
             profiles=[deferred_profile(setup, row) for row in rows],
             events=events,
@@ -310,7 +311,7 @@ class _Tracer:
             message=" ".join([f"{message}." if message else "", *self.notes, *checked.notes]).strip(),
             cost=setup.counter.cost(time.perf_counter() - began),
             unknowns=setup.lattice.size**2,
-            unstable_spring=unstable[2] if len(unstable) > 2 else None,
+            unstable_spring=by_spring[0] if by_spring else None,
             unstable_azimuthal=checked.azimuthal,
             fft_pairs=np.array([row.pairs for row in rows], dtype=np.int64),
         )

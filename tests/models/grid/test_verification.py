@@ -19,7 +19,7 @@ from contbranch.models.grid.resolution import GridWarning
 from contbranch.models.grid.rows import morse_indices
 from contbranch.models.grid.setup import Setup
 from contbranch.models.grid.stability import SECTORS, Stability
-from contbranch.models.grid.switching import kept_symmetry, mirrored, on_whole
+from contbranch.models.grid.switching import kept_symmetry, mirrored
 from contbranch.models.grid.symmetry import symmetry_breaking
 from contbranch.models.grid.trace import trace
 from contbranch.models.grid.verification import pieces, verify_curve
@@ -146,7 +146,7 @@ def test_a_branch_keeps_another_symmetry_than_it_breaks(kind, sector):
     if sector in (SECTORS[0], SECTORS[3]):
         sign = -1.0 if sector == SECTORS[0] else 1.0
         values = values + sign * values.T
-    whole = on_whole(lattice, values, sector)
+    whole = lattice.unfold(values, sector)
     kept = kept_symmetry(lattice.whole(), sector, True)
     assert np.allclose(kept(whole), whole)
     assert np.allclose(mirrored(lattice.whole(), whole, sector), -whole)
@@ -244,14 +244,14 @@ def test_quarter_and_whole_lattice_agree(kind):
             np.maximum(0.3 - setup.problem.heights, -1.0) if load < 12.0 else -np.minimum(setup.problem.heights, 1.5)
         )
         found = []
-        for one, u in ((setup, start), (whole, on_whole(setup.lattice, start))):
+        for one, u in ((setup, start), (whole, setup.lattice.unfold(start))):
             found.append(newton(one.problem, u, load, hold_control(one.problem, *weights, value), settings=settings))
         quarter, full = found
         assert quarter.converged
         assert full.converged
         assert full.load == pytest.approx(quarter.load, abs=1e-10)
         assert full.displacement == pytest.approx(quarter.displacement, abs=1e-10)
-        assert np.abs(full.u - on_whole(setup.lattice, quarter.u)).max() < 1e-9
+        assert np.abs(full.u - setup.lattice.unfold(quarter.u)).max() < 1e-9
 
 
 def test_load_and_displacement_lead_to_the_same_states(parabola):
