@@ -85,25 +85,17 @@ def interpolate(lattice: Lattice, values: Array, x: float, y: float) -> float:
     return float(weights(lattice, x) @ values @ weights(lattice, y))
 
 
-def central_gap(problem: GridProblem, equilibrium: Equilibrium, apex_height: float = 0.0) -> CentralGap:
-    """Gap at the middle of the cell: 0 in contact.
-
-    Parameters
-    ----------
-    problem : GridProblem
-    equilibrium : Equilibrium
-    apex_height : float
-        Height of the tip there.
-    """
+def central_gap(problem: GridProblem, equilibrium: Equilibrium) -> CentralGap:
+    """Gap at the middle of the cell, where the tip has its apex: 0 in contact."""
     half = problem.lattice.grid // 2
     around = slice(0, 1) if problem.lattice.quarter else slice(half - 1, half + 1)
     if equilibrium.contact[around, around].all():
         return CentralGap(0.0, 0.0)
     u = equilibrium.u
-    gap = apex_height + interpolate(problem.lattice, u, 0.0, 0.0)
+    gap = interpolate(problem.lattice, u, 0.0, 0.0)
     nearest = u[:3, :3] if problem.lattice.quarter else _folded(u[half - 3 : half + 3, half - 3 : half + 3])
     # An interpolant of an order that any smooth profile deserves; the trigonometric one is better.
-    error = abs(apex_height + float(_MIDPOINT @ nearest @ _MIDPOINT) - gap)
+    error = abs(float(_MIDPOINT @ nearest @ _MIDPOINT) - gap)
     return CentralGap(max(gap, 0.0), error)
 
 

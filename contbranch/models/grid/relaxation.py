@@ -293,9 +293,7 @@ def equilibrium(motion: LatticeMotion, place: Place, steps: int, pairs: int, end
     displacement = motion.problem.displacement(fields.u, fields.load)
     converged = ending is Ending.CONVERGED
     reason = "" if converged else ending.value
-    return Equilibrium(
-        fields, place.held, place.residual, displacement, converged, steps, pairs, place.residual, reason
-    )
+    return Equilibrium(fields, place.held, place.residual, displacement, converged, steps, pairs, reason)
 
 
 def _rms(values: Array) -> float:
