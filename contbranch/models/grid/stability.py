@@ -87,7 +87,7 @@ class Spectrum:
     @property
     def lowest(self) -> float:
         """Lowest eigenvalue; 1, where they gather, if none was needed."""
-        return float(self.eigenvalues[0]) if self.eigenvalues.size else 1.0
+        return self.eigenvalues[0] if self.eigenvalues.size else 1.0
 
     @property
     def uncertain(self) -> bool:

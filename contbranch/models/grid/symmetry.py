@@ -245,7 +245,7 @@ def located(
 
     ways = _differences(begin, end)
     goals = accuracy * np.maximum(1.0, np.abs([end.load, end.displacement]))
-    closed = min(JUMP / 10.0, *(goals / np.maximum(ways, 1e-300)))
+    closed = float(min(JUMP / 10.0, *(goals / np.maximum(ways, 1e-300))))
     try:
         ends = (0.0, sample(0.0, begin)), (1.0, sample(1.0, end))
         find_root(sample, *ends, closed)

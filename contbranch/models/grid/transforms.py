@@ -64,7 +64,7 @@ def wavenumbers(nodes: int, spacing: float, parity: tuple[Parity, Parity] | None
         unit = np.pi / (nodes * spacing)
         rows, columns = (np.arange(nodes) + float(p == "odd") for p in parity)
     squares = np.rint(rows[:, None] ** 2 + columns[None, :] ** 2)
-    return np.asarray(unit * np.sqrt(squares))
+    return unit * np.sqrt(squares)
 
 
 @dataclass

@@ -97,7 +97,7 @@ class Measure:
     def of(gap: Array, load: float, length: float) -> Measure:
         """The measure at a gap and load for a law of a range."""
         weights = (1.0 + np.minimum(gap / (2.0 * length), 1e6) ** 2) ** -2
-        scale = length + 0.5 * max(float(gap.min()), 0.0)
+        scale = length + 0.5 * max(gap.min(), 0.0)
         return Measure(weights / (weights.sum() * scale**2), 1.0 / (3.0 + 0.3 * abs(load)) ** 2)
 
     @staticmethod
@@ -193,7 +193,7 @@ class Track:
                 near.append(k)
         chosen = [self.states[k] for k in near]
         sketch = predicted(self.problem, chosen, lagrange(progress[near], value)[0], self.settings.wall)
-        hold = self.direction.hold(value, 1e-3 * float(np.ptp(progress[near])))
+        hold = self.direction.hold(value, 1e-3 * np.ptp(progress[near]))
         found = newton(self.problem, sketch.u, sketch.load, hold, sketch.contact, self.settings)
         if not found.converged:
             return None
