@@ -10,7 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from contbranch.control import Control
+from contbranch.control import LOAD, Control
 from contbranch.curve.angle import Hodograph
 from contbranch.curve.outcome import RawCurve
 from contbranch.curve.symmetry import merged
@@ -19,11 +19,11 @@ from contbranch.curve.trace import Request
 from .accuracy import compared, no_comparison, touched
 from .arrays import Array
 from .folds import coarser_touch, locate_fold, locate_touch, touches
-from .newton import Equilibrium, Hold, Settings, hold_control, newton
+from .newton import Equilibrium, Settings, hold_control, newton
 from .observables import interpolate
 from .ramp import jump_message
 from .resolution import Resolution, border_energy, border_message, fills, warn
-from .rows import Mark, Row, deferred_profile, difference, morse_indices, read
+from .rows import Mark, Row, crossing, deferred_profile, difference, morse_indices, read
 from .setup import Setup
 from .switching import first_index
 from .symmetry import Breaking
@@ -177,15 +177,14 @@ class _Tracer:
             return False
         # A fold may lie within the last step: the nearest row before the end is on the same side of it.
         near = max((row for row in self.rows if row.arc < last.arc), key=lambda row: row.arc)
-        share = (goal - near.load) / (last.load - near.load) if last.load > near.load else 0.0
-        if self.beyond is None and near.u is not None and 0.0 < share < 1.0:
-            u = near.u + share * (last.state.u - near.u)
-            end = newton(self.problem, u, goal, Hold(goal), near.contact, self.settings)
-            low, high = sorted((near.reading.displacement, last.displacement))
-            if end.converged and low <= end.displacement <= high:
-                arc = near.arc + share * (last.arc - near.arc)
-                self.rows = [row for row in self.rows if row.arc < arc]
-                self._add(Point(arc, end))
+        end = None
+        ends = near, max(self.rows, key=lambda row: row.arc)
+        if self.beyond is None and near.load < goal <= last.load and all(row.u is not None for row in ends):
+            end = crossing(self.setup, ends, LOAD, goal, self.settings)
+        if end is not None:
+            arc = near.arc + (goal - near.load) / (last.load - near.load) * (last.arc - near.arc)
+            self.rows = [row for row in self.rows if row.arc < arc]
+            self._add(Point(arc, end))
         self._end()
         return True
 
