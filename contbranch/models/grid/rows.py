@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -201,11 +201,15 @@ def crossing(
         return found
     # Next to a fold Newton's method leaves the bracket: the curve is followed within it.
     track = Track(problem, [begin, end], way, settings)
-    near = track.zero(lambda state: control.value(state.load, state.displacement) - value, *bounds)
-    if near is None:
-        return None
-    found = newton(problem, near.u, near.load, hold, near.contact, settings)
-    return found if found.converged else None
+    # Soft there, it is known less well than the residual says.
+    sharp = replace(settings, tolerance=0.1 * settings.tolerance)
+    for part in (1e-2, 1e-9):
+        near = track.zero(lambda state: control.value(state.load, state.displacement) - value, *bounds, part)
+        if near is not None:
+            found = newton(problem, near.u, near.load, hold, near.contact, sharp)
+            if found.converged and min(bounds) <= way.of(found) <= max(bounds):
+                return found
+    return None
 
 
 def state_at(problem: GridProblem, row: Row) -> Equilibrium:
