@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,15 +17,16 @@ from contbranch.control import Control, Spring, as_control
 from contbranch.curve.curves import Coexisting, Curves, Model
 from contbranch.curve.loop import loop
 from contbranch.curve.outcome import assemble, state_in_reduced, state_in_units
-from contbranch.curve.phase import Regions
 from contbranch.curve.trace import Request
 from contbranch.errors import InputError
 from contbranch.models.choice import choose, curves
 from contbranch.results.diagram import Cost, Diagram, ModelChoice, Solution, State
 from contbranch.results.equilibria import Barrier, Equilibria
 from contbranch.results.loop import Hysteresis
-from contbranch.results.phase import PhaseDiagram
 from contbranch.threads import one_thread
+
+if TYPE_CHECKING:
+    from contbranch.results.phase import PhaseDiagram
 
 __all__ = ["best_of", "find_all", "hysteresis", "phase_diagram", "solve", "trace"]
 
@@ -331,6 +333,8 @@ def phase_diagram(
 
     def traced(member: Contact) -> Diagram:
         return trace(member, control=kind, accuracy=max(accuracy, 1e-5))
+
+    from contbranch.curve.phase import Regions  # what other commands do not use is not imported for them
 
     return Regions(family, kind, (low, high), accuracy, traced).find(samples, progress)
 

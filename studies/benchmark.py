@@ -31,7 +31,8 @@ import scipy
 
 import contbranch as cb
 from contbranch.contact import interaction_law, interactions, tip_shape, tips
-from contbranch.models.axisymmetric import adapt, equations, locate, mesh, profile, rim
+from contbranch.curve import refine
+from contbranch.models.axisymmetric import adapt, equations, mesh, profile, rim
 
 ROOT = Path(__file__).resolve().parents[1]
 OMCTS = ROOT / "studies" / "omcts.toml"
@@ -183,7 +184,7 @@ def _code(function: Callable[..., object]) -> CodeType:
 
 LINEAR_ALGEBRA = tuple(str(Path(module.__file__ or "").parent) for module in (np.linalg, scipy.linalg))
 MESH_MAKERS = {_code(mesh.Mesh.__init__), _code(mesh.panel_rule)}
-EVENT_FINDERS = {_code(locate.refine)}
+EVENT_FINDERS = {_code(refine.refine)}
 WORKERS = {str(module.__file__) for module in (equations, rim, profile, interactions, interaction_law, tips, tip_shape)}
 
 

@@ -17,6 +17,9 @@ from scipy.optimize import brentq
 
 import contbranch as cb
 from contbranch.contact.interaction_law import Interaction
+from contbranch.curve.trace import Request, trace
+from contbranch.curve.track import Track
+from contbranch.models.axisymmetric import Axisymmetric
 from contbranch.models.axisymmetric.mesh import Mesh
 from contbranch.models.axisymmetric.problem import ContactProblem
 from contbranch.models.axisymmetric.slope import load_per_displacement
@@ -129,7 +132,10 @@ class Side:
         mesh = self.problem.equations.mesh
         count = max(1, int(np.ceil(np.log(mesh.innermost / (SHARE * radius)) / np.log(GRADING))))
         inner = mesh.innermost * GRADING ** np.arange(-count, 0.0)
-        problem = self.problem if self.contact else self.problem.in_contact()
+        problem = self.problem
+        if not self.contact:
+            equations = problem.equations.touching(True)
+            problem = ContactProblem(equations, problem.scale, problem.resolution, problem.sharpness)
         x, u = self.state(0.0)
         problem, x = problem.on(Mesh(np.concatenate([[0.0], inner, mesh.edges[1:]]), mesh.order), x, u)
         return Side(problem, x, u)
@@ -151,9 +157,14 @@ def contact_of(law: Interaction) -> cb.Contact:
     return cb.Contact(tip=cb.Parabola(radius=1.0), interaction=law, modulus=1.0)
 
 
+def followed(contact: cb.Contact) -> Track:
+    """The curve of a contact."""
+    return trace(Axisymmetric().problem(contact, ACCURACY), Request(ACCURACY, events=False))
+
+
 def touch_side(contact: cb.Contact) -> Side:
     """The side without contact of first touch."""
-    traced = trace(contact, ACCURACY, Target(), events=False)
+    traced = followed(contact)
     point = next(point for point in traced.points if point.parameter == 0.0)
     problem = point.problem
     assert isinstance(problem, ContactProblem)
@@ -187,7 +198,7 @@ def fold_side(contact: cb.Contact) -> tuple[Side, float]:
     ValueError
         If the contact has no such fold.
     """
-    traced = trace(contact, ACCURACY, Target(), events=False)
+    traced = followed(contact)
     folds = [point for point in traced.points if point.label == "load" and point.parameter > 0.0]
     if not folds:
         raise ValueError("contact: the load has no fold in contact")

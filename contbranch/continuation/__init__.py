@@ -6,14 +6,23 @@ zeros along a curve) can be used by themselves.
 """
 
 from contbranch.continuation.bordered import Bordered, SingularBorderedError, factorise
-from contbranch.continuation.curve import BranchPoint, Curve, EventPoint, Fold, IndexChange, Located, Point
+from contbranch.continuation.curve import (
+    BranchPoint,
+    Curve,
+    End,
+    EventPoint,
+    Fold,
+    IndexChange,
+    Located,
+    Outcome,
+    Point,
+)
 from contbranch.continuation.events import Crossing, Event, Extremum, Happening, TangentCrossing
 from contbranch.continuation.folds import locate_fold
 from contbranch.continuation.locate import find_root
 from contbranch.continuation.metric import Balance, Metric
 from contbranch.continuation.newton import CorrectionError, correct
 from contbranch.continuation.options import Options, StopAt
-from contbranch.continuation.outcomes import End, Outcome
 from contbranch.continuation.problem import Adaptation, Linearisation, Problem
 from contbranch.continuation.segment import Segment
 from contbranch.continuation.switching import switch_branch

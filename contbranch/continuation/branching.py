@@ -9,12 +9,10 @@ from typing import Literal
 import numpy as np
 
 from contbranch.continuation.bordered import Bordered, SingularBorderedError, bordered_matrix, factorise
-from contbranch.continuation.curve import BranchPoint, Point
+from contbranch.continuation.curve import BranchPoint, Outcome, Point
 from contbranch.continuation.folds import second_derivative
-from contbranch.continuation.metric import Metric
 from contbranch.continuation.newton import ROUNDING, CorrectionError, border, linearise, solve
-from contbranch.continuation.outcomes import Outcome
-from contbranch.continuation.problem import Array, Problem
+from contbranch.continuation.problem import Array
 from contbranch.continuation.segment import Segment
 
 __all__ = ["locate_branch_point", "unresolved_branch_point"]
@@ -69,7 +67,7 @@ def locate_branch_point(segment: Segment) -> tuple[float, BranchPoint] | None:
         x, p = segment.at(start)
         previous = math.inf
         for _ in range(15):
-            saddle = _saddle(problem, x, p, row, left, right, metric)
+            saddle = _saddle(segment, x, p, row, (left, right))
             step = -np.linalg.solve(saddle.hessian, saddle.gradient)
             dx = saddle.back[0] + step[0] * saddle.alpha[0] + step[1] * saddle.beta[0]
             dp = saddle.back[1] + step[0] * saddle.alpha[1] + step[1] * saddle.beta[1]
@@ -142,8 +140,10 @@ def _test(bordered: Bordered, left: Array, right: Array) -> float:
     return 1 / value if value != 0.0 else math.inf
 
 
-def _saddle(problem: Problem, x: Array, p: float, row: Direction, left: Array, right: Array, metric: Metric) -> _Saddle:
+def _saddle(segment: Segment, x: Array, p: float, row: Direction, null_vectors: tuple[Array, Array]) -> _Saddle:
     """Return μ with its derivatives at (x, p)."""
+    problem, metric = segment.begin.problem, segment.metric
+    left, right = null_vectors
     at = linearise(problem, x, p)
     n = x.size
     # μ belongs to F alone: the row t stays exact, so that α is a coordinate.
@@ -163,7 +163,7 @@ def _saddle(problem: Problem, x: Array, p: float, row: Direction, left: Array, r
     beta, mu_beta = solved(nothing, 0.0, 1.0)
 
     def bend(direction: Direction) -> float:
-        d = second_derivative(problem, x, p, *direction, metric, at[0])
+        d = second_derivative(problem, x, p, direction, metric, at[0])
         return solved(-d, 0.0, 0.0)[1]
 
     aa, bb = bend(alpha), bend(beta)
@@ -189,7 +189,7 @@ def _report(
     form = saddle.hessian * np.outer(units, units)
     size = float(np.max(np.abs(form)))
     discriminant = form[0, 1] ** 2 - form[0, 0] * form[1, 1]
-    if not discriminant > 0 or abs(saddle.mu) > CONFIRMED * size * segment.length**2:
+    if not discriminant > 0 or abs(saddle.mu) > size * max(CONFIRMED * segment.length**2, 1e3 * ROUNDING):
         return None
     along, other = _directions(segment, saddle, form, units, theta)
     flat = min(abs(along[1]), abs(other[1])) < FLAT * metric.parameter_scale
@@ -197,7 +197,11 @@ def _report(
     point = Point(problem, x, p, along[0], along[1], label="branch point")
     error = 4 * abs(float(dp)) + 4 * ROUNDING * abs(p)
     state_error = 4 * math.sqrt(problem.inner(dx, dx)) + 4 * ROUNDING * math.sqrt(problem.inner(x, x))
-    return theta, BranchPoint(point, error, state_error, type=type_, other_x=other[0], other_parameter=other[1])
+    scales = (metric.state_scale, metric.parameter_scale)
+    other_x, other_p = other
+    return theta, BranchPoint(
+        point, error, state_error, type=type_, other_x=other_x, other_parameter=other_p, scales=scales
+    )
 
 
 def _directions(

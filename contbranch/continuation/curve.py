@@ -5,19 +5,67 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from enum import Enum
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, Self
 
 import numpy as np
 import numpy.typing as npt
 
-from contbranch.continuation.outcomes import End, Outcome
 from contbranch.continuation.problem import Array, Problem
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["BranchPoint", "Curve", "EventPoint", "Fold", "IndexChange", "Located", "Point"]
+__all__ = ["BranchPoint", "Curve", "End", "EventPoint", "Fold", "IndexChange", "Located", "Outcome", "Point"]
+
+
+class Outcome(Enum):
+    """Why a curve ends where it ends; the value is the sentence to show."""
+
+    REACHED_EDGE = "The curve reached the edge of the parameter range."
+    APPROACHES_EDGE = "The curve approaches the edge of the parameter range without reaching it."
+    STARTED_ON_EDGE = "The curve starts on the edge of the parameter range."
+    CLOSED = "The curve is closed: it came back to its start."
+    STOPPED_AT_FOLD = "The number of folds asked for was reached."
+    STOPPED_AT_EVENT = "The event asked for was reached."
+    STOPPED_BY_PREDICATE = "The stop condition given by the user was met."
+    MAXIMUM_POINTS = "The largest number of points allowed was reached before the end of the curve."
+    START_FAILED = "No solution was found near the start."
+    STEP_TOO_SMALL = "Newton's method failed at the smallest step."
+    NOT_FINITE = "The problem returned values that are not finite, even at the smallest step."
+    EVALUATION_FAILED = "The problem raised an error, even at the smallest step."
+
+    @property
+    def complete(self) -> bool:
+        """Whether nothing of the curve asked for is missing."""
+        return self in _COMPLETE
+
+
+_COMPLETE = frozenset(
+    {
+        Outcome.REACHED_EDGE,
+        Outcome.APPROACHES_EDGE,
+        Outcome.STARTED_ON_EDGE,
+        Outcome.CLOSED,
+        Outcome.STOPPED_AT_FOLD,
+        Outcome.STOPPED_AT_EVENT,
+        Outcome.STOPPED_BY_PREDICATE,
+    }
+)
+
+
+@dataclass(frozen=True, slots=True)
+class End:
+    """One end of a curve: why it is there, and details (an error's text, a residual) where there are any."""
+
+    outcome: Outcome
+    detail: str = ""
+
+    @property
+    def message(self) -> str:
+        """The outcome's sentence, followed by the details."""
+        return f"{self.outcome.value} {self.detail}".strip()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -146,11 +194,14 @@ class BranchPoint(Located):
         "branch point" where the second derivatives do not tell.
     other_x, other_parameter : (n,) array, float
         Direction of the crossing curve, where it could be computed.
+    scales : (float, float)
+        Lengths of state and parameter that the trace took for one where it found the point.
     """
 
     type: Literal["pitchfork", "transcritical", "branch point"] = "branch point"
     other_x: Array | None = None
     other_parameter: float | None = None
+    scales: tuple[float, float] = (1.0, 1.0)
 
     @property
     def kind(self) -> str:

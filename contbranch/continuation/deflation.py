@@ -18,6 +18,7 @@ __all__ = ["deflated_newton", "search"]
 
 # Longest step, relative to the size of the state and the distance of the known solutions, and shortest damping.
 LONGEST = 0.5
+ITERATIONS = 30
 
 
 def deflated_newton(
@@ -28,7 +29,6 @@ def deflated_newton(
     *,
     size: float = 1.0,
     tolerance: float = 1e-9,
-    iterations: int = 30,
 ) -> Array | None:
     """Look for a solution other than the known ones, from one start.
 
@@ -45,8 +45,6 @@ def deflated_newton(
         Length, in the norm of `Problem.inner`, in which distances are measured.
     tolerance : float
         Newton's corrections, relative to `size`, at which a solution is taken as found.
-    iterations : int
-        Largest number of steps.
 
     Returns
     -------
@@ -54,7 +52,7 @@ def deflated_newton(
         A new solution; None if none was reached.
     """
     x = np.array(start, dtype=float)
-    for _ in range(iterations):
+    for _ in range(ITERATIONS):
         residual, jacobian, _ = problem.linearise(x, p)
         if not np.isfinite(residual).all():
             return None

@@ -7,12 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from contbranch.continuation.curve import Point
+from contbranch.continuation.curve import Outcome, Point
 from contbranch.continuation.locate import find_root
 from contbranch.continuation.metric import Metric
 from contbranch.continuation.newton import CorrectionError, correct
 from contbranch.continuation.options import Options
-from contbranch.continuation.outcomes import Outcome
 from contbranch.continuation.segment import Segment
 from contbranch.continuation.walk import corrected_point, point_on, to_point
 

@@ -6,19 +6,22 @@ import math
 
 import numpy as np
 
-from contbranch.continuation.curve import Fold, Point
+from contbranch.continuation.curve import Fold, Outcome, Point
 from contbranch.continuation.metric import Metric
 from contbranch.continuation.newton import ROUNDING, CorrectionError, border, linearise, residual, solve
-from contbranch.continuation.outcomes import Outcome
 from contbranch.continuation.problem import Array, Problem
 
 __all__ = ["locate_fold", "second_derivative"]
 
+ITERATIONS = 40
 _FOURTH_ROOT_OF_ROUNDING = ROUNDING**0.25
 
 
-def second_derivative(problem: Problem, x: Array, p: float, u: Array, a: float, metric: Metric, here: Array) -> Array:
+def second_derivative(
+    problem: Problem, x: Array, p: float, along: tuple[Array, float], metric: Metric, here: Array
+) -> Array:
     """Return d²F(x + s u, p + s a)/ds² at s = 0: the problem's own, else a second difference of residuals."""
+    u, a = along
     own = problem.second_derivative(x, p, u, a)
     if own is not None:
         return own
@@ -36,7 +39,6 @@ def locate_fold(
     direction: tuple[Array, float],
     metric: Metric,
     reach: float,
-    maximum_iterations: int = 15,
 ) -> Fold:
     """Locate a fold near (x, p) by Newton's method on F = 0, σ = 0, with σ from the bordered system
 
@@ -69,12 +71,12 @@ def locate_fold(
     # Steps below this are rounding: the position along the curve is known to about the root of it only through the
     # second derivative, but to `best` through the null vector.
     floor = 1e2 * ROUNDING * (1 + math.sqrt(problem.inner(x, x)) / metric.state_scale)
-    for _ in range(maximum_iterations):
+    for _ in range(ITERATIONS):
         at = linearise(problem, x, p)
         bordered = border(problem, x, p, at, row)
         back_x, back_p = solve(bordered, -at[0], 0.0, p)
         phi, sigma = solve(bordered, np.zeros_like(x), 1.0, p)
-        d = second_derivative(problem, x, p, phi, sigma, metric, at[0])
+        d = second_derivative(problem, x, p, (phi, sigma), metric, at[0])
         bend_x, bend_p = solve(bordered, -d, 0.0, p)
         if bend_p == 0.0:
             raise CorrectionError(Outcome.STEP_TOO_SMALL, "(The parameter's second derivative vanishes.)")
@@ -85,7 +87,8 @@ def locate_fold(
             raise CorrectionError(Outcome.STEP_TOO_SMALL, "(The fold lies outside the step.)")
         x = x + back_x + s * phi + 0.5 * s * s * bend_x
         p = p + back_p + s * sigma + 0.5 * s * s * bend_p
-        if size <= floor or (size < 1e-8 and size > 0.1 * previous):
+        # Close to a cusp the iteration contracts by a half only: what stays larger than that is rounding.
+        if size <= floor or (size < 1e-8 and size > 0.7 * previous):
             norm = math.sqrt(problem.inner(phi, phi))
             point = Point(problem, x, p, phi / metric.norm(problem, phi, 0.0), 0.0, label="fold")
             error = 4 * abs(back_p) + 2 * abs(s * sigma) + 4 * ROUNDING * abs(p)

@@ -6,20 +6,17 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-from contbranch.continuation.adapting import adapted
-from contbranch.continuation.curve import Fold, Located, Point
+from contbranch.continuation.curve import End, Fold, Located, Outcome, Point
 from contbranch.continuation.edge import Range, closes, land
 from contbranch.continuation.events import Event, Happening
 from contbranch.continuation.metric import Balance, Metric
 from contbranch.continuation.newton import CorrectionError, correct
 from contbranch.continuation.options import Options, StopAt
-from contbranch.continuation.outcomes import End, Outcome
-from contbranch.continuation.predictor import POINTS, Predictor
 from contbranch.continuation.problem import Array, Problem
 from contbranch.continuation.scan import LeapError, scan
 from contbranch.continuation.segment import Segment
-from contbranch.continuation.step import AFTER_FAILURE, judge
-from contbranch.continuation.walk import annotated, to_point
+from contbranch.continuation.step import AFTER_FAILURE, POINTS, Predictor, judge
+from contbranch.continuation.walk import adapted, annotated, to_point
 
 __all__ = ["Branch", "follow"]
 

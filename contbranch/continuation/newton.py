@@ -8,15 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from contbranch.continuation.bordered import Bordered, SingularBorderedError, factorise
+from contbranch.continuation.curve import Outcome
 from contbranch.continuation.metric import Metric
-from contbranch.continuation.outcomes import Outcome
 from contbranch.continuation.problem import Array, Linearisation, Problem
 
 __all__ = ["Corrected", "CorrectionError", "correct", "correct_start", "linearise", "residual", "tangent_at"]
 
 ROUNDING = float(np.finfo(float).eps)
 # A tangent comes from the last Jacobian evaluated; this bounds its distance from the corrected point (in the metric).
-TANGENT_DISTANCE = 1e-6
+TANGENT_DISTANCE = 1e-4
 PRECISE_TANGENT_DISTANCE = 1e-10
 # Corrections below this multiple of rounding that no longer contract are rounding themselves.
 NOISE = 1e3

@@ -49,12 +49,12 @@ class Options:
         What to look for besides the user's events.
     """
 
-    angle: float = 0.2
-    angle_limit: float = 0.6
-    first_step: float = 0.01
+    angle: float = 0.3
+    angle_limit: float = 0.8
+    first_step: float = 0.02
     smallest_step: float = 1e-9
-    growth: float = 2.0
-    largest_parameter_step: float = 0.1
+    growth: float = 3.0
+    largest_parameter_step: float = 0.2
     weight: float = 1.0
     state_floor: float = 0.0
     tolerance: float = 1e-10

@@ -9,11 +9,10 @@ from itertools import pairwise
 
 from contbranch.continuation.branching import locate_branch_point, unresolved_branch_point
 from contbranch.continuation.curve import EventPoint, Fold, IndexChange, Located, Point
-from contbranch.continuation.events import BEYOND, Event, Happening
+from contbranch.continuation.events import BEYOND, Bracket, Event, Happening, Probe
 from contbranch.continuation.folds import locate_fold
 from contbranch.continuation.newton import CorrectionError
 from contbranch.continuation.options import Options
-from contbranch.continuation.probe import Bracket, Probe
 from contbranch.continuation.segment import Segment
 from contbranch.continuation.walk import annotated, point_on
 

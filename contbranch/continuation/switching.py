@@ -7,20 +7,19 @@ from dataclasses import replace
 
 import numpy as np
 
-from contbranch.continuation.curve import BranchPoint, Curve, Point
+from contbranch.continuation.curve import BranchPoint, Curve, End, Outcome, Point
 from contbranch.continuation.follow import Branch, follow
-from contbranch.continuation.metric import Metric
+from contbranch.continuation.metric import Balance, Metric
 from contbranch.continuation.newton import CorrectionError
 from contbranch.continuation.options import Options, StopAt
-from contbranch.continuation.outcomes import End, Outcome
 from contbranch.continuation.problem import Array
-from contbranch.continuation.trace import balance_along, interval_around, joined
+from contbranch.continuation.trace import interval_around, joined
 from contbranch.continuation.walk import annotated, corrected_point
 from contbranch.errors import InputError
 
 __all__ = ["switch_branch"]
 
-# Lengths of the step off the branch point, as shares of the path that the first scales foresee.
+# Lengths of the step off the branch point, as shares of the scales in use there.
 LEAVING = (1e-2, 1e-3, 1e-4)
 # The point reached must be this much closer to the crossing curve's tangent than the curve given is.
 NEARER = 0.3
@@ -72,7 +71,7 @@ def switch_branch(
     u, a = sign * branch_point.other_x, sign * branch_point.other_parameter
     halves = []
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        balance = balance_along(problem, here.x, here.parameter, (u, a), interval)
+        balance = Balance(*branch_point.scales)
         metric = balance.metric(options.weight, options.state_floor)
         for along in ((u, a), (-u, -a)):
             start = _beside(branch_point, along, metric, options)

@@ -9,19 +9,18 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from contbranch.continuation.curve import Curve, Located, Point
+from contbranch.continuation.curve import Curve, End, Located, Outcome, Point
 from contbranch.continuation.edge import Range
 from contbranch.continuation.events import Event
 from contbranch.continuation.follow import Branch, follow
 from contbranch.continuation.metric import Balance
 from contbranch.continuation.newton import CorrectionError, border, correct_start, linearise, tangent_at
 from contbranch.continuation.options import Options, StopAt
-from contbranch.continuation.outcomes import End, Outcome
 from contbranch.continuation.problem import Array, Problem
 from contbranch.continuation.walk import annotated
 from contbranch.errors import InputError
 
-__all__ = ["balance_along", "interval_around", "joined", "trace_curve"]
+__all__ = ["interval_around", "joined", "trace_curve"]
 
 
 def trace_curve(
@@ -104,7 +103,15 @@ def _start(problem: Problem, x: Array, p: float, interval: Range, options: Optio
     u, a, _ = tangent_at(problem, x, p)
     if a < 0:
         u, a = -u, -a
-    balance = balance_along(problem, x, p, (u, a), interval)
+    state_slope = math.sqrt(max(problem.inner(u, u), 0.0))
+    size = math.sqrt(max(problem.inner(x, x), 0.0))
+    parameter = interval.width if math.isfinite(interval.width) else max(1.0, abs(p))
+    state = state_slope / a * parameter if a > 0 else math.inf
+    # Close to a fold the tangent says nothing about how far x will go for this change of p.
+    if state > 10 * size > 0:
+        state = 10 * size
+        parameter = max(state * a / state_slope, 1e-6 * parameter)
+    balance = Balance(state if math.isfinite(state) and state > 0 else size or 1.0, parameter)
     metric = balance.metric(options.weight, options.state_floor)
     unit = metric.norm(problem, u, a)
     # The determinant's sign belongs to the orientation: rebordering with the oriented, scaled tangent settles it.
@@ -112,22 +119,6 @@ def _start(problem: Problem, x: Array, p: float, interval: Range, options: Optio
     sign = border(problem, x, p, linearise(problem, x, p), row).determinant_sign()
     point = annotated(Point(problem, x, p, u / unit, a / unit, sign), label="start")
     return point, balance
-
-
-def balance_along(problem: Problem, x: Array, p: float, direction: tuple[Array, float], interval: Range) -> Balance:
-    """Return the first scales of a curve that leaves (x, p) in a direction."""
-    u, a = direction
-    state_slope = math.sqrt(max(problem.inner(u, u), 0.0))
-    size = math.sqrt(max(problem.inner(x, x), 0.0))
-    parameter = interval.width if math.isfinite(interval.width) else max(1.0, abs(p))
-    state = state_slope / abs(a) * parameter if a != 0 else math.inf
-    # Close to a fold the tangent says nothing about how far x will go for this change of p.
-    if state > 10 * size > 0:
-        state = 10 * size
-        parameter = max(state * abs(a) / state_slope, 1e-6 * parameter)
-    if not (math.isfinite(state) and state > 0):
-        state = size if size > 0 else 1.0
-    return Balance(state, parameter)
 
 
 def _both_directions(

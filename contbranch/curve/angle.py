@@ -43,17 +43,16 @@ def short_way(turn: float) -> float:
 
 
 def in_passing(controls: Sequence[Control], begin: float, turn: float) -> list[Control]:
-    """The controls whose directions are passed in a turn from `begin` by less than π, in order.
+    """The controls whose directions are passed in a turn from `begin` by less than 2π, in order.
 
-    A turn that begins on a direction does not pass it.
+    A turn that begins on a direction does not pass it there.
     """
-    sense = math.copysign(1.0, turn)
-    ahead = {c.kind: (sense * (alpha(c) - begin)) % math.pi for c in controls}
-    for c in controls:
-        if ahead[c.kind] < ON or math.pi - ahead[c.kind] < ON:
-            ahead[c.kind] = math.pi
-    passed = [c for c in controls if ahead[c.kind] < abs(turn)]
-    return sorted(passed, key=lambda c: ahead[c.kind])
+    passed: list[tuple[float, Control]] = []
+    for control in controls:
+        ahead = math.copysign(1.0, turn) * (alpha(control) - begin) % math.pi
+        first = math.pi if ahead < ON or math.pi - ahead < ON else ahead
+        passed += [(place, control) for place in (first, first + math.pi) if place < abs(turn)]
+    return [control for _, control in sorted(passed, key=lambda one: one[0])]
 
 
 @dataclass(frozen=True)

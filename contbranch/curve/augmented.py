@@ -24,6 +24,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Self
 
 import numpy as np
@@ -38,7 +39,7 @@ from contbranch.curve.problem import Defect, EquilibriumProblem, Rates, Values, 
 from contbranch.errors import ModelError
 from contbranch.results.profile import Profile
 
-__all__ = ["Augmented", "Condition", "Fold", "Held", "Locus", "Other", "augmented"]
+__all__ = ["Augmented", "Condition", "Fold", "Held", "Locus", "Other", "augmented", "direction"]
 
 # Central and one-sided differences of the condition: their steps, of second order while tracing, and of fourth order
 # where tangents themselves are results.
@@ -53,7 +54,7 @@ UPRIGHT, ALIGNED = 1e-3, 0.7
 # This far beyond an edge of the parameter is rounding.
 ZERO = 1e-12
 # Linearisations and members that are kept.
-SHEETS, MEMBERS = 4, 8
+SHEETS, MEMBERS = 2, 8
 STEPS = Options(
     angle=0.3,
     angle_limit=0.8,
@@ -70,16 +71,12 @@ class Condition(ABC):
     """What makes an equilibrium an event."""
 
     @abstractmethod
-    def value(self, point: Point, q: float) -> float:
-        """A number that vanishes at the event, smooth; the point has its unit tangent at fixed q."""
-
-    @abstractmethod
     def event(self, q: float) -> Event | None:
         """What vanishes along the curve of equilibria at q; None: its parameter is known."""
 
-    def weights(self, q: float) -> tuple[float, float]:
-        """Weights of load and displacement in what is controlled, if it is a fold."""
-        return 0.0, 0.0
+    @abstractmethod
+    def value(self, point: Point, q: float) -> float:
+        """A number that vanishes at the event, smooth; the point has its unit tangent at fixed q."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +94,12 @@ class Fold(Condition):
         """w; (cos q, sin q) where q is the angle arctan K, smooth beyond its ends, too."""
         if self.family.spacing == "angle":
             return math.cos(q), math.sin(q)
-        return self.family.control(q, self.driven).weights
+        return self.event(q).control.weights
+
+    def crossed(self, q: float) -> tuple[float, float]:
+        """Weights of the control at a right angle."""
+        first, second = self.weights(q)
+        return -second, first
 
     def value(self, point: Point, q: float) -> float:
         """``w·(F', d')``."""
@@ -113,7 +115,6 @@ class Held(Condition):
 
     def event(self, q: float) -> None:
         """None."""
-        return
 
     def value(self, point: Point, q: float) -> float:
         """Distance of the parameter."""
@@ -176,33 +177,28 @@ class Augmented(EquilibriumProblem):
     locus : Locus
     base : EquilibriumProblem
         Of any member of the family.
-    reference : (array (n,), float)
+    reference : array (n + 1,)
         Direction (x, p) to which tangents are compared: it borders the matrix, and orients them.
     fine : bool
         Whether derivatives of the condition are taken to fourth order.
     """
 
-    def __init__(
-        self, locus: Locus, base: EquilibriumProblem, reference: tuple[Array, float], fine: bool = False
-    ) -> None:
+    def __init__(self, locus: Locus, base: EquilibriumProblem, reference: Array, fine: bool = False) -> None:
         self.locus, self.base, self.reference, self.fine = locus, base, reference, fine
         self.scale, self.work = base.scale, base.work
-        length = math.sqrt(self._inner(reference, reference))
-        direction = reference[0] / length, reference[1] / length
-        self.upright = abs(direction[1]) > UPRIGHT
-        self._border = base.dual(direction[0]) / locus.size**2, direction[1]
+        unit = reference / math.sqrt(self.inner(reference, reference))
+        self.upright = abs(unit[-1]) > UPRIGHT
+        self._border = self.dual(unit)
         if self.upright:
-            self._border = np.zeros_like(direction[0]), math.copysign(1.0, direction[1])
-        self._members: dict[float, EquilibriumProblem] = {}
+            self._border = np.append(np.zeros(unit.size - 1), math.copysign(1.0, unit[-1]))
+        self._member = lru_cache(MEMBERS)(lambda q: base.member(locus.family.reduced(q)[0]))
         self._kept: list[tuple[Array, float, Sheet, Sheet]] = []
 
-    def on(
-        self, base: EquilibriumProblem, reference: tuple[Array, float] | None = None, fine: bool | None = None
-    ) -> Self:
+    def on(self, base: EquilibriumProblem, reference: Array | None = None, fine: bool | None = None) -> Self:
         """The same event on another discretisation or representation."""
         if reference is None:
-            x, p = self.reference
-            reference = self.base.carried(x, x, base), p
+            x = self.reference[:-1]
+            reference = np.append(self.base.carried(x, x, base), self.reference[-1])
         return type(self)(self.locus, base, reference, self.fine if fine is None else fine)
 
     # -- state --------------------------------------------------------------------------------------------------------
@@ -238,19 +234,11 @@ class Augmented(EquilibriumProblem):
 
     def at(self, q: float) -> EquilibriumProblem:
         """The equilibrium problem at q."""
-        key = 0.0 if self.locus.family.spacing == "angle" else q
-        if key not in self._members:
-            if len(self._members) >= MEMBERS:
-                self._members.pop(next(iter(self._members)))
-            self._members[key] = self.base.member(self.locus.family.reduced(q)[0])
-        return self._members[key]
-
-    def _inner(self, u: tuple[Array, float], v: tuple[Array, float]) -> float:
-        return self.base.inner(u[0], v[0]) / self.locus.size**2 + u[1] * v[1]
+        return self._member(0.0 if self.locus.family.spacing == "angle" else q)
 
     def inner(self, u: Array, v: Array) -> float:
         """Of the states in units of a typical one, plus the product of the last components."""
-        return self._inner((u[:-1], float(u[-1])), (v[:-1], float(v[-1])))
+        return self.base.inner(u[:-1], v[:-1]) / self.locus.size**2 + float(u[-1] * v[-1])
 
     def dual(self, u: Array) -> Array:
         """Vector whose product with v is inner(u, v)."""
@@ -273,10 +261,10 @@ class Augmented(EquilibriumProblem):
             raise ModelError("no equilibrium beyond the edge of its parameter")
         problem = self.at(q)
         linear = linearise(problem, x, p)
-        bordered = border(problem, x, p, linear, self._border)
-        v, a = solve(bordered, np.zeros_like(x), 1.0, p)
-        length = math.sqrt(self._inner((v, a), (v, a)))
-        return Sheet(Point(problem, x, p, v / length, a / length), linear, bordered)
+        bordered = border(problem, x, p, linear, (self._border[:-1], float(self._border[-1])))
+        tangent = np.append(*solve(bordered, np.zeros_like(x), 1.0, p))
+        tangent /= math.sqrt(self.inner(tangent, tangent))
+        return Sheet(Point(problem, x, p, tangent[:-1], float(tangent[-1])), linear, bordered)
 
     def sheets(self, z: Array, q: float) -> tuple[Sheet, Sheet]:
         """The linearisations at a state, and at the equilibrium next to it."""
@@ -323,9 +311,9 @@ class Augmented(EquilibriumProblem):
         matrix[:n, :n] = own.linear.jacobian
         matrix[:n, n] = own.linear.parameter_derivative * stretch
         # G changes along the border alone, by its rate along (x, w)' = (dp/dw v_x, v_p).
-        row = np.append(self._border[0] / max(stretch, 1e-8), self._border[1])
-        direction = np.append(stretch * own.point.tangent_x, own.point.tangent_parameter)
-        matrix[n] = self._along(own.point, w, p) * row / float(row @ direction)
+        row = np.append(self._border[:-1] / max(stretch, 1e-8), self._border[-1])
+        along = np.append(stretch * own.point.tangent_x, own.point.tangent_parameter)
+        matrix[n] = self._along(own.point, w, p) * row / float(row @ along)
         residual_rate = self._residual_rate(*self.split(x), p)
         value = self.locus.condition.value(nearest.point, p)
         change = self._across(own, residual_rate, p)
@@ -385,9 +373,11 @@ class Augmented(EquilibriumProblem):
         return self.at(p).values(*self.split(x))
 
     def rates(self, x: Array, p: float, x_rate: Array, p_rate: float) -> Rates:
-        """Of the equilibrium, by differences."""
-        above, below = (self.values(x + s * x_rate, p + s * p_rate) for s in (RATE_STEP, -RATE_STEP))
-        return Rates(*((a - b) / (2 * RATE_STEP) for a, b in zip(above[:4], below[:4], strict=True)))
+        """Of the equilibrium, by differences; to one side where the other has no states."""
+        w, w_rate = float(x[-1]), float(x_rate[-1])
+        one, other = [s for s in (RATE_STEP, -RATE_STEP, 0.0) if math.isfinite(self.parameter(w + s * w_rate))][:2]
+        there, here = (self.values(x + s * x_rate, p + s * p_rate)[:4] for s in (one, other))
+        return Rates(*((a - b) / (one - other) for a, b in zip(there, here, strict=True)))
 
     def observables(self, x: Array, p: float) -> Mapping[str, float]:
         """What the equilibrium problem records."""
@@ -408,17 +398,19 @@ class Augmented(EquilibriumProblem):
     # -- discretisations ----------------------------------------------------------------------------------------------
     def adapt(self, x: Array, p: float) -> Adaptation | None:
         """A discretisation for this solution, and a reference direction close to its tangent, where needed."""
-        point = self.sheets(x, p)[1].point
-        v, a = point.tangent_x, point.tangent_parameter
+        tangent = direction(self.sheets(x, p)[1].point)
         offer = self.at(p).adapt(*self.split(x))
         if isinstance(offer, Adaptation) and offer.transfer is not None:
-            transfer, base = offer.transfer, equilibrium(Point(offer.problem, offer.x, a, offer.x, a))
-            other = self.on(base, (transfer(v), a))
-            return Adaptation(other, np.append(offer.x, x[-1]), lambda z: np.append(transfer(z[:-1]), z[-1]))
-        aligned = abs(float(self._border[0] @ v) + self._border[1] * a)
-        if aligned >= 0.5 * UPRIGHT if self.upright else aligned >= ALIGNED and abs(a) < 3 * UPRIGHT:
+            transfer = offer.transfer
+            base = equilibrium(Point(offer.problem, offer.x, p, offer.x, p))
+
+            def carried(z: Array) -> Array:
+                return np.append(transfer(z[:-1]), z[-1])
+
+            return Adaptation(self.on(base, carried(tangent)), np.append(offer.x, x[-1]), carried)
+        if abs(float(self._border @ tangent)) >= (0.5 * UPRIGHT if self.upright else ALIGNED):
             return None
-        return Adaptation(self.on(self.base, (v, a)), x, lambda z: z)
+        return Adaptation(self.on(self.base, tangent), x, lambda z: z)
 
     def finer(self) -> Self:
         """On the finer discretisation."""
@@ -449,6 +441,11 @@ class Augmented(EquilibriumProblem):
     def rounding(self) -> float:
         """Of the equilibrium."""
         return self.base.rounding
+
+
+def direction(point: Point) -> Array:
+    """The tangent (x, p) of a point, (n + 1,)."""
+    return np.append(point.tangent_x, point.tangent_parameter)
 
 
 def augmented(point: Point) -> Augmented:

@@ -10,14 +10,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from contbranch.contact.family import Family
-from contbranch.continuation import CorrectionError, Event, Outcome, Point, Segment, StopAt, correct
+from contbranch.continuation import CorrectionError, End, Event, Outcome, Point, Segment, StopAt, correct
 from contbranch.continuation.edge import Range, land
 from contbranch.continuation.follow import follow
-from contbranch.continuation.outcomes import End
 from contbranch.continuation.problem import Array
 from contbranch.continuation.walk import annotated, to_point
 from contbranch.control import DISPLACEMENT, LOAD, Control
-from contbranch.curve.augmented import STEPS, Augmented, Condition, Fold, Held, Locus, Other, augmented
+from contbranch.curve.augmented import STEPS, Augmented, Condition, Fold, Held, Locus, Other, augmented, direction
 from contbranch.curve.events import Margin, rates
 from contbranch.curve.problem import equilibrium
 from contbranch.curve.refine import Found, moved, refine, settled
@@ -35,6 +34,8 @@ PASSAGES = 8
 # Error of loads along the curve; where it may lead far away, the stiffness of a weak spring is that of the interaction
 # there. Loads this many times larger count as none, or those below a share of the accuracy.
 TOLERANCE, FAR_TOLERANCE, RESOLVED, NEGLIGIBLE = 3e-7, 1e-9, 60.0, 0.5
+# States are measured in units of the one at the start, or of this share of the interaction's range.
+LEAST_SIZE = 1e-2
 # Discretisations are made anew so often at the start.
 REMESHES = 3
 # Relative to their place in a step, events are located so coarsely while following; they are refined afterwards.
@@ -145,12 +146,13 @@ class EventCurve:
         self.touching = isinstance(self.condition, Held)
         meetings = [Meeting("load", lambda _: LOAD.weights), Meeting("displacement", lambda _: DISPLACEMENT.weights)]
         if isinstance(self.condition, Fold):
-            meetings = [Meeting("coincidence", self._crossed)]
+            meetings = [Meeting("coincidence", self.condition.crossed)]
         elif isinstance(self.condition, Held) and self.condition.corner:
             meetings = []
         self.meetings: dict[str, Event] = {"cusp": Turn(), **{event.name: event for event in meetings}}
         self.rows: list[FollowedPoint] = []
         self.points: list[Point] = []
+        self.scale = self.beside = 0.0
         self.worst, self.complete, self.message = 0.0, True, ""
 
     # -- the curve ----------------------------------------------------------------------------------------------------
@@ -164,6 +166,7 @@ class EventCurve:
         ModelError
             If it is not found again.
         """
+        self.scale = equilibrium(place).scale
         for q in self.known:
             equilibrium(place).member(self.family.reduced(q)[0])
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
@@ -172,7 +175,6 @@ class EventCurve:
             except CorrectionError as error:
                 message = f"follow: the event was not found again at its start. {error.outcome.value} {error.detail}"
                 raise ModelError(message.strip()) from error
-            self.beside = min(BESIDE[0], abs(float(start.x[-1])))
             backward, first = self._onward(start.turned())
             forward, last = self._onward(start)
             points, ends = [*(point.turned() for point in reversed(backward)), start, *forward], (first, last)
@@ -183,11 +185,12 @@ class EventCurve:
     def _start(self, place: Point) -> Point:
         """The event on a discretisation as fine as the curve needs, towards larger values of the parameter."""
         base = equilibrium(place)
-        size = math.sqrt(base.inner(place.x, place.x)) or base.scale
+        # A state may vanish at the event itself.
+        size = max(math.sqrt(base.inner(place.x, place.x)), LEAST_SIZE * base.scale)
         locus = Locus(self.family, self.condition, (self.interval.low, self.interval.high), size)
         problem = base.member(self.family.reduced(self.q)[0], self.tolerance)
         own = self._resolved(replace(place, problem=problem))  # the event may come from a trace for fewer digits
-        system = Augmented(locus, equilibrium(own), _tangent(own))
+        system = Augmented(locus, equilibrium(own), direction(own))
         return annotated(_solved(system, system.joined(own.x, own.parameter), self.q), label="start")
 
     def _resolved(self, point: Point) -> Point:
@@ -201,14 +204,17 @@ class EventCurve:
 
     def _onward(self, start: Point) -> tuple[list[Point], End]:
         """The curve from a point along its tangent, through first touch as often as it comes there, and how it ends."""
-        points, end = self._piece(start, self.beside)
+        points, end = self._piece(start, min(BESIDE[0], abs(float(start.x[-1]))))
         for _ in range(PASSAGES):
             if end.outcome is not Outcome.STOPPED_AT_EVENT or points[-1].label != "touch":
                 break
             try:
                 beyond, end = self._beyond(points)
             except CorrectionError as error:
-                return points, End(error.outcome, f"(Beyond first touch: {error.detail})")
+                smaller = [beside for beside in BESIDE if beside < self.beside]
+                if not smaller or points[-1].label == "touch":
+                    return points, End(error.outcome, f"(Beyond first touch: {error.detail})")
+                beyond, end = self._piece(points[-1], smaller[0])  # it was not so close
             points += beyond
         return points, end
 
@@ -219,28 +225,23 @@ class EventCurve:
             return [], End(Outcome.STARTED_ON_EDGE)
         problem = augmented(start)
         margins = (Margin(name) for name in problem.margins(start.x, start.parameter))
+        self.beside = beside
         edged = not self.touching and np.isfinite(problem.base.parameter_range).any()
         events = [*self.meetings.values(), *margins, *([Edge(beside)] if edged else [])]
-        branch = follow(start, problem.balance(start), self.interval, STEPS, events, StopAt(predicate=self._far))
+        branch = follow(start, problem.balance(start), self.interval, STEPS, events, StopAt(predicate=self._told))
         return branch.points, branch.end
 
-    def _crossed(self, q: float) -> tuple[float, float]:
-        """Weights of the control at a right angle to the event's own."""
-        first, second = self.condition.weights(q)
-        return -second, first
-
-    def _far(self, point: Point) -> bool:
-        """Whether the interaction is negligible: the load, and its change over a range of the gap."""
+    def _told(self, point: Point) -> bool:
+        """Report progress; whether the curve is to end."""
         if self.progress is not None:
             share = abs(point.parameter - self.q) / self.interval.width
             self.progress(0.6 * share, f"{self.family.name} {self.family.value(point.parameter):.4g}")
-        load, gap = (point.observables[name] for name in ("load", "central_gap"))
-        problem = augmented(point)
-        if self.touching or abs(load) > self.negligible or gap < problem.scale:
-            return False
-        held = problem.held(point)
-        rate = equilibrium(held).rates(held.x, held.parameter, held.tangent_x, held.tangent_parameter)
-        return abs(rate.load * problem.scale) <= self.negligible * abs(rate.central_gap)
+        return self._far(point)
+
+    def _far(self, point: Point) -> bool:
+        """Whether the interaction is negligible: the load, and its mean from here to infinity."""
+        load, energy, gap = (abs(point.observables[name]) for name in ("load", "energy", "central_gap"))
+        return not self.touching and max(load, energy / max(gap, self.scale)) <= self.negligible and gap > self.scale
 
     # -- first touch --------------------------------------------------------------------------------------------------
     def _beyond(self, points: list[Point]) -> tuple[list[Point], End]:
@@ -261,13 +262,13 @@ class EventCurve:
         if not problem.base.beyond_edge:
             points[-1] = replace(last, label="")
             for door in doors[:1]:
-                other = problem.on(equilibrium(door), _tangent(door))
+                other = problem.on(equilibrium(door), direction(door))
                 touch = _solved(other, other.joined(door.x, edge), last.parameter, place=True)
                 points.append(replace(touch, label="touch"))
         failure = CorrectionError(Outcome.STEP_TOO_SMALL, "(The curve was not found there.)")
         for door, beside in itertools.product(doors, BESIDE):
             rate = door.tangent_x / door.tangent_parameter
-            other = problem.on(equilibrium(door), (rate, 1.0))
+            other = problem.on(equilibrium(door), np.append(rate, 1.0))
             inward = 1.0 if edge == other.base.parameter_range[0] else -1.0
             w = other.root(edge) + inward * beside
             try:
@@ -345,7 +346,7 @@ class EventCurve:
         if label not in self.meetings and label != "touch":
             return None
         problem = augmented(point)
-        fine = problem.on(problem.base, _tangent(problem.held(point)), fine=label == "cusp")
+        fine = problem.on(problem.base, direction(problem.held(point)), fine=label == "cusp")
         found = refine(settled(replace(point, problem=fine)), self.meetings.get(label, Edge()), self.accuracy)
         if self.touching or label == "touch":
             found = replace(found, numbers=(*found.numbers[:2], 0.0, 0.0), error=(*found.error[:2], 0.0, 0.0))
@@ -374,7 +375,7 @@ class EventCurve:
 
     def _ending(self, last: Point, end: End, count: int) -> tuple[str, str]:
         """The kind of special point that an end is, if any, and a sentence."""
-        if end.outcome is Outcome.STOPPED_BY_PREDICATE:
+        if self._far(last):
             return "infinite-separation", "The event leaves to infinite separation."
         if end.outcome in ENDED:
             if self.family.spacing == "angle" and last.parameter in (0.0, 0.5 * math.pi):
@@ -415,10 +416,6 @@ class EventCurve:
 
 def _as_special(row: FollowedPoint, index: int, kind: str, message: str, control: str | None = None) -> Special:
     return Special(**{**vars(row), "kind": kind, "index": index, "control": control, "message": message})
-
-
-def _tangent(point: Point) -> tuple[Array, float]:
-    return point.tangent_x, point.tangent_parameter
 
 
 def _solved(problem: Augmented, z: Array, q: float, place: bool = False) -> Point:

@@ -9,7 +9,7 @@ from itertools import pairwise
 from typing import ClassVar
 
 from contbranch.continuation import Event, EventPoint, Happening, Options, Point, Segment
-from contbranch.continuation.probe import Bracket, Probe
+from contbranch.continuation.events import Bracket, Probe
 from contbranch.continuation.walk import annotated, point_on
 from contbranch.control import LOAD, Control
 from contbranch.curve.angle import in_passing, short_way
@@ -204,7 +204,7 @@ class Folds(Event):
         for resolution in SHARPER:
             found = []
             for control, probe, bracket in passages:
-                theta, point = probe.zero(bracket, 0.0, resolution)
+                theta, point = self._zero(probe, bracket, resolution)
                 found.append((bracket.whole(theta), control, point))
             found.sort(key=lambda one: one[0])
             together = [k for k, (a, b) in enumerate(pairwise(found)) if b[0] - a[0] <= 4 * resolution * b[0]]
@@ -217,6 +217,21 @@ class Folds(Event):
             own.sort(key=lambda one: order.index(one[1].kind))
             found[group.start : group.stop] = [(place, control, point) for _, control, point in own]
         return [self._happening(segment, resolution, *one) for one in found]
+
+    def _zero(self, probe: Probe, bracket: Bracket, resolution: float) -> tuple[float, Point]:
+        """Position of a fold in a bracket, and the point there: where it is foretold if the rate all but vanishes."""
+        theta, (first, begin), (last, end) = bracket.guess, bracket.first, bracket.last
+        if resolution == SHARPER[0] and 0.0 < theta < 1.0:
+            point = point_on(bracket.segment, theta, probe.options)[0]
+            value = probe.at(point)
+            if abs(value) <= resolution * min(abs(begin), abs(end)):
+                return theta, point
+            ends = ((theta, value), (last, end)) if (value > 0) == (begin > 0) else ((first, begin), (theta, value))
+            share = ends[0][1] / (ends[0][1] - ends[1][1])
+            bracket = replace(
+                bracket, first=ends[0], last=ends[1], guess=ends[0][0] + share * (ends[1][0] - ends[0][0])
+            )
+        return probe.zero(bracket, 0.0, resolution)
 
     def _turned(self, segment: Segment, place: float, options: Options) -> list[Control]:
         """The controls in the order in which (d', F') passes their directions where folds coincide to rounding.

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from contbranch.continuation import CorrectionError, Point
 from contbranch.control import Control
 from contbranch.curve.problem import Rates, equilibrium
-from contbranch.curve.refine import Found, moved, numbers, on_curve, settled
+from contbranch.curve.refine import Found, further, moved, numbers, settled
 from contbranch.results.diagram import Exponent, LocalExponent, Window
 
 __all__ = ["critical_exponent", "crossover_excess", "fitted_window", "sampled_exponent"]
@@ -84,7 +84,7 @@ def critical_exponent(found: Found, control: Control) -> Exponent | None:
     # Offsets small against the distance to the edge of the representation, where it may have a kink.
     offset = min(OFFSET, 0.2 * side.room)
     try:
-        samples = [side.sample(on_curve(found.point, offset * step)) for step in (-2, -1, 1, 2)]
+        samples = [side.sample(further(found.point, offset * step)) for step in (-2, -1, 1, 2)]
     except CorrectionError:
         return None
     slopes = np.array([control_rate / order_rate for _, _, control_rate, order_rate in samples])
@@ -121,12 +121,11 @@ def sampled_exponent(found: Found, control: Control, ahead: Point | None = None)
     control0, order0 = control.value(*found.numbers[:2]), found.numbers[2 if side.contact else 3]
     errors = control.value(*found.error[:2]), found.error[2 if side.contact else 3]
     rows: list[tuple[float, float, float, float]] = []
-    near, relative, direction = side.origin, side.tolerance, 0
-    origin = near.parameter
+    near, relative, direction, travelled = side.origin, side.tolerance, 0, 0.0
     # Towards growing contact, or (without contact) a shrinking gap.
     rates = equilibrium(near).rates(near.x, near.parameter, near.tangent_x, near.tangent_parameter)
-    grows = (rates.contact_radius if side.contact else -rates.central_gap) * near.tangent_parameter
-    sense = 1.0 if grows >= 0 else -1.0
+    if (rates.contact_radius if side.contact else -rates.central_gap) < 0:
+        near = near.turned()
     limit = math.inf if side.contact else side.room
     small = 1.0 if ahead is not None else min(1.0, side.room)
     for distance in np.geomspace(NEAREST, FARTHEST, SAMPLES):
@@ -134,7 +133,7 @@ def sampled_exponent(found: Found, control: Control, ahead: Point | None = None)
         if step >= limit:
             break
         try:
-            near = on_curve(near, origin + sense * step - near.parameter)
+            near, travelled = further(near, step - travelled), step
         except CorrectionError:
             break
         if min(equilibrium(near).margins(near.x, near.parameter).values(), default=1.0) < 0.0:

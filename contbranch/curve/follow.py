@@ -107,16 +107,15 @@ def followed(
     before = work.newton
     curve = EventCurve(family, condition_for(family, place, control, what), goals, accuracy, progress)
     curve.trace(place)
-    unknowns = max(equilibrium(point).size for point in curve.points)
-    rows = curve.rows
+    columns = {family.name: "value", **{key: key for key in KEYS}}
     return Followed(
         parameter=family.name,
-        curve={name: np.array([getattr(row, key) for row in rows]) for name, key in _columns(family)},
-        error={key: np.array([row.error[key] for row in rows]) for key in KEYS},
+        curve={name: np.array([getattr(row, key) for row in curve.rows]) for name, key in columns.items()},
+        error={key: np.array([row.error[key] for row in curve.rows]) for key in KEYS},
         special=curve.special,
         event=event,
         contact=family.contact,
-        model=ModelChoice(origin.model, f"The event was found in the {origin.model} model.", unknowns),
+        model=ModelChoice(origin.model, f"The event was found in the {origin.model} model.", work.unknowns),
         cost=Cost(time.perf_counter() - began, work.newton - before),
         accuracy=accuracy,
         status="complete" if curve.complete else "incomplete",
@@ -126,31 +125,23 @@ def followed(
     )
 
 
-def _columns(family: Family) -> list[tuple[str, str]]:
-    return [(family.name, "value"), *((key, key) for key in KEYS)]
-
-
 def _origin(event: Event) -> tuple[Origin, Point]:
     """What an event was found in, and where."""
     if not isinstance(event, Event):
         raise InputError(f"event: {type(event).__name__}; must be an event of a diagram, such as diagram.events[0]")
     if event.kind not in FOLLOWED:
         raise InputError(f"event: {event.kind}; only folds, first touch and losses of symmetry can be followed")
-    place = event.origin.raw.place if isinstance(event.origin, Origin) else None
-    general = EquilibriumProblem.member
-    if (
-        not isinstance(event.origin, Origin)
-        or not isinstance(place, Point)
-        or getattr(type(place.problem), "member", general) is general
-    ):
+    origin = event.origin
+    place = origin.raw.place if isinstance(origin, Origin) else None
+    if not isinstance(origin, Origin) or place is None or type(place.problem).member is EquilibriumProblem.member:
         raise InputError(
             "event: its state is not kept, for it was loaded, found on a grid, or its contact set is not a disc (as of "
             "repulsive maugis-dugdale laws); only an event of a fresh trace by the exact or axisymmetric model, with a "
             "disc or without contact, can be followed"
         )
-    if event.origin.contact.interaction is None:
+    if origin.contact.interaction is None:
         raise InputError("event: without interaction first touch stays at zero load and displacement")
-    return event.origin, place
+    return origin, place
 
 
 def _ordered(family: Family, goals: tuple[float, ...]) -> tuple[float, ...]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -91,6 +92,8 @@ class RawCurve:
 
     Attributes
     ----------
+    row_errors : array (M, 2) or callable
+        Error estimates of load and displacement, or what computes them.
     others : sequence of RawCurve
         Branches that leave the curve. Their folds bear no names and set no thresholds; their messages and costs are
         already in those of the curve.
@@ -103,8 +106,7 @@ class RawCurve:
     energy: Array
     unstable_load: Integers
     unstable_displacement: Integers
-    load_error: Array
-    displacement_error: Array
+    row_errors: Array | Callable[[], Array]
     profiles: Sequence[Callable[[], Profile]]
     events: Sequence[RawEvent]
     complete: bool
@@ -117,6 +119,21 @@ class RawCurve:
     fft_pairs: Integers | None = None
     extra: Mapping[str, Any] = field(default_factory=dict)
     others: Sequence[RawCurve] = ()
+
+    @cached_property
+    def errors(self) -> Array:
+        """Error estimates of load and displacement at the rows, (M, 2)."""
+        return self.row_errors() if callable(self.row_errors) else self.row_errors
+
+    @property
+    def load_error(self) -> Array:
+        """Error estimates of the load, (M,)."""
+        return self.errors[:, 0]
+
+    @property
+    def displacement_error(self) -> Array:
+        """Error estimates of the displacement, (M,)."""
+        return self.errors[:, 1]
 
 
 @dataclass(frozen=True)
@@ -234,8 +251,8 @@ def _branch(scaling: _Scaling, curve: RawCurve) -> Branch:
         curve.energy * scaling.energy,
         curve.unstable_load,
         curve.unstable_displacement,
-        curve.load_error * scaling.load,
-        curve.displacement_error * scaling.normal,
+        lambda: curve.load_error * scaling.load,  # type: ignore[arg-type]
+        lambda: curve.displacement_error * scaling.normal,  # type: ignore[arg-type]
         [lambda source=source: scaling.profile(source()) for source in curve.profiles],  # type: ignore[misc]
         curve.unstable_spring,
         curve.unstable_azimuthal,

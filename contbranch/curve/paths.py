@@ -27,8 +27,8 @@ __all__ = ["CurveWalk"]
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-# Quadrature error allowed on a piece, as a share of the accuracy.
-SHARE = 0.1
+# Quadrature error allowed on a piece, as a share of the accuracy, or in units of rounding.
+SHARE, ROUNDINGS = 0.1, 10.0
 
 
 @dataclass(frozen=True)
@@ -64,8 +64,9 @@ class CurveWalk:
 
     @cached_property
     def unstable(self) -> Integers:
-        """Morse index under the control on the pieces."""
-        return self.track.hodograph.pieces(self.control)[0]
+        """Morse index under the control on the pieces; where it rests, it holds nothing."""
+        index = self.track.hodograph.pieces(self.control)[0]
+        return np.where(np.diff(self.values) == 0.0, np.maximum(index, 1), index)
 
     @cached_property
     def rising(self) -> Integers:
@@ -167,9 +168,15 @@ class CurveWalk:
         stops = [begin, *(self.stop(row) for row in rows), end]
         try:
             pieces = [self._joined(*ends) for ends in pairwise(stops)]
-            return work_along(begin.place, pieces, end.place, SHARE * self.accuracy)
+            return work_along(begin.place, pieces, end.place, self._allowed)
         except CorrectionError as error:
             raise ModelError(f"work along the curve: the curve cannot be followed there. {error}") from error
+
+    @cached_property
+    def _allowed(self) -> float:
+        """Quadrature error allowed on a piece; equations without errors of their own are integrated as exactly."""
+        problem = self.track.problem(0)
+        return SHARE * self.accuracy if problem.finer() is not problem else ROUNDINGS * problem.rounding
 
     def relaxed(self, fold: Stop, candidates: Sequence[Stop]) -> Stop | None:
         """Which of several stable states overdamped relaxation from a fold reaches.

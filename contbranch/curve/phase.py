@@ -14,7 +14,7 @@ from contbranch.contact.contact import Contact
 from contbranch.contact.family import Family
 from contbranch.curve.follow import followed
 from contbranch.errors import ModelError
-from contbranch.results.diagram import Branch, Cost, Diagram, Event
+from contbranch.results.diagram import Cost, Diagram, Event
 from contbranch.results.followed import Followed
 from contbranch.results.phase import Part, PhaseDiagram
 
@@ -118,19 +118,13 @@ def _parts(diagram: Diagram, events: Sequence[Event], kind: str) -> tuple[Part, 
         math.inf if diagram.status == "complete" else float(control[-1]),
     ]
     stable = [bool(unstable[(a + b) // 2] == 0) if b - a >= 2 else None for a, b in pairwise(rows)]
-    for k in range(len(stable)):
-        if stable[k] is None:  # no row between two events: a fold's other side
-            other = stable[k - 1] if k else stable[k + 1]
-            beside = events[k - 1] if k else events[0]
+    for k, known in enumerate(stable):
+        if known is None:  # no row between two events: a fold's other side
+            other, beside = (stable[k - 1], events[k - 1]) if k else (stable[1], events[0])
             stable[k] = bool(other) == (beside.kind == "touch")
-    return tuple(
-        Part(limits[k], limits[k + 1], _touching(branch, rows[k], rows[k + 1]), bool(stable[k]))
-        for k in range(len(stable))
-    )
-
-
-def _touching(branch: Branch, first: int, last: int) -> bool:
-    return bool(branch.contact_radius[last] > 0) if last > first else False
+    touching = [b > a and bool(branch.contact_radius[b] > 0) for a, b in pairwise(rows)]
+    ends = pairwise(limits)
+    return tuple(Part(*end, disc, bool(held)) for end, disc, held in zip(ends, touching, stable, strict=True))
 
 
 def _on(boundary: Followed, event: Event, value: float, member: Contact) -> bool:

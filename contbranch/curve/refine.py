@@ -13,7 +13,7 @@ from contbranch.curve.events import FoldEvent
 from contbranch.curve.problem import EquilibriumProblem, Rates, equilibrium
 from contbranch.errors import ModelError
 
-__all__ = ["OPTIONS", "Found", "Four", "moved", "numbers", "on_curve", "refine", "settled", "upright"]
+__all__ = ["OPTIONS", "Found", "Four", "at_parameter", "further", "moved", "numbers", "refine", "settled", "upright"]
 
 Four = tuple[float, float, float, float]
 
@@ -34,6 +34,8 @@ GAIN, WORSE = 0.1, 3.0
 # The parameter itself is the coordinate along the curve where it makes up this share of the tangent's length.
 UPRIGHT = 0.3
 ITERATIONS = 14
+# Steps towards an event below this multiple of rounding are not taken.
+CLOSEST = 2.5
 
 
 @dataclass(frozen=True)
@@ -102,8 +104,8 @@ def settled(point: Point) -> Point:
     return _Line(point).at(0.0, point)
 
 
-def on_curve(point: Point, ahead: float) -> Point:
-    """The equilibrium at another parameter, `ahead` of that of a point.
+def at_parameter(point: Point) -> Point:
+    """The equilibrium at the parameter of a point.
 
     Raises
     ------
@@ -112,7 +114,20 @@ def on_curve(point: Point, ahead: float) -> Point:
     """
     line = _Line(point)
     line.upright = True
-    return line.at(ahead, point)
+    return line.at(0.0, point)
+
+
+def further(point: Point, length: float) -> Point:
+    """The equilibrium ahead of a point along its tangent: by a change of the parameter where that is a coordinate.
+
+    Raises
+    ------
+    CorrectionError
+        If Newton's method fails.
+    """
+    line = _Line(point)
+    line.upright |= line.problem.ordered
+    return line.at(math.copysign(1.0, point.tangent_parameter) * length if line.upright else length, point)
 
 
 class _Line:
@@ -166,15 +181,16 @@ def _located(place: _Place, event: Event | None) -> _Place:
         If the curve cannot be followed there.
     """
     if event is None:
-        return replace(place, point=on_curve(place.point, 0.0))
+        return replace(place, point=at_parameter(place.point))
     line = _Line(place.point)
+    least = CLOSEST * line.problem.rounding * line.unit
     s, point = 0.0, line.at(0.0, place.point)
     value = event.value(point)
     steepness, best = place.steepness, (abs(value), point)
     for iteration in range(ITERATIONS):
         step = -value / steepness if steepness else 1e-4 * line.unit
         step = math.copysign(min(abs(step), 0.2 * line.unit), step)
-        if iteration and abs(step) <= 1e-13 * line.unit:
+        if iteration and abs(step) <= least:
             break
         new_point = line.at(s + step, point, s)
         new_value = event.value(new_point)
@@ -213,7 +229,7 @@ def refine(point: Point, event: Event | None, accuracy: float) -> Found:
             if problem is aimed.problem:
                 break
             carried = moved(aimed, problem)
-            aimed = on_curve(carried, 0.0) if event is None else settled(carried)
+            aimed = at_parameter(carried) if event is None else settled(carried)
     except CorrectionError:
         aimed = point
     best = _best(_Place(aimed), event, accuracy)

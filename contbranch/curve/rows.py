@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -9,17 +10,19 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from contbranch.continuation import Event, Point
+from contbranch.continuation import CorrectionError, Event, Point
 from contbranch.control import LOAD
 from contbranch.curve.events import FoldEvent, Margin, Reached
 from contbranch.curve.exponents import critical_exponent, sampled_exponent
 from contbranch.curve.outcome import RawCurve, RawEvent
 from contbranch.curve.problem import equilibrium
 from contbranch.curve.refine import Found, refine
-from contbranch.curve.symmetry import Breaking, critical_eigenvalues, merged, symmetry_breaking
+from contbranch.curve.symmetry import Breaking, critical_eigenvalues, has_modes, merged, symmetry_breaking
 from contbranch.curve.trace import Request
 from contbranch.curve.track import Mark, Track
+from contbranch.errors import ModelError
 from contbranch.results.diagram import Cost, Profile
+from contbranch.threads import one_thread
 
 __all__ = ["raw_curve"]
 
@@ -53,7 +56,6 @@ def raw_curve(track: Track, request: Request) -> RawCurve:
         complete = False
         messages.append(f"An event's error estimate is {worst:.3g} times the accuracy asked.")
     load, displacement = track.column("load"), track.column("displacement")
-    errors = np.array([_row_error(point) for point in track.points])
     return RawCurve(
         load,
         displacement,
@@ -62,8 +64,7 @@ def raw_curve(track: Track, request: Request) -> RawCurve:
         track.column("energy"),
         track.hodograph.rows(LOAD),
         held,
-        errors[:, 0],
-        errors[:, 1],
+        one_thread(lambda: np.array([_row_error(point) for point in track.points])),
         profiles=[_deferred_profile(point) for point in track.points],
         events=events,
         complete=complete,
@@ -72,7 +73,7 @@ def raw_curve(track: Track, request: Request) -> RawCurve:
         unknowns=track.work.unknowns,
         unstable_spring=track.hodograph.rows(track.controls[2]) if len(track.controls) > 2 else None,
         unstable_azimuthal=breaking.unstable if breaking.counts else None,
-        critical=(lambda: critical_eigenvalues(track.points)) if breaking.counts else None,
+        critical=(lambda: critical_eigenvalues(track.points)) if breaking.counts and has_modes(track) else None,
     )
 
 
@@ -80,7 +81,9 @@ def _nothing(track: Track) -> RawCurve:
     """The result of a trace that could not start."""
     empty, none = np.empty(0), np.empty(0, dtype=np.int64)
     cost = Cost(0.0, track.work.newton)
-    return RawCurve(*(empty,) * 5, none, none, empty, empty, (), (), False, track.message, cost, track.work.unknowns)
+    return RawCurve(
+        *(empty,) * 5, none, none, np.empty((0, 2)), (), (), False, track.message, cost, track.work.unknowns
+    )
 
 
 def _end_agrees(track: Track) -> bool:
@@ -162,7 +165,10 @@ def _event(track: Track, mark: Mark, found: Found) -> RawEvent:
 def _row_error(point: Point) -> Sequence[float]:
     """Error estimates of load and displacement."""
     problem, own = equilibrium(point), point.observables
-    defect = (own["load_error"], own["displacement_error"]) if "load_error" in own else problem.defect(point)[:2]
+    try:
+        defect = problem.defect(point)[:2]
+    except (CorrectionError, ModelError):  # which a region too narrow for a finer discretisation may cause
+        return math.inf, math.inf
     floor = ROW_FLOOR if problem.finer() is not problem else problem.rounding
     return [
         ROW_SAFETY * abs(error) + floor * max(1.0, abs(own[name]))

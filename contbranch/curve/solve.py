@@ -38,9 +38,13 @@ class Crossing:
 
 
 def pieces_at(reached: Array, value: float) -> list[int]:
-    """Pieces of the curve (between rows i and i + 1) on which a quantity, monotone on each, passes a value."""
+    """Pieces of the curve (between rows i and i + 1) on which a quantity, monotone on each, passes a value.
+
+    Where it rests it tells no states, and so not the one with which it begins to move or comes to rest.
+    """
     low, high = np.minimum(reached[:-1], reached[1:]), np.maximum(reached[:-1], reached[1:])
-    return [int(k) for k in np.flatnonzero((low < value) & (value <= high))]
+    resting = reached[np.append(low == high, False) | np.append(False, low == high)]
+    return [int(k) for k in np.flatnonzero((low < value) & (value <= high)) if value not in resting or value < high[k]]
 
 
 def crossings(track: Track, field: str, value: float, accuracy: float) -> list[Crossing]:

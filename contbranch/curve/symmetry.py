@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 from contbranch.continuation import CorrectionError, Event, Point
 from contbranch.control import DISPLACEMENT
 from contbranch.curve.outcome import RawEvent
-from contbranch.curve.problem import Count, equilibrium
+from contbranch.curve.problem import Count, EquilibriumProblem, equilibrium
 from contbranch.curve.refine import refine
 from contbranch.curve.trace import Request
 from contbranch.curve.track import Track, between
 
-__all__ = ["Breaking", "SymmetryEvent", "critical_eigenvalues", "merged", "symmetry_breaking"]
+__all__ = ["Breaking", "SymmetryEvent", "critical_eigenvalues", "has_modes", "merged", "symmetry_breaking"]
 
 Integers = NDArray[np.int64]
 
@@ -104,6 +104,12 @@ def symmetry_breaking(track: Track, request: Request) -> Breaking:
         notes.append(f"{lost} symmetry events could not be located: the curve cannot be followed there.")
     everywhere = known if len(known) == len(counts) else ()
     return Breaking(everywhere, tuple(sorted(found, key=_position)), not lost, " ".join(notes))
+
+
+def has_modes(track: Track) -> bool:
+    """Whether the eigenvalues of azimuthal modes are known at every row, and not only how many are unstable."""
+    own = (type(equilibrium(point)).mode_eigenvalue for point in track.points)
+    return all(method is not EquilibriumProblem.mode_eigenvalue for method in own)
 
 
 def critical_eigenvalues(points: Sequence[Point]) -> NDArray[np.float64]:

@@ -12,7 +12,7 @@ from contbranch.continuation import CorrectionError, EventPoint, Outcome, Point,
 from contbranch.continuation.edge import Range
 from contbranch.continuation.follow import Branch, follow
 from contbranch.control import DISPLACEMENT, LOAD, Control
-from contbranch.curve.angle import AMBIGUOUS, Hodograph, Turning, in_passing, short_way
+from contbranch.curve.angle import AMBIGUOUS, Hodograph, Turning, alpha, in_passing, short_way
 from contbranch.curve.events import Ceiling, Folds, Margin, rates
 from contbranch.curve.problem import EquilibriumProblem, Succession, equilibrium
 from contbranch.curve.track import Mark, Track
@@ -258,11 +258,17 @@ class _Tracing:
         if abs(turn) > AMBIGUOUS * math.pi:
             behind = self.points[row - 1]
             before, after = (equilibrium(p).unstable(p.x, p.parameter) for p in (behind, ahead))
-            if before != after:
-                turn = math.copysign(turn, before - after) if abs(turn) < math.pi else turn
+            ways = turn, turn - math.copysign(2 * math.pi, turn)
+            turn = next((way for way in ways if _raised(begin, way) == after - before), turn)
         passed = in_passing(self.request.controls, begin, turn)
         turning.corner(turn)
         return [Mark(row, "fold", replace(self.points[row]), control) for control in passed]
+
+
+def _raised(begin: float, turn: float) -> int:
+    """By how much a turn raises the Morse index under displacement control."""
+    first, last = (math.floor((angle - alpha(DISPLACEMENT)) / math.pi) for angle in (begin, begin + turn))
+    return first - last
 
 
 def _stopped(branch: Branch) -> str:

@@ -14,7 +14,7 @@ from contbranch.contact.contact import Contact
 from contbranch.control import Control
 from contbranch.errors import InputError, ModelError
 from contbranch.results.profile import CellFields, ModeShape, Profile
-from contbranch.results.record import Record, Result, described, record
+from contbranch.results.record import Record, Result, described, late, record
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -364,6 +364,9 @@ def _of_control(source: State | Branch, control: str | Control) -> Any:
     if found is None:
         raise InputError(f"control: {kind!r}; must be load, displacement, or spring where one was asked for")
     return found
+
+
+late(Branch, "load_error", "displacement_error")
 
 
 @record

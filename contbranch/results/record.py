@@ -23,6 +23,7 @@ __all__ = [
     "described",
     "key_of",
     "kind_of",
+    "late",
     "record",
     "same",
     "unit_of",
@@ -83,6 +84,36 @@ def kind_of(item: Field[Any]) -> Any:
 def record(kind: type[Kind]) -> type[Kind]:
     """Make a class a dataclass, frozen and compared as `Record` says."""
     return dataclass(frozen=True, eq=False)(kind)
+
+
+class Late:
+    """A field that may be given as a callable, which computes its value when that is first asked for.
+
+    It is put in the place of the field once the class is a dataclass.
+    """
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = name
+
+    def __get__(self, instance: object, owner: type) -> Any:
+        if instance is None:
+            return self
+        value = instance.__dict__[self.name]
+        if callable(value):
+            value = instance.__dict__[self.name] = value()
+        return value
+
+    def __set__(self, instance: object, value: Any) -> None:
+        instance.__dict__[self.name] = value
+
+
+def late(kind: type[Kind], *names: str) -> type[Kind]:
+    """Let fields of a record be computed when they are first asked for."""
+    for name in names:
+        descriptor = Late()
+        descriptor.__set_name__(kind, name)
+        setattr(kind, name, descriptor)
+    return kind
 
 
 @dataclass(frozen=True, eq=False)

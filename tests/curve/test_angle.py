@@ -42,7 +42,7 @@ class Slope:
 
     @cached_property
     def polynomial(self):
-        return self.lead * np.polynomial.Polynomial.fromroots(self.roots)
+        return np.polynomial.Polynomial(self.lead * np.polynomial.polynomial.polyfromroots(self.roots))
 
     @cached_property
     def integral(self):
@@ -264,3 +264,29 @@ def test_every_fold_is_found_once_in_order_with_its_index(seed):
     rng = np.random.default_rng(seed)
     arcs = random_arcs(rng)
     check(arcs, SPRINGS[seed % 5])
+
+
+class Corner(Drawn):
+    """Two straight arcs of which the second all but comes back; the index there says how the curve turns."""
+
+    def __init__(self, arcs, number, index, change):
+        super().__init__(arcs, number, (0.0, 0.0), index)
+        self.change = change
+
+    def successor(self, name, points):
+        following = Corner(self.arcs, 1, self.index + self.change, 0).start(LOAD)
+        return None if self.number else Succession("", points[-1], (following,))
+
+
+@pytest.mark.parametrize("short", [-0.05, -1e-9, 1e-9, 0.05])
+@pytest.mark.parametrize("clockwise", [False, True])
+def test_the_index_tells_how_a_curve_turns_back(short, clockwise):
+    arcs = [Arc(Slope(np.sin(phi), ()), Slope(np.cos(phi), ())) for phi in (0.3, 0.3 + np.pi + short)]
+    spring = SPRINGS[2]
+    track = trace(Corner(arcs, 0, 1, 1 if clockwise else -1), Request(1e-8, control=spring))
+    kinds = ["load", "spring", "displacement"] if clockwise else ["displacement", "spring", "load"]
+    assert [mark.control.kind for mark in track.marks] == kinds
+    first, last = track.hodograph.angles[[0, -1]]
+    assert last - first == pytest.approx((-1 if clockwise else 1) * np.pi + short)
+    for control in (LOAD, DISPLACEMENT, spring):
+        assert track.hodograph.pieces(control)[0][[0, -1]].tolist() == [1, 2 if clockwise else 0]

@@ -10,7 +10,7 @@ import pytest
 import contbranch as cb
 from contbranch.contact.family import Family, family_of
 from contbranch.control import DISPLACEMENT, LOAD
-from contbranch.curve.augmented import Augmented, Fold, Locus, Other
+from contbranch.curve.augmented import Augmented, Fold, Locus, Other, direction
 from contbranch.curve.event_curve import EventCurve
 from contbranch.curve.events import Reached
 from contbranch.curve.problem import EquilibriumProblem, Rates, Values, Work, oriented
@@ -177,7 +177,7 @@ def augmented(name: str, control: str) -> tuple[Augmented, np.ndarray]:
     tabor = family_of(CONTACT, "tabor", 1.0)
     condition = Fold(tabor, LOAD if control == "load" else DISPLACEMENT)
     locus = Locus(tabor, condition, (-1.0, 0.0), math.sqrt(place.problem.inner(place.x, place.x)))
-    made = Augmented(locus, place.problem, (place.tangent_x, place.tangent_parameter), fine=True)
+    made = Augmented(locus, place.problem, direction(place), fine=True)
     return made, made.joined(place.x, place.parameter)
 
 
@@ -197,11 +197,11 @@ def test_the_jacobian_is_the_derivative_of_the_residual(name, control):
     h, u = problem.split(x + np.append(np.zeros(tau.size), 0.05))
     x = problem.joined(problem.at(0.02).solve_at(h, u), u)
     linear = problem.linearise(x, 0.02)
-    for direction, rate in ((np.append(np.exp(-(tau**2)), 0.3), 0.0), (np.zeros(x.size), 1.0)):
+    for vector, rate in ((np.append(np.exp(-(tau**2)), 0.3), 0.0), (np.zeros(x.size), 1.0)):
         step = 1e-5
-        there, back = (problem.residual(x + s * direction, 0.02 + s * rate) for s in (step, -step))
+        there, back = (problem.residual(x + s * vector, 0.02 + s * rate) for s in (step, -step))
         expected = (there - back) / (2 * step)
-        found = linear.jacobian @ direction + rate * linear.parameter_derivative
+        found = linear.jacobian @ vector + rate * linear.parameter_derivative
         np.testing.assert_allclose(found[:-1], expected[:-1], atol=1e-6)
         assert found[-1] == pytest.approx(expected[-1], rel=2e-4)
 
@@ -218,3 +218,16 @@ def test_any_event_of_the_curve_can_be_followed():
     nearest = min(states, key=lambda state: abs(state.load - point.load))
     for name in ("load", "displacement", "contact_radius", "central_gap"):
         assert getattr(point, name) == pytest.approx(getattr(nearest, name), abs=1e-7)
+
+
+def test_a_fold_that_only_nears_first_touch_is_followed_on():
+    """Wetting of a soft film has ever smaller contact radii, but not none: as a separate trace has it."""
+    contact = cb.Contact.reduced(cb.VanDerWaals, 0.25, -1)
+    wetting = next(e for e in cb.trace(contact, accuracy=1e-8).folds("load") if e.name == "wetting")
+    followed = cb.follow(wetting, "tabor", to=0.16, accuracy=1e-8)
+    assert (followed.status, followed.special) == ("complete", ())
+    softer = cb.trace(cb.Contact.reduced(cb.VanDerWaals, 0.16, -1), accuracy=1e-8)
+    other = next(e for e in softer.folds("load") if e.name == "wetting")
+    (point,) = followed.at(0.16)
+    assert point.contact_radius == pytest.approx(other.contact_radius, abs=1e-7)
+    assert point.load == pytest.approx(other.load, abs=point.error["load"] + other.error["load"])

@@ -242,7 +242,8 @@ def test_single_state_with_an_annulus(annulus: cb.Diagram) -> None:
 
 def test_convergence_with_the_order(step: Track) -> None:
     """At fixed displacement the load's error falls by more than a factor 10 with every two nodes a panel."""
-    point = nearest(step, 3.0)
+    (crossing,) = crossings(step, "displacement", 3.0, 1e-9)
+    point = crossing.found.point
     problem = rings(point)
     coarse = replace(problem.panels, halves=((0.3,), (0.3,), (0.3,)))
     loads = []
@@ -256,7 +257,7 @@ def test_convergence_with_the_order(step: Track) -> None:
     assert errors[-1] < 1e-8
 
 
-@pytest.mark.parametrize("displacement", [1.0, 2.38, 4.3, 5.8])
+@pytest.mark.parametrize("displacement", [1.0, 2.5, 3.7, 5.8])
 def test_rates_are_those_of_central_differences(step: Track, displacement: float) -> None:
     """On a disc at rest, with the hole in it, and with contact inside of the ring."""
     point, h = nearest(step, displacement), 1e-5
@@ -343,3 +344,18 @@ def test_taking_over_from_a_disc() -> None:
     assert equilibrium(point).unstable(point.x, point.parameter) == state.unstable_displacement
     ahead = equilibrium(point).rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
     assert ahead.contact_radius * rise.contact_radius > 0
+
+
+def test_both_models_have_the_same_exponents() -> None:
+    """At the folds of a film: by contact radius and central gap, along d here and along the contact there."""
+    contact = cb.Contact.reduced("gauss", 0.6, -1)
+    ring, disc = (cb.trace(contact, accuracy=1e-7, model=model) for model in (Rings(), cb.Axisymmetric()))
+    pairs = list(zip(ring.events, disc.events, strict=True))
+    assert [event.kind for event in ring.events] == ["fold", "touch", "fold", "end"]
+    for here, there in (pairs[0], pairs[2]):
+        assert here.exponent.prefactor == pytest.approx(there.exponent.prefactor, rel=1e-5)
+        assert here.exponent.crossover_load == pytest.approx(there.exponent.crossover_load, rel=1e-4)
+        local, other = ring.local_exponent(here), disc.local_exponent(there)
+        excess = np.geomspace(1e-4, 0.9 * min(local.excess[-1], other.excess[-1]), 5)
+        kappa, expected = (np.interp(np.log(excess), np.log(found.excess), found.kappa) for found in (local, other))
+        assert kappa == pytest.approx(expected, abs=5e-3)

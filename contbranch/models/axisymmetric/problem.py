@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from contbranch.contact.contact import Contact
 from contbranch.continuation import Adaptation, Linearisation, Options, Point
-from contbranch.continuation.walk import annotated
 from contbranch.control import Control
 from contbranch.curve.problem import (
     STEPS,
@@ -76,6 +75,8 @@ FEWER, COARSENINGS = 0.8, 4
 # From first touch up to this parameter the rate of the load comes from the slope dF/dd, which keeps its digits
 # there, unless the displacement all but stands still: its rate must be at least this share of its parts.
 TINY, MOVING = 1e-2, 0.1
+# The panels' guide is believed where, scaled to the error found last, it leaves so much room.
+ROOM = 4.0
 # Rounds of meshing, solving and judging until a mesh satisfies its own error estimate.
 ROUNDS = 6
 
@@ -136,6 +137,8 @@ class ContactProblem(EquilibriumProblem):
         Factor by which the panels' own error guide was found too optimistic here.
     """
 
+    ordered = True
+
     def __init__(self, equations: Equations, scale: float, resolution: Resolution, sharpness: float = 1.0) -> None:
         self.equations = equations
         self.scale = scale
@@ -143,6 +146,7 @@ class ContactProblem(EquilibriumProblem):
         self.sharpness = sharpness
         mesh = equations.mesh
         self._weights = mesh.weights
+        self.guided = math.inf  # error per guide of the panels, found last
         self.work = resolution.work
         self.work.unknowns = max(self.work.unknowns, mesh.size)
 
@@ -290,9 +294,14 @@ class ContactProblem(EquilibriumProblem):
         raise failure
 
     def touching(self, x: Array) -> Point:
-        """First touch as a point of the side in contact, towards larger contacts."""
-        rate, one = self.direction(x, 0.0)
-        return annotated(Point(self, x, 0.0, rate, one), label="start")
+        """First touch as a point of the side in contact, towards larger contacts, on a mesh that resolves it."""
+        problem = self
+        for _ in range(ROUNDS):
+            if problem.relative_error(problem.fields(x, 0.0)) <= self.resolution.tolerance:
+                break
+            problem, x = problem.remeshed(x, 0.0)
+        rate, one = problem.direction(x, 0.0)
+        return Point(problem, x, 0.0, rate, one, observables=problem.values(x, 0.0)._asdict(), label="start")
 
     @property
     def limitation(self) -> str:
@@ -334,13 +343,11 @@ class ContactProblem(EquilibriumProblem):
         return Values(load, displacement, fields.rim.radius, gap, equations.energy(fields))
 
     def observables(self, x: Array, p: float) -> Mapping[str, float]:
-        """The values, and error estimates of load and displacement."""
-        fields = self.fields(x, p)
-        error = self.error(fields)
-        if self.relative_error(fields) > UNRESOLVED * self.resolution.tolerance:
+        """The values, by name, where the mesh resolves them."""
+        allowed = UNRESOLVED * self.resolution.tolerance
+        if self.expected_error(self.fields(x, p), allowed) > allowed:
             raise ModelError("the mesh does not resolve the solution")  # which repeats the step shorter
-        errors = {"load_error": error.load, "displacement_error": error.displacement}
-        return self.values(x, p)._asdict() | errors
+        return self.values(x, p)._asdict()
 
     def rates(self, x: Array, p: float, x_rate: Array, p_rate: float) -> Rates:
         """Rates of load, displacement, contact radius and central gap along a direction."""
@@ -404,9 +411,9 @@ class ContactProblem(EquilibriumProblem):
         resolution = self.resolution
         scale = max(1.0, abs(self.equations.load(fields)))
         allowed = resolution.tolerance * scale
-        error = self.relative_error(fields)
         reach = needed_reach(self.equations, fields, 0.1 * allowed)
         mesh = self.equations.mesh
+        error = self.expected_error(fields, resolution.tolerance)
         if error <= resolution.tolerance and reach <= mesh.edges[-1]:
             if error > 1e-3 * resolution.tolerance or mesh.panels <= 6:
                 return None
@@ -446,9 +453,8 @@ class ContactProblem(EquilibriumProblem):
             edges = np.append(self.equations.mesh.edges, end * (reach / end) ** (np.arange(1, count + 1) / count))
         else:
             error = self.relative_error(fields)
-            guide = float(panel_errors(self.equations, fields).sum()) / max(1.0, abs(self.equations.load(fields)))
             if error > tolerance:
-                sharpness = min(max(sharpness, 2 * error / max(guide, 1e-16)), 1e6)
+                sharpness = min(max(sharpness, 2 * error / max(self._guide(fields), 1e-16)), 1e6)
             edges = adapted_edges(self.equations, fields, SLACK * allowed / sharpness, reach)
         return self.on(Mesh(edges, self.resolution.order), x, p, sharpness, solve)
 
@@ -590,6 +596,27 @@ class ContactProblem(EquilibriumProblem):
             if change < 1e-13 * max(1.0, float(np.abs(x).max())):
                 return best
         return best
+
+    def expected_error(self, fields: Fields, tolerance: float) -> float:
+        """Discretisation error of a solution relative to max(1, |value|), roughly where it is below a tolerance.
+
+        There the panels' own guide serves, scaled to the error last found on this mesh, with some room; otherwise the
+        error is estimated anew.
+        """
+        if "error" not in fields.derived:
+            rough = ROOM * self.guided * self._guide(fields)
+            if rough <= tolerance:
+                return rough
+        error = self.relative_error(fields)
+        self.guided = error / max(self._guide(fields), 1e-300)
+        return error
+
+    def _guide(self, fields: Fields) -> float:
+        if "guide" not in fields.derived:
+            missed = float(panel_errors(self.equations, fields).sum())
+            fields.derived["guide"] = missed / max(1.0, abs(self.equations.load(fields)))
+        found: float = fields.derived["guide"]
+        return found
 
     def relative_error(self, fields: Fields) -> float:
         """Discretisation error of a solution relative to max(1, |value|): the larger of load's and displacement's."""

@@ -9,4 +9,4 @@ if TYPE_CHECKING:
 
 __all__ = ["Exact"]
 
-__getattr__, __dir__ = lazily(__name__, {".model": "Exact ExactCurve"})
+__getattr__, __dir__ = lazily(__name__, {".model": "Exact"})

@@ -30,7 +30,7 @@ from contbranch.contact.tips import Parabola
 from contbranch.continuation import Options, Point
 from contbranch.continuation.problem import Array, Linearisation
 from contbranch.control import Control
-from contbranch.curve.problem import STEPS, EquilibriumProblem, Rates, Succession, Values, Work, oriented
+from contbranch.curve.problem import STEPS, Count, EquilibriumProblem, Rates, Succession, Values, Work, oriented
 from contbranch.errors import InputError
 from contbranch.results.profile import Profile
 from contbranch.theory import maugis
@@ -68,10 +68,13 @@ class ExactProblem(EquilibriumProblem):
         What has been spent, counted by all pieces together.
     """
 
+    ordered = True
     complete_by = "all there are, by the closed form"
+    # Every value is a sum of a few terms, each good to a few units in the last place.
+    rounding = 8e-15
 
     def __init__(self, zone: Zone, work: Work) -> None:
-        self.zone, self.work = zone, work
+        self.zone, self.work, work.unknowns = zone, work, 1
         self.scale = float(zone.interaction_range)
         self._constants = {name: getattr(zone, name) for name in CONSTANTS}
 
@@ -117,6 +120,10 @@ class ExactProblem(EquilibriumProblem):
     def unstable(self, x: Array, p: float) -> int:
         """One where the displacement falls while the interaction spreads."""
         return int(self.slopes(p).displacement < 0.0)
+
+    def azimuthal(self, x: Array, p: float, unstable: int, limit: int = 32, near: int = 1) -> Count:
+        """None: the gap of a parabola under attraction grows with the radius, and more so where symmetry is broken."""
+        return Count()
 
     def profile(self, x: Array, p: float) -> Profile:
         """Gap and pressures on a grid graded towards the rims of contact and interaction."""

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.curve.outcome import RawCurve
-from contbranch.curve.stability import Indices, morse_indices
 from contbranch.curve.symmetry import merged
 from contbranch.curve.trace import Request
+from contbranch.models.grid.indices import Indices, morse_indices
 from contbranch.results.diagram import Cost
 
 from .accuracy import Comparison, compared, no_comparison, touched
@@ -333,8 +333,7 @@ class _Tracer:
             energy=columns["energy"],
             unstable_load=indices.load if rows else np.empty(0, dtype=np.int64),
             unstable_displacement=indices.displacement if rows else np.empty(0, dtype=np.int64),
-            load_error=load_error,
-            displacement_error=displacement_error,
+            row_errors=np.stack([load_error, displacement_error], axis=1),
             profiles=[deferred_profile(self.setup, row) for row in rows],
             events=events,
             complete=complete,

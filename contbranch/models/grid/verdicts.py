@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from contbranch.control import Control
 from contbranch.curve.outcome import RawEvent
-from contbranch.curve.stability import Indices
+from contbranch.models.grid.indices import Indices
 
 from .folds import refine_fold
 from .newton import Settings

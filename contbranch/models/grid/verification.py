@@ -1,6 +1,6 @@
 """Indices counted from folds, checked by eigenvalues; and the modes along a curve that break a symmetry.
 
-Folds are counted to know how many modes with the symmetry of the tip are unstable (`contbranch.curve.stability`).
+Folds are counted to know how many modes with the symmetry of the tip are unstable (`contbranch.models.grid.indices`).
 A fold that was passed over, or one that is none, spoils the count from there on. So eigenvalues are found at the first
 row, at the last, and at one row well inside every piece between two folds. Pieces without a row of their own follow
 from those on both sides of them, and so do those along which the rim of the contact moves by less than two rows of
@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbranch.contact.height_map import HeightMap
-from contbranch.curve.stability import Indices
+from contbranch.models.grid.indices import Indices
 
 from .kept import Image, has_symmetry, lacking
 from .newton import Equilibrium

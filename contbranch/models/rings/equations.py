@@ -125,6 +125,8 @@ class RingEquations(EquilibriumProblem):
         else:
             if count and not (edges[0] > 0 and np.all(np.diff(edges) > 0) and edges[-1] < self.setting.tip.extent):
                 raise ModelError("the edges of the contact are not in order")
+            if self._recent:
+                self._recent[0].grid.forget()
             grid = Grid(self.panels, edges, self.layout.bounded)
             response = grid.response()
             lift = response @ pressure
@@ -138,6 +140,10 @@ class RingEquations(EquilibriumProblem):
         found = Fields(x, d, grid, pressure, lift, gap, law_pressure, stiffness, response)
         self._recent = [found, *self._recent[: RECENT - 1]]
         return found
+
+    def forget(self) -> None:
+        """Drop what has been kept to save work, matrices mostly; it is made again when it is asked for."""
+        self._recent = []
 
     def resting(self, grid: Grid) -> tuple[NDArray[np.bool_], Array]:
         """Which nodes rest, and their levels."""

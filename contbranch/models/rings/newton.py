@@ -14,7 +14,7 @@ from contbranch.curve.problem import oriented
 from .equations import RingEquations, rings
 from .meshing import adapted
 
-__all__ = ["remeshed", "resolved", "solved"]
+__all__ = ["resolved", "solved"]
 
 Array = NDArray[np.float64]
 Row = tuple[Array, float]
@@ -65,14 +65,12 @@ def solved(problem: RingEquations, x: Array, d: float, row: Row) -> tuple[Array,
     raise CorrectionError(Outcome.START_FAILED, f"(Newton's last correction was {size:.2g} of the state.)")
 
 
-def remeshed(point: Point, tolerance: float, row: Row | None = None) -> Point | None:
-    """The point on panels made for it; None if its own serve.
+def resolved(point: Point, held: Row | None = None) -> Point:
+    """The point on panels that resolve it.
 
     Parameters
     ----------
-    tolerance : float
-        Error wanted of the load, relative to max(1, |value|).
-    row : (array (E,), float), optional
+    held : (array (E,), float), optional
         What is held of edges and displacement; by default the solution is sought across the curve.
 
     Raises
@@ -80,26 +78,16 @@ def remeshed(point: Point, tolerance: float, row: Row | None = None) -> Point | 
     CorrectionError
         If Newton's method fails.
     """
-    problem, x, d = rings(point), point.x, point.parameter
-    panels = adapted(problem, problem.fields(x, d), tolerance)
-    if panels is None:
-        return None
-    other = problem.on(panels)
-    x, tangent = (problem.carried(vector, point.x, other) for vector in (x, point.tangent_x))
-    along = tangent, point.tangent_parameter
-    if row is None:
-        across = other.metric(x).row(other, *along)
-    else:
-        across = np.concatenate([np.zeros(x.size - problem.edges), row[0]]), row[1]
-    return oriented(other, *solved(other, x, d, across), along)
-
-
-def resolved(point: Point, row: Row | None = None) -> Point:
-    """The point on panels that resolve it; arguments and errors as those of `remeshed`."""
-    tolerance = rings(point).setting.tolerance
     for _ in range(ROUNDS):
-        found = remeshed(point, tolerance, row)
-        if found is None:
+        problem, d = rings(point), point.parameter
+        panels = adapted(problem, problem.fields(point.x, d), problem.setting.tolerance)
+        if panels is None:
             break
-        point = found
+        other = problem.on(panels)
+        x, tangent = (problem.carried(vector, point.x, other) for vector in (point.x, point.tangent_x))
+        if held is None:
+            row = other.metric(x).row(other, tangent, point.tangent_parameter)
+        else:
+            row = np.concatenate([np.zeros(x.size - problem.edges), held[0]]), held[1]
+        point = oriented(other, *solved(other, x, d, row), (tangent, point.tangent_parameter))
     return point

@@ -13,6 +13,8 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass
+from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,6 +58,49 @@ class Panels:
     infinite: bool = True
 
 
+@cache
+def clustered(order: int) -> tuple[Array, Array, Array]:
+    """Rules on [0, 1] whose nodes cluster: at 0, at 1, and at every node of a panel, from below and from above.
+
+    Returns
+    -------
+    places, weights : array (K, m)
+    values : array (K, m, n)
+        What takes the nodal values of a panel to the places.
+    """
+    rule = panel_rule(order)
+    z, w = gauss(2 * order + 8)
+    u = ((z + 1) / 2) ** CLUSTER
+    density = CLUSTER * ((z + 1) / 2) ** (CLUSTER - 1) * w / 2
+    node = (rule.nodes[:, None] + 1) / 2
+    places = np.concatenate([[u, 1 - u], node * (1 - u), node + (1 - node) * u])
+    weights = np.concatenate([[density, density], node * density, (1 - node) * density])
+    values = np.moveaxis(legendre_values(order, 2 * places - 1), 0, -1) @ rule.to_legendre
+    return places, weights, values
+
+
+class Near(NamedTuple):
+    """Pairs of a target and a panel whose logarithm needs nodes of its own, in the order of their rules.
+
+    Attributes
+    ----------
+    target, panel : integer array (pairs,)
+    radius, weight : array (pairs, m)
+        Nodes, and weights of ∫ ds.
+    elliptic : array (pairs, m)
+        K(m).
+    parts : list of slice
+        The pairs of each rule, see `clustered`.
+    """
+
+    target: Indices
+    panel: Indices
+    radius: Array
+    weight: Array
+    elliptic: Array
+    parts: list[slice]
+
+
 class Grid:
     """Panels for given edges: nodes, weights, the elastic response and its derivatives with respect to the edges.
 
@@ -67,8 +112,8 @@ class Grid:
         Region of each panel.
     breaks : array (P, 2)
         Inner and outer radius of each panel.
-    moves : array (E, P, 2)
-        Their derivatives with respect to the edges.
+    moves, stretch : array (E, P)
+        Derivatives of the inner radius with respect to the edges, and those of r − inner, relative to it.
     """
 
     def __init__(self, panels: Panels, edges: Array, bounded: bool) -> None:
@@ -82,7 +127,7 @@ class Grid:
         self.r: Array = radius.ravel()
         self.weights: Array = (slope * self.rule.weights / 2).ravel()
         self.size = len(self.r)
-        self._near: list[tuple[Indices, Indices, Array, Array]] | None = None
+        self._pairs: tuple[Array, Near] | None = None
 
     # -- geometry -----------------------------------------------------------------------------------------------------
     def _cut(self, bounded: bool) -> None:
@@ -135,8 +180,13 @@ class Grid:
         self.sign = np.array([row[2] for row in rows])
         self.start = np.array([row[3] for row in rows])
         self.stop = np.array([row[4] for row in rows])
+        ends = np.array(moves).reshape(self.count, 2, count).transpose(2, 0, 1)
+        self.moves = ends[:, :, 0]
         self.breaks = np.array(breaks)
-        self.moves = np.array(moves).reshape(self.count, 2, count).transpose(2, 0, 1)
+        self.inner, self.outer = self.breaks.T
+        with np.errstate(invalid="ignore", divide="ignore"):  # the last panel may be infinite, or begin at 0
+            self.length = np.where(self.sign == 2, self.inner, self.outer - self.inner)
+            self.stretch = np.where(self.sign == 2, self.moves / self.inner, (ends[:, :, 1] - self.moves) / self.length)
         self.of_node = np.repeat(self.region, self.order)
 
     def _map(self, panel: Indices, x: Array) -> tuple[Array, Array]:
@@ -151,102 +201,88 @@ class Grid:
 
     def motion(self, edge: int) -> tuple[Array, Array]:
         """∂r/∂(edge) at the nodes and its derivative with respect to r, (N,) each: linear on every panel."""
-        shift, rate = self._motion_at(edge, np.repeat(np.arange(self.count), self.order), self.r)
-        return shift, rate
-
-    def _motion_at(self, edge: int, panel: Indices, r: Array) -> tuple[Array, Array]:
-        inner, outer = self.breaks[panel, 0], self.breaks[panel, 1]
-        v, u = self.moves[edge, panel, 0], self.moves[edge, panel, 1]
-        infinite = self.sign[panel] == 2
-        with np.errstate(invalid="ignore", divide="ignore"):
-            rate = np.where(infinite, v / inner, (u - v) / (outer - inner))
-        return v + rate * (r - inner), rate
+        stretch = np.repeat(self.stretch[edge], self.order)
+        inner, move = np.repeat(self.inner, self.order), np.repeat(self.moves[edge], self.order)
+        return move + stretch * (self.r - inner), stretch
 
     # -- elastic response ---------------------------------------------------------------------------------------------
-    def _near_points(self) -> list[tuple[Indices, Indices, Array, Array]]:
-        """(target, panel, x, weight of dx) of the pairs whose logarithm needs its own nodes; x, weight: (pairs, m)."""
-        if self._near is None:
-            r, inner, outer = self.r[:, None], self.breaks[:, 0], self.breaks[:, 1]
-            length = np.where(self.sign == 2, inner, outer - inner)
-            distance = np.maximum(0.0, np.maximum(inner - r, r - outer))
-            target, panel = np.nonzero(distance < NEAR * length)
-            own = panel == target // self.order
-            z, w = gauss(2 * self.order + 8)
-            u = (z + 1) / 2
-            clustered, density = u**CLUSTER, CLUSTER * u ** (CLUSTER - 1) * w / 2
-            others, their = target[~own], panel[~own]
+    def _near(self, r: Array) -> NDArray[np.bool_]:
+        """Which panels are near radii, (M, P)."""
+        distance = np.maximum(0.0, np.maximum(self.inner - r[:, None], r[:, None] - self.outer))
+        return np.asarray(distance < NEAR * self.length)
+
+    def _elliptic(self) -> tuple[Array, Near]:
+        """K(m) between all nodes, (N, N), and the pairs of nodes and panels near each other."""
+        if self._pairs is None:
+            target, panel = np.nonzero(self._near(self.r))
+            own, node = panel == target // self.order, target % self.order
             # At the end nearest to the target; the panels' x runs from the centre outwards.
-            far_side = self.r[others] > self.breaks[their, 1] - 1e-300
-            x = np.where(far_side[:, None], 1 - clustered, clustered)
-            found = [(others, their, x, np.broadcast_to(density, x.shape))]
-            mine, self_panel = target[own], panel[own]
-            place = ((self.rule.nodes + 1) / 2)[mine % self.order][:, None]
-            found.append((mine, self_panel, place * (1 - clustered), place * density))
-            found.append((mine, self_panel, place + (1 - place) * clustered, (1 - place) * density))
-            self._near = found
-        return self._near
+            rule = np.where(own, 2 + node, self.r[target] > self.outer[panel] - 1e-300)
+            target, panel = np.append(target, target[own]), np.append(panel, panel[own])
+            rule = np.append(rule, 2 + self.order + node[own])
+            order = np.argsort(rule, kind="stable")
+            target, panel, rule = target[order], panel[order], rule[order]
+            places, weights, _ = clustered(self.order)
+            ends = np.searchsorted(rule, np.arange(len(places) + 1))
+            radius, slope = self._map(panel[:, None], places[rule])
+            parts = [slice(a, b) for a, b in itertools.pairwise(ends)]
+            near = _elliptic(self.r[target][:, None], radius)
+            pairs = Near(target, panel, radius, slope * weights[rule], near, parts)
+            self._pairs = _elliptic(self.r[:, None], self.r), pairs
+        return self._pairs
+
+    def forget(self) -> None:
+        """Drop what has been kept to save work; it is made again when it is asked for."""
+        self._pairs = None
 
     def response(self) -> Array:
         """W with ``w = W @ p`` at the nodes, (N, N)."""
-        r, s = self.r[:, None], self.r[None, :]
-        matrix = _kernel(r, s) * self.weights
+        elliptic, near = self._elliptic()
+        matrix = _kernel(self.r[:, None], self.r, elliptic) * self.weights
+        factor = _kernel(self.r[near.target][:, None], near.radius, near.elliptic) * near.weight
         view = matrix.reshape(self.size, self.count, self.order)
-        for k, (target, panel, x, density) in enumerate(self._near_points()):
-            radius, slope = self._map(panel[:, None], x)
-            factor = _kernel(self.r[target][:, None], radius) * slope * density
-            values = legendre_values(self.order, 2 * x - 1)
-            rows = np.einsum("kpm,pm->pk", values, factor) @ self.rule.to_legendre
-            if k == 2:
-                view[target, panel] += rows
-            else:
-                view[target, panel] = rows
+        view[near.target, near.panel] = 0.0
+        for part, values in zip(near.parts, clustered(self.order)[2], strict=True):
+            view[near.target[part], near.panel[part]] += factor[part] @ values
         return matrix
 
     def moved(self, pressure: Array) -> Array:
         """d(W @ p)/d(edges) at fixed nodal pressures, targets moving with their nodes, (N, E)."""
-        edges = len(self.edges)
-        result = np.zeros((self.size, edges))
-        if edges == 0:
-            return result
-        panel_of = np.repeat(np.arange(self.count), self.order)
-        at_nodes = [self._motion_at(e, panel_of, self.r) for e in range(edges)]
-        far = np.ones((self.size, self.count), dtype=bool)
-        coefficients = pressure.reshape(self.count, self.order) @ self.rule.to_legendre.T
-        for target, panel, x, density in self._near_points():
-            far[target, panel] = False
-            radius, slope = self._map(panel[:, None], x)
-            p = np.einsum("kpm,pk->pm", legendre_values(self.order, 2 * x - 1), coefficients[panel])
-            carried = p * slope * density
-            parts = _shape_parts(self.r[target][:, None], radius)
-            for e in range(edges):
-                shift, rate = self._motion_at(e, panel[:, None], radius)
-                own = at_nodes[e][0][target][:, None]
-                terms = _shape_derivative(parts, self.r[target][:, None], radius, own, shift, rate)
-                result[:, e] += np.bincount(target, (terms * carried).sum(axis=1), self.size)
-        r, s = self.r[:, None], self.r[None, :]
-        parts = _shape_parts(r, s)
-        carried = np.where(np.repeat(far, self.order, axis=1), pressure * self.weights, 0.0)
-        for e in range(edges):
-            shift, rate = at_nodes[e]
-            result[:, e] += (_shape_derivative(parts, r, s, shift[:, None], shift, rate) * carried).sum(axis=1)
-        return result
+        if len(self.edges) == 0:
+            return np.zeros((self.size, 0))
+        elliptic, near = self._elliptic()
+        shape = self.size, self.count, self.order
+        carried = np.tile(pressure * self.weights, (self.size, 1)).reshape(shape)
+        carried[near.target, near.panel] = 0.0
+        s = self.r.reshape(shape[1:])
+        parts = _moved(self.r[:, None, None], (s, s - self.inner[:, None]), elliptic.reshape(shape), carried)
+        nodal = pressure.reshape(shape[1:])[near.panel]
+        density = near.weight.copy()
+        for part, values in zip(near.parts, clustered(self.order)[2], strict=True):
+            density[part] *= nodal[part] @ values.T
+        sources = near.radius, near.radius - self.inner[near.panel][:, None]
+        flat = near.target * self.count + near.panel
+        target, inner, stretch = (
+            part + np.bincount(flat, own, part.size).reshape(part.shape)
+            for part, own in zip(
+                parts, _moved(self.r[near.target][:, None], sources, near.elliptic, density), strict=True
+            )
+        )
+        own_motion = np.stack([self.motion(edge)[0] for edge in range(len(self.edges))], axis=1)
+        return np.asarray(target.sum(axis=1)[:, None] * own_motion + inner @ self.moves.T + stretch @ self.stretch.T)
 
     def at_edge(self, edge: int, pressure: Array) -> tuple[Array, Array]:
         """Row of the elastic displacement at an edge, (N,), and its derivatives with respect to the edges, (E,)."""
-        r = np.array([[self.edges[edge]]])
         row, (panel, radius, carried) = self._row(float(self.edges[edge]))
-        moved = np.zeros(len(self.edges))
-        near = np.einsum("pmk,pk->pm", carried, pressure.reshape(self.count, self.order)[panel])
-        far = pressure * self.weights
-        far.reshape(self.count, self.order)[panel] = 0.0
-        panel_of = np.repeat(np.arange(self.count), self.order)
-        for e in range(len(self.edges)):
-            own = np.array([[float(e == edge)]])
-            shift, rate = self._motion_at(e, panel[:, None], radius)
-            moved[e] = (_shape_derivative(_shape_parts(r, radius), r, radius, own, shift, rate) * near).sum()
-            shift, rate = self._motion_at(e, panel_of, self.r)
-            s = self.r[None, :]
-            moved[e] += (_shape_derivative(_shape_parts(r, s), r, s, own, shift, rate) * far).sum()
+        r, nodal = np.array([[self.edges[edge]]]), pressure.reshape(self.count, self.order)
+        near = np.einsum("pmk,pk->pm", carried, nodal[panel])
+        far = nodal * self.weights.reshape(nodal.shape)
+        far[panel] = 0.0
+        s, moved = self.r.reshape(nodal.shape), np.zeros(len(self.edges))
+        for k, t, c in ((slice(None), s, far), (panel, radius, near)):
+            target, inner, stretch = _moved(r, (t, t - self.inner[k][:, None]), _elliptic(r, t), c)
+            moved += self.moves[:, k] @ inner + self.stretch[:, k] @ stretch
+            moved[edge] += target.sum()
         return row, moved
 
     def lift_at(self, radii: Array, pressure: Array) -> Array:
@@ -257,20 +293,14 @@ class Grid:
         """Row of the displacement at a radius outside of panels; the near panels, their nodes for it, and what takes
         nodal values to values times ds at these nodes, (panels, m, n)."""
         r = np.array([[radius]])
-        inner, outer = self.breaks[:, 0], self.breaks[:, 1]
-        length = np.where(self.sign == 2, inner, outer - inner)
-        distance = np.maximum(0.0, np.maximum(inner - radius, radius - outer))
-        panel = np.flatnonzero(distance < NEAR * length)
-        row = (_kernel(r, self.r[None, :]) * self.weights)[0]
-        z, w = gauss(2 * self.order + 8)
-        u = (z + 1) / 2
-        below = np.abs(outer - radius)[panel] < np.abs(inner - radius)[panel]
-        x = np.where(below[:, None], 1 - u**CLUSTER, u**CLUSTER)
-        density = CLUSTER * u ** (CLUSTER - 1) * w / 2
-        s, slope = self._map(panel[:, None], x)
-        values = legendre_values(self.order, 2 * x - 1)
-        carried = np.einsum("kpm,kn->pmn", values, self.rule.to_legendre) * (slope * density)[:, :, None]
-        row.reshape(self.count, self.order)[panel] = np.einsum("pm,pmn->pn", _kernel(r, s), carried)
+        panel = np.flatnonzero(self._near(np.array([radius]))[0])
+        row = (_kernel(r, self.r, _elliptic(r, self.r)) * self.weights)[0]
+        places, weights, values = clustered(self.order)
+        rule = (np.abs(self.outer - radius) < np.abs(self.inner - radius))[panel].astype(int)
+        s, slope = self._map(panel[:, None], places[rule])
+        carried = values[rule] * (slope * weights[rule])[:, :, None]
+        kernel = _kernel(r, s, _elliptic(r, s))
+        row.reshape(self.count, self.order)[panel] = np.einsum("pm,pmn->pn", kernel, carried)
         return row, (panel, s, carried)
 
     # -- fields -------------------------------------------------------------------------------------------------------
@@ -310,28 +340,32 @@ class Grid:
         return self._map(np.full(x.shape, panel), x)[0]
 
 
-def _kernel(r: Array, s: Array) -> Array:
-    total = r + s
-    q = (r - s) / total
+def _elliptic(r: Array, s: Array) -> Array:
+    """K(m); 0 where it is infinite."""
     with np.errstate(invalid="ignore", divide="ignore"):
-        value = (4 / np.pi) * s / total * ellipkm1(q * q)
-    return np.asarray(np.where(np.isfinite(value), value, 0.0))
+        value = ellipkm1(((r - s) / (r + s)) ** 2)
+    return np.where(np.isfinite(value), value, 0.0)
 
 
-def _shape_parts(r: Array, s: Array) -> tuple[Array, Array]:
-    """K(m) and [E(m) − (1 − m) K(m)] / (2 (r − s))."""
-    q = (r - s) / (r + s)
-    m1 = q * q
-    with np.errstate(invalid="ignore", divide="ignore"):
-        first = ellipkm1(m1)
-        first = np.where(np.isfinite(first), first, 0.0)
-        quotient = (ellipe(1 - m1) - m1 * first) / (2 * (r - s))
-    return first, np.where(np.isfinite(quotient), quotient, 0.0)
+def _kernel(r: Array, s: Array, elliptic: Array) -> Array:
+    with np.errstate(invalid="ignore"):
+        return np.asarray((4 / np.pi) * s / (r + s) * elliptic)
 
 
-def _shape_derivative(parts: tuple[Array, Array], r: Array, s: Array, v: Array, u: Array, rate: Array) -> Array:
-    """d(k ds)/de / ds where the target moves with v and the source with u(s), ``du/ds = rate``."""
-    first, quotient = parts
+def _moved(r: Array, sources: tuple[Array, Array], elliptic: Array, carried: Array) -> tuple[Array, Array, Array]:
+    """Parts of the derivative of ∫ k p ds over panels (the last axis) with respect to motions.
+
+    Those of the target r, of the panels' inner ends, and stretching, where s moves in proportion to its distance from
+    there; `sources` are s and that distance.
+    """
+    s, beyond = sources
     total = r + s
-    inner = s * (quotient * (u / s - v / r) - first * (v + u) / total**2)
-    return np.asarray((4 / np.pi) * (inner + first / total * (u + s * rate)))
+    m1 = ((r - s) / total) ** 2
+    with np.errstate(invalid="ignore", divide="ignore"):
+        quotient = (ellipe(1 - m1) - m1 * elliptic) / (2 * (r - s))
+    quotient = np.where(np.isfinite(quotient), quotient, 0.0)
+    share, carried = elliptic / total, (4 / np.pi) * carried
+    source = (quotient + share * r / total) * carried
+    target = (s / r * quotient + share * s / total) * carried
+    stretch = source * beyond + share * s * carried
+    return -target.sum(axis=-1), source.sum(axis=-1), stretch.sum(axis=-1)

@@ -10,7 +10,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from contbranch.continuation import Adaptation, CorrectionError, Options, Point
+from contbranch.continuation import Adaptation, Options, Point
 from contbranch.continuation.metric import Balance
 from contbranch.continuation.newton import border, linearise, solve
 from contbranch.control import Control
@@ -19,9 +19,8 @@ from contbranch.results.profile import Profile
 
 from .changes import born, vanished
 from .constraints import NARROW_RING, least_margin, narrowness
-from .equations import RingEquations, rings
+from .equations import RingEquations
 from .meshing import adapted, finer
-from .newton import remeshed
 from .profile import profile_of
 from .stability import unstable_modes
 from .start import beginning, farther
@@ -37,8 +36,8 @@ JUMP = 0.1
 ROUNDING = 1e-12
 # Pressures below this share of the interaction's own, 1/range, do not matter for the steps of a curve without contact.
 STATE_FLOOR = 0.02
-# Panels for an event aim at this part of the accuracy, in so many rounds.
-AIM, ROUNDS = 0.1, 3
+# Part of a tolerance that may be left to what panels miss of the load.
+AIM = 0.4
 # An edge beyond this share of a tip's extent has reached its end.
 NEAR_END = 0.95
 
@@ -94,20 +93,13 @@ class RingProblem(RingEquations):
         if panels is None:
             return None
         other = self.on(panels)
+        self.forget()  # its points stay, but are seldom asked again
         return Adaptation(other, self.carried(x, x, other), lambda vector: self.carried(vector, x, other))
 
     def resolving(self, point: Point, tolerance: float) -> Self:
         """Panels made for a state."""
-        problem: Self = self
-        for _ in range(ROUNDS):
-            try:
-                found = remeshed(point, AIM * tolerance)
-            except CorrectionError:  # joined panels may be too coarse to find it
-                break
-            if found is None:
-                break
-            point, problem = found, problem.on(rings(found).panels)
-        return problem
+        panels = adapted(self, self.fields(point.x, point.parameter), AIM * tolerance)
+        return self if panels is None else self.on(panels)
 
     def finer(self) -> Self:
         """Panels on which the present ones' errors have all but vanished."""

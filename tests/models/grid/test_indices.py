@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from contbranch.curve.stability import morse_indices
+from contbranch.models.grid.indices import morse_indices
 
 
 def test_without_folds_everything_is_stable():

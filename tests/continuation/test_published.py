@@ -1,0 +1,231 @@
+"""Problems from the literature, and curves in closed form, through the public functions alone."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from continuation_problems import graph
+from scipy import sparse
+from scipy.optimize import brentq
+from scipy.special import ellipk
+
+from contbranch.continuation import Problem, StopAt, switch_branch, trace_curve, trace_folds
+
+
+class FreudensteinRoth(Problem):
+    """The homotopy F(x) - (1 - p) F(15, -2) of F. Freudenstein and B. Roth, J. ACM 10 (1963) 550; zero at (5, 4)."""
+
+    def function(self, x):
+        a, b = x
+        return np.array([a - b**3 + 5 * b**2 - 2 * b - 13, a + b**3 + b**2 - 14 * b - 29])
+
+    def residual(self, x, p):
+        return self.function(x) - (1 - p) * self.function(np.array([15.0, -2.0]))
+
+
+def test_freudenstein_roth():
+    curve = trace_curve(FreudensteinRoth(), [15.0, -2.0], 0.0, (-2.0, 1.0))
+    forward = [fold.parameter for fold in curve.folds]
+    assert forward == pytest.approx([0.5875873254, -0.6863527575], abs=1e-9)
+    assert curve.status == "complete"
+    assert curve.x[-1] == pytest.approx([5.0, 4.0], abs=1e-9)
+    assert curve.parameter[-1] == 1.0
+
+
+class Cubic(Problem):
+    """r + q x - x³/3 with parameter r: folds at x = ±√q, r = ∓(2/3) q^(3/2)."""
+
+    def __init__(self, q=1.0):
+        self.q = q
+
+    def residual(self, x, p):
+        return p + self.q * x - x**3 / 3
+
+
+def test_folds_without_a_jacobian():
+    curve = trace_curve(Cubic(), [-3.0], 6.0, (-6.0, 6.0))
+    assert sorted(fold.parameter for fold in curve.folds) == pytest.approx([-2 / 3, 2 / 3], abs=1e-12)
+    assert curve.x.shape == (len(curve.parameter), 1)
+
+
+def test_folds_meet_in_a_cusp():
+    fold = trace_curve(Cubic(), [-3.0], 6.0, (-6.0, 6.0)).folds[0]
+    folds = trace_folds(Cubic, fold, q=1.0, q_range=(-0.5, 2.0))
+    assert folds.status == "complete"
+    assert folds.x[:, 0] ** 2 == pytest.approx(folds.q, abs=1e-8)
+    assert folds.parameter == pytest.approx(-2 / 3 * folds.x[:, 0] ** 3, abs=1e-8)
+    assert sorted(folds.x[[0, -1], 0]) == pytest.approx([-math.sqrt(2), math.sqrt(2)], abs=1e-8)
+    (cusp,) = folds.cusps
+    assert abs(cusp.q) < 1e-9
+    assert abs(cusp.parameter) < 1e-9
+    assert abs(cusp.x[0]) < 1e-5
+
+
+class Aircraft(Problem):
+    """Roll, pitch, yaw, angle of attack, sideslip, elevator and rudder over the aileron.
+
+    R. K. Mehra, W. C. Kessel and J. V. Carroll, ONR Report CR-215-248 (1977); R. G. Melhem and W. C. Rheinboldt,
+    Computing 29 (1982) 201, with the products of the angle of attack and the aileron.
+    """
+
+    linear = np.array(
+        [
+            [-3.933, 0.107, 0.126, 0, -9.99, 0, -7.64],
+            [0, -0.987, 0, -22.95, 0, -28.37, 0],
+            [0.002, 0, -0.235, 0, 5.67, 0, -6.51],
+            [0, 1, 0, -1, 0, -0.168, 0],
+            [0, 0, -1, 0, -0.196, 0, 0],
+        ]
+    )
+    aileron = np.array([-45.83, 0, -0.921, 0, -0.0071])
+
+    def __init__(self, elevator):
+        self.elevator = elevator
+
+    def residual(self, x, p):
+        roll, pitch, yaw, attack, slip, elevator, rudder = x
+        products = [
+            -0.727 * pitch * yaw + 8.39 * yaw * attack - 684.4 * attack * slip + 63.5 * attack * p,
+            0.949 * roll * yaw + 0.173 * roll * slip,
+            -0.716 * roll * pitch - 1.578 * roll * attack + 1.132 * attack * p,
+            -roll * slip,
+            roll * attack,
+        ]
+        return np.append(self.linear @ x + self.aileron * p + products, [elevator - self.elevator, rudder])
+
+
+# Limit points on the way to negative ailerons: the roll, four digits of Rheinboldt's list.
+LIMITS = {
+    -0.05: [2.9648],
+    -0.008: [2.8173, 3.7579, 4.1638],
+    0.0: [2.5873, 3.9005],
+    0.05: [2.3639],
+    0.1: [2.2992],
+}
+
+
+@pytest.mark.parametrize("elevator", LIMITS)
+def test_limit_points_of_the_aircraft(elevator):
+    start = np.array([0, 0, 0, 0, 0, elevator, 0])
+    curve = trace_curve(Aircraft(elevator), start, 0.0, (-2.0, 2.0))
+    start = int(np.argmin(np.abs(curve.x[:, 0]) + np.abs(curve.parameter)))
+    rolls = [fold.x[0] for fold in curve.folds if fold.index < start]
+    assert sorted(rolls) == pytest.approx(LIMITS[elevator], abs=2e-3)
+
+
+class PlaneBratu(Problem):
+    """Δu + λ eᵘ = 0 on the unit square, five-point formula on n x n interior points."""
+
+    def __init__(self, n):
+        one, other = sparse.eye_array(n), sparse.diags_array([np.full(n, 1.0)] * 2, offsets=[-1, 1], shape=(n, n))
+        line = (other - 2 * one) * (n + 1.0) ** 2
+        self.laplace = sparse.csc_array(sparse.kron(line, one) + sparse.kron(one, line))
+
+    def residual(self, x, p):
+        return self.laplace @ x + p * np.exp(x)
+
+    def jacobian(self, x, p):
+        return self.laplace + sparse.diags_array(p * np.exp(x))
+
+    def parameter_derivative(self, x, p):
+        return np.exp(x)
+
+
+def test_bratu_on_the_square():
+    curve = trace_curve(PlaneBratu(60), np.zeros(3600), 0.0, (0.0, 10.0), stop=StopAt(folds=1))
+    assert curve.folds[0].parameter == pytest.approx(6.80772048, abs=5e-9)
+    assert len(curve.points) <= 12
+
+
+class Waves(Problem):
+    """A second derivative in the basis of its n lowest modes, on the points of a fast transform."""
+
+    def __init__(self, modes, eigenvalues):
+        self.modes = modes
+        self.second = -modes @ np.diag(eigenvalues) @ np.linalg.inv(modes)
+
+
+class ChafeeInfante(Waves):
+    """u'' + λ (u - u³) = 0 on (0, π), u = 0 at the ends (N. Chafee and E. Infante, Applicable Anal. 4 (1974) 17)."""
+
+    def __init__(self, n=40):
+        numbers = np.arange(1, n + 1)
+        super().__init__(np.sin(np.outer(numbers * np.pi / (n + 1), numbers)), numbers**2.0)
+
+    def residual(self, x, p):
+        return self.second @ x + p * (x - x**3)
+
+    def jacobian(self, x, p):
+        return self.second + p * np.diag(1 - 3 * x**2)
+
+
+def test_chafee_infante():
+    """Branch k has the amplitude a with √λ = (2k/π) K(m)/√(1 - a²/2), m = a²/(2 - a²), and an energy conserved."""
+    problem, highest = ChafeeInfante(), 12.0
+    curve = trace_curve(problem, np.zeros(40), 0.5, (0.5, highest))
+    assert [point.parameter for point in curve.branch_points] == pytest.approx([1.0, 4.0, 9.0], abs=1e-10)
+    for k, point in enumerate(curve.branch_points, start=1):
+        (branch,) = switch_branch(curve, point, (0.5, highest))
+        assert branch.status == "complete"
+        assert list(branch.parameter[[0, -1]]) == [highest, highest]
+        assert min(branch.parameter) == pytest.approx(k**2, abs=1e-10)
+        assert [event.kind for event in branch.events] == ["branch point"]
+        assert branch.x[0] == pytest.approx(-branch.x[-1], abs=1e-9)
+        amplitude = brentq(
+            lambda a, k=k: 2 * k / np.pi * ellipk(a**2 / (2 - a**2)) / np.sqrt(1 - a**2 / 2) - np.sqrt(highest),
+            1e-6,
+            0.999999,
+        )
+        slopes = np.cos(np.outer(np.arange(1, 41) * np.pi / 41, np.arange(1, 41))) * np.arange(1, 41)
+        u, slope = branch.x[-1], slopes @ np.linalg.solve(problem.modes, branch.x[-1])
+        energy = slope**2 + highest * (u**2 - u**4 / 2)
+        assert energy == pytest.approx(np.full(40, highest * (amplitude**2 - amplitude**4 / 2)), rel=1e-5)
+
+
+class NeumannGelfand(Waves):
+    """u'' - u + λ eᵘ = 0 on (0, 1) with u' = 0 at both ends."""
+
+    def __init__(self, n=24):
+        numbers = np.arange(n)
+        super().__init__(np.cos(np.outer((numbers + 0.5) * np.pi / n, numbers)), (numbers * np.pi) ** 2)
+
+    def residual(self, x, p):
+        return self.second @ x - x + p * np.exp(x)
+
+    def jacobian(self, x, p):
+        return self.second - np.eye(x.size) + p * np.diag(np.exp(x))
+
+
+def test_gelfand_with_neumann_conditions():
+    """Constants, λ = u e⁻ᵘ, with a fold at u = 1 and waves of k half periods from u = 1 + k²π² on."""
+    curve = trace_curve(NeumannGelfand(), np.zeros(24), 0.0, (0.0, 1.0), stop=StopAt(predicate=lambda q: q.x[0] > 12))
+    (fold,) = curve.folds
+    assert fold.parameter == pytest.approx(math.exp(-1), abs=1e-13)
+    assert fold.x == pytest.approx(np.ones(24), abs=1e-7)
+    (point,) = curve.branch_points
+    height = 1 + math.pi**2
+    assert point.x == pytest.approx(np.full(24, height), abs=1e-7)
+    assert point.parameter == pytest.approx(height * math.exp(-height), rel=1e-9)
+    (branch,) = switch_branch(curve, point, (0.0, 1.0))
+    # Of the two halves one is the other's mirror image.
+    assert branch.x[0] == pytest.approx(branch.x[-1][::-1], rel=1e-4)
+
+
+@pytest.mark.parametrize("first", range(0, 200, 20))
+def test_every_fold_of_random_curves_once_and_in_order(first):
+    """p = P(x), P' with five random zeros, two pairs of them 2e-3 to 0.6 apart: often several within one step."""
+    for seed in range(first, first + 20):
+        generator = np.random.default_rng(seed)
+        centres = generator.uniform([-2.0, 0.2], [-0.2, 2.0])
+        halves = 10 ** generator.uniform(-3.0, -0.5, 2)
+        roots = np.sort([*(centres - halves), *(centres + halves), generator.uniform(-2.5, 2.5)])
+        slope = np.poly(roots)
+        height = np.polyint(slope)
+        problem = graph(lambda x, c=height: np.polyval(c, x), lambda x, c=slope: np.polyval(c, x))
+        end = StopAt(predicate=lambda point: abs(point.x[0]) > 3.5)
+        curve = trace_curve(problem, [-3.0], float(np.polyval(height, -3.0)), (-1e4, 1e4), stop=end)
+        found = np.array([fold.x[0] for fold in curve.folds])
+        order = found if curve.x[0][0] < curve.x[-1][0] else found[::-1]
+        assert order == pytest.approx(roots, abs=1e-8), seed
