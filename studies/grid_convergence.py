@@ -33,6 +33,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 
 import contbranch as cb
+from contbranch.curve.trace import Request
 from contbranch.models.grid.setup import Setup
 from contbranch.models.grid.trace import trace as trace_on_lattice
 from contbranch.output.plot_view import BLUE, GREY, ORANGE, STYLE, WIDTH
@@ -329,7 +330,7 @@ def cost(case: Case, edge: float, grid: int) -> Cost:
     """Trace a case in a periodic cell; the memory is that of the whole process so far."""
     setup = Setup(case.contact, "periodic", edge, grid)
     began = time.perf_counter()
-    result = trace_on_lattice(setup, 1e-6, case.max_load, verdicts=False)
+    result = trace_on_lattice(setup, Request(1e-6, target=case.max_load), verdicts=False)
     seconds = time.perf_counter() - began
     marks = [k for k, row in enumerate(result.rows) if row.mark is not None]
     away = [min((abs(k - mark) for mark in marks), default=9) > 2 for k in range(len(result.rows))]

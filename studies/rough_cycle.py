@@ -31,6 +31,7 @@ from scipy.interpolate import CubicSpline
 import contbranch as cb
 from contbranch.control import DISPLACEMENT
 from contbranch.curve.quasi_static import Jump, Leg, quasi_static
+from contbranch.curve.trace import Request
 from contbranch.models.grid.landing import land
 from contbranch.models.grid.newton import Equilibrium, hold_control
 from contbranch.models.grid.observables import cell_fields
@@ -103,7 +104,7 @@ def measure(contact: cb.Contact, max_load: float = 0.3) -> Cycle:
     """Trace a contact up to a load (in its units) beyond which nothing happens, and follow the cycle."""
     began = time.perf_counter()
     setup = cb.Periodic().setup(contact.to_reduced(), None, max_load / contact.scales.load, ACCURACY)
-    traced = trace(setup, ACCURACY, max_load / contact.scales.load, DISPLACEMENT, verdicts=False)
+    traced = trace(setup, Request(ACCURACY, DISPLACEMENT, max_load / contact.scales.load), verdicts=False)
     between = time.perf_counter() - began
     walk = GridWalk(traced, DISPLACEMENT, ACCURACY)
     legs, jumps = quasi_static(walk)

@@ -118,6 +118,8 @@ class Probe:
         return theta, seen[theta]
 
     def _search(self, segment: Segment, third: Point | None, depth: int, offset: float, share: float) -> list[Bracket]:
+        if segment.length == 0.0:  # halved to rounding
+            return []
         begin, end = self.at(segment.begin), self.at(segment.end)
         inside, doubt = self._inside(segment, third)
         values = math.copysign(1.0, begin) * np.concatenate([[begin], inside, [end]])

@@ -9,7 +9,7 @@ from itertools import pairwise
 from typing import ClassVar
 
 from contbranch.continuation import Event, EventPoint, Happening, Options, Point, Segment
-from contbranch.continuation.probe import Bracket, Probe
+from contbranch.continuation.events import Bracket, Probe
 from contbranch.continuation.walk import annotated, point_on
 from contbranch.control import LOAD, Control
 from contbranch.curve.angle import in_passing, short_way

@@ -104,7 +104,9 @@ def _window(loop: Hysteresis) -> tuple[float, float]:
         return low, high
     pad = _PAD * (max(at) - min(at)) if len(at) > 1 else 0.3 * (high - low)
     pad = max(pad, 0.02 * max(abs(value) for value in at))
-    return max(low, min(at) - pad) if len(at) > 1 else min(low, at[0] - 0.3 * pad), min(high, max(at) + pad)
+    # A jump may be where the path ends: some room beside it all the same.
+    first = min(max(low, min(at) - pad), min(at) - 0.1 * pad) if len(at) > 1 else min(low, at[0] - 0.3 * pad)
+    return first, min(high, max(at) + pad)
 
 
 def _arrow(axes: Axes, x: Array, y: Array, color: str) -> None:

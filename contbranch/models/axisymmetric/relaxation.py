@@ -15,7 +15,7 @@ tip pushed beyond its largest load would have no state to go to.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,8 +34,8 @@ Array = NDArray[np.float64]
 # To leave the fold, the load is moved on by this share of the interaction's own, a displacement by that of its range.
 NUDGE = 1e-4
 # Change of the contact parameter u in a step (without contact also of the gap in units of twice the range): aimed at,
-# and allowed.
-AIM, LARGEST = 0.05, 0.15
+# allowed, and allowed past a stable state, whose basin a longer step might leap over.
+AIM, LARGEST, PASSING = 0.05, 0.15, 0.01
 FIRST_STEP, LONGEST, SHORTEST = 0.1, 1e14, 1e-6
 STEPS, NEWTON = 2000, 20
 # The control is pushed on by so much more where the flow does not leave the fold; it has arrived at a state so close in
@@ -108,15 +108,15 @@ class Release:
     direction: int
     guarded: bool = False
 
-    def end(self, push: float = 1.0, watch: Callable[[float], None] | None = None) -> Relaxed:
+    def end(self, push: float = 1.0, others: Sequence[float] = ()) -> Relaxed:
         """Where it comes to rest.
 
         Parameters
         ----------
         push : float
             Factor of the little by which the control is moved on to leave the fold.
-        watch : callable, optional
-            Called with y after every step.
+        others : sequence of float
+            Contact parameters y of stable states: what bounds their basins may be close behind them.
         """
         state = _State(self.equations, self.h, self.y)
         share, held = self._held(state, push)
@@ -126,7 +126,8 @@ class Release:
                 state = _remeshed(state, share)
                 found = _implicit(state, 1.0 / step, rate * step, held)
             moved = math.inf if found is None else _moved(found.y, state.y, self.scale)
-            if found is None or moved > LARGEST:
+            passed = found is not None and any((y - state.y) * (y - found.y) < 0.0 for y in others)
+            if found is None or moved > (PASSING if passed else LARGEST):
                 step /= 3.0
                 rate = 0.0
                 if step < SHORTEST:
@@ -134,8 +135,6 @@ class Release:
                 continue
             rate = (found.y - state.y) / step
             state = found
-            if watch is not None:
-                watch(state.y)
             if self.guarded and float(state.fields.gap.min()) < 0.0:
                 break
             if step >= LONGEST:
@@ -164,7 +163,7 @@ class Release:
         harder.
         """
         for push in PUSHES:
-            end = self.end(push)
+            end = self.end(push, others)
             if not end.settled:
                 return None
             apart = [_moved(y, end.y, self.scale, far=0.0) for y in others]

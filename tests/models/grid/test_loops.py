@@ -7,6 +7,7 @@ import pytest
 
 import contbranch as cb
 from contbranch.control import DISPLACEMENT
+from contbranch.curve.trace import Request
 from contbranch.models.grid.paths import GridWalk, _parabola
 from contbranch.models.grid.trace import trace
 
@@ -61,7 +62,7 @@ def test_parabola_is_exact_for_quadratics() -> None:
 
 def test_crossings_lie_at_the_value() -> None:
     setup = CELL.setup(ATTRACTION, None, 1.0, 1e-6)
-    walk = GridWalk(trace(setup, 1e-6, 1.0, DISPLACEMENT, verdicts=False), DISPLACEMENT, 1e-6)
+    walk = GridWalk(trace(setup, Request(1e-6, DISPLACEMENT, 1.0), verdicts=False), DISPLACEMENT, 1e-6)
     stable = np.flatnonzero(walk.unstable == 0)
     for piece in (stable[2], stable[-2]):
         value = 0.3 * walk.values[piece] + 0.7 * walk.values[piece + 1]

@@ -10,6 +10,7 @@ from grid_states import Row, grid_problem, traced
 from scipy.interpolate import CubicSpline
 
 import contbranch as cb
+from contbranch.curve.trace import Request
 from contbranch.models.grid import branches as branches_module
 from contbranch.models.grid.branches import follow_branch
 from contbranch.models.grid.indices import morse_indices
@@ -38,12 +39,12 @@ def expected():
 def flat():
     """Half as many nodes as the warning asks for, enough for what happens before the film closes."""
     with pytest.warns(GridWarning, match="at least 128"):
-        return trace(Setup(FLAT, "free", EDGE, 64), 1e-6, None, verdicts=False)
+        return trace(Setup(FLAT, "free", EDGE, 64), Request(1e-6), verdicts=False)
 
 
 @pytest.fixture(scope="module")
 def parabola():
-    return trace(Setup(ROUND, "free", EDGE, 64), 1e-6, None, verdicts=False)
+    return trace(Setup(ROUND, "free", EDGE, 64), Request(1e-6), verdicts=False)
 
 
 # Events
@@ -89,7 +90,7 @@ def test_a_parabola_keeps_its_symmetry(parabola):
 
 
 def test_without_modes_none_are_examined():
-    curve = trace(Setup(ROUND, "free", EDGE, 32), 1e-5, None, verdicts=False, modes=0).curve
+    curve = trace(Setup(ROUND, "free", EDGE, 32), Request(1e-5, modes=0), verdicts=False).curve
     assert curve.unstable_azimuthal is None
     assert curve.cost.stability_pairs > 0
 
@@ -97,7 +98,7 @@ def test_without_modes_none_are_examined():
 def test_a_convex_energy_is_not_examined():
     """v'' ≥ 0: one equilibrium for every displacement."""
     contact = cb.Contact(cb.Parabola(1.0), cb.Exponential(-1.0, 1.0))
-    curve = trace(Setup(contact, "free", 2.0 * EDGE, 32), 1e-5, None, verdicts=False).curve
+    curve = trace(Setup(contact, "free", 2.0 * EDGE, 32), Request(1e-5), verdicts=False).curve
     assert curve.cost.stability_pairs == 0
     assert not curve.unstable_azimuthal.any()
 
@@ -159,7 +160,7 @@ def asymmetry(branch, sector):
 
 @pytest.fixture(scope="module")
 def branch(flat):
-    return follow_branch(flat.setup, flat.breakings[0], 1e-6, points=12)
+    return follow_branch(flat.setup, flat.breakings[0], Request(1e-6), points=12)
 
 
 def test_the_branch_of_the_first_mode_is_followed(flat, branch):
@@ -196,7 +197,7 @@ def test_refinement_keeps_the_branch(branch, expected):
     stability = Stability(problem)
     points = [row.on(problem) for row in rows]
     found, _ = symmetry_breaking(problem, points, [stability.morse(point) for point in points], 1e-6, stability)
-    fine = follow_branch(setup, found[0], 1e-6, points=6, modes=0)
+    fine = follow_branch(setup, found[0], Request(1e-6, modes=0), points=6)
     low, high = fine.curve.load.min(), branch.curve.load.max()
     sector = SECTORS[1]
     for values, others, tolerance in (
@@ -276,7 +277,7 @@ def test_an_end_next_to_folds_is_the_last_row():
     nodes = np.arange(48) / 48 * 2.0 * np.pi
     waves = np.cos(nodes[:, None]) + 0.8 * np.cos(nodes + 0.4) + 0.3 * np.cos(2.0 * nodes[:, None] + nodes)
     contact = cb.Contact(cb.HeightMap(0.6 * waves, cell=EDGE, radius=1.0), cb.Gauss(-1.0, 1.0))
-    found = trace(Setup(contact.to_reduced(), "periodic", EDGE, 48), 1e-6, 20.0, verdicts=False)
+    found = trace(Setup(contact.to_reduced(), "periodic", EDGE, 48), Request(1e-6, target=20.0), verdicts=False)
     marks = [(event.kind, event.control) for event in found.curve.events if event.kind != "touch"]
     kinds = [("fold", "load"), ("fold", "displacement")]
     assert marks == [*kinds, *kinds[::-1], ("end", None)]
