@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from contbranch.contact.family import Family
-from contbranch.continuation import CorrectionError, End, Event, Outcome, Point, Segment, StopAt, correct
+from contbranch.continuation import CorrectionError, End, Event, Options, Outcome, Point, Segment, StopAt, correct
 from contbranch.continuation.edge import Range, land
 from contbranch.continuation.follow import follow
 from contbranch.continuation.problem import Array
@@ -40,6 +40,8 @@ LEAST_SIZE = 1e-2
 REMESHES = 3
 # Relative to their place in a step, events are located so coarsely while following; they are refined afterwards.
 COARSE = 0.03
+# How far points on the curve are corrected.
+PRECISE = Options(tolerance=1e-12, noise=1e8)
 # What differences leave undecided of a tangent's component.
 TANGENT_NOISE = 2e-10
 CUSP = "Two folds merge: a cusp. The curve goes on as the other fold."
@@ -428,7 +430,7 @@ def _solved(problem: Augmented, z: Array, q: float, place: bool = False) -> Poin
     """
     row = np.append(np.zeros(z.size - 1), float(place)), float(not place)
     metric = problem.metric(z)
-    corrected = correct(problem, z, q, row, metric, tolerance=1e-12, noise=1e8, precise=True)
+    corrected = correct(problem, (z, q), row, metric, PRECISE, precise=True)
     point = to_point(problem, corrected, metric, sign=False)
     return replace(point, x=np.append(point.x[:-1], z[-1])) if place else replace(point, parameter=q)
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import brentq, minimize_scalar
 
 from contbranch.control import Control
 
@@ -82,7 +82,7 @@ class _Track:
             best.append(state)
             return -sign * control.value(state.load, state.displacement)
 
-        minimize_scalar(
+        scipy.optimize.minimize_scalar(
             height, bounds=(low, high), method="bounded", options={"xatol": NARROW * (high - low), "maxiter": 25}
         )
         if not best:
@@ -219,7 +219,7 @@ def _root(track: _Track, function: Callable[[Equilibrium], float], low: float, h
         return function(state)
 
     try:
-        root = float(brentq(value, low, high, xtol=1e-9 * (high - low)))
+        root = float(scipy.optimize.brentq(value, low, high, xtol=1e-9 * (high - low)))
         value(root)
     except ValueError:
         return None

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from .newton import Equilibrium, Hold, Settings, newton
 from .problem import GridProblem
-from .setup import REDUCED_VALUES, UnitValues
+from .units import REDUCED_VALUES, UnitValues
 
 __all__ = ["Direction", "Measure", "Point", "WalkOptions", "Walker", "between", "following"]
 
