@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from contbranch.continuation import CorrectionError, Event, Point
+from contbranch.continuation import Event, Point
 from contbranch.control import LOAD
 from contbranch.curve.events import FoldEvent, Margin, Reached
 from contbranch.curve.exponents import critical_exponent, sampled_exponent
@@ -20,7 +20,6 @@ from contbranch.curve.refine import Found, refine
 from contbranch.curve.symmetry import Breaking, critical_eigenvalues, has_modes, merged, symmetry_breaking
 from contbranch.curve.trace import Request
 from contbranch.curve.track import Mark, Track
-from contbranch.errors import ModelError
 from contbranch.results.diagram import Cost, Profile
 from contbranch.threads import one_thread
 
@@ -169,7 +168,7 @@ def _row_error(point: Point) -> Sequence[float]:
     problem, own = equilibrium(point), point.observables
     try:
         defect = problem.defect(point)[:2]
-    except (CorrectionError, ModelError):  # which a region too narrow for a finer discretisation may cause
+    except Exception:  # a region too narrow for a finer discretisation, or a law written by the user: nothing is known
         defect = math.inf, math.inf
     if not np.isfinite(defect).all():
         return math.inf, math.inf
