@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from contbranch.continuation import CorrectionError, Event, Point
+from contbranch.continuation import Event, Point
 from contbranch.control import LOAD
 from contbranch.curve.events import FoldEvent, Margin, Reached
 from contbranch.curve.exponents import critical_exponent, sampled_exponent
@@ -20,7 +20,6 @@ from contbranch.curve.refine import Found, refine
 from contbranch.curve.symmetry import Breaking, critical_eigenvalues, has_modes, merged, symmetry_breaking
 from contbranch.curve.trace import Request
 from contbranch.curve.track import Mark, Track
-from contbranch.errors import ModelError
 from contbranch.results.diagram import Cost, Profile
 from contbranch.threads import one_thread
 
@@ -166,12 +165,13 @@ def _row_error(point: Point) -> Sequence[float]:
     """Error estimates of load and displacement."""
     problem, own = equilibrium(point), point.observables
     try:
-        defect = problem.defect(point)[:2]
-    except (CorrectionError, ModelError):  # which a region too narrow for a finer discretisation may cause
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            defect = problem.defect(point)[:2]
+    except Exception:  # a user's law may raise anything, a finer discretisation may be too much: it is not known then
         return math.inf, math.inf
     floor = ROW_FLOOR if problem.finer() is not problem else problem.rounding
     return [
-        ROW_SAFETY * abs(error) + floor * max(1.0, abs(own[name]))
+        ROW_SAFETY * abs(error if math.isfinite(error) else math.inf) + floor * max(1.0, abs(own[name]))
         for error, name in zip(defect, ("load", "displacement"), strict=True)
     ]
 

@@ -75,8 +75,9 @@ FEWER, COARSENINGS = 0.8, 4
 # From first touch up to this parameter the rate of the load comes from the slope dF/dd, which keeps its digits
 # there, unless the displacement all but stands still: its rate must be at least this share of its parts.
 TINY, MOVING = 1e-2, 0.1
-# The panels' guide is believed where, scaled to the error found last, it leaves so much room.
-ROOM = 4.0
+# The panels' guide is believed where, scaled to the error found last, it leaves so much room; unless it has grown by
+# this factor since, and so many times.
+ROOM, GROWN, TRUSTED = 4.0, 3.0, 8
 # Rounds of meshing, solving and judging until a mesh satisfies its own error estimate.
 ROUNDS = 6
 
@@ -146,7 +147,8 @@ class ContactProblem(EquilibriumProblem):
         self.sharpness = sharpness
         mesh = equations.mesh
         self._weights = mesh.weights
-        self.guided = math.inf  # error per guide of the panels, found last
+        # Error per guide of the panels where both were last compared, that guide, and how often it may be relied on.
+        self.compared = math.inf, 0.0, 0
         self.work = resolution.work
         self.work.unknowns = max(self.work.unknowns, mesh.size)
 
@@ -604,11 +606,14 @@ class ContactProblem(EquilibriumProblem):
         error is estimated anew.
         """
         if "error" not in fields.derived:
-            rough = ROOM * self.guided * self._guide(fields)
-            if rough <= tolerance:
-                return rough
-        error = self.relative_error(fields)
-        self.guided = error / max(self._guide(fields), 1e-300)
+            per_guide, guide, left = self.compared
+            if left and self._guide(fields) <= GROWN * guide:
+                rough = ROOM * per_guide * self._guide(fields)
+                if rough <= tolerance:
+                    self.compared = per_guide, guide, left - 1
+                    return rough
+        error, guide = self.relative_error(fields), max(self._guide(fields), 1e-300)
+        self.compared = error / guide, guide, TRUSTED
         return error
 
     def _guide(self, fields: Fields) -> float:
