@@ -77,7 +77,7 @@ FEWER, COARSENINGS = 0.8, 4
 TINY, MOVING = 1e-2, 0.1
 # The panels' guide is believed where, scaled to the error found last, it leaves so much room; unless it has grown by
 # this factor since, and so many times.
-ROOM, GROWN, TRUSTED = 4.0, 3.0, 8
+ROOM, GROWN, TRUSTED = 10.0, 2.0, 3
 # Rounds of meshing, solving and judging until a mesh satisfies its own error estimate.
 ROUNDS = 6
 
