@@ -231,7 +231,11 @@ class EventCurve:
         edged = not self.touching and np.isfinite(problem.base.parameter_range).any()
         events = [*self.meetings.values(), *margins, *([Edge(beside)] if edged else [])]
         branch = follow(start, problem.balance(start), self.interval, STEPS, events, StopAt(predicate=self._told))
-        return branch.points, branch.end
+        # Where the interaction has become negligible within the last step, what follows is rounding.
+        last = next((k for k, point in enumerate(branch.points) if self._far(point)), None)
+        if last is None:
+            return branch.points, branch.end
+        return [*branch.points[:last], replace(branch.points[last], label="")], End(Outcome.STOPPED_BY_PREDICATE)
 
     def _told(self, point: Point) -> bool:
         """Report progress; whether the curve is to end."""
