@@ -34,6 +34,7 @@ DISTINCT, SHARPEST = 3.0, 1e-12
 ROW_SAFETY, ROW_FLOOR = 3.0, 2e-8
 
 
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")  # of a law outside of where it was followed
 def raw_curve(track: Track, request: Request) -> RawCurve:
     """Rows and events of a curve; without ``request.events``, rows alone."""
     if not track.points:
@@ -161,17 +162,19 @@ def _event(track: Track, mark: Mark, found: Found) -> RawEvent:
 
 
 # -- rows -------------------------------------------------------------------------------------------------------------
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def _row_error(point: Point) -> Sequence[float]:
     """Error estimates of load and displacement."""
     problem, own = equilibrium(point), point.observables
     try:
-        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            defect = problem.defect(point)[:2]
+        defect = problem.defect(point)[:2]
     except Exception:  # a user's law may raise anything, a finer discretisation may be too much: it is not known then
+        defect = math.inf, math.inf
+    if not np.isfinite(defect).all():
         return math.inf, math.inf
     floor = ROW_FLOOR if problem.finer() is not problem else problem.rounding
     return [
-        ROW_SAFETY * abs(error if math.isfinite(error) else math.inf) + floor * max(1.0, abs(own[name]))
+        ROW_SAFETY * abs(error) + floor * max(1.0, abs(own[name]))
         for error, name in zip(defect, ("load", "displacement"), strict=True)
     ]
 

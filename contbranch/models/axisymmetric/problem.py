@@ -75,9 +75,8 @@ FEWER, COARSENINGS = 0.8, 4
 # From first touch up to this parameter the rate of the load comes from the slope dF/dd, which keeps its digits
 # there, unless the displacement all but stands still: its rate must be at least this share of its parts.
 TINY, MOVING = 1e-2, 0.1
-# The panels' guide is believed where, scaled to the error found last, it leaves so much room; unless it has grown by
-# this factor since, and so many times.
-ROOM, GROWN, TRUSTED = 10.0, 2.0, 3
+# The panels' guide is believed where, scaled to the error found last, it leaves so much room.
+ROOM = 4.0
 # Rounds of meshing, solving and judging until a mesh satisfies its own error estimate.
 ROUNDS = 6
 
@@ -147,8 +146,7 @@ class ContactProblem(EquilibriumProblem):
         self.sharpness = sharpness
         mesh = equations.mesh
         self._weights = mesh.weights
-        # Error per guide of the panels where both were last compared, that guide, and how often it may be relied on.
-        self.compared = math.inf, 0.0, 0
+        self.guided = math.inf  # error per guide of the panels, found last
         self.work = resolution.work
         self.work.unknowns = max(self.work.unknowns, mesh.size)
 
@@ -346,8 +344,8 @@ class ContactProblem(EquilibriumProblem):
 
     def observables(self, x: Array, p: float) -> Mapping[str, float]:
         """The values, by name, where the mesh resolves them."""
-        allowed = UNRESOLVED * self.resolution.tolerance
-        if self.expected_error(self.fields(x, p), allowed) > allowed:
+        tolerance = self.resolution.tolerance
+        if self.expected_error(self.fields(x, p), tolerance) > UNRESOLVED * tolerance:
             raise ModelError("the mesh does not resolve the solution")  # which repeats the step shorter
         return self.values(x, p)._asdict()
 
@@ -415,7 +413,7 @@ class ContactProblem(EquilibriumProblem):
         allowed = resolution.tolerance * scale
         reach = needed_reach(self.equations, fields, 0.1 * allowed)
         mesh = self.equations.mesh
-        error = self.expected_error(fields, resolution.tolerance)
+        error = self.calibrated(fields)
         if error <= resolution.tolerance and reach <= mesh.edges[-1]:
             if error > 1e-3 * resolution.tolerance or mesh.panels <= 6:
                 return None
@@ -602,18 +600,16 @@ class ContactProblem(EquilibriumProblem):
     def expected_error(self, fields: Fields, tolerance: float) -> float:
         """Discretisation error of a solution relative to max(1, |value|), roughly where it is below a tolerance.
 
-        There the panels' own guide serves, scaled to the error last found on this mesh, with some room; otherwise the
-        error is estimated anew.
+        There the panels' own guide serves, scaled to the error last found on this mesh, with some room: that is at the
+        row before, for the scale may change by orders along the curve. Otherwise the error is estimated anew.
         """
-        if "error" not in fields.derived:
-            per_guide, guide, left = self.compared
-            if left and self._guide(fields) <= GROWN * guide:
-                rough = ROOM * per_guide * self._guide(fields)
-                if rough <= tolerance:
-                    self.compared = per_guide, guide, left - 1
-                    return rough
-        error, guide = self.relative_error(fields), max(self._guide(fields), 1e-300)
-        self.compared = error / guide, guide, TRUSTED
+        rough = ROOM * self.guided * self._guide(fields)
+        return rough if rough <= tolerance else self.calibrated(fields)
+
+    def calibrated(self, fields: Fields) -> float:
+        """The relative error of a solution, which scales the panels' guide from now on."""
+        error = self.relative_error(fields)
+        self.guided = error / max(self._guide(fields), 1e-300)
         return error
 
     def _guide(self, fields: Fields) -> float:
