@@ -21,14 +21,18 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
+<<<<<<< HEAD
 import scipy
 from numpy.typing import NDArray
+=======
+from scipy.special import itj0y0
+>>>>>>> wt-k
 
+from .arrays import Array
 from .transforms import EVEN, Counter, Parity, Transform, wavenumbers
 
 __all__ = ["IMAGE_SUM", "Kind", "Lattice"]
 
-Array = NDArray[np.float64]
 Kind = Literal["periodic", "free"]
 
 # Σ over the periodic images of a point force on a square lattice of edge 1, less the mean: minus the Madelung constant
