@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import InitVar, asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar, Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,7 +23,7 @@ from contbranch.contact.height_source import (
     read_topography,
 )
 from contbranch.contact.self_affine import self_affine_heights
-from contbranch.contact.tip_shape import TipShape, parabolic_scales
+from contbranch.contact.tip_shape import TipShape
 from contbranch.contact.units import positive_number
 from contbranch.errors import InputError
 
@@ -74,8 +74,8 @@ class HeightMap(TipShape):
         cell or radius that is not positive.
     """
 
-    name: ClassVar[str] = "height-map"
-    dimensions: ClassVar[Mapping[str, str]] = {"heights": "length", "cell": "length", "radius": "length"}
+    name = "height-map"
+    dimensions = {"heights": "length", "cell": "length", "radius": "length"}
 
     heights: FloatArray = field(repr=False)
     cell: float = None  # type: ignore[assignment]  # only until a topography has given its own
@@ -264,10 +264,6 @@ class HeightMap(TipShape):
             f"grid: {n} does not fit the {whole} x {whole} heights of the map; must be {whole} times or divided by a "
             f"power of two: {fitting}"
         )
-
-    def reduced_scales(self, adhesion_length: float) -> tuple[float, float]:
-        """Return the scales of the parabola of radius `natural_length`, (23) and (24)."""
-        return parabolic_scales(self.natural_length, adhesion_length)
 
     def scaled(self, in_plane: float, normal: float) -> HeightMap:
         """Return the map in other units, with its radius stated, for that of a flat one would not scale."""

@@ -35,6 +35,23 @@ def numbers(values: object, field: str) -> FloatArray:
     return array
 
 
+def columns(part: object, first: str, second: str) -> tuple[FloatArray, FloatArray]:
+    """Return two fields of a frozen dataclass as (n,) arrays and keep them as tuples; the first starts at 0 and rises.
+
+    Raises
+    ------
+    InputError
+        If they are not lists of numbers of one length, or the first is not such.
+    """
+    one, other = (numbers(getattr(part, name), name) for name in (first, second))
+    increasing_from_zero(one, first)
+    if other.size != one.size:
+        raise InputError(f"{second}: {other.size} numbers for {one.size} {first}; must be as many")
+    for name, array in ((first, one), (second, other)):
+        object.__setattr__(part, name, tuple(array.tolist()))
+    return one, other
+
+
 def increasing_from_zero(array: FloatArray, field: str) -> None:
     """Raise InputError, naming `field`, unless the (n,) array starts at 0 and increases strictly."""
     if array[0] != 0.0:

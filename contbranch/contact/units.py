@@ -24,6 +24,7 @@ __all__ = [
     "Scales",
     "Units",
     "finite_number",
+    "make_positive",
     "maugis_to_reduced",
     "parse",
     "positive_number",
@@ -127,6 +128,12 @@ def positive_number(value: object, field: str) -> float:
     if number <= 0.0:
         raise InputError(f"{field}: {number:g}; must be greater than zero")
     return number
+
+
+def make_positive(part: object, *names: str) -> None:
+    """Replace fields of a frozen dataclass by floats; InputError, naming the field, unless positive and finite."""
+    for name in names:
+        object.__setattr__(part, name, positive_number(getattr(part, name), name))
 
 
 def parse(value: object, dimension: str, field: str) -> float:
