@@ -265,7 +265,7 @@ class Contact:
         """The Tabor coefficient μ_T = Z/z0, with z0 of the law with the largest reference work; None without a law."""
         if self.interaction is None:
             return None
-        return self.scales.normal / max(self.interaction.terms, key=lambda law: law.reference_work).range
+        return self.scales.normal / self.interaction.range
 
     def to_reduced(self) -> Contact:
         """Return the same contact in reduced units: modulus, reference work and the tip's scale are 1."""

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import InitVar, asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -75,7 +75,7 @@ class HeightMap(TipShape):
     """
 
     name = "height-map"
-    dimensions = {"heights": "length", "cell": "length", "radius": "length"}
+    dimensions: ClassVar[Mapping[str, str]] = {"heights": "length", "cell": "length", "radius": "length"}
 
     heights: FloatArray = field(repr=False)
     cell: float = None  # type: ignore[assignment]  # only until a topography has given its own

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cache, cached_property
-from typing import Final, Literal
+from typing import ClassVar, Final, Literal
 
 import numpy as np
 import scipy
@@ -117,11 +118,12 @@ class Profile(Tip):
     """
 
     name = "profile"
-    dimensions = {"radii": "length", "heights": "length", "apex": "text"}
+    dimensions: ClassVar[Mapping[str, str]] = {"radii": "length", "heights": "length", "apex": "text"}
 
     radii: tuple[float, ...]
     heights: tuple[float, ...]
     apex: str = "smooth"
+    _spline: scipy.interpolate.PPoly = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         if self.apex not in ("smooth", "sharp"):
@@ -147,7 +149,7 @@ class Profile(Tip):
 
     @cached_property
     def _jumps(self) -> FloatArray:
-        """(n-1,) the jumps J of the third derivative of ζ at the radii but the first: beyond a knot b, a cubic J (t-b)³/6 is added to ζ."""
+        """(n-1,) the jumps J of ζ's third derivative at all radii b > 0: a cubic J (t-b)³/6 is added there."""
         return np.diff(_third_derivatives(self._spline))
 
     @property
@@ -175,15 +177,15 @@ class Profile(Tip):
 
     def transform(self, t: ArrayLike) -> FloatArray:
         """Return the spline ζ(t)."""
-        return np.asarray(self._spline(t))
+        return _at(self._spline, t)
 
     def transform_derivative(self, t: ArrayLike) -> FloatArray:
         """Return ζ'(t)."""
-        return np.asarray(self._spline(t, 1))
+        return _at(self._spline, t, 1)
 
     def _integral(self, a: ArrayLike, power: int) -> FloatArray:
         """Return the integral of the spline or its square."""
-        return np.asarray(self._integrals[power - 1](a))
+        return _at(self._integrals[power - 1], a)
 
     def shape_gap(self, rho: ArrayLike, a: float) -> tuple[FloatArray, FloatArray]:
         """Return g = (2/π) ∫_a^r (ζ(t) - ζ(a))/√(r²-t²) dt and its derivative with respect to `a` at fixed ρ."""
@@ -215,3 +217,7 @@ class Profile(Tip):
     def scaled(self, in_plane: float, normal: float) -> Profile:
         """Return the table in other units."""
         return Profile(tuple(r / in_plane for r in self.radii), tuple(z / normal for z in self.heights), self.apex)
+
+
+def _at(pieces: scipy.interpolate.PPoly, places: ArrayLike, order: int = 0) -> FloatArray:
+    return np.asarray(pieces(np.asarray(places, dtype=np.float64), order))

@@ -77,9 +77,9 @@ class TipShape:
         raise self._lacks("surface(x, y)")
 
     def reduced_scales(self, adhesion_length: float) -> tuple[float, float]:
-        """Return the units (X, Z) in plane and along the normal, Z² = L X: R^(2/3) L^(1/3), R^(1/3) L^(2/3), (23), (24).
+        """Return the units in plane and along the normal, X = R^(2/3) L^(1/3) and Z = R^(1/3) L^(2/3), (23), (24).
 
-        R is `natural_length`; a tip that is no paraboloid at its apex has other ones.
+        R is `natural_length`; a tip that is no paraboloid at its apex has others, with Z² = L X.
 
         Parameters
         ----------
@@ -110,7 +110,8 @@ class Tip(TipShape):
     """A rigid tip with the axisymmetric profile z(r), z(0) = 0. All functions of radii take and return any shape.
 
     A new shape writes `natural_length`, `height`, `height_derivative`, `transform`, `transform_derivative` and
-    `scaled`, and `reduced_scales` if its apex is no paraboloid; the rest is done by Gauss-Legendre quadrature unless the shape has it in closed form,
+    `scaled`, and `reduced_scales` if its apex is no paraboloid; the rest is done by Gauss-Legendre quadrature unless
+    the shape has it in closed form,
     to rounding where the transform is analytic.
     """
 
@@ -165,7 +166,8 @@ class Tip(TipShape):
 
     def contact_radius(self, y: ArrayLike) -> FloatArray:
         """Return a ≥ 0 with ζ(a) = y ≥ 0."""
-        return np.vectorize(lambda wanted: inverse(self.transform, wanted, self.natural_length), otypes=[float])(y)
+        solve = np.vectorize(lambda wanted: inverse(self.transform, wanted, self.natural_length), otypes=[float])
+        return np.asarray(solve(y))
 
     def radius_at(self, height: float) -> float:
         """Return the radius at which the profile has a height; where the tip ends if it is lower."""
@@ -224,7 +226,7 @@ class Tip(TipShape):
         return self.transform(t) - float(self.transform(a))
 
 
-def inverse(function: Callable[[float], ArrayLike], value: float, first: float, end: float = math.inf) -> float:
+def inverse(function: Callable[[float], Any], value: float, first: float, end: float = math.inf) -> float:
     """Return x ≥ 0 at which a function that rises from 0 has a `value`; `end` if it is less up to there.
 
     `first` is where the search begins.

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -31,13 +32,13 @@ class EllipticParaboloid(TipShape):
     """
 
     name = "elliptic-paraboloid"
-    dimensions = {"radius_x": "length", "radius_y": "length"}
+    dimensions: ClassVar[Mapping[str, str]] = {"radius_x": "length", "radius_y": "length"}
 
     radius_x: float
     radius_y: float
 
     def __post_init__(self) -> None:
-        make_positive(self, *self.dimensions)
+        make_positive(self, *self.parameters())
 
     @property
     def axisymmetric(self) -> Parabola | None:

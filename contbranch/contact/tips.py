@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import ClassVar, Final
 
 import numpy as np
 import scipy
@@ -42,7 +42,7 @@ class _Monomial(Tip):
     """z = s rⁿ/n, ζ = c tⁿ with n = `apex_exponent`, s = `_amplitude` and c = s B(n/2, 1/2)/2, B the beta function."""
 
     def __post_init__(self) -> None:
-        make_positive(self, *self.dimensions)
+        make_positive(self, *self.parameters())
 
     @property
     def _amplitude(self) -> float:
@@ -104,7 +104,7 @@ class Parabola(_Monomial):
     """
 
     name = "parabola"
-    dimensions = {"radius": "length"}
+    dimensions: ClassVar[Mapping[str, str]] = {"radius": "length"}
 
     radius: float
 
@@ -145,7 +145,6 @@ class Cone(_Monomial):
     """
 
     name = "cone"
-    dimensions = {"slope": "dimensionless"}
 
     slope: float
 
@@ -191,11 +190,7 @@ class PowerLaw(_Monomial):
     """
 
     name = "power-law"
-    dimensions = {
-        "exponent": "dimensionless",
-        "length": "length",
-        "steepness": "dimensionless",
-    }
+    dimensions: ClassVar[Mapping[str, str]] = {"length": "length"}
 
     exponent: float
     length: float
@@ -259,13 +254,13 @@ class SphericalCap(Tip):
     """
 
     name = "spherical-cap"
-    dimensions = {"radius": "length", "steepness": "dimensionless"}
+    dimensions: ClassVar[Mapping[str, str]] = {"radius": "length"}
 
     radius: float
     steepness: float = 1.0
 
     def __post_init__(self) -> None:
-        make_positive(self, *self.dimensions)
+        make_positive(self, *self.parameters())
 
     @property
     def extent(self) -> float:
