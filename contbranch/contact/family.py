@@ -228,7 +228,9 @@ def _named(contact: Contact, vary: str) -> tuple[float, Callable[[float], Contac
         raise InputError(f"vary: {vary!r}; the interaction has {len(terms)} laws, counted from 1")
 
     def member(value: float) -> Contact:
-        return replace(contact, interaction=sum([*terms[:k], _with(terms[k], match[2], value), *terms[k + 1 :]]))
+        return replace(
+            contact, interaction=sum([*terms[:k], _with(terms[k], match[2], value), *terms[k + 1 :]]) or None
+        )
 
     return _number(terms[k], match[2], vary), member
 
