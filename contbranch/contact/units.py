@@ -277,6 +277,17 @@ class Scales:
         """Unit of the stiffness dF/dd, E X."""
         return self.modulus * self.in_plane
 
+    @property
+    def of_fields(self) -> dict[str, float]:
+        """The unit of every quantity by the name that results give it."""
+        return {
+            "load": self.load,
+            "energy": self.energy,
+            **dict.fromkeys(("pressure", "wall_pressure"), self.pressure),
+            **dict.fromkeys(("contact_radius", "r", "x", "y"), self.in_plane),
+            **dict.fromkeys(("displacement", "central_gap", "mean_gap", "gap"), self.normal),
+        }
+
 
 # (43)-(46): one Maugis unit in reduced units. Maugis takes πΔγ for Δγ and 4E/3 (misprinted 3E/4) for E.
 _MAUGIS: Final[dict[str, float]] = {
