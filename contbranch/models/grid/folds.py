@@ -11,12 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-<<<<<<< HEAD
 import scipy
-from numpy.typing import NDArray
-=======
-from scipy.optimize import brentq, minimize_scalar
->>>>>>> wt-k
 
 from contbranch.control import Control
 

@@ -21,12 +21,7 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-<<<<<<< HEAD
 import scipy
-from numpy.typing import NDArray
-=======
-from scipy.special import itj0y0
->>>>>>> wt-k
 
 from .arrays import Array
 from .transforms import EVEN, Counter, Parity, Transform, wavenumbers
