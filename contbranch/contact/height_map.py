@@ -23,7 +23,7 @@ from contbranch.contact.height_source import (
     read_topography,
 )
 from contbranch.contact.self_affine import self_affine_heights
-from contbranch.contact.tip_shape import TipShape, parabolic_scales
+from contbranch.contact.tip_shape import TipShape
 from contbranch.contact.units import positive_number
 from contbranch.errors import InputError
 
@@ -74,7 +74,7 @@ class HeightMap(TipShape):
         cell or radius that is not positive.
     """
 
-    name: ClassVar[str] = "height-map"
+    name = "height-map"
     dimensions: ClassVar[Mapping[str, str]] = {"heights": "length", "cell": "length", "radius": "length"}
 
     heights: FloatArray = field(repr=False)
@@ -264,10 +264,6 @@ class HeightMap(TipShape):
             f"grid: {n} does not fit the {whole} x {whole} heights of the map; must be {whole} times or divided by a "
             f"power of two: {fitting}"
         )
-
-    def reduced_scales(self, adhesion_length: float) -> tuple[float, float]:
-        """Return the scales of the parabola of radius `natural_length`, (23) and (24)."""
-        return parabolic_scales(self.natural_length, adhesion_length)
 
     def scaled(self, in_plane: float, normal: float) -> HeightMap:
         """Return the map in other units, with its radius stated, for that of a flat one would not scale."""

@@ -16,6 +16,7 @@ from contbranch.curve.quasi_static import Jump as RawJump
 from contbranch.curve.quasi_static import Leg, Stop
 from contbranch.results.diagram import Cost, ModelChoice, State
 from contbranch.results.loop import Hysteresis, Jump, Path
+from contbranch.results.record import OBSERVABLES
 from contbranch.threads import one_thread
 
 __all__ = ["loop"]
@@ -174,18 +175,12 @@ class _Loop:
         return states
 
     def _path(self) -> Path:
-        scales = self.contact.scales
-        units = {
-            "load": scales.load,
-            "displacement": scales.normal,
-            "contact_radius": scales.in_plane,
-            "central_gap": scales.normal,
-            "energy": scales.energy,
-        }
+        units = self.contact.scales.of_fields
         legs = [self._leg(leg) for leg in self.route.legs]
         states = [state for own in legs for state in own]
         columns: dict[str, Any] = {
-            name: np.array([getattr(state, name) for state in states]) * unit for name, unit in units.items()
+            name: np.array([getattr(state, name) for state in states]) * units[name]
+            for name in (*OBSERVABLES, "energy")
         }
         pairs = zip(columns["load"], columns["displacement"], strict=True)
         lengths = [len(own) for own in legs]

@@ -168,7 +168,7 @@ def _row_error(point: Point) -> Sequence[float]:
     problem, own = equilibrium(point), point.observables
     try:
         defect = problem.defect(point)[:2]
-    except Exception:  # a region too narrow for a finer discretisation, or a law written by the user: nothing is known
+    except Exception:  # a user's law may raise anything, a finer discretisation may be too much: it is not known then
         defect = math.inf, math.inf
     if not np.isfinite(defect).all():
         return math.inf, math.inf

@@ -127,7 +127,7 @@ def contact(
     InputError
         If a constant is not positive (repulsion included) or a contact radius negative.
     """
-    zone = _zone(radius, modulus, work_of_adhesion, interaction_range)
+    zone = _zone(radius=radius, modulus=modulus, work_of_adhesion=work_of_adhesion, interaction_range=interaction_range)
     a = not_below("contact_radius", contact_radius, 0.0, "it is a length")
     found = in_contact(zone, zone.tangent_at(a))
     return found._replace(contact_radius=np.asarray(np.broadcast_to(a, np.shape(found.load))))
@@ -135,11 +135,7 @@ def contact(
 
 def separated(
     interaction_radius: ArrayLike,
-    *,
-    radius: ArrayLike = 1.0,
-    modulus: ArrayLike = 1.0,
-    work_of_adhesion: ArrayLike = 1.0,
-    interaction_range: ArrayLike = 1.0,
+    **constants: ArrayLike,
 ) -> Curve:
     """Return the equilibria without contact for the given radii c of the interaction, from 0 (d = -z0) to first touch.
 
@@ -147,15 +143,15 @@ def separated(
     ----------
     interaction_radius : array_like
         Radius c of the disc where the gap is below the range; between 0 and ``first_touch().interaction_radius``.
-    radius, modulus, work_of_adhesion, interaction_range : array_like
-        As in `contact`.
+    **constants : array_like
+        radius, modulus, work_of_adhesion and interaction_range as in `contact`; so for every function here.
 
     Raises
     ------
     InputError
         If c is negative or the surfaces would touch.
     """
-    zone = _zone(radius, modulus, work_of_adhesion, interaction_range)
+    zone = _zone(**constants)
     c = not_below("interaction_radius", interaction_radius, 0.0, "it is a length")
     beyond = c - zone.touch_radius()
     if np.any(beyond > 8.0 * np.finfo(float).eps * c):
@@ -167,27 +163,19 @@ def separated(
 
 
 def first_touch(
-    *,
-    radius: ArrayLike = 1.0,
-    modulus: ArrayLike = 1.0,
-    work_of_adhesion: ArrayLike = 1.0,
-    interaction_range: ArrayLike = 1.0,
+    **constants: ArrayLike,
 ) -> Curve:
     """Return the equilibrium in which the central gap just closes; parameters as in `contact`."""
-    zone = _zone(radius, modulus, work_of_adhesion, interaction_range)
+    zone = _zone(**constants)
     touch = without_contact(zone, zone.touch_radius())
     return touch._replace(central_gap=np.zeros_like(touch.load))
 
 
 def zero_load(
-    *,
-    radius: ArrayLike = 1.0,
-    modulus: ArrayLike = 1.0,
-    work_of_adhesion: ArrayLike = 1.0,
-    interaction_range: ArrayLike = 1.0,
+    **constants: ArrayLike,
 ) -> Curve:
     """Return the contact without load, (50)-(51) in its limits; parameters as in `contact`."""
-    zone = _zone(radius, modulus, work_of_adhesion, interaction_range)
+    zone = _zone(**constants)
     low, _ = zone.tangent_range()
     tau = zone.root(lambda angle: -zone.load(angle, zone.interaction_radius(angle)), low, load_fold_tangent(zone))
     found = in_contact(zone, tau)
@@ -195,29 +183,21 @@ def zero_load(
 
 
 def load_fold(
-    *,
-    radius: ArrayLike = 1.0,
-    modulus: ArrayLike = 1.0,
-    work_of_adhesion: ArrayLike = 1.0,
-    interaction_range: ArrayLike = 1.0,
+    **constants: ArrayLike,
 ) -> Curve:
     """Return the pull-off under load control, dF = 0, which always lies in contact; parameters as in `contact`."""
-    zone = _zone(radius, modulus, work_of_adhesion, interaction_range)
+    zone = _zone(**constants)
     return in_contact(zone, load_fold_tangent(zone))
 
 
 def displacement_fold(
-    *,
-    radius: ArrayLike = 1.0,
-    modulus: ArrayLike = 1.0,
-    work_of_adhesion: ArrayLike = 1.0,
-    interaction_range: ArrayLike = 1.0,
+    **constants: ArrayLike,
 ) -> Curve:
     """Return the pull-off under displacement control, dd = 0; parameters as in `contact`.
 
     Below `CRITICAL_TABOR` it has no contact and lies at c = (4/pi) sigma R / E.
     """
-    zone = _zone(radius, modulus, work_of_adhesion, interaction_range)
+    zone = _zone(**constants)
     c = 4.0 / np.pi * zone.strain * zone.radius
     apart = c < zone.touch_radius()
     touching = in_contact(zone, displacement_fold_tangent(zone))
@@ -228,18 +208,14 @@ def displacement_fold(
 def gap(
     r: ArrayLike,
     state: Curve,
-    *,
-    radius: ArrayLike = 1.0,
-    modulus: ArrayLike = 1.0,
-    work_of_adhesion: ArrayLike = 1.0,
-    interaction_range: ArrayLike = 1.0,
+    **constants: ArrayLike,
 ) -> FloatArray:
     """Return the gap at the distances r from the axis, for one state or states that broadcast with r.
 
     Implements g = (2/pi) int_a^r [t^2/R - d - 2 (sigma/E) sqrt(c^2-t^2)] / sqrt(r^2-t^2) dt with the elliptic part in
     Carlson's symmetric integrals, all of whose terms are positive. Constants as in `contact`.
     """
-    zone = _zone(radius, modulus, work_of_adhesion, interaction_range)
+    zone = _zone(**constants)
     r, a, c, s = np.broadcast_arrays(
         not_below("r", r, 0.0, "it is a distance"),
         state.contact_radius,
@@ -261,11 +237,7 @@ def gap(
 def pressure(
     r: ArrayLike,
     state: Curve,
-    *,
-    radius: ArrayLike = 1.0,
-    modulus: ArrayLike = 1.0,
-    work_of_adhesion: ArrayLike = 1.0,
-    interaction_range: ArrayLike = 1.0,
+    **constants: ArrayLike,
 ) -> tuple[FloatArray, FloatArray]:
     """Return the total pressure and the wall's share of it at the distances r from the axis.
 
@@ -273,7 +245,7 @@ def pressure(
     which is never negative; the total is p_c - sigma there, -sigma in the zone and 0 beyond. Constants as in
     `contact`.
     """
-    zone = _zone(radius, modulus, work_of_adhesion, interaction_range)
+    zone = _zone(**constants)
     r = not_below("r", r, 0.0, "it is a distance")
     a, c = state.contact_radius, state.interaction_radius
     y = np.sqrt(np.maximum((a - r) * (a + r), 0.0))
@@ -318,13 +290,16 @@ def displacement_fold_tangent(zone: Zone) -> FloatArray:
     return zone.root(lambda angle: zone.slopes(angle).displacement, *zone.tangent_range())
 
 
-def _zone(radius: ArrayLike, modulus: ArrayLike, work_of_adhesion: ArrayLike, interaction_range: ArrayLike) -> Zone:
-    constants = np.broadcast_arrays(
-        finite("radius", radius),
-        finite("modulus", modulus),
-        finite("work_of_adhesion", work_of_adhesion),
-        finite("interaction_range", interaction_range),
-    )
+def _zone(
+    *,
+    radius: ArrayLike = 1.0,
+    modulus: ArrayLike = 1.0,
+    work_of_adhesion: ArrayLike = 1.0,
+    interaction_range: ArrayLike = 1.0,
+) -> Zone:
+    given = {"radius": radius, "modulus": modulus}
+    given |= {"work_of_adhesion": work_of_adhesion, "interaction_range": interaction_range}
+    constants = np.broadcast_arrays(*(finite(name, value) for name, value in given.items()))
     return Zone(*(np.asarray(x) for x in constants))
 
 

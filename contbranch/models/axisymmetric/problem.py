@@ -212,8 +212,8 @@ class ContactProblem(EquilibriumProblem):
             if control.spring_stiffness is not None:
                 negligible = min(negligible, SOFTER * control.spring_stiffness * self.scale / (2 * math.pi))
             far = law.reach(max(negligible, np.finfo(float).tiny))
-            width = _radius_at(contact, min(far, 4 * max(term.range for term in law.terms)))
-            edges = start_edges(width, max(_radius_at(contact, far), 2 * width))
+            width = contact.axisymmetric_tip.radius_at(min(far, 4 * max(term.range for term in law.terms)))
+            edges = start_edges(width, max(contact.axisymmetric_tip.radius_at(far), 2 * width))
             problem = self.on_mesh(Mesh(edges, self.resolution.order))
             u = self.parameter(-max(far, self.scale))
         self.resolution.far = u
@@ -622,19 +622,6 @@ class ContactProblem(EquilibriumProblem):
     def relative_error(self, fields: Fields) -> float:
         """Discretisation error of a solution relative to max(1, |value|): the larger of load's and displacement's."""
         return self.error(fields).relative(self.equations.load(fields), self.equations.displacement(fields))
-
-
-def _radius_at(contact: Contact, height: float) -> float:
-    """Radius at which the tip's profile has a height."""
-    tip = contact.axisymmetric_tip
-    low, high = 0.0, 1.0
-    while high < tip.extent and float(tip.height(np.float64(high))) < height:
-        low, high = high, 2 * high
-    high = min(high, tip.extent)
-    for _ in range(40):
-        middle = (low + high) / 2
-        low, high = (middle, high) if float(tip.height(np.float64(middle))) < height else (low, middle)
-    return high
 
 
 def _margin(point: Point) -> float:

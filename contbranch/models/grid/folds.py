@@ -12,10 +12,10 @@ from typing import Literal
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from contbranch.control import Control
 
+from .arrays import Array, Mask
 from .newton import Equilibrium, Hold, Settings, hold_control, newton
 from .problem import GridProblem
 from .setup import Setup, coarsened, refined, refined_mask
@@ -23,7 +23,6 @@ from .walk import Direction, Measure, Point, between
 
 __all__ = ["Refined", "coarser_touch", "locate_fold", "locate_touch", "refine_fold", "touches"]
 
-Array = NDArray[np.float64]
 
 # Bracket of a fold at the end of its search, as a part of the bracket between rows: the value of the control is known
 # to the square of it.
@@ -129,7 +128,7 @@ def refine_fold(
     measure = Measure.at(middle, setup.length)
     direction = Direction.along(measure, raised[2] - raised[0], states[2].load - states[0].load)
 
-    def solved(u: Array, load: float, contact: NDArray[np.bool_]) -> Equilibrium | None:
+    def solved(u: Array, load: float, contact: Mask) -> Equilibrium | None:
         slack = 1e-6 * abs(direction.value(raised[2] - raised[0], states[2].load - states[0].load))
         start = np.where(contact, -problem.heights, u)
         found = newton(problem, start, load, direction.hold(direction.value(u, load), slack), contact, settings)

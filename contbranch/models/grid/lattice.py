@@ -22,13 +22,12 @@ from typing import Literal
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
+from .arrays import Array
 from .transforms import EVEN, Counter, Parity, Transform, wavenumbers
 
 __all__ = ["IMAGE_SUM", "Kind", "Lattice"]
 
-Array = NDArray[np.float64]
 Kind = Literal["periodic", "free"]
 
 # Σ over the periodic images of a point force on a square lattice of edge 1, less the mean: minus the Madelung constant

@@ -6,12 +6,12 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from contbranch.contact.contact import Contact
 from contbranch.contact.height_map import HeightMap
 from contbranch.contact.interactions import Interaction
 
+from .arrays import Array, Mask
 from .lattice import Kind, Lattice
 from .problem import GridProblem
 from .ramp import on_lattice
@@ -19,9 +19,6 @@ from .transforms import Counter
 from .units import REDUCED_VALUES, UnitValues
 
 __all__ = ["Setup", "UnitValues", "coarsened", "refined", "refined_mask"]
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
