@@ -34,7 +34,7 @@ SAFETY = 10.0
 # A step in which both differ by more than this share of the largest value has features that neither of them shows.
 RESOLVED = 0.01
 # Error as a share of the function's values where there is no neighbouring point.
-UNTESTED = 0.3
+UNTESTED = 0.01
 # A value inside that falls below this share of the smaller one of both ends is followed up in any case.
 SUSPICIOUS = 0.5
 # How often a step is divided in search of hidden zeros, and how many points that may cost.

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from contbranch.contact.family import Family
-from contbranch.continuation import CorrectionError, End, Event, Outcome, Point, Segment, StopAt, correct
+from contbranch.continuation import CorrectionError, End, Event, Options, Outcome, Point, Segment, StopAt, correct
 from contbranch.continuation.edge import Range, land
 from contbranch.continuation.follow import follow
 from contbranch.continuation.problem import Array
@@ -41,6 +41,8 @@ LEAST_SIZE = 1e-2
 REMESHES = 3
 # Relative to their place in a step, events are located so coarsely while following; they are refined afterwards.
 COARSE = 0.03
+# How far points on the curve are corrected.
+PRECISE = Options(tolerance=1e-12, noise=1e8)
 # What differences leave undecided of a tangent's component.
 TANGENT_NOISE = 2e-10
 CUSP = "Two folds merge: a cusp. The curve goes on as the other fold."
@@ -229,7 +231,11 @@ class EventCurve:
         edged = not self.touching and np.isfinite(problem.base.parameter_range).any()
         events = [*self.meetings.values(), *margins, *([Edge(beside)] if edged else [])]
         branch = follow(start, problem.balance(start), self.interval, STEPS, events, StopAt(predicate=self._told))
-        return branch.points, branch.end
+        # Where the interaction has become negligible within the last step, what follows is rounding.
+        last = next((k for k, point in enumerate(branch.points) if self._far(point)), None)
+        if last is None:
+            return branch.points, branch.end
+        return [*branch.points[:last], replace(branch.points[last], label="")], End(Outcome.STOPPED_BY_PREDICATE)
 
     def _told(self, point: Point) -> bool:
         """Report progress; whether the curve is to end."""
@@ -427,7 +433,7 @@ def _solved(problem: Augmented, z: Array, q: float, place: bool = False) -> Poin
     """
     row = np.append(np.zeros(z.size - 1), float(place)), float(not place)
     metric = problem.metric(z)
-    corrected = correct(problem, z, q, row, metric, tolerance=1e-12, noise=1e8, precise=True)
+    corrected = correct(problem, (z, q), row, metric, PRECISE, precise=True)
     point = to_point(problem, corrected, metric, sign=False)
     return replace(point, x=np.append(point.x[:-1], z[-1])) if place else replace(point, parameter=q)
 

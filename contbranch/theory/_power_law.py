@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.special import beta, hyp2f1
 
 from contbranch.theory._inputs import FloatArray, not_below, positive
 
@@ -33,7 +33,7 @@ class PowerLaw:
             1.0,
             "a blunter power has no finite pressure at the rim of the tip",
         )
-        return cls(n, np.asarray(0.5 * beta(0.5 * n, 0.5) / positive("length", length) ** (n - 1.0)))
+        return cls(n, np.asarray(0.5 * scipy.special.beta(0.5 * n, 0.5) / positive("length", length) ** (n - 1.0)))
 
     @classmethod
     def cone(cls, slope: ArrayLike) -> PowerLaw:
@@ -54,5 +54,5 @@ class PowerLaw:
         n, a = self.exponent, contact_radius
         y = np.sqrt(np.maximum((a - r) * (a + r), 0.0)) / np.where(a > 0.0, a, 1.0)
         # Pfaff's form of the hypergeometric function is finite at the centre for n > 1 and gives artanh for the cone
-        shape = y * hyp2f1(1.0, 1.0 - 0.5 * n, 1.5, y * y)
+        shape = y * scipy.special.hyp2f1(1.0, 1.0 - 0.5 * n, 1.5, y * y)
         return np.asarray(self.strength * n * a ** (n - 1.0) / np.pi * shape)

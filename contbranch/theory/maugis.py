@@ -19,8 +19,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.special import elliprd, elliprf
 
 from contbranch.errors import InputError
 from contbranch.theory._dugdale import Angle, Zone, opening_of_contact, opening_of_zone
@@ -310,11 +310,16 @@ def _zone_integral(r: FloatArray, rho: FloatArray, a: FloatArray, c: FloatArray,
     depth = np.where(inside, (s - rho) * (s + rho), 1.0)
     share = np.where(inside, (a / r) ** 2, 1.0)
     within = (rho / r) * (
-        depth * elliprf(depth, np.where(inside, s, 1.0) ** 2, share * depth)
-        + rho**2 * depth / 3.0 * elliprd(np.where(inside, s, 1.0) ** 2, share * depth, depth)
+        depth * scipy.special.elliprf(depth, np.where(inside, s, 1.0) ** 2, share * depth)
+        + rho**2 * depth / 3.0 * scipy.special.elliprd(np.where(inside, s, 1.0) ** 2, share * depth, depth)
     )
     past = np.where(beyond & (c > 0.0), (rho - s) * (rho + s), 1.0)
     width = np.where(c > 0.0, c, 1.0)
-    outer = s**3 * past / (3.0 * width) * elliprd(np.where(beyond, rho, 1.0) ** 2, past * (a / width) ** 2, past)
+    outer = (
+        s**3
+        * past
+        / (3.0 * width)
+        * scipy.special.elliprd(np.where(beyond, rho, 1.0) ** 2, past * (a / width) ** 2, past)
+    )
     middle = 2.0 * width * np.sin(0.5 * np.arctan2(s, a)) ** 2
     return np.asarray(np.where(inside, within, np.where(beyond, outer, middle)))

@@ -11,10 +11,8 @@ import pytest
 from scipy.linalg import eigh
 from scipy.optimize import nnls
 
-from contbranch.models.grid.solvers.fire import fire
-from contbranch.models.grid.solvers.gfmd import gfmd
 from contbranch.models.grid.solvers.lowest import lowest
-from contbranch.models.grid.solvers.motion import Ending, MotionSettings, curvature
+from contbranch.models.grid.solvers.motion import Ending, MotionSettings, curvature, fire, gfmd
 
 METHODS = [gfmd, fire]
 

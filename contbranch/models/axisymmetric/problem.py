@@ -345,8 +345,8 @@ class ContactProblem(EquilibriumProblem):
 
     def observables(self, x: Array, p: float) -> Mapping[str, float]:
         """The values, by name, where the mesh resolves them."""
-        allowed = UNRESOLVED * self.resolution.tolerance
-        if self.expected_error(self.fields(x, p), allowed) > allowed:
+        tolerance = self.resolution.tolerance
+        if self.expected_error(self.fields(x, p), tolerance) > UNRESOLVED * tolerance:
             raise ModelError("the mesh does not resolve the solution")  # which repeats the step shorter
         return self.values(x, p)._asdict()
 
@@ -413,7 +413,7 @@ class ContactProblem(EquilibriumProblem):
         allowed = resolution.tolerance * scale
         reach = needed_reach(self.equations, fields, 0.1 * allowed)
         mesh = self.equations.mesh
-        error = self.expected_error(fields, resolution.tolerance)
+        error = self.calibrated(fields)
         if error <= resolution.tolerance and reach <= mesh.edges[-1]:
             if error > 1e-3 * resolution.tolerance or mesh.panels <= 6:
                 return None
@@ -600,13 +600,14 @@ class ContactProblem(EquilibriumProblem):
     def expected_error(self, fields: Fields, tolerance: float) -> float:
         """Discretisation error of a solution relative to max(1, |value|), roughly where it is below a tolerance.
 
-        There the panels' own guide serves, scaled to the error last found on this mesh, with some room; otherwise the
-        error is estimated anew.
+        There the panels' own guide serves, scaled to the error last found on this mesh, with some room: that is at the
+        row before, for the scale may change by orders along the curve. Otherwise the error is estimated anew.
         """
-        if "error" not in fields.derived:
-            rough = ROOM * self.guided * self._guide(fields)
-            if rough <= tolerance:
-                return rough
+        rough = ROOM * self.guided * self._guide(fields)
+        return rough if rough <= tolerance else self.calibrated(fields)
+
+    def calibrated(self, fields: Fields) -> float:
+        """The relative error of a solution, which scales the panels' guide from now on."""
         error = self.relative_error(fields)
         self.guided = error / max(self._guide(fields), 1e-300)
         return error

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from contbranch.results.diagram import ModeShape
 
+from .arrays import Array
 from .lattice import Lattice
 from .newton import Equilibrium
 from .problem import GridProblem
@@ -15,7 +15,6 @@ from .transforms import EVEN
 
 __all__ = ["angular_content", "mode_shape"]
 
-Array = NDArray[np.float64]
 
 # Largest number of periods around the axis that is told from others.
 LARGEST = 32

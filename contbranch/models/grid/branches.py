@@ -15,12 +15,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from contbranch.curve.outcome import RawCurve
 from contbranch.curve.trace import Request
 from contbranch.results.diagram import Cost
 
+from .arrays import Array
 from .kept import kept_symmetry
 from .setup import Setup
 from .switching import Switched, mirrored, switch
@@ -31,7 +31,6 @@ from .walk import Point
 
 __all__ = ["POINTS", "follow_branch", "follow_branches", "with_branches"]
 
-Array = NDArray[np.float64]
 
 # Points of a branch at most.
 POINTS = 60

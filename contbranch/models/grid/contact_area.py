@@ -15,15 +15,14 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .arrays import Array
 from .crossings import Crossings, Side, find_crossings
 from .newton import Equilibrium
 from .problem import GridProblem
 
 __all__ = ["ContactArea", "contact_area"]
 
-Array = NDArray[np.float64]
 
 # Nodes, degree and noise (in spacings, at a radius of 32 spacings) of the fits, noisiest first.
 _FITS: dict[Side, tuple[tuple[int, int, float], ...]] = {

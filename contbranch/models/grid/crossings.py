@@ -19,15 +19,12 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .arrays import Array, Integers, Mask
 from .lattice import Lattice
 
 __all__ = ["REACH", "Crossings", "find_crossings"]
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-Integers = NDArray[np.int64]
 Side = Literal["pressure", "gap"]
 
 REACH = 12

@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.optimize import brentq, minimize_scalar
+import scipy
 
 from contbranch.control import Control
 
+from .arrays import Array, Mask
 from .newton import Equilibrium, Hold, Settings, hold_control, newton
 from .problem import GridProblem
 from .setup import Setup, coarsened, refined, refined_mask
@@ -23,7 +23,6 @@ from .walk import Direction, Measure, Point, between
 
 __all__ = ["Refined", "coarser_touch", "locate_fold", "locate_touch", "refine_fold", "touches"]
 
-Array = NDArray[np.float64]
 
 # Bracket of a fold at the end of its search, as a part of the bracket between rows: the value of the control is known
 # to the square of it.
@@ -82,7 +81,7 @@ class _Track:
             best.append(state)
             return -sign * control.value(state.load, state.displacement)
 
-        minimize_scalar(
+        scipy.optimize.minimize_scalar(
             height, bounds=(low, high), method="bounded", options={"xatol": NARROW * (high - low), "maxiter": 25}
         )
         if not best:
@@ -129,7 +128,7 @@ def refine_fold(
     measure = Measure.at(middle, setup.length)
     direction = Direction.along(measure, raised[2] - raised[0], states[2].load - states[0].load)
 
-    def solved(u: Array, load: float, contact: NDArray[np.bool_]) -> Equilibrium | None:
+    def solved(u: Array, load: float, contact: Mask) -> Equilibrium | None:
         slack = 1e-6 * abs(direction.value(raised[2] - raised[0], states[2].load - states[0].load))
         start = np.where(contact, -problem.heights, u)
         found = newton(problem, start, load, direction.hold(direction.value(u, load), slack), contact, settings)
@@ -219,7 +218,7 @@ def _root(track: _Track, function: Callable[[Equilibrium], float], low: float, h
         return function(state)
 
     try:
-        root = float(brentq(value, low, high, xtol=1e-9 * (high - low)))
+        root = float(scipy.optimize.brentq(value, low, high, xtol=1e-9 * (high - low)))
         value(root)
     except ValueError:
         return None

@@ -6,11 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+
+from .arrays import Integers
 
 __all__ = ["Indices", "morse_indices"]
-
-Integers = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .arrays import Array, Mask
 from .lattice import Lattice
 from .setup import Setup
 from .stability import ZERO, Sector, Spectrum, Stability
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Image", "first_index", "has_symmetry", "kept_symmetry", "lacking"]
 
-Array = NDArray[np.float64]
 # The image of a field of the whole lattice.
 Image = Callable[[Array], Array]
 
@@ -39,7 +38,7 @@ def kept_symmetry(lattice: Lattice, sector: Sector, swapped: bool) -> Image:
     return lambda values: mirrored(lattice, values, other)
 
 
-def has_symmetry(spectrum: Spectrum, kept: Image) -> NDArray[np.bool_]:
+def has_symmetry(spectrum: Spectrum, kept: Image) -> Mask:
     """Which variations are rather even than odd under a symmetry of the whole lattice."""
     return np.array([float(np.vdot(vector, kept(vector))) > 0.0 for vector in spectrum.vectors], dtype=bool)
 

@@ -11,19 +11,17 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from contbranch.models.grid.solvers.lowest import Lowest, lowest
 from contbranch.models.grid.solvers.motion import Ending, MotionSettings
 
+from .arrays import Array, Mask
 from .newton import Equilibrium, Hold, Settings, newton
 from .problem import GridProblem
 from .relaxation import LatticeMotion, Method, Place, equilibrium, minimisers
 
 __all__ = ["land", "settle", "softest"]
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 # Steps for which the contact must have stayed as it is before Newton's method is tried.
 _STEADY = 3

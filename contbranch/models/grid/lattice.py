@@ -21,14 +21,13 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.special import itj0y0
+import scipy
 
+from .arrays import Array
 from .transforms import EVEN, Counter, Parity, Transform, wavenumbers
 
 __all__ = ["IMAGE_SUM", "Kind", "Lattice"]
 
-Array = NDArray[np.float64]
 Kind = Literal["periodic", "free"]
 
 # Σ over the periodic images of a point force on a square lattice of edge 1, less the mean: minus the Madelung constant
@@ -115,7 +114,7 @@ class Lattice:
             return 0.5 * q
         nowhere = q == 0.0
         safe = np.where(nowhere, 1.0, q)
-        stiffness = np.asarray(0.5 * safe / itj0y0((safe * self.edge).ravel())[0].reshape(q.shape))
+        stiffness = np.asarray(0.5 * safe / scipy.special.itj0y0((safe * self.edge).ravel())[0].reshape(q.shape))
         stiffness[nowhere] = 0.0
         return stiffness
 

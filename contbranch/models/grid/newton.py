@@ -17,10 +17,10 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from contbranch.models.grid.solvers.gmres import gmres
 
+from .arrays import Array, Mask
 from .problem import Fields, GridProblem
 
 # Memory for the basis of the inner iteration.
@@ -29,9 +29,6 @@ BASIS_BYTES = 1e9
 SHORTEST = 0.125
 
 __all__ = ["Equilibrium", "Hold", "Settings", "newton"]
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -312,7 +309,7 @@ def _newton_step(
         vector = np.append(vector, -operator.row_scale * held)
     restart = int(min(60, max(10, BASIS_BYTES / (2 * vector.nbytes))))
     forcing = _forcing(trial.residual, steady, settings)
-    found = gmres(operator.product, vector, forcing, settings.inner, restart).x
+    found = gmres(operator.product, vector, forcing, settings.inner, restart)
     change = found[: free.size].reshape(free.shape)
     return change, operator.column_scale * float(found[-1]) if operator.bordered else 0.0
 

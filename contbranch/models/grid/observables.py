@@ -10,10 +10,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from contbranch.results.profile import CellFields, Profile
 
+from .arrays import Array
 from .lattice import Lattice
 from .newton import Equilibrium
 from .problem import GridProblem
@@ -33,7 +33,6 @@ __all__ = [
     "weights",
 ]
 
-Array = NDArray[np.float64]
 
 # Σ 1/R³ over the square lattice without its origin, 4 ζ(3/2) β(3/2) (Lorenz-Hardy); by the parity of the coordinates it
 # is 2√2 - 1 times that about the middle of the cells, and 4 - √2 times about the middle of their edges.

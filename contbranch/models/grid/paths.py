@@ -9,7 +9,6 @@ from functools import cached_property, partial
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from contbranch.control import Control
 from contbranch.curve.quasi_static import Jump, Stop, next_along
@@ -17,6 +16,7 @@ from contbranch.errors import ModelError
 from contbranch.results.diagram import State
 
 from .accuracy import compared, held
+from .arrays import Array, Integers
 from .landing import land
 from .newton import Equilibrium, Hold, Settings, newton
 from .reading import Reading, read
@@ -26,8 +26,6 @@ from .walk import Direction, Measure, Point, between
 
 __all__ = ["GridWalk"]
 
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 # Two states are one if no gap differs by more than this part of the law's range: relaxations and Newton's method stop
 # at different residuals, and soft states are far apart for the same one.

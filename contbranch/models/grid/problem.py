@@ -12,17 +12,14 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from contbranch.contact.interactions import Interaction
 
+from .arrays import Array
 from .lattice import Lattice
 from .transforms import Counter, Transform
 
 __all__ = ["Fields", "GridProblem"]
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 class Fields(NamedTuple):

@@ -13,13 +13,13 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from contbranch.contact.interactions import Interaction, MaugisDugdale
 
+from .arrays import Array
+
 __all__ = ["RampedDugdale", "jump_message", "on_lattice"]
 
-FloatArray = NDArray[np.float64]
 
 # Nodes in the wave that is as stiff as the ramp, and the widest ramp.
 WAVE, WIDEST = 8.0, 0.5
@@ -39,7 +39,7 @@ class RampedDugdale(Interaction):
 
     ramp: float = WIDEST
 
-    def shape(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def shape(self, x: Array) -> tuple[Array, Array, Array]:
         """Return f, f' and f''."""
         d = self.ramp
         left = np.clip((1.0 + d - x) / (2.0 * d), 0.0, 1.0)  # of the pressure

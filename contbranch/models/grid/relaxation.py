@@ -20,20 +20,16 @@ from functools import cached_property
 from typing import Final, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from contbranch.errors import InputError
-from contbranch.models.grid.solvers.fire import fire
-from contbranch.models.grid.solvers.gfmd import gfmd
-from contbranch.models.grid.solvers.motion import DEFAULT, Ending, MotionSettings
+from contbranch.models.grid.solvers.motion import DEFAULT, Ending, MotionSettings, fire, gfmd
 
+from .arrays import Array, Mask
 from .newton import Equilibrium, Hold
 from .problem import Fields, GridProblem
 
 __all__ = ["LatticeMotion", "Method", "Place", "equilibrium", "minimisers", "relax", "stiffest_interaction"]
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 Method = Literal["gfmd", "fire"]
 
 minimisers: Final = {"gfmd": gfmd, "fire": fire}

@@ -6,13 +6,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
 from contbranch.control import Control
 from contbranch.errors import InputError
 from contbranch.results.diagram import Profile
 
+from .arrays import Array, Mask
 from .folds import Refined
 from .newton import Equilibrium
 from .observables import profile
@@ -22,8 +20,6 @@ from .setup import Setup
 
 __all__ = ["Four", "Mark", "Row", "deferred_profile", "difference"]
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 Four = tuple[float, float, float, float]
 
 

@@ -10,7 +10,6 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from contbranch.contact.contact import Contact
 from contbranch.contact.height_map import HeightMap
@@ -20,12 +19,10 @@ from contbranch.curve.trace import Request
 from contbranch.errors import InputError, ModelError
 from contbranch.results.diagram import State
 
+from .arrays import Array, Mask
 from .setup import Setup
 
 __all__ = ["Sketch", "copied", "drawn", "relatives"]
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

@@ -28,10 +28,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from contbranch.models.grid.solvers.gmres import gmres
 
+from .arrays import Array
 from .newton import Equilibrium
 from .problem import GridProblem
 from .transforms import EVEN, Parity, Transform
@@ -39,7 +39,6 @@ from .variation import Precision, Variation, lowest
 
 __all__ = ["SECTORS", "Morse", "Sector", "Spectrum", "Stability", "as_stability", "morse", "verify"]
 
-Array = NDArray[np.float64]
 Sector = tuple[Parity, Parity]
 
 # In the order of their lowest eigenvalues.
@@ -247,7 +246,7 @@ class Stability:
         with as_stability(self.problem):
             # The product is that of an operator with its preconditioner inside: nothing is to be kept beside it.
             found = gmres(lambda x: (variation.preconditioned(x), x), column, tolerance)
-            y, elastic = variation.response(found.x)
+            y, elastic = variation.response(found)
         rest = column - elastic - variation.softening * y
         # y·(column + rest) is the stationary value of 2 column·y - y·(K_d + v'')y up to rest², and mean(y) ∝ column·y.
         mean = float(y @ (column + rest)) * lattice.compliance * lattice.area / variation.size

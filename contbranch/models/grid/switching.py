@@ -16,8 +16,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .arrays import Array
 from .lattice import Lattice
 from .newton import Equilibrium, Hold, Settings, newton
 from .problem import GridProblem
@@ -27,7 +27,6 @@ from .transforms import EVEN
 
 __all__ = ["Switched", "mirrored", "on_whole", "switch", "whole_problem"]
 
-Array = NDArray[np.float64]
 
 # Amplitude, relative to the length over which the interaction decays.
 AMPLITUDE = 0.03

@@ -15,11 +15,11 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from contbranch.results.diagram import ModeShape
 
 from .angular import angular_content, mode_shape
+from .arrays import Array
 from .newton import Equilibrium, Hold, Settings, newton
 from .problem import GridProblem
 from .stability import Morse, Sector, Spectrum, Stability
@@ -39,7 +39,6 @@ __all__ = [
     "symmetry_breaking",
 ]
 
-Array = NDArray[np.float64]
 
 # Share of an even variation's square that is periodic around the axis, from which on it is no axisymmetric one.
 PERIODIC = 0.5

@@ -9,7 +9,6 @@ from functools import partial
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.curve.outcome import RawCurve
@@ -19,6 +18,7 @@ from contbranch.models.grid.indices import Indices, morse_indices
 from contbranch.results.diagram import Cost
 
 from .accuracy import Comparison, compared, no_comparison, touched
+from .arrays import Array
 from .folds import coarser_touch, locate_fold, locate_touch, touches
 from .kept import first_index
 from .newton import Equilibrium, Hold, newton
@@ -38,8 +38,6 @@ from .walk import Measure, Point, Walker, WalkOptions, following
 
 __all__ = ["Traced", "followed", "trace"]
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 # From the last points, the message with which a curve ends and whether the last point lies beyond; None: it goes on.
 Ending = Callable[[Sequence[Point]], tuple[str, bool] | None]
 

@@ -14,9 +14,10 @@ import numpy as np
 import pyfftw
 from numpy.typing import NDArray
 
+from .arrays import Array
+
 __all__ = ["EVEN", "Counter", "Parity", "Transform", "wavenumbers"]
 
-Array = NDArray[np.float64]
 Parity = Literal["even", "odd"]
 
 EVEN: tuple[Parity, Parity] = ("even", "even")
@@ -122,7 +123,7 @@ class Transform:
         out[...] = self._space
         return out
 
-    def spectrum(self, values: Array) -> NDArray[np.float64] | NDArray[np.complex128]:
+    def spectrum(self, values: Array) -> Array | NDArray[np.complex128]:
         """The unnormalised spectrum of a field; half a pair, not counted."""
         self._space[...] = values
         self._forward()

@@ -13,14 +13,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .arrays import Array, Mask
 from .transforms import Transform
 
 __all__ = ["Precision", "Variation", "lowest"]
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 # Rounding of an eigenvalue, relative to the largest.
 ROUNDING = 1e-13

@@ -8,12 +8,12 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from contbranch.control import Control
 from contbranch.curve.outcome import RawEvent
 from contbranch.models.grid.indices import Indices
 
+from .arrays import Array
 from .folds import refine_fold
 from .newton import Settings
 from .reading import Reading, read
@@ -22,7 +22,6 @@ from .setup import Setup
 
 __all__ = ["LARGEST_REFINED", "MOST_REFINED", "judge", "raw_event"]
 
-Array = NDArray[np.float64]
 Errors = tuple[Array, Array, Array, Array]
 
 # Folds that are looked for on a finer lattice, and the largest array on which they are.

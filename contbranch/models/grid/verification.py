@@ -22,11 +22,11 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from contbranch.contact.height_map import HeightMap
 from contbranch.models.grid.indices import Indices
 
+from .arrays import Integers, Mask
 from .kept import Image, has_symmetry, lacking
 from .newton import Equilibrium
 from .resolution import Resolution, concavity
@@ -40,7 +40,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Verification", "pieces", "verify_curve"]
 
-Integers = NDArray[np.int64]
 
 # Rows from one that is examined for broken symmetry to the next.
 STRIDE = 4
@@ -273,7 +272,7 @@ class _Survey:
         mixed = not self.setup.quarter and self.kept is None and self.setup.contact.tip.mirror_symmetric
         return (0 if mixed else least), (most if spectrum.complete else most + 1)
 
-    def _own(self, state: Equilibrium, spectrum: Spectrum) -> NDArray[np.bool_]:
+    def _own(self, state: Equilibrium, spectrum: Spectrum) -> Mask:
         if self.kept is not None:
             return has_symmetry(spectrum, self.kept)
         if spectrum.sector is None or not self.axisymmetric or not spectrum.index:
@@ -414,7 +413,7 @@ def _inside(unresolved: Sequence[Sequence[int]]) -> frozenset[int]:
     return frozenset(rows)
 
 
-def _runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def _runs(flags: Mask) -> list[tuple[int, int]]:
     """First and last index of every run of true values."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(np.int64), [0]])))
     return [(int(first), int(last) - 1) for first, last in zip(edges[::2], edges[1::2], strict=True)]

@@ -17,16 +17,13 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .arrays import Array
 from .newton import Equilibrium, Hold, Settings, newton
 from .problem import GridProblem
-from .setup import REDUCED_VALUES, UnitValues
+from .units import REDUCED_VALUES, UnitValues
 
 __all__ = ["Direction", "Measure", "Point", "WalkOptions", "Walker", "between", "following"]
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from contbranch.contact.contact import Contact
 from contbranch.contact.interactions import MaugisDugdale
 
-from .equations import Setting
-from .law import BandedLaw
-from .problem import RingProblem
-from .start import distance, floating
+if TYPE_CHECKING:
+    from .problem import RingProblem
 
 __all__ = ["Rings"]
 
@@ -41,5 +39,10 @@ class Rings:
 
     def problem(self, contact: Contact, accuracy: float) -> RingProblem:
         """The first problem of a reduced contact's curve, with nothing at rest."""
+        from .equations import Setting
+        from .law import BandedLaw
+        from .problem import RingProblem
+        from .start import distance, floating
+
         setting = Setting(contact.axisymmetric_tip, BandedLaw(contact.interaction), accuracy)
         return RingProblem(setting, *floating(setting, distance(setting)))

@@ -17,8 +17,8 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import ellipe, ellipkm1
 
 from contbranch.models.quadrature import gauss, legendre_values, panel_rule
 
@@ -330,7 +330,7 @@ class Grid:
 def _elliptic(r: Array, s: Array) -> Array:
     """K(m); 0 where it is infinite."""
     with np.errstate(invalid="ignore", divide="ignore"):
-        value = ellipkm1(((r - s) / (r + s)) ** 2)
+        value = scipy.special.ellipkm1(((r - s) / (r + s)) ** 2)
     return np.where(np.isfinite(value), value, 0.0)
 
 
@@ -349,7 +349,7 @@ def _moved(r: Array, sources: tuple[Array, Array], elliptic: Array, carried: Arr
     total = r + s
     m1 = ((r - s) / total) ** 2
     with np.errstate(invalid="ignore", divide="ignore"):
-        quotient = (ellipe(1 - m1) - m1 * elliptic) / (2 * (r - s))
+        quotient = (scipy.special.ellipe(1 - m1) - m1 * elliptic) / (2 * (r - s))
     quotient = np.where(np.isfinite(quotient), quotient, 0.0)
     share, carried = elliptic / total, (4 / np.pi) * carried
     source = (quotient + share * r / total) * carried

@@ -2,25 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
 
-__all__ = ["Krylov", "gmres"]
+from contbranch.models.grid.arrays import Array
 
-Array = NDArray[np.float64]
-
-
-class Krylov(NamedTuple):
-    """Outcome of a Krylov solution: x, iterations, and the norm of the residual relative to that of the right side."""
-
-    x: Array
-    iterations: int
-    ratio: float
+__all__ = ["gmres"]
 
 
 def gmres(
@@ -29,7 +17,7 @@ def gmres(
     tolerance: float,
     limit: int = 200,
     restart: int = 60,
-) -> Krylov:
+) -> Array:
     """Solve A x = b with the smallest residual ‖b - A x‖ in each Krylov space of A M⁻¹.
 
     Parameters
@@ -47,84 +35,53 @@ def gmres(
     -----
     Saad and Schultz, SIAM J. Sci. Stat. Comput. 7, 856 (1986); classical Gram-Schmidt, twice where it loses digits.
     """
-    total = float(np.linalg.norm(right_side))
-    x = np.zeros_like(right_side)
-    if total == 0.0 or not math.isfinite(total):
-        return Krylov(x, 0, 0.0 if total == 0.0 else math.inf)
-    residual, norm, used = right_side, total, 0
-    while True:
-        step, image, iterations, norm = _cycle(apply, residual, norm, tolerance * total, min(restart, limit - used))
+    x, residual = np.zeros_like(right_side), right_side
+    norm = np.linalg.norm(residual)
+    goal, used = tolerance * norm, 0
+    while norm > goal and np.isfinite(norm) and used < limit:
+        step, residual, iterations = _cycle(apply, residual, norm, goal, min(restart, limit - used))
+        if not iterations:
+            break
         x += step
         used += iterations
-        if norm <= tolerance * total or used >= limit or iterations == 0:
-            return Krylov(x, used, norm / total)
-        residual = residual - image
-        norm = float(np.linalg.norm(residual))
+        norm = np.linalg.norm(residual)
+    return x
 
 
 def _cycle(
-    apply: Callable[[Array], tuple[Array, Array]],
-    residual: Array,
-    norm: float,
-    goal: float,
-    size: int,
-) -> tuple[Array, Array, int, float]:
-    """One cycle: the correction, A times it, its iterations, and the norm of the residual that is left."""
-    basis, smoothed = [residual / norm], list[Array]()
-    triangle = np.zeros((size, size))
-    rotations: list[tuple[float, float]] = []
-    rest = np.zeros(size + 1)
-    rest[0] = norm
+    apply: Callable[[Array], tuple[Array, Array]], residual: Array, norm: np.floating, goal: np.floating, size: int
+) -> tuple[Array, Array, int]:
+    """One cycle: the correction, the residual that is left, and the iterations."""
+    basis, smoothed = np.empty((size + 1, residual.size)), np.empty((size, residual.size))
+    hessenberg = np.zeros((size + 1, size))
+    # What is left of the residual is along the vector orthogonal to all columns, ‖residual‖ e₀/‖that vector‖ long.
+    rest = np.eye(1, size + 1)[0]
+    basis[0] = residual / norm
     count = 0
     for k in range(size):
-        w, smooth = apply(basis[k])
-        smoothed.append(smooth)
-        before = float(np.linalg.norm(w))
-        column = np.array([v @ w for v in basis])
-        for v, h in zip(basis, column, strict=True):
-            w -= h * v
-        length = float(np.linalg.norm(w))
-        if length < 0.1 * before:
-            again = np.array([v @ w for v in basis])
-            for v, h in zip(basis, again, strict=True):
-                w -= h * v
-            column += again
-            length = float(np.linalg.norm(w))
-        for i, (c, s) in enumerate(rotations):
-            column[i : i + 2] = (
-                (c * column[i] + s * column[i + 1], c * column[i + 1] - s * column[i]) if i + 1 <= k else column[i]
-            )
-        radius = math.hypot(column[k], length)
-        if radius == 0.0 or not math.isfinite(radius):
+        w, smoothed[k] = apply(basis[k])
+        known, column = basis[: k + 1], hessenberg[: k + 1, k]
+        before = length = np.linalg.norm(w)
+        for _ in range(2):
+            parts = known @ w
+            w -= parts @ known
+            column += parts
+            length = np.linalg.norm(w)
+            if length >= 0.1 * before:
+                break
+        if not np.isfinite(length) or not (length or column.any()):
             break
-        c, s = column[k] / radius, length / radius
-        rotations.append((c, s))
-        column[k] = radius
-        triangle[: k + 1, k] = column
-        rest[k + 1], rest[k] = -s * rest[k], c * rest[k]
         count = k + 1
-        if abs(rest[k + 1]) <= goal or length <= 1e-14 * before:
+        hessenberg[count, k] = length
+        basis[count] = w / (length or 1.0)
+        if length <= 1e-14 * before:
+            rest[:] = 0.0
             break
-        basis.append(w / length)
-    if count == 0:
-        return np.zeros_like(residual), np.zeros_like(residual), 0, norm
-    weights = solve_triangular(triangle[:count, :count], rest[:count])
-    left = _combined(basis[: count + 1], _remainder(rest[count], rotations)) if len(basis) > count else 0.0 * residual
-    return _combined(smoothed[:count], weights), residual - left, count, abs(float(rest[count]))
-
-
-def _remainder(size: float, rotations: list[tuple[float, float]]) -> Array:
-    """The residual's coefficients in the basis: the last unit vector, rotated back."""
-    vector = np.zeros(len(rotations) + 1)
-    vector[-1] = size
-    for k in range(len(rotations) - 1, -1, -1):
-        c, s = rotations[k]
-        vector[k], vector[k + 1] = c * vector[k] - s * vector[k + 1], s * vector[k] + c * vector[k + 1]
-    return vector
-
-
-def _combined(vectors: list[Array], weights: Array) -> Array:
-    total = weights[0] * vectors[0]
-    for weight, vector in zip(weights[1:], vectors[1:], strict=True):
-        total += weight * vector
-    return np.asarray(total)
+        rest[count] = -(rest[:count] @ column) / length
+        if norm <= goal * np.linalg.norm(rest):
+            break
+    if not count:
+        return residual, residual, 0
+    weights = np.linalg.lstsq(hessenberg[: count + 1, :count], norm * np.eye(1, count + 1)[0])[0]
+    left = norm / (rest @ rest or 1.0) * rest[: count + 1]
+    return weights @ smoothed[:count], left @ basis[: count + 1], count

@@ -7,12 +7,11 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import eigh_tridiagonal
 
-__all__ = ["Lowest", "lowest"]
+from contbranch.models.grid.arrays import Array
 
-Array = NDArray[np.float64]
+__all__ = ["Lowest", "lowest"]
 
 
 # Steps in which the value must not have decreased any more.
