@@ -15,7 +15,7 @@ from contbranch.contact.tip_shape import gauss_rule
 from contbranch.contact.units import finite_number, positive_number
 from contbranch.errors import InputError
 
-__all__ = ["Evaluated", "Interaction", "Response", "Sum"]
+__all__ = ["Evaluated", "Interaction", "Response", "Sum", "terms_of"]
 
 FloatArray = NDArray[np.float64]
 
@@ -259,3 +259,8 @@ class Sum(Evaluated):
     def scaled(self, normal: float, energy: float) -> Sum:
         """Return the sum of the laws in other units."""
         return Sum(tuple(law.scaled(normal, energy) for law in self.laws))
+
+
+def terms_of(law: Interaction | None) -> tuple[Interaction, ...]:
+    """Return the single laws of a contact's interaction; none without one."""
+    return () if law is None else law.terms

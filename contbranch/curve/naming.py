@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from contbranch.contact.interaction_law import terms_of
 from contbranch.contact.interactions import Interaction, Layered
 from contbranch.results.diagram import Event
 
@@ -26,16 +27,13 @@ def fold_name(interaction: Interaction | None, control: str | None, load: float,
     lost_on_increase : bool
         Whether the stable part lies at smaller values of the control.
     """
-    works = [term.work_of_adhesion for term in interaction.terms] if interaction is not None else []
-    mixed = min(works, default=0.0) < 0 < max(works, default=0.0) or any(
-        isinstance(term, Layered) for term in (interaction.terms if interaction is not None else ())
-    )
-    attracts = load < 0 if mixed else max(works, default=0.0) > 0
-    if mixed and control == "load" and lost_on_increase:
-        attracts = False
-    if attracts:
-        return "jump-in" if lost_on_increase else "pull-off"
-    return "squeeze-out" if lost_on_increase else "wetting"
+    terms = terms_of(interaction)
+    works = [term.work_of_adhesion for term in terms]
+    mixed = min(works, default=0.0) < 0 < max(works, default=0.0) or any(isinstance(term, Layered) for term in terms)
+    attracts = max(works, default=0.0) > 0
+    if mixed:
+        attracts = load < 0 and not (control == "load" and lost_on_increase)
+    return (MAXIMA if lost_on_increase else MINIMA)[attracts]
 
 
 def number_layers(
@@ -49,8 +47,7 @@ def number_layers(
     ``jump-in``) and minima (``wetting`` or, where the load is negative, ``pull-off``) are counted apart.
     """
     numbered = list(names)
-    terms = interaction.terms if interaction is not None else ()
-    if not any(isinstance(term, Layered) for term in terms):
+    if not any(isinstance(term, Layered) for term in terms_of(interaction)):
         return numbered
     groups = {group: [k for k, name in enumerate(names) if name in group] for group in (MAXIMA, MINIMA)}
     by_load = {group: [k for k in members if controls[k] == "load"] for group, members in groups.items()}

@@ -17,6 +17,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from contbranch.contact.interaction_law import terms_of
 from contbranch.contact.tips import Tip
 from contbranch.continuation import Linearisation, Point
 from contbranch.continuation.metric import Metric
@@ -63,8 +64,7 @@ class Setting:
     @property
     def scale(self) -> float:
         """The shortest range of the interaction."""
-        terms = self.law.interaction.terms if self.law.interaction is not None else ()
-        return min((term.range for term in terms), default=1.0)
+        return min((term.range for term in terms_of(self.law.interaction)), default=1.0)
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from contbranch.contact.interaction_law import terms_of
 from contbranch.continuation import CorrectionError, Point
 from contbranch.control import LOAD, Control
 from contbranch.curve.problem import oriented
@@ -48,8 +49,7 @@ def distance(setting: Setting, control: Control = LOAD) -> float:
 def floating(setting: Setting, gap: float) -> tuple[Layout, Panels]:
     """Nothing at rest, and panels for a tip at a distance."""
     tip, law = setting.tip, setting.law
-    terms = law.interaction.terms if law.interaction is not None else ()
-    width = tip.radius_at(min(gap, 4 * max((term.range for term in terms), default=gap)))
+    width = tip.radius_at(min(gap, 4 * max((term.range for term in terms_of(law.interaction)), default=gap)))
     reach = max(tip.radius_at(gap), 2 * width)
     layout = Layout((Region(False, law.outermost),), False)
     return layout, start_panels(layout, order_for(setting.tolerance), width, reach, not math.isfinite(tip.extent))
