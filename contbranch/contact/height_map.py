@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+import os
 from collections.abc import Mapping
 from dataclasses import InitVar, asdict, dataclass, field
 from functools import cached_property
@@ -16,7 +17,6 @@ from numpy.typing import ArrayLike, NDArray
 from contbranch.contact.height_source import (
     LEAST_POINTS,
     Source,
-    absolute,
     checked,
     is_topography,
     read_heights,
@@ -92,7 +92,7 @@ class HeightMap(TipShape):
         downwards = is_topography(given) if peaks is None else bool(peaks)
         if isinstance(given, str | Path):
             values, found = read_heights(given, dataset)
-            object.__setattr__(self, "source", Source(absolute(given), found, factor, downwards))
+            object.__setattr__(self, "source", Source(os.path.abspath(given), found, factor, downwards))
         elif dataset is not None:
             raise InputError(f"dataset: {dataset!r}; only a file has data sets: leave it out")
         elif is_topography(given):

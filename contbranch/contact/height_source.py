@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 from contbranch.contact.units import positive_number
 from contbranch.errors import InputError
 
-__all__ = ["LEAST_POINTS", "Source", "absolute", "checked", "is_topography", "read_heights", "read_topography"]
+__all__ = ["LEAST_POINTS", "Source", "checked", "is_topography", "read_heights", "read_topography"]
 
 FloatArray = NDArray[np.float64]
 
@@ -149,8 +148,3 @@ def read_topography(topography: Any, unit: float, cell: float | None) -> tuple[o
     if points is not None and tuple(points) != np.shape(values):
         raise InputError(f"heights: shape {np.shape(values)} of a topography with the grid {tuple(points)}; must agree")
     return values, edge
-
-
-def absolute(path: str | Path) -> str:
-    """Return the absolute path of a file."""
-    return os.path.abspath(path)
