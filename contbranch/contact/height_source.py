@@ -7,14 +7,12 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from contbranch.arrays import Array
 from contbranch.contact.units import positive_number
 from contbranch.errors import InputError
 
 __all__ = ["LEAST_POINTS", "Source", "checked", "is_topography", "read_heights", "read_topography"]
-
-FloatArray = NDArray[np.float64]
 
 LEAST_POINTS: Final = 8
 _AGREE: Final = 1e-9  # relative; edges that differ by no more are the same
@@ -42,7 +40,7 @@ class Source:
     peaks: bool
 
 
-def checked(values: object) -> FloatArray:
+def checked(values: object) -> Array:
     """Return heights as a (N, N) array of finite floats, N ≥ 8, a copy.
 
     Raises

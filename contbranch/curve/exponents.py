@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from contbranch.arrays import Array
 from contbranch.continuation import CorrectionError, Point
 from contbranch.control import Control
 from contbranch.curve.problem import Rates, equilibrium
@@ -14,8 +14,6 @@ from contbranch.curve.refine import Found, further, moved, numbers, settled
 from contbranch.results.diagram import Exponent, LocalExponent, Window
 
 __all__ = ["critical_exponent", "crossover_excess", "fitted_window", "sampled_exponent"]
-
-Array = NDArray[np.float64]
 
 # The window of the excess (reduced units) over which a power law is fitted.
 WINDOW = (1e-2, 1e1)

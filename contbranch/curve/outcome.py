@@ -8,9 +8,7 @@ from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any, TypeVar
 
-import numpy as np
-from numpy.typing import NDArray
-
+from contbranch.arrays import Array, Integers
 from contbranch.contact.contact import Contact
 from contbranch.contact.interaction_law import terms_of
 from contbranch.contact.units import Scales
@@ -34,8 +32,6 @@ from contbranch.threads import one_thread
 
 __all__ = ["RawCurve", "RawEvent", "assemble", "fold_names", "measured", "state_in_reduced", "state_in_units"]
 
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
 Kind = TypeVar("Kind", bound=Record)
 
 

@@ -11,15 +11,12 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from contbranch.arrays import Array, Integers
 from contbranch.control import Control
 from contbranch.results.diagram import State
 
 __all__ = ["Jump", "Leg", "Stop", "Walk", "next_along", "quasi_static"]
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
+
+from contbranch.arrays import Array
 
 __all__ = [
     "PanelRule",
@@ -18,8 +19,6 @@ __all__ = [
     "panel_rule",
     "start_edges",
 ]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

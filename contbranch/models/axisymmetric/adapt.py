@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from contbranch.arrays import Array, Indices
 from contbranch.curve.problem import Defect
 from contbranch.models.quadrature import gauss_between
 
 from .equations import Equations, Fields
 
 __all__ = ["adapted_edges", "defect_error", "needed_reach", "panel_errors"]
-
-Array = NDArray[np.float64]
 
 # Ratio of the innermost panel to the one it is split from: the solution has a tau⁴ log tau term at the rim, whose
 # error falls with the fourth power of the panel's length, so few strongly graded panels suffice.
@@ -131,7 +129,7 @@ def adapted_edges(equations: Equations, fields: Fields, tolerance: float, reach:
     return np.sort(np.concatenate([kept, cut[bad]]))
 
 
-def _mergeable(equations: Equations, fields: Fields, edges: Array, errors: Array, share: float) -> NDArray[np.intp]:
+def _mergeable(equations: Equations, fields: Fields, edges: Array, errors: Array, share: float) -> Indices:
     """Inner edges, no two neighbouring, without which the panels' errors stay below `share`."""
     small = errors < share
     candidates = [k for k in range(1, len(edges) - 1) if small[k - 1] and small[k]]

@@ -11,13 +11,11 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from contbranch.arrays import Array, Indices
 from contbranch.models.quadrature import gauss_between, legendre_values, panel_rule
 
 __all__ = ["Mesh"]
-
-Array = NDArray[np.float64]
 
 # A source panel closer to the target than this many of its own lengths is integrated with the kernel's substitution;
 # farther away the kernel is analytic in a Bernstein ellipse of parameter > 5.8 and the panel's own nodes suffice.
@@ -91,7 +89,7 @@ class Mesh:
         return matrix.reshape(len(points), self.size)
 
     # -- the matrices -------------------------------------------------------------------------------------------------
-    def _pairs(self, above: bool) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    def _pairs(self, above: bool) -> tuple[Indices, Indices]:
         """(node, panel) pairs whose kernel needs its substitution; `above`: panels that reach beyond the node."""
         left, right = self.edges[:-1], self.edges[1:]
         x = self.nodes[:, None]
@@ -100,7 +98,7 @@ class Mesh:
         node, panel = np.nonzero(touched & (distance < NEAR * (right - left)))
         return node, panel
 
-    def arcs(self, rho: Array, panel: NDArray[np.intp], count: int) -> tuple[Array, Array]:
+    def arcs(self, rho: Array, panel: Indices, count: int) -> tuple[Array, Array]:
         """Nodes tau = rho sin(theta) on panels below targets rho, and weights of ∫ dtheta; (pairs, count) each."""
         end = np.arcsin(np.minimum(1.0, self.edges[panel + 1] / rho))
         theta, weights = gauss_between(np.arcsin(self.edges[panel] / rho), end, count)
@@ -112,13 +110,13 @@ class Mesh:
         end = np.arctan2(np.hypot(a, upper), np.sqrt(np.maximum(rho**2 - upper**2, 0.0)))
         return gauss_between(np.arctan2(a, rho), end, count)
 
-    def moments(self, points: Array, panel: NDArray[np.intp], factors: Array) -> Array:
+    def moments(self, points: Array, panel: Indices, factors: Array) -> Array:
         """Weights of the panel's nodal values in ``Σ_m factors · f(points)``; (pairs, m) -> (pairs, order)."""
         local = (points - self.edges[panel][:, None]) / self.half[panel][:, None] - 1.0
         values = legendre_values(self.order, local)
         return np.asarray(np.einsum("kpm,pm->pk", values, factors) @ self.rule.to_legendre)
 
-    def _fill(self, matrix: Array, node: NDArray[np.intp], panel: NDArray[np.intp], rows: Array) -> None:
+    def _fill(self, matrix: Array, node: Indices, panel: Indices, rows: Array) -> None:
         matrix.reshape(self.size, self.panels, self.order)[node, panel] = rows
 
     def _plane(self) -> Array:
@@ -165,7 +163,7 @@ class Mesh:
         slopes = values.reshape(self.panels, self.order) @ self.rule.derivative.T
         return np.asarray((slopes / self.half[:, None]).ravel())
 
-    def _locate(self, points: Array) -> tuple[NDArray[np.intp], Array]:
+    def _locate(self, points: Array) -> tuple[Indices, Array]:
         """Panel of each point and its place there, in [−1, 1]; points beyond the mesh belong to the last panel."""
         panel = np.clip(np.searchsorted(self.edges, points, side="right") - 1, 0, self.panels - 1)
         return panel, (points - self.edges[panel]) / self.half[panel] - 1.0

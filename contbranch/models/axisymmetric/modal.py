@@ -9,18 +9,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
+from contbranch.arrays import Array, Indices
 from contbranch.models.quadrature import chebyshev_slopes, chebyshev_values, gauss, gauss_between
 
 from .equations import Equations, Fields
 from .mesh import NEAR, Mesh
 
 __all__ = ["ModeSpace", "inner_mode_pressure"]
-
-Array = NDArray[np.float64]
-Pairs = NDArray[np.intp]
 
 # Gauss nodes for the gap, a panel, beyond those of the mesh.
 EXTRA = 6
@@ -156,7 +153,7 @@ def outer_plane(mesh: Mesh, a: float, rho: Array, m: int) -> Array:
     return np.asarray(matrix)
 
 
-def _near(mesh: Mesh, a: float, rho: Array, panel: Pairs, m: int) -> Array:
+def _near(mesh: Mesh, a: float, rho: Array, panel: Indices, m: int) -> Array:
     """Rows of `outer_plane` for panels close to their target, with tau = rho sin ψ; (pairs, n)."""
     tau, weights = mesh.arcs(rho, panel, mesh.order + 8 + m // 2)
     t, r = np.hypot(a, tau), np.hypot(a, rho)[:, None]

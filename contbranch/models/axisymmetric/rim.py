@@ -6,15 +6,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from contbranch.arrays import Array
 from contbranch.models.quadrature import chebyshev_slopes, chebyshev_values, gauss_between
 
 from .mesh import Mesh
 
 __all__ = ["Rim", "make_rim"]
-
-Array = NDArray[np.float64]
 
 # The factor tau/√(a² + tau²) is a polynomial to machine precision on an innermost panel shorter than a/SMOOTH; closer
 # in, the panel is integrated in theta, where the factor disappears.

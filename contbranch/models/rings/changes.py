@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from contbranch.arrays import Array
 from contbranch.continuation import CorrectionError, Event, Point, StopAt
 from contbranch.continuation.edge import Range
 from contbranch.continuation.follow import follow
@@ -25,8 +25,6 @@ from .panels import Grid, Panels
 from .topology import change
 
 __all__ = ["born", "vanished"]
-
-Array = NDArray[np.float64]
 
 # Half-widths with which a region is born, as shares of the room there is for it; the first that succeeds counts, unless
 # an inequality fails there by more than this.

@@ -8,16 +8,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.polynomial import legendre
-from numpy.typing import NDArray
 
+from contbranch.arrays import Array
 from contbranch.continuation import Point
 
 from .equations import Fields, RingEquations, rings
 from .layout import Region
 
 __all__ = ["NARROW_RING", "Breach", "begun", "least_margin", "narrowness"]
-
-Array = NDArray[np.float64]
 
 # Next to an edge both gap and pressure come to their bounds; an extremum there counts only beyond this share of the
 # largest value, which discretisation does not reach.

@@ -17,6 +17,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from contbranch.arrays import Array
 from contbranch.contact.interaction_law import terms_of
 from contbranch.contact.tips import Tip
 from contbranch.continuation import Linearisation, Point
@@ -29,8 +30,6 @@ from .layout import Layout
 from .panels import Grid, Panels
 
 __all__ = ["Fields", "RingEquations", "Setting", "rings"]
-
-Array = NDArray[np.float64]
 
 # States whose fields are kept: the ends of a step and what is tried between them.
 RECENT = 6

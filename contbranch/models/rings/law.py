@@ -7,14 +7,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from contbranch.arrays import Array
 from contbranch.contact.interaction_law import terms_of
 from contbranch.contact.interactions import Interaction, MaugisDugdale, Response, Sum
 
 __all__ = ["BandedLaw"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,8 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from contbranch.arrays import Array
 from contbranch.models.quadrature import start_edges
 
 from .equations import Fields, RingEquations
@@ -16,8 +16,6 @@ from .layout import Layout
 from .panels import Panels
 
 __all__ = ["adapted", "finer", "order_for", "panel_errors", "start_panels"]
-
-Array = NDArray[np.float64]
 
 # Breaks of a piece between an edge and the far end of its region, in shares of its length in √distance.
 BOUNDED = (0.3,)

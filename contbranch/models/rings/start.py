@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from contbranch.arrays import Array
 from contbranch.contact.interaction_law import terms_of
 from contbranch.continuation import CorrectionError, Point
 from contbranch.control import LOAD, Control
@@ -21,8 +21,6 @@ from .newton import resolved, solved
 from .panels import Grid, Panels
 
 __all__ = ["beginning", "distance", "farther", "floating"]
-
-Array = NDArray[np.float64]
 
 # Share of the accuracy that the load at the start of the curve may have.
 START_SHARE = 0.3
