@@ -14,6 +14,7 @@ monotonically as tau grows.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -52,11 +53,7 @@ class Slopes(NamedTuple):
     displacement_terms: Array
 
 
-_OPENING_SERIES = [0.0]
-_factorial = 1.0
-for _k in range(1, 10):
-    _factorial *= (2 * _k) * (2 * _k + 1)
-    _OPENING_SERIES.append((-1) ** (_k + 1) * 2 * _k / _factorial)
+_OPENING_SERIES = [(-1) ** (k + 1) * 2 * k / math.factorial(2 * k + 1) for k in range(10)]
 
 
 def opening_of_contact(angle: Angle) -> Array:

@@ -146,12 +146,9 @@ class RingEquations(EquilibriumProblem):
 
     def resting(self, grid: Grid) -> tuple[NDArray[np.bool_], Array]:
         """Which nodes rest, and their levels."""
-        rests, level = np.zeros(grid.size, dtype=bool), np.zeros(grid.size)
-        for k, region in enumerate(self.layout.regions):
-            if region.rests:
-                own = grid.of_node == k
-                rests[own], level[own] = True, self.setting.law.levels[region.index]
-        return rests, level
+        levels = [self.setting.law.levels[region.index] if region.rests else 0.0 for region in self.layout.regions]
+        rests = [region.rests for region in self.layout.regions]
+        return np.array(rests)[grid.of_node], np.array(levels)[grid.of_node]
 
     def _edges(self, fields: Fields) -> tuple[Array, Array, Array, Array]:
         """Equations of the edges: residuals (E,), and their derivatives with respect to pressures, edges and d.
