@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from contbranch.contact.interaction_law import terms_of
 from contbranch.contact.interactions import INTERACTIONS, Interaction
 from contbranch.contact.tips import TIPS, HeightMap, Parabola, Tip, TipShape
 from contbranch.contact.units import PHYSICAL, REDUCED, Scales, Units, parse, positive_number
@@ -227,12 +228,11 @@ class Contact:
 
     def describe(self) -> dict[str, Any]:
         """Return the contact as JSON can hold it, in its own units; `from_description` makes it again."""
-        laws = self.interaction.terms if self.interaction is not None else ()
         return {
             "units": self.units.kind,
             "tip": _description(self.tip, TIPS, "shape"),
             "material": {"modulus": self.modulus},
-            "interaction": [_description(law, INTERACTIONS, "law") for law in laws],
+            "interaction": [_description(law, INTERACTIONS, "law") for law in terms_of(self.interaction)],
             "tabor": self.tabor,
         }
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from contbranch.contact.contact import Contact, dimensions, make, nearest
+from contbranch.contact.interaction_law import terms_of
 from contbranch.contact.interactions import Interaction
 from contbranch.contact.tips import TipShape
 from contbranch.contact.units import Scales, finite_number, positive_number
@@ -187,7 +188,7 @@ def _stiffness(start: float | None, control: str | None) -> float:
 
 
 def _share(contact: Contact) -> Family:
-    terms = contact.interaction.terms if contact.interaction is not None else ()
+    terms = terms_of(contact.interaction)
     if len(terms) != 2:
         raise InputError(f"vary: share; needs an interaction that is the sum of two laws, not of {len(terms)}")
     first, second = terms
@@ -220,7 +221,7 @@ def _named(contact: Contact, vary: str) -> tuple[float, Callable[[float], Contac
         known = ("tabor", "share", "stiffness", "modulus", "tip.radius", "interaction[1].range")
         raise InputError(f"vary: {vary!r}; must be one of tabor, share, stiffness, modulus, tip.NAME and "
                          f"interaction[K].NAME{nearest(vary, known)}")  # fmt: skip
-    terms = law.terms if law is not None else ()
+    terms = terms_of(law)
     if match[1] is None and len(terms) != 1:
         raise InputError(f"vary: {vary!r}; the interaction has {len(terms)} laws: write interaction[K].{match[2]}")
     k = int(match[1] or 1) - 1

@@ -11,13 +11,12 @@ from typing import Any, ClassVar, Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from contbranch.arrays import Array
 from contbranch.contact.tip_shape import gauss_rule
 from contbranch.contact.units import finite_number, positive_number
 from contbranch.errors import InputError
 
-__all__ = ["Evaluated", "Interaction", "Response", "Sum"]
-
-FloatArray = NDArray[np.float64]
+__all__ = ["Evaluated", "Interaction", "Response", "Sum", "terms_of"]
 
 # Gaps beyond this many ranges (infinite ones too, outside a tip of finite extent) are taken as this many: every power
 # that the shapes form of it is still a finite number.
@@ -39,9 +38,9 @@ class Response(NamedTuple):
         v''.
     """
 
-    energy: FloatArray
-    pressure: FloatArray
-    stiffness: FloatArray
+    energy: Array
+    pressure: Array
+    stiffness: Array
 
 
 @dataclass(frozen=True)
@@ -74,7 +73,7 @@ class Interaction:
         object.__setattr__(self, "work_of_adhesion", work)
         object.__setattr__(self, "range", positive_number(self.range, "range"))
 
-    def shape(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def shape(self, x: Array) -> tuple[Array, Array, Array]:
         """Return f, f' and f'' at x = g/z0, arrays of the shape of `x`; x may be slightly negative."""
         raise NotImplementedError(f"{type(self).__name__} must define shape(x), which returns f, f' and f''")
 
@@ -114,7 +113,7 @@ class Interaction:
         """Return the gap beyond which |v| ≤ `tolerance` · `reference_work`; the end of the law if it ends before."""
         return self.range * max(0.0, self._shape_reach(tolerance))
 
-    def tail_energy(self, gap: ArrayLike) -> FloatArray:
+    def tail_energy(self, gap: ArrayLike) -> Array:
         """Return ∫ v dg from `gap` (any shape) to infinity, a force per length (Derjaguin's F = -2πR times it)."""
         return np.asarray(-self.work_of_adhesion * self.range * self._shape_tail(np.asarray(gap) / self.range))
 
@@ -122,7 +121,7 @@ class Interaction:
         """Return x beyond which |f| ≤ `tolerance`; where a law does not have it in closed form, by search."""
         x = np.concatenate([[0.0], np.geomspace(1e-3, 1e12, 1501)])
 
-        def exceeds(at: FloatArray) -> NDArray[np.bool_]:
+        def exceeds(at: Array) -> NDArray[np.bool_]:
             energy = self.evaluate(at * self.range).energy
             return np.asarray(np.abs(energy) > tolerance * self.reference_work)  # NaN, beyond the law's end, does not
 
@@ -143,7 +142,7 @@ class Interaction:
             low, high = (middle, high) if bool(exceeds(np.array([middle]))[0]) else (low, middle)
         return high
 
-    def _shape_tail(self, x: FloatArray) -> FloatArray:
+    def _shape_tail(self, x: Array) -> Array:
         """Return ∫ f dx from `x` to infinity; where a law does not have it in closed form, by quadrature."""
         nodes, weights = _TAIL_RULE
         energy = self.evaluate(self.range * (x[..., None] + nodes)).energy
@@ -171,7 +170,7 @@ class Interaction:
         return {item.name: getattr(self, item.name) for item in fields(self) if item.init}
 
 
-def _tail_rule() -> tuple[FloatArray, FloatArray]:
+def _tail_rule() -> tuple[Array, Array]:
     """Return nodes and weights for ∫_0^∞ of functions that vary over a length 1 and decay at least like x^-2."""
     x, w = gauss_rule(16)
     edges = np.concatenate([np.arange(0.0, 8.0, 0.5), 2.0 ** np.arange(3, 41)])
@@ -191,7 +190,7 @@ class Evaluated(Interaction):
     work_of_adhesion: float = field(init=False)
     range: float = field(init=False)
 
-    def shape(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def shape(self, x: Array) -> tuple[Array, Array, Array]:
         """Return f, f' and f'' with respect to the work of adhesion, which must not vanish."""
         energy, pressure, stiffness = self.evaluate(x * self.range)
         scale = -1.0 / self.work_of_adhesion
@@ -252,10 +251,15 @@ class Sum(Evaluated):
         allowed = tolerance * self.reference_work / len(self.laws)
         return max(law.reach(min(1.0, allowed / law.reference_work)) for law in self.laws)
 
-    def tail_energy(self, gap: ArrayLike) -> FloatArray:
+    def tail_energy(self, gap: ArrayLike) -> Array:
         """Return the sum of the laws' ∫ v dg from `gap` to infinity."""
         return np.asarray(sum(law.tail_energy(gap) for law in self.laws))
 
     def scaled(self, normal: float, energy: float) -> Sum:
         """Return the sum of the laws in other units."""
         return Sum(tuple(law.scaled(normal, energy) for law in self.laws))
+
+
+def terms_of(law: Interaction | None) -> tuple[Interaction, ...]:
+    """Return the single laws of a contact's interaction; none without one."""
+    return () if law is None else law.terms

@@ -14,8 +14,9 @@ from typing import ClassVar, Final
 
 import numpy as np
 import scipy
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from contbranch.arrays import Array
 from contbranch.contact.interaction_law import Evaluated, Interaction, Response, Sum
 from contbranch.contact.tables import columns, energy_of_table
 from contbranch.contact.units import finite_number, make_positive
@@ -35,8 +36,6 @@ __all__ = [
     "VanDerWaals",
 ]
 
-FloatArray = NDArray[np.float64]
-
 
 @dataclass(frozen=True)
 class Exponential(Interaction):
@@ -44,7 +43,7 @@ class Exponential(Interaction):
 
     name = "exponential"
 
-    def shape(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def shape(self, x: Array) -> tuple[Array, Array, Array]:
         """Return e^-x and its derivatives."""
         f = np.exp(-x)
         return f, -f, f
@@ -53,7 +52,7 @@ class Exponential(Interaction):
         """Return ln(1/tolerance)."""
         return -math.log(tolerance)
 
-    def _shape_tail(self, x: FloatArray) -> FloatArray:
+    def _shape_tail(self, x: Array) -> Array:
         """Return e^-x."""
         return np.exp(-x)
 
@@ -64,7 +63,7 @@ class Gauss(Interaction):
 
     name = "gauss"
 
-    def shape(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def shape(self, x: Array) -> tuple[Array, Array, Array]:
         """Return e^(-x²/2) and its derivatives."""
         square = x * x
         f = np.exp(-0.5 * square)
@@ -74,7 +73,7 @@ class Gauss(Interaction):
         """Return sqrt(2 ln(1/tolerance))."""
         return math.sqrt(max(0.0, -2.0 * math.log(tolerance)))
 
-    def _shape_tail(self, x: FloatArray) -> FloatArray:
+    def _shape_tail(self, x: Array) -> Array:
         """Return sqrt(π/2) erfc(x/sqrt 2)."""
         return np.asarray(math.sqrt(0.5 * math.pi) * scipy.special.erfc(x / math.sqrt(2.0)))
 
@@ -85,7 +84,7 @@ class VanDerWaals(Interaction):
 
     name = "van-der-waals"
 
-    def shape(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def shape(self, x: Array) -> tuple[Array, Array, Array]:
         """Return u = 1/(1+x²) and its derivatives -2xu², (6x²-2)u³."""
         square = x * x
         f = 1.0 / (1.0 + square)
@@ -96,7 +95,7 @@ class VanDerWaals(Interaction):
         """Return sqrt(1/tolerance - 1)."""
         return math.sqrt(max(0.0, 1.0 / tolerance - 1.0))
 
-    def _shape_tail(self, x: FloatArray) -> FloatArray:
+    def _shape_tail(self, x: Array) -> Array:
         """Return arccot x."""
         return np.arctan2(1.0, x)
 
@@ -107,7 +106,7 @@ class InverseSquare(Interaction):
 
     name = "inverse-square"
 
-    def shape(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def shape(self, x: Array) -> tuple[Array, Array, Array]:
         """Return u² with u = 1/(1+x), and its derivatives -2u³, 6u⁴; defined for x > -1."""
         u = 1.0 / (1.0 + x)
         f = u * u
@@ -117,7 +116,7 @@ class InverseSquare(Interaction):
         """Return 1/sqrt(tolerance) - 1."""
         return 1.0 / math.sqrt(tolerance) - 1.0
 
-    def _shape_tail(self, x: FloatArray) -> FloatArray:
+    def _shape_tail(self, x: Array) -> Array:
         """Return 1/(1 + x)."""
         return 1.0 / (1.0 + x)
 
@@ -131,7 +130,7 @@ class MaugisDugdale(Interaction):
 
     name = "maugis-dugdale"
 
-    def shape(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def shape(self, x: Array) -> tuple[Array, Array, Array]:
         """Return 1 - x, -1 and 0 for x < 1, and 0 beyond; NaN stays NaN."""
         inside = np.where(x < 1.0, 1.0, 0.0 * x)
         return (1.0 - x) * inside, -inside, 0.0 * inside
@@ -140,7 +139,7 @@ class MaugisDugdale(Interaction):
         """Return 1 - tolerance."""
         return 1.0 - tolerance
 
-    def _shape_tail(self, x: FloatArray) -> FloatArray:
+    def _shape_tail(self, x: Array) -> Array:
         """Return (1 - x)²/2 for x < 1."""
         return np.asarray(0.5 * np.maximum(1.0 - x, 0.0) ** 2)
 
@@ -179,7 +178,7 @@ class Layered(Interaction):
         """2π z0/λ."""
         return 2.0 * math.pi * self.range / self.wave
 
-    def shape(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def shape(self, x: Array) -> tuple[Array, Array, Array]:
         """Return e^-x cos(kx + φ)/cos φ and its derivatives, k = 2π z0/λ."""
         k = self._wave_number
         angle = k * x + self.phase
@@ -196,7 +195,7 @@ class Layered(Interaction):
         """Return where the envelope, e^-x/|cos φ|, falls to `tolerance`."""
         return -math.log(tolerance * abs(math.cos(self.phase)))
 
-    def _shape_tail(self, x: FloatArray) -> FloatArray:
+    def _shape_tail(self, x: Array) -> Array:
         """Return Re[e^((ik-1)x + iφ)/(1-ik)]/cos φ."""
         k = self._wave_number
         return np.asarray((np.exp((1j * k - 1.0) * x + 1j * self.phase) / (1.0 - 1j * k)).real / math.cos(self.phase))
@@ -285,7 +284,7 @@ class Tabulated(Evaluated):
         above = np.flatnonzero(np.abs(self._pieces(gaps)) > tolerance * self.reference_work)
         return float(gaps[min(above[-1] + 1, gaps.size - 1)]) if above.size else 0.0
 
-    def tail_energy(self, gap: ArrayLike) -> FloatArray:
+    def tail_energy(self, gap: ArrayLike) -> Array:
         """Return ∫ v dg from `gap` to the end of the table; NaN if it ends too early."""
         integral = self._pieces.antiderivative()
         return np.asarray(integral(self._end) - integral(np.minimum(gap, self._end)))

@@ -7,20 +7,18 @@ from typing import Final
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
+from contbranch.arrays import Array
 from contbranch.errors import InputError
 
 __all__ = ["columns", "energy_of_table", "increasing_from_zero"]
-
-FloatArray = NDArray[np.float64]
 
 _LEAST_ROWS: Final = 4
 _QUINTIC_ROWS: Final = 8
 _DECAYED: Final = 0.01  # a law whose table ends below this part of its maximum is taken to zero
 
 
-def numbers(values: object, field: str) -> FloatArray:
+def numbers(values: object, field: str) -> Array:
     """Return `values` as a (n,) array of finite floats, n ≥ 4; InputError, naming `field`, if they are not."""
     try:
         array = np.array(values, dtype=np.float64)
@@ -34,7 +32,7 @@ def numbers(values: object, field: str) -> FloatArray:
     return array
 
 
-def columns(part: object, first: str, second: str) -> tuple[FloatArray, FloatArray]:
+def columns(part: object, first: str, second: str) -> tuple[Array, Array]:
     """Return two fields of a frozen dataclass as (n,) arrays and keep them as tuples; the first starts at 0 and rises.
 
     Raises
@@ -51,7 +49,7 @@ def columns(part: object, first: str, second: str) -> tuple[FloatArray, FloatArr
     return one, other
 
 
-def increasing_from_zero(array: FloatArray, field: str) -> None:
+def increasing_from_zero(array: Array, field: str) -> None:
     """Raise InputError, naming `field`, unless the (n,) array starts at 0 and increases strictly."""
     if array[0] != 0.0:
         raise InputError(f"{field}: the first is {array[0]:g}; must start at 0")
@@ -61,7 +59,7 @@ def increasing_from_zero(array: FloatArray, field: str) -> None:
         raise InputError(f"{field}: entry {bad + 2} is not above entry {bad + 1}; must increase strictly")
 
 
-def energy_of_table(gaps: FloatArray, values: FloatArray, kind: str) -> scipy.interpolate.PPoly:
+def energy_of_table(gaps: Array, values: Array, kind: str) -> scipy.interpolate.PPoly:
     """Return the energy per area as pieces of polynomials of the gap; the last, beyond the end, is 0 or NaN.
 
     Parameters

@@ -10,22 +10,22 @@ from typing import ClassVar, Final, Literal
 
 import numpy as np
 import scipy
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from contbranch.arrays import Array
 from contbranch.contact.tables import columns, increasing_from_zero
 from contbranch.contact.tip_shape import Tip, gauss_rule
 from contbranch.errors import InputError
 
 __all__ = ["Profile"]
 
-FloatArray = NDArray[np.float64]
 End = Literal["not-a-knot", "clamped", "natural"]
 
 _MOST_ROWS: Final = 1000  # the fit solves a dense system of that order
 _QUARTER: Final = 0.5 * math.pi
 
 
-def _fit(radii: FloatArray, heights: FloatArray, sharp: bool, end: End) -> scipy.interpolate.PPoly:
+def _fit(radii: Array, heights: Array, sharp: bool, end: End) -> scipy.interpolate.PPoly:
     """Return the spline ζ whose tip has the `heights`: they are linear in its values at the radii."""
     start: End = "not-a-knot" if sharp else "clamped"
     bases = scipy.interpolate.CubicSpline(radii, np.eye(radii.size), bc_type=(start, end))
@@ -38,7 +38,7 @@ def _fit(radii: FloatArray, heights: FloatArray, sharp: bool, end: End) -> scipy
     return scipy.interpolate.PPoly(coefficients, radii)
 
 
-def _cell_moments(radii: FloatArray, power: int) -> FloatArray:
+def _cell_moments(radii: Array, power: int) -> Array:
     """Return ∫ d(s^power)/ds arccos(t/r) dt, (n-1, n-1), over the cells (s = t - their start) for all radii r > 0."""
     x, w = gauss_rule(14)
     moments = np.zeros((radii.size - 1, radii.size - 1))
@@ -53,7 +53,7 @@ def _cell_moments(radii: FloatArray, power: int) -> FloatArray:
     return moments
 
 
-def _third_derivatives(pieces: scipy.interpolate.PPoly) -> FloatArray:
+def _third_derivatives(pieces: scipy.interpolate.PPoly) -> Array:
     """Return the third derivative of each piece of a spline from the second ones at the knots.
 
     So they agree to rounding with a second derivative that is continuous; those of the pieces themselves do not, and
@@ -79,7 +79,7 @@ def _rises(pieces: scipy.interpolate.PPoly) -> bool:
     return bool(np.all(slope(places) > 0.0) and slope(0.0) >= 0.0)
 
 
-def _moment(m: int, angle: FloatArray) -> FloatArray:
+def _moment(m: int, angle: Array) -> Array:
     """Return K_m(θ) = ∫_0^θ (cos φ - cos θ)^m dφ for θ in [0, π/2], m = 1, 2, 3, of the shape of `angle`."""
     square = angle * angle
     x = square * (2.0 / _QUARTER**2) - 1.0
@@ -87,7 +87,7 @@ def _moment(m: int, angle: FloatArray) -> FloatArray:
 
 
 @cache
-def _moment_series(m: int) -> FloatArray:
+def _moment_series(m: int) -> Array:
     """Return the Chebyshev coefficients of K_m(θ)/θ^(2m+1), an entire function of θ², on 0 ≤ θ ≤ π/2."""
     x, w = gauss_rule()
     places = np.polynomial.chebyshev.chebpts1(12)
@@ -148,7 +148,7 @@ class Profile(Tip):
         return self._spline.antiderivative(), scipy.interpolate.PPoly(squares, self._spline.x).antiderivative()
 
     @cached_property
-    def _jumps(self) -> FloatArray:
+    def _jumps(self) -> Array:
         """(n-1,) the jumps J of ζ's third derivative at all radii b > 0: a cubic J (t-b)³/6 is added there."""
         return np.diff(_third_derivatives(self._spline))
 
@@ -164,37 +164,37 @@ class Profile(Tip):
         outer = self.radii[-1] ** 2 / (2.0 * self.heights[-1])
         return 1.0 / apex if apex * outer > 0.01 else outer
 
-    def height(self, r: ArrayLike) -> FloatArray:
+    def height(self, r: ArrayLike) -> Array:
         """Return the profile: the table's heights at its radii."""
         return self.shape_gap(r, 0.0)[0]
 
-    def height_derivative(self, r: ArrayLike) -> FloatArray:
+    def height_derivative(self, r: ArrayLike) -> Array:
         """Return z'(r) = (2/π) ∫_0^r ζ' t/√(r²-t²) dt/r."""
         r = np.asarray(r, dtype=np.float64)
         with np.errstate(divide="ignore", invalid="ignore"):
             slope = (2.0 / math.pi) * self._moments(r, 0.0)[1] / r
         return np.where(r > 0.0, slope, (2.0 / math.pi) * self.transform_derivative(0.0))
 
-    def transform(self, t: ArrayLike) -> FloatArray:
+    def transform(self, t: ArrayLike) -> Array:
         """Return the spline ζ(t)."""
         return _at(self._spline, t)
 
-    def transform_derivative(self, t: ArrayLike) -> FloatArray:
+    def transform_derivative(self, t: ArrayLike) -> Array:
         """Return ζ'(t)."""
         return _at(self._spline, t, 1)
 
-    def _integral(self, a: ArrayLike, power: int) -> FloatArray:
+    def _integral(self, a: ArrayLike, power: int) -> Array:
         """Return the integral of the spline or its square."""
         return _at(self._integrals[power - 1], a)
 
-    def shape_gap(self, rho: ArrayLike, a: float) -> tuple[FloatArray, FloatArray]:
+    def shape_gap(self, rho: ArrayLike, a: float) -> tuple[Array, Array]:
         """Return g = (2/π) ∫_a^r (ζ(t) - ζ(a))/√(r²-t²) dt and its derivative with respect to `a` at fixed ρ."""
         gap, moment, r2, angle = self._moments(np.asarray(rho, dtype=np.float64), a)
         ratio = np.divide(a, r2, out=np.zeros_like(r2), where=r2 > 0.0)
         slope = ratio * moment - float(self._spline(a, 1)) * angle
         return (2.0 / math.pi) * gap, (2.0 / math.pi) * slope
 
-    def _moments(self, rho: FloatArray, a: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    def _moments(self, rho: Array, a: float) -> tuple[Array, Array, Array, Array]:
         """Return ∫_a^r (ζ - ζ(a))/√(r²-t²) dt, ∫_a^r ζ' t/√(r²-t²) dt, r² and arccos(a/r).
 
         With I_m(b) = ∫_b^r (t-b)^m/√(r²-t²) dt = r^m K_m(arccos(b/r)), the cubic at `a` and every knot b between `a`
@@ -219,5 +219,5 @@ class Profile(Tip):
         return Profile(tuple(r / in_plane for r in self.radii), tuple(z / normal for z in self.heights), self.apex)
 
 
-def _at(pieces: scipy.interpolate.PPoly, places: ArrayLike, order: int = 0) -> FloatArray:
+def _at(pieces: scipy.interpolate.PPoly, places: ArrayLike, order: int = 0) -> Array:
     return np.asarray(pieces(np.asarray(places, dtype=np.float64), order))

@@ -14,17 +14,17 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 import scipy
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from contbranch.arrays import Array
 
 __all__ = ["Tip", "TipShape", "inverse"]
-
-FloatArray = NDArray[np.float64]
 
 _ORDER = 24  # Gauss-Legendre nodes for the gap: the worst analytic integrand (a = rho) loses a factor 10 with each node
 
 
 @cache
-def gauss_rule(order: int = _ORDER) -> tuple[FloatArray, FloatArray]:
+def gauss_rule(order: int = _ORDER) -> tuple[Array, Array]:
     """Return (order,) nodes and weights of Gauss and Legendre on [0, 1]."""
     x, w = np.polynomial.legendre.leggauss(order)
     return 0.5 * (x + 1.0), 0.5 * w
@@ -61,7 +61,7 @@ class TipShape:
         """A length of the tip itself, which sets the scales where no interaction does."""
         raise self._lacks("natural_length")
 
-    def surface(self, x: ArrayLike, y: ArrayLike) -> FloatArray:
+    def surface(self, x: ArrayLike, y: ArrayLike) -> Array:
         """Return the height above the point that is first to touch, at places in the plane.
 
         Parameters
@@ -130,41 +130,41 @@ class Tip(TipShape):
         """The exponent n with which the profile starts, z ∝ r^n."""
         return 2.0
 
-    def surface(self, x: ArrayLike, y: ArrayLike) -> FloatArray:
+    def surface(self, x: ArrayLike, y: ArrayLike) -> Array:
         """Return z(√(x² + y²))."""
         return self.height(np.hypot(x, y))
 
-    def height(self, r: ArrayLike) -> FloatArray:
+    def height(self, r: ArrayLike) -> Array:
         """Return the profile z(r)."""
         raise self._lacks("height(r)")
 
-    def height_derivative(self, r: ArrayLike) -> FloatArray:
+    def height_derivative(self, r: ArrayLike) -> Array:
         """Return z'(r)."""
         raise self._lacks("height_derivative(r)")
 
-    def transform(self, t: ArrayLike) -> FloatArray:
+    def transform(self, t: ArrayLike) -> Array:
         """Return ζ(t) = t ∫_0^t z'(r)/√(t²-r²) dr, the displacement at which the tip's contact radius is t."""
         raise self._lacks("transform(t)")
 
-    def transform_derivative(self, t: ArrayLike) -> FloatArray:
+    def transform_derivative(self, t: ArrayLike) -> Array:
         """Return ζ'(t)."""
         raise self._lacks("transform_derivative(t)")
 
-    def transform_integral(self, a: ArrayLike) -> FloatArray:
+    def transform_integral(self, a: ArrayLike) -> Array:
         """Return ∫_0^a ζ dt."""
         return self._integral(a, 1)
 
-    def transform_square_integral(self, a: ArrayLike) -> FloatArray:
+    def transform_square_integral(self, a: ArrayLike) -> Array:
         """Return ∫_0^a ζ² dt."""
         return self._integral(a, 2)
 
-    def _integral(self, a: ArrayLike, power: int) -> FloatArray:
+    def _integral(self, a: ArrayLike, power: int) -> Array:
         """Return ∫_0^a ζ^m dt."""
         x, w = gauss_rule()
         end = np.asarray(a, dtype=np.float64)
         return np.asarray(end * (self.transform(end[..., None] * x) ** power @ w))
 
-    def contact_radius(self, y: ArrayLike) -> FloatArray:
+    def contact_radius(self, y: ArrayLike) -> Array:
         """Return a ≥ 0 with ζ(a) = y ≥ 0."""
         solve = np.vectorize(lambda wanted: inverse(self.transform, wanted, self.natural_length), otypes=[float])
         return np.asarray(solve(y))
@@ -173,7 +173,7 @@ class Tip(TipShape):
         """Return the radius at which the profile has a height; where the tip ends if it is lower."""
         return inverse(self.height, height, 1.0, self.extent)
 
-    def shape_gap(self, rho: ArrayLike, a: float) -> tuple[FloatArray, FloatArray]:
+    def shape_gap(self, rho: ArrayLike, a: float) -> tuple[Array, Array]:
         """Return the gap around a contact of radius `a` without interaction, and its derivative with respect to `a`.
 
         Parameters
@@ -195,7 +195,7 @@ class Tip(TipShape):
         gap[~near], slope[~near] = self._gap_far(rho[~near], a)
         return gap, slope
 
-    def _gap_near(self, rho: FloatArray, a: float) -> tuple[FloatArray, FloatArray]:
+    def _gap_near(self, rho: Array, a: float) -> tuple[Array, Array]:
         """Return gap and slope for ρ < a: with τ = ρ sin ψ, t² = a² + τ², g = (2/π) ∫_0^(π/2) (ζ(t) - ζ(a)) τ/t dψ."""
         x, w = gauss_rule()
         tau = rho[..., None] * np.sin(0.5 * math.pi * x)
@@ -206,7 +206,7 @@ class Tip(TipShape):
         turn = (self.transform_derivative(t) * (a / t) - slope_at_rim - rise * (a / (t * t))) * ratio
         return (rise * ratio) @ w, turn @ w
 
-    def _gap_far(self, rho: FloatArray, a: float) -> tuple[FloatArray, FloatArray]:
+    def _gap_far(self, rho: Array, a: float) -> tuple[Array, Array]:
         """Return gap and slope for ρ ≥ a: with t = r sin θ, g = (2/π) ∫ (ζ(t) - ζ(a)) dθ from arcsin(a/r) to π/2."""
         x, w = gauss_rule()
         r2 = rho * rho + a * a
@@ -221,7 +221,7 @@ class Tip(TipShape):
         factor = (2.0 / math.pi) * angle
         return factor * (rise @ w), factor * (turn @ w)
 
-    def _rise(self, a: float, tau: FloatArray, t: FloatArray) -> FloatArray:
+    def _rise(self, a: float, tau: Array, t: Array) -> Array:
         """Return ζ(t) - ζ(a) for t² = a² + τ²; shapes override it that have it without cancellation."""
         return self.transform(t) - float(self.transform(a))
 

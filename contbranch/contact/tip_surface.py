@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from contbranch.arrays import Array
 from contbranch.contact.tip_shape import TipShape
 from contbranch.contact.units import make_positive
 
@@ -59,7 +60,7 @@ class EllipticParaboloid(TipShape):
         """R = √(R_x R_y)."""
         return math.sqrt(self.radius_x) * math.sqrt(self.radius_y)
 
-    def surface(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
+    def surface(self, x: ArrayLike, y: ArrayLike) -> Array:
         """Return x²/(2 R_x) + y²/(2 R_y)."""
         return np.asarray(np.square(x) / (2.0 * self.radius_x) + np.square(y) / (2.0 * self.radius_y))
 

@@ -12,8 +12,9 @@ from typing import ClassVar, Final
 
 import numpy as np
 import scipy
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from contbranch.arrays import Array
 from contbranch.contact.height_map import HeightMap
 from contbranch.contact.tip_profile import Profile
 from contbranch.contact.tip_shape import Tip, TipShape, gauss_rule
@@ -34,8 +35,6 @@ __all__ = [
     "TipShape",
 ]
 
-FloatArray = NDArray[np.float64]
-
 
 @dataclass(frozen=True)
 class _Monomial(Tip):
@@ -52,33 +51,33 @@ class _Monomial(Tip):
     def _transformed(self) -> float:
         return 0.5 * self._amplitude * float(scipy.special.beta(0.5 * self.apex_exponent, 0.5))
 
-    def height(self, r: ArrayLike) -> FloatArray:
+    def height(self, r: ArrayLike) -> Array:
         """Return s rⁿ/n."""
         return _power(self._amplitude / self.apex_exponent, r, self.apex_exponent)
 
-    def height_derivative(self, r: ArrayLike) -> FloatArray:
+    def height_derivative(self, r: ArrayLike) -> Array:
         """Return s r^(n-1)."""
         return _power(self._amplitude, r, self.apex_exponent - 1.0)
 
-    def transform(self, t: ArrayLike) -> FloatArray:
+    def transform(self, t: ArrayLike) -> Array:
         """Return c tⁿ."""
         return _power(self._transformed, t, self.apex_exponent)
 
-    def transform_derivative(self, t: ArrayLike) -> FloatArray:
+    def transform_derivative(self, t: ArrayLike) -> Array:
         """Return c n t^(n-1)."""
         return _power(self._transformed * self.apex_exponent, t, self.apex_exponent - 1.0)
 
-    def transform_integral(self, a: ArrayLike) -> FloatArray:
+    def transform_integral(self, a: ArrayLike) -> Array:
         """Return c a^(n+1)/(n+1)."""
         order = self.apex_exponent + 1.0
         return _power(self._transformed / order, a, order)
 
-    def transform_square_integral(self, a: ArrayLike) -> FloatArray:
+    def transform_square_integral(self, a: ArrayLike) -> Array:
         """Return c² a^(2n+1)/(2n+1)."""
         order = 2.0 * self.apex_exponent + 1.0
         return _power(self._transformed**2 / order, a, order)
 
-    def contact_radius(self, y: ArrayLike) -> FloatArray:
+    def contact_radius(self, y: ArrayLike) -> Array:
         """Return (y/c)^(1/n)."""
         return _power(1.0, np.asarray(y) / self._transformed, 1.0 / self.apex_exponent)
 
@@ -89,7 +88,7 @@ class _Monomial(Tip):
         return x, s * x**n
 
 
-def _power(factor: float, base: ArrayLike, exponent: float) -> FloatArray:
+def _power(factor: float, base: ArrayLike, exponent: float) -> Array:
     return np.asarray(factor * np.asarray(base, dtype=np.float64) ** exponent)
 
 
@@ -117,7 +116,7 @@ class Parabola(_Monomial):
     def _amplitude(self) -> float:
         return 1.0 / self.radius
 
-    def shape_gap(self, rho: ArrayLike, a: float) -> tuple[FloatArray, FloatArray]:
+    def shape_gap(self, rho: ArrayLike, a: float) -> tuple[Array, Array]:
         """Return (2/π) [(r²/2 - a²) arccos(a/r) + aρ/2]/R and its derivative, (2a/πR) [aρ/r² - arccos(a/r)]."""
         rho = np.asarray(rho, dtype=np.float64)
         square = rho * rho
@@ -162,7 +161,7 @@ class Cone(_Monomial):
     def _amplitude(self) -> float:
         return self.slope
 
-    def shape_gap(self, rho: ArrayLike, a: float) -> tuple[FloatArray, FloatArray]:
+    def shape_gap(self, rho: ArrayLike, a: float) -> tuple[Array, Array]:
         """Return s [ρ - a arccos(a/r)] and its derivative, s [aρ/r² - arccos(a/r)]."""
         rho = np.asarray(rho, dtype=np.float64)
         if a == 0.0:
@@ -216,7 +215,7 @@ class PowerLaw(_Monomial):
         """σ ℓ^(1-n), so that z' = amplitude r^(n-1)."""
         return self.steepness * math.pow(self.length, 1.0 - self.exponent)
 
-    def _gap_far(self, rho: FloatArray, a: float) -> tuple[FloatArray, FloatArray]:
+    def _gap_far(self, rho: Array, a: float) -> tuple[Array, Array]:
         """Return gap and slope for ρ ≥ a, with ∫_a^r tⁿ/√(r²-t²) dt = rⁿ B(1/2, (n+1)/2)/2 I_(ρ²/r²)(1/2, (n+1)/2)."""
         n, c = self.exponent, self._transformed
         r2 = rho * rho + a * a
@@ -229,7 +228,7 @@ class PowerLaw(_Monomial):
         slope = n * (np.divide(a * moment, r2, out=np.zeros_like(r2), where=far) - c * a ** (n - 1.0) * angle)
         return (2.0 / math.pi) * gap, (2.0 / math.pi) * slope
 
-    def _rise(self, a: float, tau: FloatArray, t: FloatArray) -> FloatArray:
+    def _rise(self, a: float, tau: Array, t: Array) -> Array:
         """Return c (tⁿ - aⁿ) without cancellation."""
         ratio = tau / a
         return np.asarray(
@@ -272,40 +271,40 @@ class SphericalCap(Tip):
         """R."""
         return self.radius
 
-    def height(self, r: ArrayLike) -> FloatArray:
+    def height(self, r: ArrayLike) -> Array:
         """Return σ r²/(R + √(R²-r²)), infinite beyond R."""
         x = np.asarray(r, dtype=np.float64) / self.radius
         square = x * x
         inside = square <= 1.0
         return np.where(inside, self.steepness * self.radius * square / (1.0 + _root(square)), math.inf)
 
-    def height_derivative(self, r: ArrayLike) -> FloatArray:
+    def height_derivative(self, r: ArrayLike) -> Array:
         """Return σ r/√(R²-r²), infinite from R on."""
         x = np.asarray(r, dtype=np.float64) / self.radius
         return np.divide(self.steepness * x, _root(x * x), out=np.full_like(x, math.inf), where=np.abs(x) < 1.0)
 
-    def transform(self, t: ArrayLike) -> FloatArray:
+    def transform(self, t: ArrayLike) -> Array:
         """Return σ t artanh(t/R), infinite from R on."""
         x = np.asarray(t, dtype=np.float64) / self.radius
         value = np.arctanh(x, out=np.full_like(x, math.inf), where=x < 1.0)
         return np.asarray(self.steepness * self.radius * x * value)
 
-    def transform_derivative(self, t: ArrayLike) -> FloatArray:
+    def transform_derivative(self, t: ArrayLike) -> Array:
         """Return σ [artanh(x) + x/(1-x²)], x = t/R, infinite from R on."""
         x = np.asarray(t, dtype=np.float64) / self.radius
         inside = x < 1.0
         value = np.arctanh(x, out=np.full_like(x, math.inf), where=inside)
         return np.asarray(self.steepness * (value + np.divide(x, 1.0 - x * x, out=np.zeros_like(x), where=inside)))
 
-    def transform_integral(self, a: ArrayLike) -> FloatArray:
+    def transform_integral(self, a: ArrayLike) -> Array:
         """Return σ ∫_0^a t artanh(t/R) dt."""
         return self._integral(a, 1)
 
-    def transform_square_integral(self, a: ArrayLike) -> FloatArray:
+    def transform_square_integral(self, a: ArrayLike) -> Array:
         """Return σ² ∫_0^a (t artanh(t/R))² dt."""
         return self._integral(a, 2)
 
-    def _integral(self, a: ArrayLike, power: int) -> FloatArray:
+    def _integral(self, a: ArrayLike, power: int) -> Array:
         """Return ∫_0^a ζ^m dt; with t = R tanh u, σ^m R^(m+1) ∫ (u tanh u)^m/cosh² u du, u < 19: on 20 panels."""
         x, w = gauss_rule()
         x, w = ((x + np.arange(20.0)[:, None]) / 20.0).ravel(), np.tile(w / 20.0, 20)
@@ -314,7 +313,7 @@ class SphericalCap(Tip):
         scale = self.steepness**power * self.radius ** (power + 1) * end
         return np.asarray(scale * (((u * np.tanh(u)) ** power / np.cosh(u) ** 2) @ w))
 
-    def shape_gap(self, rho: ArrayLike, a: float) -> tuple[FloatArray, FloatArray]:
+    def shape_gap(self, rho: ArrayLike, a: float) -> tuple[Array, Array]:
         """Return gap and slope; by quadrature far from the equator, in closed form near it, infinite beyond."""
         rho = np.asarray(rho, dtype=np.float64)
         gap, slope = np.full_like(rho, math.inf), np.full_like(rho, math.inf)
@@ -326,7 +325,7 @@ class SphericalCap(Tip):
             gap[high], slope[high] = self._gap_near_equator(rho[high], a)
         return gap, slope
 
-    def _gap_near_equator(self, rho: FloatArray, a: float) -> tuple[FloatArray, FloatArray]:
+    def _gap_near_equator(self, rho: Array, a: float) -> tuple[Array, Array]:
         """Return gap and slope for r < R in elementary functions; they lose digits for r ≪ R.
 
         With k = √(1-r²/R²): ∫_a^r t artanh(t/R)/√(r²-t²) dt = ρ artanh(a/R) + R arccos(a/r) - k R arctan2(ρ, k a).
@@ -353,7 +352,7 @@ class SphericalCap(Tip):
         return SphericalCap(self.radius / in_plane, self.steepness * (in_plane / normal))
 
 
-def _root(square: FloatArray) -> FloatArray:
+def _root(square: Array) -> Array:
     """Return √(1-square), 0 where the root would be imaginary."""
     return np.asarray(np.sqrt(np.maximum(1.0 - square, 0.0)))
 

@@ -13,9 +13,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any, Final, TypeVar
 
-import numpy as np
-from numpy.typing import NDArray
-
+from contbranch.arrays import Array
 from contbranch.errors import InputError
 
 __all__ = [
@@ -31,7 +29,7 @@ __all__ = [
     "reduced_to_maugis",
 ]
 
-Value = TypeVar("Value", float, NDArray[np.float64])
+Value = TypeVar("Value", float, Array)
 
 # dimension -> (unit of the document, the same for pint, an example of a right value)
 _DIMENSIONS: Final[dict[str, tuple[str, str, str]]] = {

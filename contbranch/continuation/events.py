@@ -25,7 +25,7 @@ from contbranch.continuation.segment import Segment
 from contbranch.continuation.step import STEEPEST, Hermite
 from contbranch.continuation.walk import annotated, point_on
 
-__all__ = ["Bracket", "Crossing", "Event", "Extremum", "Happening", "Probe", "TangentCrossing", "zeros"]
+__all__ = ["Bracket", "Crossing", "Event", "Extremum", "Happening", "Probe", "TangentCrossing", "division", "zeros"]
 
 Value = Callable[[Point], float]
 
@@ -123,7 +123,7 @@ class Probe:
         begin, end = self.at(segment.begin), self.at(segment.end)
         inside, doubt = self._inside(segment, third)
         values = math.copysign(1.0, begin) * np.concatenate([[begin], inside, [end]])
-        theta = _division(values, doubt) if depth > 0 and len(self.known) < MOST else None
+        theta = division(values, doubt) if depth > 0 and len(self.known) < MOST else None
         if theta is None:
             if values[-1] > 0:
                 return []
@@ -163,7 +163,7 @@ class Probe:
         return found[-1], error
 
 
-def _division(values: Array, doubt: Array) -> float | None:
+def division(values: Array, doubt: Array) -> float | None:
     """Return where to divide a step, seen at even distances, the first value positive; None if its zeros are certain.
 
     The errors are those inside the step; at the ends there is none.

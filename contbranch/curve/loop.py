@@ -88,16 +88,13 @@ class _Loop:
     # -- jumps --------------------------------------------------------------------------------------------------------
     def _jump(self, jump: RawJump) -> Jump:
         begin, end, units = jump.begin, jump.end, self.contact.scales
-        value = self.held.value(begin.state.load, begin.state.displacement)
+        value = self.held.of(begin.state)
         position = value * (units.load if self.held.kind == "load" else units.normal)
         start, name = state_in_units(self.contact, begin.state), self.names.get(jump.row)
         others = tuple(state_in_units(self.contact, stop.state) for stop in jump.others)
         if end is None:
             return Jump(name, position, start, None, None, None, others)
-        before, after = (
-            state.energy + self.held.potential(value, state.load, state.displacement)
-            for state in (begin.state, end.state)
-        )
+        before, after = (self.held.height(value, state) for state in (begin.state, end.state))
         return Jump(
             name,
             position,
@@ -148,7 +145,7 @@ class _Loop:
         parts = [self.walk.work(stops[0], stops[-1]) for stops in ends if stops]
         for jump in self.route.jumps:
             if jump.end is not None:
-                value = self.held.value(jump.begin.state.load, jump.begin.state.displacement)
+                value = self.held.of(jump.begin.state)
                 parts.append(self._driven(value, jump.begin.state, jump.end.state))
         return math.fsum(parts) * self.contact.scales.energy
 

@@ -8,10 +8,9 @@ from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any, TypeVar
 
-import numpy as np
-from numpy.typing import NDArray
-
+from contbranch.arrays import Array, Integers
 from contbranch.contact.contact import Contact
+from contbranch.contact.interaction_law import terms_of
 from contbranch.contact.units import Scales
 from contbranch.control import Control
 from contbranch.curve.naming import fold_name, number_layers, thresholds
@@ -33,8 +32,6 @@ from contbranch.threads import one_thread
 
 __all__ = ["RawCurve", "RawEvent", "assemble", "fold_names", "measured", "state_in_reduced", "state_in_units"]
 
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
 Kind = TypeVar("Kind", bound=Record)
 
 
@@ -234,7 +231,7 @@ def assemble(contact: Contact, curve: RawCurve, choice: ModelChoice, control: Co
         raws += other.events
         others = (_event(contact, raw, None, choice.kind) for raw in other.events)
         events += tuple(replace(event, branch=number) for event in others)
-    terms = contact.interaction.terms if contact.interaction is not None else ()
+    terms = terms_of(contact.interaction)
     repulsive = bool(terms) and all(term.work_of_adhesion < 0 for term in terms)
 
     @one_thread

@@ -30,7 +30,7 @@ AIM, ROUNDS_OF_AIM = 0.25, 3
 ROUNDS, LARGEST = 6, 1500
 # A finer one that leaves more than this share of the error has not helped; one that makes it so much larger has met
 # round-off.
-GAIN, WORSE = 0.1, 3.0
+GAIN, WORSE = 0.3, 3.0
 # The parameter itself is the coordinate along the curve where it makes up this share of the tangent's length.
 UPRIGHT = 0.3
 ITERATIONS = 14

@@ -22,13 +22,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from contbranch.arrays import Array
 from contbranch.errors import InputError
-from contbranch.theory._inputs import FloatArray, finite, positive
+from contbranch.theory._inputs import finite, positive
 
 __all__ = ["Angle", "Slopes", "Zone"]
 
 
-def _either(number: Callable[..., Any], array: Callable[..., Any]) -> Callable[..., FloatArray]:
+def _either(number: Callable[..., Any], array: Callable[..., Any]) -> Callable[..., Array]:
     """A function of numbers, or of arrays if its last argument is one: of a number it takes a tenth of the time."""
     return lambda *values: (number if isinstance(values[-1], float) else array)(*values)
 
@@ -41,12 +42,12 @@ _where = _either(lambda condition, this, other: this if condition else other, np
 class Angle(NamedTuple):
     """The rim angle with its cosine and sine, each accurate at both ends."""
 
-    theta: FloatArray
-    cos: FloatArray
-    sin: FloatArray
+    theta: Array
+    cos: Array
+    sin: Array
 
     @classmethod
-    def from_tangent(cls, tau: FloatArray | float) -> Angle:
+    def from_tangent(cls, tau: Array | float) -> Angle:
         """Return the angle whose tangent is ``tau``, which is greater than zero and may be infinite."""
         return cls(_arctan(tau), 1.0 / _hypot(1.0, tau), 1.0 / _hypot(1.0, 1.0 / tau))
 
@@ -56,21 +57,17 @@ class Slopes(NamedTuple):
     out.
     """
 
-    load: FloatArray
-    displacement: FloatArray
-    contact_radius: FloatArray
-    load_terms: FloatArray
-    displacement_terms: FloatArray
+    load: Array
+    displacement: Array
+    contact_radius: Array
+    load_terms: Array
+    displacement_terms: Array
 
 
-_OPENING_SERIES = [0.0]
-_factorial = 1.0
-for _k in range(1, 10):
-    _factorial *= (2 * _k) * (2 * _k + 1)
-    _OPENING_SERIES.append((-1) ** (_k + 1) * 2 * _k / _factorial)
+_OPENING_SERIES = [(-1) ** (k + 1) * 2 * k / math.factorial(2 * k + 1) for k in range(10)]
 
 
-def opening_of_contact(angle: Angle) -> FloatArray:
+def opening_of_contact(angle: Angle) -> Array:
     """Return A(theta), the share of the parabola in the gap at the rim; (2/3) theta^3 for small angles."""
     x = 2.0 * angle.theta
     # sin x - x cos x cancels to third order, so its Taylor series is summed where the loss would exceed two bits
@@ -82,7 +79,7 @@ def opening_of_contact(angle: Angle) -> FloatArray:
     return 0.25 * _where(x < 1.0, series, closed)
 
 
-def opening_of_zone(angle: Angle) -> FloatArray:
+def opening_of_zone(angle: Angle) -> Array:
     """Return B(theta), the share of the attraction in the gap at the rim; theta^2/2 for small angles."""
     half = 0.5 * angle.theta
     return 2.0 * _sin(half) * (angle.theta * _cos(half) - _sin(half))
@@ -92,10 +89,10 @@ def opening_of_zone(angle: Angle) -> FloatArray:
 class Zone:
     """Dugdale's attraction between a parabola and an elastic body, all four constants as arrays that broadcast."""
 
-    radius: FloatArray
-    modulus: FloatArray
-    work_of_adhesion: FloatArray
-    interaction_range: FloatArray
+    radius: Array
+    modulus: Array
+    work_of_adhesion: Array
+    interaction_range: Array
 
     def __post_init__(self) -> None:
         if np.any(finite("work_of_adhesion", self.work_of_adhesion) <= 0.0):
@@ -108,41 +105,41 @@ class Zone:
             object.__setattr__(self, field, positive(field, getattr(self, field))[()])  # numbers stay numbers
 
     @cached_property
-    def stress(self) -> FloatArray:
+    def stress(self) -> Array:
         """The attraction w/z0 inside the zone."""
         return self.work_of_adhesion / self.interaction_range
 
     @cached_property
-    def strain(self) -> FloatArray:
+    def strain(self) -> Array:
         """The attraction in units of the modulus, sigma/E."""
         return self.stress / self.modulus
 
     @property
-    def tabor(self) -> FloatArray:
+    def tabor(self) -> Array:
         """The Tabor coefficient, [R (w/E)^2]^(1/3) / z0."""
         return np.cbrt(self.radius * (self.work_of_adhesion / self.modulus) ** 2) / self.interaction_range
 
-    def interaction_radius(self, angle: Angle) -> FloatArray:
+    def interaction_radius(self, angle: Angle) -> Array:
         """Return c, the positive root of the quadratic equation above."""
         b = self.strain * opening_of_zone(angle)
         u = 0.5 * np.pi * self.interaction_range
         return u / (b + _sqrt(b * b + u * opening_of_contact(angle) / self.radius))
 
-    def touch_radius(self) -> FloatArray:
+    def touch_radius(self) -> Array:
         """Return c at first touch, the positive root of c^2/(2R) + (2-4/pi)(sigma/E) c = z0."""
         b = (2.0 - 4.0 / np.pi) * self.strain
         return 2.0 * self.interaction_range / (b + _sqrt(b * b + 2.0 * self.interaction_range / self.radius))
 
-    def load(self, angle: Angle, c: FloatArray) -> FloatArray:
+    def load(self, angle: Angle, c: Array) -> Array:
         """Return the load in contact, 4 E a^3/(3R) - 2 sigma c^2 [theta + sin(theta) cos(theta)] (eq 34)."""
         hertz = 4.0 / 3.0 * self.modulus / self.radius * (c * angle.cos) ** 3
         return hertz - 2.0 * self.stress * c * c * (angle.theta + angle.sin * angle.cos)
 
-    def displacement(self, angle: Angle, c: FloatArray) -> FloatArray:
+    def displacement(self, angle: Angle, c: Array) -> Array:
         """Return the displacement in contact, a^2/R - 2 (sigma/E) sqrt(c^2-a^2) (eq 35 with its factor 4/3)."""
         return (c * angle.cos) ** 2 / self.radius - 2.0 * self.strain * c * angle.sin
 
-    def energy(self, angle: Angle, c: FloatArray | float, displacement: FloatArray) -> FloatArray:
+    def energy(self, angle: Angle, c: Array | float, displacement: Array) -> Array:
         """Return V_ela + V_fr, with or without contact (theta = pi/2).
 
         V_ela = E int_0^c h^2 dt with h = d - t^2/R inside the contact and -2 (sigma/E) sqrt(c^2-t^2) in the zone, and
@@ -180,7 +177,7 @@ class Zone:
             d2 - d1 + d3,
         )
 
-    def tangent_at(self, contact_radius: FloatArray) -> FloatArray:
+    def tangent_at(self, contact_radius: Array) -> Array:
         """Return tau for a contact radius; infinite for none.
 
         The sum of A c^2/R and 2 (sigma/E) B c grows monotonically with tau at fixed a, in double logarithms with a
@@ -208,14 +205,14 @@ class Zone:
                 break
         return np.asarray(np.where(open_contact, tau, np.inf))
 
-    def tangent_range(self) -> tuple[FloatArray, FloatArray]:
+    def tangent_range(self) -> tuple[Array, Array]:
         """Return tangents far below and far above those of any fold: tau is 1.2/mu_T at the folds for short and
         mu_T^(-3/2)/sqrt(2) for long range.
         """
         mu = self.tabor
         return np.asarray(1e-3 / (1.0 + mu)), np.asarray(1e4 * (1.0 + mu**-1.5))
 
-    def root(self, function: Callable[[Angle], FloatArray], low: FloatArray, high: FloatArray) -> FloatArray:
+    def root(self, function: Callable[[Angle], Array], low: Array, high: Array) -> Array:
         """Return the tangent where ``function`` changes from negative at ``low`` to positive at ``high``, by
         bisection of log(tau).
 

@@ -22,9 +22,10 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
+from contbranch.arrays import Array
 from contbranch.errors import InputError
 from contbranch.theory._dugdale import Angle, Zone, opening_of_contact, opening_of_zone
-from contbranch.theory._inputs import FloatArray, finite, not_below
+from contbranch.theory._inputs import finite, not_below
 
 __all__ = [
     "CRITICAL_TABOR",
@@ -65,22 +66,22 @@ class Curve(NamedTuple):
         Elastic energy plus energy of the interaction, which is -work_of_adhesion per area inside the contact.
     """
 
-    load: FloatArray
-    displacement: FloatArray
-    contact_radius: FloatArray
-    interaction_radius: FloatArray
-    rim_angle: FloatArray
-    central_gap: FloatArray
-    energy: FloatArray
+    load: Array
+    displacement: Array
+    contact_radius: Array
+    interaction_radius: Array
+    rim_angle: Array
+    central_gap: Array
+    energy: Array
 
 
 class AuxiliaryFunctions(NamedTuple):
     """Maugis' functions of m = c/a, (36), (38), (40) and (42)."""
 
-    f: FloatArray
-    g: FloatArray
-    h: FloatArray
-    j: FloatArray
+    f: Array
+    g: Array
+    h: Array
+    j: Array
 
 
 def auxiliary_functions(m: ArrayLike) -> AuxiliaryFunctions:
@@ -209,7 +210,7 @@ def gap(
     r: ArrayLike,
     state: Curve,
     **constants: ArrayLike,
-) -> FloatArray:
+) -> Array:
     """Return the gap at the distances r from the axis, for one state or states that broadcast with r.
 
     Implements g = (2/pi) int_a^r [t^2/R - d - 2 (sigma/E) sqrt(c^2-t^2)] / sqrt(r^2-t^2) dt with the elliptic part in
@@ -238,7 +239,7 @@ def pressure(
     r: ArrayLike,
     state: Curve,
     **constants: ArrayLike,
-) -> tuple[FloatArray, FloatArray]:
+) -> tuple[Array, Array]:
     """Return the total pressure and the wall's share of it at the distances r from the axis.
 
     Inside the contact the wall bears p_c = (2/pi) [(E/R) y + sigma arctan(y / sqrt(c^2-a^2))] with y = sqrt(a^2-r^2),
@@ -257,7 +258,7 @@ def pressure(
 # What follows serves the exact model too.
 
 
-def in_contact(zone: Zone, tau: FloatArray | float) -> Curve:
+def in_contact(zone: Zone, tau: Array | float) -> Curve:
     """Return the equilibria with contact whose rim angles have the tangents ``tau``."""
     angle = Angle.from_tangent(tau)
     c = zone.interaction_radius(angle)
@@ -265,7 +266,7 @@ def in_contact(zone: Zone, tau: FloatArray | float) -> Curve:
     return Curve(zone.load(angle, c), d, c * angle.cos, c, angle.theta + 0.0 * c, 0.0 * c, zone.energy(angle, c, d))
 
 
-def without_contact(zone: Zone, c: FloatArray | float) -> Curve:
+def without_contact(zone: Zone, c: Array | float) -> Curve:
     """Return the equilibria without contact whose interaction has the radius ``c``."""
     touch = zone.touch_radius()
     # z0 - c^2/(2R) - (2-4/pi)(sigma/E) c in factors: exactly zero at first touch, no cancellation before it
@@ -276,14 +277,14 @@ def without_contact(zone: Zone, c: FloatArray | float) -> Curve:
     return Curve(load, d, 0.0 * d, c + 0.0 * d, right.theta, central_gap, zone.energy(right, c, d))
 
 
-def load_fold_tangent(zone: Zone) -> FloatArray:
+def load_fold_tangent(zone: Zone) -> Array:
     """Return tan(rim angle) at the load fold; there is exactly one, as dF/dtheta > 0 at first touch and < 0 far into
     contact.
     """
     return zone.root(lambda angle: zone.slopes(angle).load, *zone.tangent_range())
 
 
-def displacement_fold_tangent(zone: Zone) -> FloatArray:
+def displacement_fold_tangent(zone: Zone) -> Array:
     """Return tan(rim angle) at the displacement fold in contact, of no meaning where that fold has no contact."""
     return zone.root(lambda angle: zone.slopes(angle).displacement, *zone.tangent_range())
 
@@ -301,7 +302,7 @@ def _zone(
     return Zone(*(np.asarray(x) for x in constants))
 
 
-def _zone_integral(r: FloatArray, rho: FloatArray, a: FloatArray, c: FloatArray, s: FloatArray) -> FloatArray:
+def _zone_integral(r: Array, rho: Array, a: Array, c: Array, s: Array) -> Array:
     """Return int_a^min(r,c) sqrt(c^2-t^2) / sqrt(r^2-t^2) dt with rho = sqrt(r^2-a^2) and s = sqrt(c^2-a^2)."""
     inside, beyond = rho < s, rho > s
     # c^2-r^2 = s^2-rho^2 keeps its digits where c and r are close to a

@@ -27,9 +27,10 @@ from contbranch.curve.problem import (
     oriented,
 )
 from contbranch.errors import ModelError
+from contbranch.models.quadrature import start_edges
 from contbranch.results.diagram import ModeShape, Profile
 
-from .adapt import DefectError, adapted_edges, defect_error, needed_reach, panel_errors, start_edges
+from .adapt import adapted_edges, defect_error, needed_reach, panel_errors
 from .azimuthal import counted, eigenvalues, mode_shape
 from .equations import ContactCoordinate, Equations, Fields
 from .mesh import Mesh
@@ -77,6 +78,8 @@ FEWER, COARSENINGS = 0.8, 4
 TINY, MOVING = 1e-2, 0.1
 # The panels' guide is believed where, scaled to the error found last, it leaves so much room.
 ROOM = 4.0
+# ... and never below this share of itself: an error may be small by cancellation.
+LUCK = 0.02
 # Rounds of meshing, solving and judging until a mesh satisfies its own error estimate.
 ROUNDS = 6
 
@@ -394,14 +397,13 @@ class ContactProblem(EquilibriumProblem):
     # -- errors -------------------------------------------------------------------------------------------------------
     def defect(self, point: Point) -> Defect:
         """One Newton step towards the solution on the finer mesh."""
-        found = self.error(self.fields(point.x, point.parameter))
-        return Defect(found.load, found.displacement, found.state)
+        return self.error(self.fields(point.x, point.parameter))
 
-    def error(self, fields: Fields) -> DefectError:
+    def error(self, fields: Fields) -> Defect:
         """Discretisation error of a solution."""
         if "error" not in fields.derived:
             fields.derived["error"] = defect_error(self.equations, fields)
-        found: DefectError = fields.derived["error"]
+        found: Defect = fields.derived["error"]
         return found
 
     # -- meshes -------------------------------------------------------------------------------------------------------
@@ -609,7 +611,7 @@ class ContactProblem(EquilibriumProblem):
     def calibrated(self, fields: Fields) -> float:
         """The relative error of a solution, which scales the panels' guide from now on."""
         error = self.relative_error(fields)
-        self.guided = error / max(self._guide(fields), 1e-300)
+        self.guided = max(error / max(self._guide(fields), 1e-300), LUCK)
         return error
 
     def _guide(self, fields: Fields) -> float:
@@ -621,7 +623,8 @@ class ContactProblem(EquilibriumProblem):
 
     def relative_error(self, fields: Fields) -> float:
         """Discretisation error of a solution relative to max(1, |value|): the larger of load's and displacement's."""
-        return self.error(fields).relative(self.equations.load(fields), self.equations.displacement(fields))
+        load, displacement = self.equations.load(fields), self.equations.displacement(fields)
+        return self.error(fields).relative(Values(load, displacement, 0.0, 0.0, 0.0))
 
 
 def _margin(point: Point) -> float:

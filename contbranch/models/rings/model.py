@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from contbranch.contact.contact import Contact
+from contbranch.contact.interaction_law import terms_of
 from contbranch.contact.interactions import MaugisDugdale
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ class Rings:
         """Return why the model does not represent a contact, as the end of a sentence, or None if it does."""
         if not contact.tip.is_axisymmetric:
             return f"a tip of the shape {contact.tip.name or type(contact.tip).__name__} is not axisymmetric"
-        laws = contact.interaction.terms if contact.interaction is not None else ()
+        laws = terms_of(contact.interaction)
         if any(isinstance(law, MaugisDugdale) and law.work_of_adhesion > 0 for law in laws):
             return (
                 "the pressure of the maugis-dugdale attraction jumps at the end of its range, which only the exact "

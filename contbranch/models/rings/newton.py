@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from contbranch.arrays import Array
 from contbranch.continuation import CorrectionError, Options, Outcome, Point
 from contbranch.continuation.newton import border, correct, linearise, residual
 from contbranch.curve.problem import oriented
@@ -16,7 +16,6 @@ from .meshing import adapted
 
 __all__ = ["resolved", "solved"]
 
-Array = NDArray[np.float64]
 Row = tuple[Array, float]
 
 # Most iterations, the relative correction from which the iteration is left to itself, the growth of the residual that

@@ -20,12 +20,10 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from contbranch.arrays import Array, Indices
 from contbranch.models.quadrature import gauss, legendre_values, panel_rule
 
 __all__ = ["Grid", "Panels"]
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 # Panels whose distance from a target exceeds this multiple of their length are integrated with their own nodes.
 NEAR = 1.0

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from contbranch.arrays import Array
+from contbranch.contact.interaction_law import terms_of
 from contbranch.continuation import CorrectionError, Point
 from contbranch.control import LOAD, Control
 from contbranch.curve.problem import oriented
@@ -20,8 +21,6 @@ from .newton import resolved, solved
 from .panels import Grid, Panels
 
 __all__ = ["beginning", "distance", "farther", "floating"]
-
-Array = NDArray[np.float64]
 
 # Share of the accuracy that the load at the start of the curve may have.
 START_SHARE = 0.3
@@ -48,8 +47,7 @@ def distance(setting: Setting, control: Control = LOAD) -> float:
 def floating(setting: Setting, gap: float) -> tuple[Layout, Panels]:
     """Nothing at rest, and panels for a tip at a distance."""
     tip, law = setting.tip, setting.law
-    terms = law.interaction.terms if law.interaction is not None else ()
-    width = tip.radius_at(min(gap, 4 * max((term.range for term in terms), default=gap)))
+    width = tip.radius_at(min(gap, 4 * max((term.range for term in terms_of(law.interaction)), default=gap)))
     reach = max(tip.radius_at(gap), 2 * width)
     layout = Layout((Region(False, law.outermost),), False)
     return layout, start_panels(layout, order_for(setting.tolerance), width, reach, not math.isfinite(tip.extent))
