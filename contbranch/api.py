@@ -418,8 +418,7 @@ def _lowest(states: Sequence[State], control: Control) -> State:
 
 def _height(state: State, control: Control) -> float:
     """Energy of contact and drive."""
-    value = control.value(state.load, state.displacement)
-    return state.energy + control.potential(value, state.load, state.displacement)
+    return control.height(control.of(state), state)
 
 
 def _apart(state: State, near: State) -> float:

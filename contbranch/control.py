@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
 from contbranch.contact.units import finite_number
 from contbranch.errors import InputError
@@ -70,6 +70,14 @@ class Control:
         if self.kind == "spring":
             return displacement + load / self.stiffness
         return load if self.kind == "load" else displacement
+
+    def of(self, state: Any) -> float:
+        """What is controlled at a state, anything with a load and a displacement."""
+        return self.value(state.load, state.displacement)
+
+    def height(self, value: float, state: Any) -> float:
+        """Energy of a state and of what drives it at a value."""
+        return float(state.energy + self.potential(value, state.load, state.displacement))
 
     def target(self, value: float) -> float:
         """``w·(F, d)`` of the states at a value of what is controlled."""

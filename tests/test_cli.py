@@ -358,8 +358,10 @@ LOADED = "import sys, contbranch.cli.commands as c; c.main(sys.argv[1:]); print(
 @pytest.mark.parametrize(
     ("arguments", "unused"),
     [
-        (["--help"], ["h5py", "matplotlib", "pint", "rich"]),
-        (["trace", *GAUSS, "--plot", "x.gif"], ["h5py", "matplotlib", "pint", "rich"]),
+        (["--help"], ["h5py", "matplotlib", "numpy", "pint", "scipy"]),
+        (["trace", *GAUSS, "--plot", "x.gif"], ["h5py", "matplotlib", "numpy", "pint", "scipy"]),
+        (["trace", "missing.toml"], ["h5py", "matplotlib", "numpy", "pint", "scipy"]),
+        (["trace", *GAUSS, "--max-load", "far"], ["h5py", "matplotlib", "pint", "scipy.interpolate", "scipy.linalg"]),
     ],
 )
 def test_libraries_are_imported_only_where_needed(arguments: list[str], unused: list[str]) -> None:

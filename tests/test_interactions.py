@@ -300,16 +300,16 @@ class TestTabulated:
     @pytest.mark.parametrize("kind", ["energies", "pressures"])
     def test_smooth_to_the_second_derivative_everywhere(self, kind):
         law = Tabulated(self.gaps[:121], **{kind: np.exp(-self.gaps[:121])})  # ends at 6: e^-6 is below 1 %
-        joints = np.concatenate([self.gaps[1:121], law._table.starts[-1:]])
-        assert law._table.starts[-1] > 6.0
+        joints = np.concatenate([self.gaps[1:121], law._pieces.x[-2:-1]])
+        assert law._pieces.x[-2] > 6.0
         for before, after in zip(law.evaluate(joints - 1e-12), law.evaluate(joints + 1e-12), strict=True):
             np.testing.assert_allclose(before, after, atol=1e-9)
         assert law.limitation == ""
-        assert all(values[0] == 0.0 for values in law.evaluate(np.array([law._table.starts[-1] + 1e-9])))
+        assert all(values[0] == 0.0 for values in law.evaluate(np.array([law._pieces.x[-2] + 1e-9])))
 
     def test_the_way_to_zero_does_not_overshoot(self):
         law = Tabulated(self.gaps[:101], np.exp(-self.gaps[:101]))  # ends at 5
-        tail = np.linspace(5.0, law._table.starts[-1], 200)
+        tail = np.linspace(5.0, law._pieces.x[-2], 200)
         energy, pressure, _ = law.evaluate(tail)
         assert np.all(energy >= -1e-12)
         assert np.all(pressure >= -1e-12)

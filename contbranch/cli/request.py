@@ -7,6 +7,7 @@ from optparse import Values
 from typing import TYPE_CHECKING, Any, Final
 
 from contbranch.contact.contact import Contact, dimensions, nearest
+from contbranch.contact.interaction_law import terms_of
 from contbranch.contact.units import positive_number
 from contbranch.control import Spring, as_control
 from contbranch.errors import InputError
@@ -173,7 +174,7 @@ def _dimension(name: str, contact: Contact) -> str:
     """The dimension of a parameter."""
     whole = {"stiffness": "stiffness", "modulus": "pressure"}
     which, dot, field = name.rpartition(".")
-    laws = () if contact.interaction is None else contact.interaction.terms
+    laws = terms_of(contact.interaction)
     found = [dimensions(type(part)).get(field) for part in ((contact.tip,) if which == "tip" else laws) if dot]
     return whole.get(name) or next(filter(None, found), "dimensionless")
 

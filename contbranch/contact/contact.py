@@ -11,12 +11,13 @@ from typing import Any
 
 import numpy as np
 
+from contbranch.contact.interaction_law import terms_of
 from contbranch.contact.interactions import INTERACTIONS, Interaction
 from contbranch.contact.tips import TIPS, HeightMap, Parabola, Tip, TipShape
 from contbranch.contact.units import PHYSICAL, REDUCED, Scales, Units, parse, positive_number
 from contbranch.errors import InputError
 
-__all__ = ["Contact", "dimensions", "look_up", "make", "nearest"]
+__all__ = ["Contact", "dimensions", "look_up", "make", "nearest", "refuse_unknown"]
 
 
 def nearest(name: object, known: Iterable[str]) -> str:
@@ -30,6 +31,13 @@ def look_up(name: object, known: Mapping[str, Any], field: str) -> Any:
     if isinstance(name, str) and name in known:
         return known[name]
     raise InputError(f"{field}: {name!r}; must be one of {', '.join(known)}{nearest(name, known)}")
+
+
+def refuse_unknown(names: Iterable[str], known: Iterable[str], prefix: str = "") -> None:
+    """Raise InputError, with `prefix` in front, for the first of `names` that is not among the `known` ones."""
+    for name in names:
+        if name not in known:
+            raise InputError(f"{prefix}{name}: not known; must be one of {', '.join(known)}{nearest(name, known)}")
 
 
 def dimensions(kind: type[TipShape] | type[Interaction]) -> dict[str, str]:
@@ -46,9 +54,7 @@ def make(kind: type[TipShape] | type[Interaction], values: Mapping[str, object],
         For a missing, unknown or wrong parameter, which is named with `prefix` in front.
     """
     known = dimensions(kind)
-    for name in values:
-        if name not in known:
-            raise InputError(f"{prefix}{name}: not known; must be one of {', '.join(known)}{nearest(name, known)}")
+    refuse_unknown(values, known, prefix)
     for item in fields(kind):
         required = item.init and item.default is MISSING and item.default_factory is MISSING
         if required and item.name not in values:
@@ -187,9 +193,7 @@ class Contact:
         known = {
             name: dimension for kind in (shape_kind, law_kind) if kind for name, dimension in dimensions(kind).items()
         }
-        for name in quantities:
-            if name not in known:
-                raise InputError(f"{name}: not known; must be one of {', '.join(known)}{nearest(name, known)}")
+        refuse_unknown(quantities, known)
         values = {name: _quantity(value, known[name], name) for name, value in quantities.items()}
 
         def built(kind: Any) -> Any:
@@ -220,17 +224,15 @@ class Contact:
         tip = _rebuilt(description.get("tip", {}), TIPS, "shape", "tip")
         laws = description.get("interaction", [])
         terms = [_rebuilt(law, INTERACTIONS, "law", f"interaction[{k}]") for k, law in enumerate(laws, start=1)]
-        interaction = sum(terms[1:], terms[0]) if terms else None
-        return Contact(tip, interaction, description.get("material", {}).get("modulus"), units)
+        return Contact(tip, sum(terms) or None, description.get("material", {}).get("modulus"), units)
 
     def describe(self) -> dict[str, Any]:
         """Return the contact as JSON can hold it, in its own units; `from_description` makes it again."""
-        laws = self.interaction.terms if self.interaction is not None else ()
         return {
             "units": self.units.kind,
             "tip": _description(self.tip, TIPS, "shape"),
             "material": {"modulus": self.modulus},
-            "interaction": [_description(law, INTERACTIONS, "law") for law in laws],
+            "interaction": [_description(law, INTERACTIONS, "law") for law in terms_of(self.interaction)],
             "tabor": self.tabor,
         }
 
@@ -265,7 +267,7 @@ class Contact:
         """The Tabor coefficient μ_T = Z/z0, with z0 of the law with the largest reference work; None without a law."""
         if self.interaction is None:
             return None
-        return self.scales.normal / max(self.interaction.terms, key=lambda law: law.reference_work).range
+        return self.scales.normal / self.interaction.range
 
     def to_reduced(self) -> Contact:
         """Return the same contact in reduced units: modulus, reference work and the tip's scale are 1."""

@@ -9,14 +9,15 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from contbranch.contact.contact import Contact, dimensions, make, nearest
-from contbranch.contact.interactions import Interaction, Sum
+from contbranch.contact.interaction_law import terms_of
+from contbranch.contact.interactions import Interaction
 from contbranch.contact.tips import TipShape
 from contbranch.contact.units import Scales, finite_number, positive_number
-from contbranch.control import Control
+from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.errors import InputError
 
 __all__ = ["Family", "Vary", "family_of"]
@@ -24,8 +25,16 @@ __all__ = ["Family", "Vary", "family_of"]
 Vary = str | Callable[[float], Contact]
 
 _LAW = re.compile(r"interaction(?:\[(\d+)\])?\.(\w+)")
-# Parameters that may change sign, or be zero: steps in them are not relative.
-_ABSOLUTE = ("phase",)
+# A value in its unit as coordinate, the value at a coordinate, and its derivative.
+_SPACINGS: dict[str, tuple[Callable[[float], float], ...]] = {
+    "logarithmic": (math.log, math.exp, math.exp),
+    "angle": (
+        math.atan,
+        lambda angle: math.tan(angle) if angle < 0.5 * math.pi else math.inf,
+        lambda angle: max(math.cos(angle), 1e-150) ** -2,
+    ),
+    "linear": (float, float, lambda _: 1.0),
+}
 
 
 @dataclass(frozen=True)
@@ -52,44 +61,29 @@ class Family:
     member: Callable[[float], Contact]
     spacing: Literal["logarithmic", "linear", "angle"]
 
+    @property
+    def _unit(self) -> float:
+        return {"logarithmic": self.start, "angle": self.contact.scales.stiffness, "linear": 1.0}[self.spacing]
+
     def coordinate(self, value: float) -> float:
         """The coordinate of a value; a stiffness may be 0 or infinite."""
-        if self.spacing == "logarithmic":
-            return math.log(value / self.start)
-        if self.spacing == "angle":
-            return math.atan(value / self.contact.scales.stiffness)
-        return value
+        return _SPACINGS[self.spacing][0](value / self._unit)
 
     def value(self, coordinate: float) -> float:
         """The value at a coordinate."""
-        if self.spacing == "logarithmic":
-            return self.start * math.exp(coordinate)
-        if self.spacing == "angle":
-            if coordinate >= 0.5 * math.pi:
-                return math.inf
-            return self.contact.scales.stiffness * math.tan(coordinate)
-        return coordinate
+        return self._unit * _SPACINGS[self.spacing][1](coordinate)
 
     def rate(self, coordinate: float) -> float:
         """Derivative of the value with respect to the coordinate."""
-        if self.spacing == "logarithmic":
-            return self.value(coordinate)
-        if self.spacing == "angle":
-            cosine = max(math.cos(coordinate), 1e-150)
-            return self.contact.scales.stiffness / cosine**2
-        return 1.0
+        return self._unit * _SPACINGS[self.spacing][2](coordinate)
 
     def control(self, coordinate: float, control: Control) -> Control:
         """The control at a coordinate (reduced units): a spring of that stiffness, or the one given."""
         if self.spacing != "angle":
-            if control.kind != "spring":
-                return control
             return control.scaled(self.member(self.value(coordinate)).modulus / self.contact.modulus)
-        if coordinate <= 0.0:
-            return Control("load", 0.0)
-        if coordinate >= 0.5 * math.pi:
-            return Control("displacement", math.inf)
-        return Control("spring", math.tan(coordinate))
+        if 0.0 < coordinate < 0.5 * math.pi:
+            return Control("spring", math.tan(coordinate))
+        return LOAD if coordinate <= 0.0 else DISPLACEMENT
 
     def scales(self, contact: Contact) -> Scales:
         """Units of the start, with the member's own modulus."""
@@ -141,10 +135,11 @@ def family_of(
         raise InputError(f"start: {start:g}; the present value of {vary} is known, leave it out")
     if vary == "share":
         return _share(contact)
-    present, member, absolute = _named(contact, vary)
+    present, member = _named(contact, vary)
     if vary == "tabor" or vary == "modulus":
         positive_number(to, "to")
-    relative = not absolute and present * finite_number(to, "to") > 0
+    # a phase may change sign, or be zero: steps in it are not relative
+    relative = not vary.endswith(".phase") and present * finite_number(to, "to") > 0
     return Family(vary, present, contact, member, "logarithmic" if relative else "linear")
 
 
@@ -176,17 +171,12 @@ def _alike(first: Interaction | None, second: Interaction | None) -> bool:
     """Whether two laws are the same up to rounding of their numbers."""
     if first is None or second is None:
         return first is second
-    if len(first.terms) != len(second.terms):
-        return False
-    for a, b in zip(first.terms, second.terms, strict=True):
-        if type(a) is not type(b) or a.parameters().keys() != b.parameters().keys():
-            return False
-        for name, value in a.parameters().items():
-            other = b.parameters()[name]
-            numbers = isinstance(value, float) and isinstance(other, float)
-            if numbers and not math.isclose(value, other, rel_tol=1e-12, abs_tol=1e-300):
-                return False
-    return True
+    return [type(law) for law in first.terms] == [type(law) for law in second.terms] and all(
+        math.isclose(value, other, rel_tol=1e-12, abs_tol=1e-300)
+        for a, b in zip(first.terms, second.terms, strict=True)
+        for value, other in zip(a.parameters().values(), b.parameters().values(), strict=True)
+        if isinstance(value, float) and isinstance(other, float)
+    )
 
 
 def _stiffness(start: float | None, control: str | None) -> float:
@@ -198,7 +188,7 @@ def _stiffness(start: float | None, control: str | None) -> float:
 
 
 def _share(contact: Contact) -> Family:
-    terms = contact.interaction.terms if contact.interaction is not None else ()
+    terms = terms_of(contact.interaction)
     if len(terms) != 2:
         raise InputError(f"vary: share; needs an interaction that is the sum of two laws, not of {len(terms)}")
     first, second = terms
@@ -208,48 +198,42 @@ def _share(contact: Contact) -> Family:
     def member(share: float) -> Contact:
         amplitudes = ((1.0 - share) * signs[0], share * signs[1])
         laws = [_with(law, "work_of_adhesion", w) for law, w in zip(terms, amplitudes, strict=True) if w != 0.0]
-        return Contact(contact.tip, laws[0] if len(laws) == 1 else Sum(tuple(laws)), contact.modulus, contact.units)
+        return replace(contact, interaction=sum(laws))
 
     return Family("share", abs(second.work_of_adhesion) / full, contact, member, "linear")
 
 
-def _named(contact: Contact, vary: str) -> tuple[float, Callable[[float], Contact], bool]:
-    """Present value, contact at a value, and whether the parameter is one whose steps are not relative."""
+def _named(contact: Contact, vary: str) -> tuple[float, Callable[[float], Contact]]:
+    """Present value, and contact at a value."""
     tip, law = contact.tip, contact.interaction
     if vary == "modulus":
-        return contact.modulus, lambda value: Contact(tip, law, value, contact.units), False
+        return contact.modulus, lambda value: replace(contact, modulus=value)
     if vary == "tabor":
-        if law is None or contact.tabor is None:
+        present = contact.tabor
+        if law is None or present is None:
             raise InputError("vary: tabor; the contact has no interaction")
-        present, whole = contact.tabor, law
-        return (
-            present,
-            lambda value: Contact(tip, whole.scaled(value / present, 1.0), contact.modulus, contact.units),
-            False,
-        )
+        return present, lambda value: replace(contact, interaction=law.scaled(value / present, 1.0))
     if vary.startswith("tip."):
         name = vary.removeprefix("tip.")
-        number = _number(tip, name, vary)
-        return number, lambda value: Contact(_with(tip, name, value), law, contact.modulus, contact.units), False
+        return _number(tip, name, vary), lambda value: replace(contact, tip=_with(tip, name, value))
     match = _LAW.fullmatch(vary)
     if match is None:
         known = ("tabor", "share", "stiffness", "modulus", "tip.radius", "interaction[1].range")
         raise InputError(f"vary: {vary!r}; must be one of tabor, share, stiffness, modulus, tip.NAME and "
                          f"interaction[K].NAME{nearest(vary, known)}")  # fmt: skip
-    terms = law.terms if law is not None else ()
+    terms = terms_of(law)
     if match[1] is None and len(terms) != 1:
         raise InputError(f"vary: {vary!r}; the interaction has {len(terms)} laws: write interaction[K].{match[2]}")
     k = int(match[1] or 1) - 1
     if not 0 <= k < len(terms):
         raise InputError(f"vary: {vary!r}; the interaction has {len(terms)} laws, counted from 1")
-    number = _number(terms[k], match[2], vary)
 
     def member(value: float) -> Contact:
-        laws = [*terms]
-        laws[k] = _with(terms[k], match[2], value)
-        return Contact(tip, laws[0] if len(laws) == 1 else Sum(tuple(laws)), contact.modulus, contact.units)
+        return replace(
+            contact, interaction=sum([*terms[:k], _with(terms[k], match[2], value), *terms[k + 1 :]]) or None
+        )
 
-    return number, member, match[2] in _ABSOLUTE
+    return _number(terms[k], match[2], vary), member
 
 
 def _number(part: TipShape | Interaction, name: str, vary: str) -> float:

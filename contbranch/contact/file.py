@@ -40,11 +40,11 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from contbranch.contact.contact import Contact, dimensions, look_up, make, nearest
+from contbranch.contact.contact import Contact, dimensions, look_up, make, nearest, refuse_unknown
 from contbranch.contact.height_map import HeightMap
 from contbranch.contact.interactions import INTERACTIONS, Interaction, Tabulated
 from contbranch.contact.text import read_text
@@ -57,7 +57,13 @@ from contbranch.grid_size import MODELS, grid_points
 __all__ = ["parse_control", "read_contact"]
 
 _TABLES: Final = ("tip", "material", "interaction", "trace")
-_TRACE: Final = ("control", "accuracy", "max_load", "model", "cell", "grid")
+# The dimension of a table's unit, by its key.
+_UNITS: Final = {
+    "length_unit": "length",
+    "pressure_unit": "pressure",
+    "energy_unit": "energy per area",
+    "unit": "length",
+}
 _HEIGHT_MAP: Final = ("file", "dataset", "cell", "unit", "peaks", "radius")
 
 
@@ -82,14 +88,14 @@ def read_contact(path: str | Path) -> tuple[Contact, dict[str, Any]]:
         for bare numbers beside numbers with units; the message is one line and names the field.
     """
     document = _parsed(Path(path))
-    _refuse_unknown(document, _TABLES, "")
+    refuse_unknown(document, _TABLES)
     for name in ("tip", "material"):
         if name not in document:
             raise InputError(f"{name}: missing; the contact file needs a table [{name}]")
     reader = _Reader(Path(path).parent)
     tip = reader.tip(_table(document["tip"], "tip"))
     material = _table(document["material"], "material")
-    _refuse_unknown(material, ("modulus",), "material.")
+    refuse_unknown(material, ("modulus",), "material.")
     if "modulus" not in material:
         raise InputError("material.modulus: missing; give the effective modulus, for example '5 GPa'")
     modulus = positive_number(reader.number(material["modulus"], "pressure", "material.modulus"), "material.modulus")
@@ -99,8 +105,7 @@ def read_contact(path: str | Path) -> tuple[Contact, dict[str, Any]]:
     names = ["interaction"] if len(laws) == 1 else [f"interaction[{k}]" for k in range(1, len(laws) + 1)]
     terms = [reader.law(_table(law, name), name) for law, name in zip(laws, names, strict=True)]
     options = reader.options(_table(document.get("trace", {}), "trace"))
-    interaction = sum(terms[1:], terms[0]) if terms else None
-    return Contact(tip, interaction, modulus, reader.units), options
+    return Contact(tip, sum(terms) or None, modulus, reader.units), options
 
 
 def parse_control(control: object, units: Units, field: str = "control") -> str | float:
@@ -132,12 +137,6 @@ def _table(value: object, name: str) -> dict[str, Any]:
     if not isinstance(value, dict):
         raise InputError(f"{name}: {value!r}; must be a table [{name}]")
     return value
-
-
-def _refuse_unknown(table: Mapping[str, object], known: Iterable[str], prefix: str) -> None:
-    for name in table:
-        if name not in known:
-            raise InputError(f"{prefix}{name}: not known; must be one of {', '.join(known)}{nearest(name, known)}")
 
 
 class _Reader:
@@ -180,17 +179,13 @@ class _Reader:
         if kind is not Profile:
             tip: TipShape = make(kind, self._parameters(kind, table, "tip."), "tip.")
             return tip
-        _refuse_unknown(table, ("file", "radii", "heights", "length_unit", "apex"), "tip.")
-        self._columns(table, "tip", ("radii", "heights"))
-        factor = self._unit(table, "length", "tip", "radii")
-        apex = {"apex": table["apex"]} if "apex" in table else {}
-        values = {name: _multiplied(table[name], factor, f"tip.{name}") for name in ("radii", "heights")}
-        profile: TipShape = make(Profile, {**values, **apex}, "tip.")
+        values = self._lists(table, "tip", {"radii": "length_unit", "heights": "length_unit"}, ("apex",))
+        profile: TipShape = make(Profile, values | {name: table[name] for name in ("apex",) if name in table}, "tip.")
         return profile
 
     def _height_map(self, table: dict[str, Any]) -> HeightMap:
         """Return the height map of the table [tip]."""
-        _refuse_unknown(table, _HEIGHT_MAP, "tip.")
+        refuse_unknown(table, _HEIGHT_MAP, "tip.")
         for name in ("file", "cell"):
             if name not in table:
                 raise InputError(f"tip.{name}: missing; a height map needs a file with its heights and its cell")
@@ -201,7 +196,7 @@ class _Reader:
         for name in ("cell", "radius"):
             if name in table:
                 keywords[name] = self.number(table[name], "length", f"tip.{name}")
-        keywords["unit"] = self._unit(table, "length", "tip", "file", "unit")
+        keywords["unit"] = self._unit(table, "tip", "file", "unit")
         try:
             return HeightMap.from_file(self._folder / table["file"], **keywords)
         except InputError as error:
@@ -218,60 +213,54 @@ class _Reader:
             return law
         quantity = table.pop("quantity", "pressure" if "pressures" in table or "pressure_unit" in table else "energy")
         name = look_up(quantity, {"energy": "energies", "pressure": "pressures"}, f"{prefix}quantity")
-        unit_key = "energy_unit" if name == "energies" else "pressure_unit"
-        _refuse_unknown(table, ("file", "gaps", name, "length_unit", unit_key), prefix)
-        self._columns(table, field, ("gaps", name))
-        length = self._unit(table, "length", field, "gaps")
-        unit = self._unit(table, "energy per area" if name == "energies" else "pressure", field, name)
-        gaps = _multiplied(table["gaps"], length, f"{prefix}gaps")
-        values = _multiplied(table[name], unit, f"{prefix}{name}")
-        tabulated: Interaction = make(Tabulated, {"gaps": gaps, name: values}, prefix)
+        columns = {"gaps": "length_unit", name: f"{quantity}_unit"}
+        tabulated: Interaction = make(Tabulated, self._lists(table, field, columns), prefix)
         return tabulated
 
     def options(self, table: dict[str, Any]) -> dict[str, Any]:
         """Return the options of the table [trace]."""
-        _refuse_unknown(table, _TRACE, "trace.")
-        options: dict[str, Any] = {}
-        if "control" in table:
-            options["control"] = parse_control(table["control"], self.units, "trace.control")
-        if "accuracy" in table:
-            options["accuracy"] = finite_number(table["accuracy"], "trace.accuracy")
-            if not 0.0 < options["accuracy"] < 1.0:
-                raise InputError(f"trace.accuracy: {options['accuracy']:g}; must be between 0 and 1, for example 1e-6")
-        if "max_load" in table:
-            options["max_load"] = self.number(table["max_load"], "force", "trace.max_load")
-        if "model" in table:
-            options["model"] = look_up(table["model"], {name: name for name in MODELS}, "trace.model")
-        if "cell" in table:
-            options["cell"] = positive_number(self.number(table["cell"], "length", "trace.cell"), "trace.cell")
-        if "grid" in table:
-            options["grid"] = grid_points(table["grid"], "trace.grid")
-        return options
+        readers: dict[str, Callable[[Any, str], object]] = {
+            "control": lambda value, field: parse_control(value, self.units, field),
+            "accuracy": _accuracy,
+            "max_load": lambda value, field: self.number(value, "force", field),
+            "model": lambda value, field: look_up(value, {name: name for name in MODELS}, field),
+            "cell": lambda value, field: positive_number(self.number(value, "length", field), field),
+            "grid": grid_points,
+        }
+        refuse_unknown(table, readers, "trace.")
+        return {name: read(table[name], f"trace.{name}") for name, read in readers.items() if name in table}
 
     def _parameters(
         self, kind: type[TipShape] | type[Interaction], table: dict[str, Any], prefix: str
     ) -> dict[str, Any]:
         """Return the values of a table whose keys are parameters of `kind`; others are left to `make` to refuse."""
         known = dimensions(kind)
-        _refuse_unknown(table, known, prefix)
+        refuse_unknown(table, known, prefix)
         return {name: self.number(value, known[name], f"{prefix}{name}") for name, value in table.items()}
 
-    def _columns(self, table: dict[str, Any], field: str, names: tuple[str, str]) -> None:
-        """Make sure that `table` holds lists called `names`, from a file if it names one."""
+    def _lists(
+        self, table: dict[str, Any], field: str, units: Mapping[str, str], others: Iterable[str] = ()
+    ) -> dict[str, Any]:
+        """Return two lists of numbers in the file's units, from a file if `table` names one.
+
+        `units` has the lists' names and the keys of their units; `others` may be in the table, too.
+        """
+        refuse_unknown(table, list(dict.fromkeys(("file", *units, *units.values(), *others))), f"{field}.")
         if "file" in table:
-            if any(name in table for name in names):
-                raise InputError(f"{field}.file: given with {' or '.join(names)}; give either the file or the lists")
+            if any(name in table for name in units):
+                raise InputError(f"{field}.file: given with {' or '.join(units)}; give either the file or the lists")
             path = table.pop("file")
             if not isinstance(path, str):
                 raise InputError(f"{field}.file: {path!r}; must be the name of a text file with two columns")
-            table.update(zip(names, _read_columns(self._folder / path, f"{field}.file"), strict=True))
-        for name in names:
+            table.update(zip(units, _read_columns(self._folder / path, f"{field}.file"), strict=True))
+        for name in units:
             if name not in table:
-                raise InputError(f"{field}.{name}: missing; give the lists {' and '.join(names)}, or a file")
+                raise InputError(f"{field}.{name}: missing; give the lists {' and '.join(units)}, or a file")
+        factors = {name: self._unit(table, field, name, key) for name, key in units.items()}
+        return {name: _multiplied(table[name], factors[name], f"{field}.{name}") for name in units}
 
-    def _unit(self, table: dict[str, Any], dimension: str, field: str, name: str, key: str = "") -> float:
-        """Return what a number of the list `name` is worth: of the table's unit of that dimension, or 1 without."""
-        key = key or {"length": "length_unit", "pressure": "pressure_unit", "energy per area": "energy_unit"}[dimension]
+    def _unit(self, table: dict[str, Any], field: str, name: str, key: str) -> float:
+        """Return what a number called `name` is worth: of the unit that the table has under `key`, or 1 without."""
         unit = table.get(key)
         if unit is None:
             self._note(False, f"{field}.{name}", f"state {key}")
@@ -279,7 +268,14 @@ class _Reader:
         if not isinstance(unit, str):
             raise InputError(f"{field}.{key}: {unit!r}; must be a unit, for example 'nm'")
         self._note(True, f"{field}.{name}", f"drop {key}")
-        return parse(f"1 {unit}", dimension, f"{field}.{key}")
+        return parse(f"1 {unit}", _UNITS[key], f"{field}.{key}")
+
+
+def _accuracy(value: object, field: str) -> float:
+    accuracy = finite_number(value, field)
+    if not 0.0 < accuracy < 1.0:
+        raise InputError(f"{field}: {accuracy:g}; must be between 0 and 1, for example 1e-6")
+    return accuracy
 
 
 def _multiplied(values: object, factor: float, field: str) -> list[float]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+import os
 from collections.abc import Mapping
 from dataclasses import InitVar, asdict, dataclass, field
 from functools import cached_property
@@ -11,25 +12,23 @@ from pathlib import Path
 from typing import Any, ClassVar, Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from contbranch.arrays import Array
 from contbranch.contact.height_source import (
     LEAST_POINTS,
     Source,
-    absolute,
     checked,
     is_topography,
     read_heights,
     read_topography,
 )
 from contbranch.contact.self_affine import self_affine_heights
-from contbranch.contact.tip_shape import TipShape, parabolic_scales
+from contbranch.contact.tip_shape import TipShape
 from contbranch.contact.units import positive_number
 from contbranch.errors import InputError
 
 __all__ = ["HeightMap"]
-
-FloatArray = NDArray[np.float64]
 
 _ROUNDING: Final = 8.0 * np.finfo(float).eps
 _SAME_CELL: Final = 1e-9  # relative
@@ -74,10 +73,10 @@ class HeightMap(TipShape):
         cell or radius that is not positive.
     """
 
-    name: ClassVar[str] = "height-map"
+    name = "height-map"
     dimensions: ClassVar[Mapping[str, str]] = {"heights": "length", "cell": "length", "radius": "length"}
 
-    heights: FloatArray = field(repr=False)
+    heights: Array = field(repr=False)
     cell: float = None  # type: ignore[assignment]  # only until a topography has given its own
     radius: float | None = None
     source: Source | None = field(init=False, default=None)
@@ -92,7 +91,7 @@ class HeightMap(TipShape):
         downwards = is_topography(given) if peaks is None else bool(peaks)
         if isinstance(given, str | Path):
             values, found = read_heights(given, dataset)
-            object.__setattr__(self, "source", Source(absolute(given), found, factor, downwards))
+            object.__setattr__(self, "source", Source(os.path.abspath(given), found, factor, downwards))
         elif dataset is not None:
             raise InputError(f"dataset: {dataset!r}; only a file has data sets: leave it out")
         elif is_topography(given):
@@ -212,7 +211,7 @@ class HeightMap(TipShape):
         height, slope = self._moments
         return height / slope**2 if slope > 0.0 else self.cell
 
-    def surface(self, x: ArrayLike, y: ArrayLike) -> FloatArray:
+    def surface(self, x: ArrayLike, y: ArrayLike) -> Array:
         """Return the height at any place, by periodic bicubic splines through the nodes; `on_grid` is preferable."""
         from scipy.ndimage import map_coordinates  # slow to import, and seldom needed
 
@@ -225,7 +224,7 @@ class HeightMap(TipShape):
         """Whether the edge of a cell is that of the map, to rounding."""
         return abs(cell - self.cell) <= _SAME_CELL * self.cell
 
-    def on_grid(self, cell: float, n: int) -> FloatArray:
+    def on_grid(self, cell: float, n: int) -> Array:
         """Return the heights on the nodes of a grid: as they are, every 2nd, 4th, ... node, or interpolated by Fourier.
 
         Nothing is subtracted from them: a finer grid may go slightly below 0, a coarser one may stay above, so that
@@ -264,10 +263,6 @@ class HeightMap(TipShape):
             f"grid: {n} does not fit the {whole} x {whole} heights of the map; must be {whole} times or divided by a "
             f"power of two: {fitting}"
         )
-
-    def reduced_scales(self, adhesion_length: float) -> tuple[float, float]:
-        """Return the scales of the parabola of radius `natural_length`, (23) and (24)."""
-        return parabolic_scales(self.natural_length, adhesion_length)
 
     def scaled(self, in_plane: float, normal: float) -> HeightMap:
         """Return the map in other units, with its radius stated, for that of a flat one would not scale."""
@@ -340,7 +335,7 @@ def _power_of_two(number: int) -> bool:
     return number & (number - 1) == 0
 
 
-def _finer(values: FloatArray, n: int) -> FloatArray:
+def _finer(values: Array, n: int) -> Array:
     """Return the trigonometric interpolant of the columns of `values`, (N, M), on n > N nodes: (n, M)."""
     rows = len(values)
     spectrum = np.fft.rfft(values, axis=0)

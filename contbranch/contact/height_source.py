@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from contbranch.arrays import Array
 from contbranch.contact.units import positive_number
 from contbranch.errors import InputError
 
-__all__ = ["LEAST_POINTS", "Source", "absolute", "checked", "is_topography", "read_heights", "read_topography"]
-
-FloatArray = NDArray[np.float64]
+__all__ = ["LEAST_POINTS", "Source", "checked", "is_topography", "read_heights", "read_topography"]
 
 LEAST_POINTS: Final = 8
 _AGREE: Final = 1e-9  # relative; edges that differ by no more are the same
@@ -43,7 +40,7 @@ class Source:
     peaks: bool
 
 
-def checked(values: object) -> FloatArray:
+def checked(values: object) -> Array:
     """Return heights as a (N, N) array of finite floats, N ≥ 8, a copy.
 
     Raises
@@ -149,8 +146,3 @@ def read_topography(topography: Any, unit: float, cell: float | None) -> tuple[o
     if points is not None and tuple(points) != np.shape(values):
         raise InputError(f"heights: shape {np.shape(values)} of a topography with the grid {tuple(points)}; must agree")
     return values, edge
-
-
-def absolute(path: str | Path) -> str:
-    """Return the absolute path of a file."""
-    return os.path.abspath(path)

@@ -11,12 +11,12 @@ from typing import Any, ClassVar, Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from contbranch.arrays import Array
+from contbranch.contact.tip_shape import gauss_rule
 from contbranch.contact.units import finite_number, positive_number
 from contbranch.errors import InputError
 
-__all__ = ["Interaction", "Response", "Sum"]
-
-FloatArray = NDArray[np.float64]
+__all__ = ["Evaluated", "Interaction", "Response", "Sum", "terms_of"]
 
 # Gaps beyond this many ranges (infinite ones too, outside a tip of finite extent) are taken as this many: every power
 # that the shapes form of it is still a finite number.
@@ -38,9 +38,9 @@ class Response(NamedTuple):
         v''.
     """
 
-    energy: FloatArray
-    pressure: FloatArray
-    stiffness: FloatArray
+    energy: Array
+    pressure: Array
+    stiffness: Array
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ class Interaction:
         object.__setattr__(self, "work_of_adhesion", work)
         object.__setattr__(self, "range", positive_number(self.range, "range"))
 
-    def shape(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def shape(self, x: Array) -> tuple[Array, Array, Array]:
         """Return f, f' and f'' at x = g/z0, arrays of the shape of `x`; x may be slightly negative."""
         raise NotImplementedError(f"{type(self).__name__} must define shape(x), which returns f, f' and f''")
 
@@ -111,9 +111,17 @@ class Interaction:
 
     def reach(self, tolerance: float) -> float:
         """Return the gap beyond which |v| ≤ `tolerance` · `reference_work`; the end of the law if it ends before."""
+        return self.range * max(0.0, self._shape_reach(tolerance))
+
+    def tail_energy(self, gap: ArrayLike) -> Array:
+        """Return ∫ v dg from `gap` (any shape) to infinity, a force per length (Derjaguin's F = -2πR times it)."""
+        return np.asarray(-self.work_of_adhesion * self.range * self._shape_tail(np.asarray(gap) / self.range))
+
+    def _shape_reach(self, tolerance: float) -> float:
+        """Return x beyond which |f| ≤ `tolerance`; where a law does not have it in closed form, by search."""
         x = np.concatenate([[0.0], np.geomspace(1e-3, 1e12, 1501)])
 
-        def exceeds(at: FloatArray) -> NDArray[np.bool_]:
+        def exceeds(at: Array) -> NDArray[np.bool_]:
             energy = self.evaluate(at * self.range).energy
             return np.asarray(np.abs(energy) > tolerance * self.reference_work)  # NaN, beyond the law's end, does not
 
@@ -132,14 +140,13 @@ class Interaction:
         while high - low > 1e-9 * high:
             middle = 0.5 * (low + high)
             low, high = (middle, high) if bool(exceeds(np.array([middle]))[0]) else (low, middle)
-        return high * self.range
+        return high
 
-    def tail_energy(self, gap: ArrayLike) -> FloatArray:
-        """Return ∫ v dg from `gap` (any shape) to infinity, a force per length (Derjaguin's F = -2πR times it)."""
-        start = np.asarray(gap, dtype=np.float64)
+    def _shape_tail(self, x: Array) -> Array:
+        """Return ∫ f dx from `x` to infinity; where a law does not have it in closed form, by quadrature."""
         nodes, weights = _TAIL_RULE
-        energy = self.evaluate(start[..., None] + self.range * nodes).energy
-        return np.asarray(self.range * (energy @ weights))
+        energy = self.evaluate(self.range * (x[..., None] + nodes)).energy
+        return np.asarray(energy @ weights / -self.work_of_adhesion)
 
     def scaled(self, normal: float, energy: float) -> Interaction:
         """Return the law in other units, worth `normal` (gaps) and `energy` (per area) of the present ones."""
@@ -163,10 +170,9 @@ class Interaction:
         return {item.name: getattr(self, item.name) for item in fields(self) if item.init}
 
 
-def _tail_rule() -> tuple[FloatArray, FloatArray]:
+def _tail_rule() -> tuple[Array, Array]:
     """Return nodes and weights for ∫_0^∞ of functions that vary over a length 1 and decay at least like x^-2."""
-    x, w = np.polynomial.legendre.leggauss(16)
-    x, w = 0.5 * (x + 1.0), 0.5 * w
+    x, w = gauss_rule(16)
     edges = np.concatenate([np.arange(0.0, 8.0, 0.5), 2.0 ** np.arange(3, 41)])
     width = np.diff(edges)[:, None]
     inner = (edges[:-1, None] + width * x).ravel()
@@ -178,7 +184,21 @@ _TAIL_RULE: Final = _tail_rule()
 
 
 @dataclass(frozen=True)
-class Sum(Interaction):
+class Evaluated(Interaction):
+    """A law that writes `evaluate` instead of `shape` and finds its work of adhesion and range itself."""
+
+    work_of_adhesion: float = field(init=False)
+    range: float = field(init=False)
+
+    def shape(self, x: Array) -> tuple[Array, Array, Array]:
+        """Return f, f' and f'' with respect to the work of adhesion, which must not vanish."""
+        energy, pressure, stiffness = self.evaluate(x * self.range)
+        scale = -1.0 / self.work_of_adhesion
+        return scale * energy, -scale * self.range * pressure, scale * self.range**2 * stiffness
+
+
+@dataclass(frozen=True)
+class Sum(Evaluated):
     """The sum of several laws, each with its own sign and range (DLVO); made by ``law1 + law2``.
 
     Attributes
@@ -191,8 +211,6 @@ class Sum(Interaction):
         That of the law with the largest reference work.
     """
 
-    work_of_adhesion: float = field(init=False)
-    range: float = field(init=False)
     laws: tuple[Interaction, ...]
 
     def __post_init__(self) -> None:
@@ -201,7 +219,7 @@ class Sum(Interaction):
             raise InputError("laws: none; a sum needs at least one law")
         object.__setattr__(self, "laws", laws)
         object.__setattr__(self, "work_of_adhesion", math.fsum(law.work_of_adhesion for law in laws))
-        object.__setattr__(self, "range", max(laws, key=_reference_work).range)
+        object.__setattr__(self, "range", max(laws, key=lambda law: law.reference_work).range)
 
     @property
     def terms(self) -> tuple[Interaction, ...]:
@@ -211,7 +229,7 @@ class Sum(Interaction):
     @property
     def reference_work(self) -> float:
         """The sum of the laws' reference works: unlike the net work of adhesion it cannot cancel."""
-        return math.fsum(map(_reference_work, self.laws))
+        return math.fsum(law.reference_work for law in self.laws)
 
     @property
     def limitation(self) -> str:
@@ -220,18 +238,8 @@ class Sum(Interaction):
 
     def evaluate(self, gap: ArrayLike) -> Response:
         """Return the sums of the laws' energies per area, pressures and stiffnesses at `gap`."""
-        gap = np.asarray(gap)
-        energy, pressure, stiffness = self.laws[0].evaluate(gap)
-        for law in self.laws[1:]:
-            v, p, s = law.evaluate(gap)
-            energy, pressure, stiffness = energy + v, pressure + p, stiffness + s
-        return Response(energy, pressure, stiffness)
-
-    def shape(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return f, f' and f'' with respect to the net work of adhesion, which must not vanish."""
-        energy, pressure, stiffness = self.evaluate(x * self.range)
-        scale = -1.0 / self.work_of_adhesion
-        return scale * energy, -scale * self.range * pressure, scale * self.range**2 * stiffness
+        responses = (law.evaluate(gap) for law in self.laws)
+        return Response(*map(sum, zip(*responses, strict=True)))  # type: ignore[arg-type]
 
     @property
     def wave(self) -> float:
@@ -243,7 +251,7 @@ class Sum(Interaction):
         allowed = tolerance * self.reference_work / len(self.laws)
         return max(law.reach(min(1.0, allowed / law.reference_work)) for law in self.laws)
 
-    def tail_energy(self, gap: ArrayLike) -> FloatArray:
+    def tail_energy(self, gap: ArrayLike) -> Array:
         """Return the sum of the laws' ∫ v dg from `gap` to infinity."""
         return np.asarray(sum(law.tail_energy(gap) for law in self.laws))
 
@@ -252,5 +260,6 @@ class Sum(Interaction):
         return Sum(tuple(law.scaled(normal, energy) for law in self.laws))
 
 
-def _reference_work(law: Interaction) -> float:
-    return law.reference_work
+def terms_of(law: Interaction | None) -> tuple[Interaction, ...]:
+    """Return the single laws of a contact's interaction; none without one."""
+    return () if law is None else law.terms

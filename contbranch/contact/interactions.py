@@ -14,11 +14,12 @@ from typing import ClassVar, Final
 
 import numpy as np
 import scipy
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from contbranch.contact.interaction_law import Interaction, Response, Sum
-from contbranch.contact.tables import EnergyTable, numbers
-from contbranch.contact.units import finite_number, positive_number
+from contbranch.arrays import Array
+from contbranch.contact.interaction_law import Evaluated, Interaction, Response, Sum
+from contbranch.contact.tables import columns, energy_of_table
+from contbranch.contact.units import finite_number, make_positive
 from contbranch.errors import InputError
 
 __all__ = [
@@ -35,93 +36,89 @@ __all__ = [
     "VanDerWaals",
 ]
 
-FloatArray = NDArray[np.float64]
-
 
 @dataclass(frozen=True)
 class Exponential(Interaction):
     """v = -Δγ exp(-g/z0): one density correlation length."""
 
-    name: ClassVar[str] = "exponential"
+    name = "exponential"
 
-    def shape(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def shape(self, x: Array) -> tuple[Array, Array, Array]:
         """Return e^-x and its derivatives."""
         f = np.exp(-x)
         return f, -f, f
 
-    def reach(self, tolerance: float) -> float:
-        """Return z0 ln(1/tolerance)."""
-        return self.range * max(0.0, -math.log(tolerance))
+    def _shape_reach(self, tolerance: float) -> float:
+        """Return ln(1/tolerance)."""
+        return -math.log(tolerance)
 
-    def tail_energy(self, gap: ArrayLike) -> FloatArray:
-        """Return -Δγ z0 e^(-g/z0)."""
-        return np.asarray(-self.work_of_adhesion * self.range * np.exp(-np.asarray(gap) / self.range))
+    def _shape_tail(self, x: Array) -> Array:
+        """Return e^-x."""
+        return np.exp(-x)
 
 
 @dataclass(frozen=True)
 class Gauss(Interaction):
     """v = -Δγ exp(-g²/2z0²), (12): no force when the surfaces touch."""
 
-    name: ClassVar[str] = "gauss"
+    name = "gauss"
 
-    def shape(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def shape(self, x: Array) -> tuple[Array, Array, Array]:
         """Return e^(-x²/2) and its derivatives."""
         square = x * x
         f = np.exp(-0.5 * square)
         return f, -x * f, (square - 1.0) * f
 
-    def reach(self, tolerance: float) -> float:
-        """Return z0 sqrt(2 ln(1/tolerance))."""
-        return self.range * math.sqrt(max(0.0, -2.0 * math.log(tolerance)))
+    def _shape_reach(self, tolerance: float) -> float:
+        """Return sqrt(2 ln(1/tolerance))."""
+        return math.sqrt(max(0.0, -2.0 * math.log(tolerance)))
 
-    def tail_energy(self, gap: ArrayLike) -> FloatArray:
-        """Return -Δγ z0 sqrt(π/2) erfc(g/(z0 sqrt 2))."""
-        amplitude = -self.work_of_adhesion * self.range * math.sqrt(0.5 * math.pi)
-        return np.asarray(amplitude * scipy.special.erfc(np.asarray(gap) / (self.range * math.sqrt(2.0))))
+    def _shape_tail(self, x: Array) -> Array:
+        """Return sqrt(π/2) erfc(x/sqrt 2)."""
+        return np.asarray(math.sqrt(0.5 * math.pi) * scipy.special.erfc(x / math.sqrt(2.0)))
 
 
 @dataclass(frozen=True)
 class VanDerWaals(Interaction):
     """v = -Δγ/(1 + (g/z0)²), (12): no force when the surfaces touch, an algebraic tail."""
 
-    name: ClassVar[str] = "van-der-waals"
+    name = "van-der-waals"
 
-    def shape(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def shape(self, x: Array) -> tuple[Array, Array, Array]:
         """Return u = 1/(1+x²) and its derivatives -2xu², (6x²-2)u³."""
         square = x * x
         f = 1.0 / (1.0 + square)
         f2 = f * f
         return f, -2.0 * x * f2, (6.0 * square - 2.0) * (f2 * f)
 
-    def reach(self, tolerance: float) -> float:
-        """Return z0 sqrt(1/tolerance - 1)."""
-        return self.range * math.sqrt(max(0.0, 1.0 / tolerance - 1.0))
+    def _shape_reach(self, tolerance: float) -> float:
+        """Return sqrt(1/tolerance - 1)."""
+        return math.sqrt(max(0.0, 1.0 / tolerance - 1.0))
 
-    def tail_energy(self, gap: ArrayLike) -> FloatArray:
-        """Return -Δγ z0 arccot(g/z0)."""
-        angle = np.arctan2(1.0, np.asarray(gap) / self.range)
-        return np.asarray(-self.work_of_adhesion * self.range * angle)
+    def _shape_tail(self, x: Array) -> Array:
+        """Return arccot x."""
+        return np.arctan2(1.0, x)
 
 
 @dataclass(frozen=True)
 class InverseSquare(Interaction):
     """v = -Δγ/(1 + g/z0)² (l. 437): the van der Waals tail with a force when the surfaces touch."""
 
-    name: ClassVar[str] = "inverse-square"
+    name = "inverse-square"
 
-    def shape(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def shape(self, x: Array) -> tuple[Array, Array, Array]:
         """Return u² with u = 1/(1+x), and its derivatives -2u³, 6u⁴; defined for x > -1."""
         u = 1.0 / (1.0 + x)
         f = u * u
         return f, -2.0 * f * u, 6.0 * f * f
 
-    def reach(self, tolerance: float) -> float:
-        """Return z0 (1/sqrt(tolerance) - 1)."""
-        return self.range * max(0.0, 1.0 / math.sqrt(tolerance) - 1.0)
+    def _shape_reach(self, tolerance: float) -> float:
+        """Return 1/sqrt(tolerance) - 1."""
+        return 1.0 / math.sqrt(tolerance) - 1.0
 
-    def tail_energy(self, gap: ArrayLike) -> FloatArray:
-        """Return -Δγ z0/(1 + g/z0)."""
-        return np.asarray(-self.work_of_adhesion * self.range / (1.0 + np.asarray(gap) / self.range))
+    def _shape_tail(self, x: Array) -> Array:
+        """Return 1/(1 + x)."""
+        return 1.0 / (1.0 + x)
 
 
 @dataclass(frozen=True)
@@ -131,21 +128,20 @@ class MaugisDugdale(Interaction):
     The stiffness is returned as 0 everywhere; its delta function at g = z0 has no value there.
     """
 
-    name: ClassVar[str] = "maugis-dugdale"
+    name = "maugis-dugdale"
 
-    def shape(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def shape(self, x: Array) -> tuple[Array, Array, Array]:
         """Return 1 - x, -1 and 0 for x < 1, and 0 beyond; NaN stays NaN."""
         inside = np.where(x < 1.0, 1.0, 0.0 * x)
         return (1.0 - x) * inside, -inside, 0.0 * inside
 
-    def reach(self, tolerance: float) -> float:
-        """Return z0 (1 - tolerance)."""
-        return self.range * max(0.0, 1.0 - tolerance)
+    def _shape_reach(self, tolerance: float) -> float:
+        """Return 1 - tolerance."""
+        return 1.0 - tolerance
 
-    def tail_energy(self, gap: ArrayLike) -> FloatArray:
-        """Return -Δγ z0 (1 - g/z0)²/2 for g < z0."""
-        left = np.maximum(1.0 - np.asarray(gap) / self.range, 0.0)
-        return np.asarray(-0.5 * self.work_of_adhesion * self.range * left**2)
+    def _shape_tail(self, x: Array) -> Array:
+        """Return (1 - x)²/2 for x < 1."""
+        return np.asarray(0.5 * np.maximum(1.0 - x, 0.0) ** 2)
 
 
 @dataclass(frozen=True)
@@ -160,20 +156,17 @@ class Layered(Interaction):
         φ in radians, cos φ not zero, so that v(0) = -Δγ.
     """
 
-    name: ClassVar[str] = "layered"
-    dimensions: ClassVar[Mapping[str, str]] = {
-        **Interaction.dimensions,
-        "wavelength": "length",
-        "phase": "dimensionless",
-    }
+    name = "layered"
+    dimensions: ClassVar[Mapping[str, str]] = {**Interaction.dimensions, "wavelength": "length"}
 
     wavelength: float | None = None
     phase: float = 0.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        wavelength = self.range if self.wavelength is None else self.wavelength
-        object.__setattr__(self, "wavelength", positive_number(wavelength, "wavelength"))
+        if self.wavelength is None:
+            object.__setattr__(self, "wavelength", self.range)
+        make_positive(self, "wavelength")
         object.__setattr__(self, "phase", finite_number(self.phase, "phase"))
         if abs(math.cos(self.phase)) < 1e-6:
             raise InputError(
@@ -183,9 +176,9 @@ class Layered(Interaction):
     @property
     def _wave_number(self) -> float:
         """2π z0/λ."""
-        return 2.0 * math.pi * self.range / (self.wavelength or self.range)
+        return 2.0 * math.pi * self.range / self.wave
 
-    def shape(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def shape(self, x: Array) -> tuple[Array, Array, Array]:
         """Return e^-x cos(kx + φ)/cos φ and its derivatives, k = 2π z0/λ."""
         k = self._wave_number
         angle = k * x + self.phase
@@ -198,24 +191,22 @@ class Layered(Interaction):
         """The wavelength."""
         return self.wavelength or self.range
 
-    def reach(self, tolerance: float) -> float:
-        """Return where the envelope, e^(-g/z0)/|cos φ|, falls to `tolerance`."""
-        return self.range * max(0.0, -math.log(tolerance * abs(math.cos(self.phase))))
+    def _shape_reach(self, tolerance: float) -> float:
+        """Return where the envelope, e^-x/|cos φ|, falls to `tolerance`."""
+        return -math.log(tolerance * abs(math.cos(self.phase)))
 
-    def tail_energy(self, gap: ArrayLike) -> FloatArray:
-        """Return -Δγ z0 Re[e^((ik-1)x + iφ)/(1-ik)]/cos φ, x = g/z0."""
+    def _shape_tail(self, x: Array) -> Array:
+        """Return Re[e^((ik-1)x + iφ)/(1-ik)]/cos φ."""
         k = self._wave_number
-        wave = np.exp((1j * k - 1.0) * (np.asarray(gap) / self.range) + 1j * self.phase) / (1.0 - 1j * k)
-        return np.asarray(-self.work_of_adhesion * self.range / math.cos(self.phase) * wave.real)
+        return np.asarray((np.exp((1j * k - 1.0) * x + 1j * self.phase) / (1.0 - 1j * k)).real / math.cos(self.phase))
 
     def scaled(self, normal: float, energy: float) -> Layered:
         """Return the law in other units; the wavelength is a length, too."""
-        wavelength = (self.wavelength or self.range) / normal
-        return Layered(self.work_of_adhesion / energy, self.range / normal, wavelength, self.phase)
+        return Layered(self.work_of_adhesion / energy, self.range / normal, self.wave / normal, self.phase)
 
 
 @dataclass(frozen=True)
-class Tabulated(Interaction):
+class Tabulated(Evaluated):
     """A law given by a table, interpolated so that the energy per area is twice continuously differentiable.
 
     Attributes
@@ -237,55 +228,66 @@ class Tabulated(Interaction):
     computation that needs it there stops and says so (`limitation`).
     """
 
-    name: ClassVar[str] = "tabulated"
+    name = "tabulated"
     dimensions: ClassVar[Mapping[str, str]] = {"gaps": "length", "energies": "energy per area", "pressures": "pressure"}
 
-    work_of_adhesion: float = field(init=False)
-    range: float = field(init=False)
     gaps: tuple[float, ...]
     energies: tuple[float, ...] | None = None
     pressures: tuple[float, ...] | None = None
-    _table: EnergyTable = field(init=False, repr=False, compare=False)
+    _largest: float = field(init=False, repr=False, compare=False)
+    _pieces: scipy.interpolate.PPoly = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         if (self.energies is None) == (self.pressures is None):
             raise InputError("energies, pressures: give one of them, not both and not none")
-        kind = "energies" if self.pressures is None else "pressures"
-        gaps, values = numbers(self.gaps, "gaps"), numbers(getattr(self, kind), kind)
-        table = EnergyTable.of(gaps, values, kind)
-        object.__setattr__(self, "gaps", tuple(gaps.tolist()))
-        object.__setattr__(self, kind, tuple(values.tolist()))
-        object.__setattr__(self, "_table", table)
-        object.__setattr__(self, "work_of_adhesion", -table.energy_at_contact)
-        object.__setattr__(self, "range", table.largest_energy / table.largest_pressure)
+        gaps, values = columns(self, "gaps", self._kind)
+        object.__setattr__(self, "_pieces", energy_of_table(gaps, values, self._kind))
+        places = np.concatenate([np.nextafter(gaps, 0.0), 0.5 * (gaps[1:] + gaps[:-1])])
+        largest, steepest = (float(np.max(np.abs(self._pieces(places, order)))) for order in (0, 1))
+        at_contact = float(self._pieces(0.0))
+        if at_contact == 0.0 or steepest == 0.0:
+            raise InputError(
+                "gaps: the law has no energy at gap 0; give a table whose energy does not vanish at contact"
+            )
+        for name, value in (("work_of_adhesion", -at_contact), ("range", largest / steepest), ("_largest", largest)):
+            object.__setattr__(self, name, value)
+
+    @property
+    def _kind(self) -> str:
+        return "energies" if self.pressures is None else "pressures"
+
+    @property
+    def _end(self) -> float:
+        """The gap beyond which the law is zero, or unknown."""
+        return float(self._pieces.x[-2])
 
     def evaluate(self, gap: ArrayLike) -> Response:
         """Return energy per area, pressure and stiffness at `gap`; NaN beyond a table that ends too early."""
-        return Response(*self._table.evaluate(np.asarray(gap, dtype=np.float64)))
-
-    def shape(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return f, f' and f'' of the table, normalised so that f(0) = 1."""
-        energy, pressure, stiffness = self.evaluate(x * self.range)
-        scale = -1.0 / self.work_of_adhesion
-        return scale * energy, -scale * self.range * pressure, scale * self.range**2 * stiffness
+        gap = np.minimum(gap, 2.0 * self._end)  # so that the piece beyond the end is never asked for 0 · ∞
+        return Response(self._pieces(gap), -self._pieces(gap, 1), self._pieces(gap, 2))
 
     @property
     def reference_work(self) -> float:
         """The largest |v| of the table."""
-        return self._table.largest_energy
+        return self._largest
 
     @property
     def limitation(self) -> str:
         """Say where the table ends if it ends too early."""
-        return self._table.limitation
+        if self._pieces.c[-1, -1] == 0.0:
+            return ""
+        return f"the table of {self._kind} ends at a gap of {self._end:g} before the law has decayed"
 
     def reach(self, tolerance: float) -> float:
         """Return the gap beyond which |v| ≤ tolerance · reference_work; the table's end if it ends before."""
-        return self._table.reach(tolerance * self.reference_work)
+        gaps = np.unique(np.linspace(self._pieces.x[:-2], self._pieces.x[1:-1], 9))
+        above = np.flatnonzero(np.abs(self._pieces(gaps)) > tolerance * self.reference_work)
+        return float(gaps[min(above[-1] + 1, gaps.size - 1)]) if above.size else 0.0
 
-    def tail_energy(self, gap: ArrayLike) -> FloatArray:
+    def tail_energy(self, gap: ArrayLike) -> Array:
         """Return ∫ v dg from `gap` to the end of the table; NaN if it ends too early."""
-        return self._table.tail_energy(np.asarray(gap, dtype=np.float64))
+        integral = self._pieces.antiderivative()
+        return np.asarray(integral(self._end) - integral(np.minimum(gap, self._end)))
 
     def scaled(self, normal: float, energy: float) -> Tabulated:
         """Return the table in other units."""
@@ -298,5 +300,5 @@ class Tabulated(Interaction):
 
 
 INTERACTIONS: Final[Mapping[str, type[Interaction]]] = {
-    law.name: law for law in Interaction.__subclasses__() if law.name
+    law.name: law for law in (Exponential, Gauss, VanDerWaals, InverseSquare, MaugisDugdale, Layered, Tabulated)
 }

@@ -5,15 +5,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from contbranch.arrays import Array, Integers
 from contbranch.contact.height_source import LEAST_POINTS
 from contbranch.contact.units import finite_number, positive_number
 from contbranch.errors import InputError
 
 __all__ = ["self_affine_heights"]
-
-FloatArray = NDArray[np.float64]
 
 
 def self_affine_heights(
@@ -26,7 +24,7 @@ def self_affine_heights(
     seed: int = 0,
     short_cutoff: float | None = None,
     long_cutoff: float | None = None,
-) -> FloatArray:
+) -> Array:
     """Return heights with the power spectrum C(q) ∝ q^(-2(1+H)) between two cutoffs and random phases.
 
     Every wave within the cutoffs has the amplitude √C(q) exactly and a phase drawn from `seed`; the sum of many is
@@ -89,7 +87,7 @@ def self_affine_heights(
     return np.asarray(np.fft.ifft2(spectrum).real * n**2)
 
 
-def _half_plane(largest: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _half_plane(largest: int) -> tuple[Integers, Integers]:
     """Return the wave vectors (k, m), one of each pair ±, by max(|k|, |m|): those of a larger grid follow."""
     numbers = np.arange(-largest, largest + 1)
     k, m = (part.ravel() for part in np.meshgrid(numbers, numbers, indexing="ij"))

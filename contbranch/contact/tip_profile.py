@@ -5,115 +5,27 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, cached_property
 from typing import ClassVar, Final, Literal
 
 import numpy as np
 import scipy
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from contbranch.contact.tables import increasing_from_zero, numbers
-from contbranch.contact.tip_shape import Tip, parabolic_scales
+from contbranch.arrays import Array
+from contbranch.contact.tables import columns, increasing_from_zero
+from contbranch.contact.tip_shape import Tip, gauss_rule
 from contbranch.errors import InputError
 
 __all__ = ["Profile"]
 
-FloatArray = NDArray[np.float64]
 End = Literal["not-a-knot", "clamped", "natural"]
 
 _MOST_ROWS: Final = 1000  # the fit solves a dense system of that order
 _QUARTER: Final = 0.5 * math.pi
 
 
-@dataclass(frozen=True, eq=False)
-class ProfileTable:
-    """The transform ζ of a tabulated tip: a cubic spline from 0, and its jumps of the third derivative.
-
-    Attributes
-    ----------
-    transform
-        ζ with knots at the radii; its last piece, beyond them, is of second degree.
-    knots, jumps
-        (n-1,) the radii but the first, and the jumps J of the third derivative there: beyond a knot b, a cubic
-        J (t-b)³/6 is added to ζ.
-    radius
-        Radius of curvature that sets the tip's scales.
-    """
-
-    transform: scipy.interpolate.PPoly
-    integral: scipy.interpolate.PPoly
-    square_integral: scipy.interpolate.PPoly
-    knots: FloatArray
-    jumps: FloatArray
-    radius: float
-
-    @staticmethod
-    def of(radii: FloatArray, heights: FloatArray, sharp: bool) -> ProfileTable:
-        """Return the table whose tip has the (n,) `heights` at `radii`.
-
-        Raises
-        ------
-        InputError
-            If the two do not increase from 0 or ζ does not, so that there would be more than one rim.
-        """
-        increasing_from_zero(radii, "radii")
-        if heights.size != radii.size:
-            raise InputError(f"heights: {heights.size} numbers for {radii.size} radii; must be as many")
-        increasing_from_zero(heights, "heights")
-        if radii.size > _MOST_ROWS:
-            raise InputError(f"radii: {radii.size} entries; must be at most {_MOST_ROWS}: thin out the table")
-        pieces = _fit(radii, heights, sharp, "not-a-knot")
-        if pieces(radii[-1], 2) < 0.0:  # would bend down beyond the table: let it end straight
-            pieces = _fit(radii, heights, sharp, "natural")
-        pieces = _continued(pieces)
-        if not _rises(pieces):
-            raise InputError("heights: their Abel transform does not increase everywhere; smooth or thin out the table")
-        apex = 0.0 if sharp else float(pieces(0.0, 2)) / 2.0
-        outer = float(radii[-1] ** 2 / (2.0 * heights[-1]))
-        radius = 1.0 / apex if apex * outer > 0.01 else outer
-        squares = np.array([np.convolve(piece, piece) for piece in pieces.c.T]).T
-        jumps = np.diff(_third_derivatives(pieces))
-        square_integral = scipy.interpolate.PPoly(squares, pieces.x).antiderivative()
-        return ProfileTable(pieces, pieces.antiderivative(), square_integral, radii[1:], jumps, radius)
-
-    def height_derivative(self, r: FloatArray) -> FloatArray:
-        """Return z'(r) = (2/π) ∫_0^r ζ' t/√(r²-t²) dt/r, of the shape of `r`."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            slope = (2.0 / math.pi) * self._integrals(r, 0.0)[1] / r
-        return np.where(r > 0.0, slope, (2.0 / math.pi) * self.transform(0.0, 1))
-
-    def shape_gap(self, rho: FloatArray, a: float) -> tuple[FloatArray, FloatArray]:
-        """Return g = (2/π) ∫_a^r (ζ(t) - ζ(a))/√(r²-t²) dt and its derivative with respect to `a` at fixed ρ."""
-        gap, moment, r2, angle = self._integrals(rho, a)
-        ratio = np.divide(a, r2, out=np.zeros_like(r2), where=r2 > 0.0)
-        slope = ratio * moment - float(self.transform(a, 1)) * angle
-        return (2.0 / math.pi) * gap, (2.0 / math.pi) * slope
-
-    def _integrals(self, rho: FloatArray, a: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Return ∫_a^r (ζ - ζ(a))/√(r²-t²) dt, ∫_a^r ζ' t/√(r²-t²) dt, r² and arccos(a/r).
-
-        With I_m(b) = ∫_b^r (t-b)^m/√(r²-t²) dt = r^m K_m(arccos(b/r)), the cubic at `a` and every knot b between `a`
-        and r add their multiples of the I_m.
-        """
-        r2 = rho * rho + a * a
-        r = np.sqrt(r2)
-        angle = np.where(r2 > 0.0, np.arctan2(rho, a), _QUARTER)
-        c = [float(self.transform(a, order)) / math.factorial(order) for order in range(4)]
-        first, second, third = (r**m * _moment(m, angle) for m in (1, 2, 3))
-        gap = c[1] * first + c[2] * second + c[3] * third
-        moment = c[1] * (first + a * angle) + 2.0 * c[2] * (second + a * first) + 3.0 * c[3] * (third + a * second)
-        outside = self.knots > a
-        knots, jumps = self.knots[outside], self.jumps[outside] / 6.0
-        if knots.size:
-            height = np.maximum((r[..., None] - knots) * (r[..., None] + knots), 0.0)
-            angles = np.arctan2(np.sqrt(height), knots)
-            second, third = r2[..., None] * _moment(2, angles), (r2 * r)[..., None] * _moment(3, angles)
-            gap = gap + third @ jumps
-            moment = moment + 3.0 * (third @ jumps + second @ (jumps * knots))
-        return gap, moment, r2, angle
-
-
-def _fit(radii: FloatArray, heights: FloatArray, sharp: bool, end: End) -> scipy.interpolate.PPoly:
+def _fit(radii: Array, heights: Array, sharp: bool, end: End) -> scipy.interpolate.PPoly:
     """Return the spline ζ whose tip has the `heights`: they are linear in its values at the radii."""
     start: End = "not-a-knot" if sharp else "clamped"
     bases = scipy.interpolate.CubicSpline(radii, np.eye(radii.size), bc_type=(start, end))
@@ -126,10 +38,9 @@ def _fit(radii: FloatArray, heights: FloatArray, sharp: bool, end: End) -> scipy
     return scipy.interpolate.PPoly(coefficients, radii)
 
 
-def _cell_moments(radii: FloatArray, power: int) -> FloatArray:
+def _cell_moments(radii: Array, power: int) -> Array:
     """Return ∫ d(s^power)/ds arccos(t/r) dt, (n-1, n-1), over the cells (s = t - their start) for all radii r > 0."""
-    x, w = np.polynomial.legendre.leggauss(14)
-    x, w = 0.5 * (x + 1.0), 0.5 * w
+    x, w = gauss_rule(14)
     moments = np.zeros((radii.size - 1, radii.size - 1))
     widths = np.diff(radii)
     for row, r in enumerate(radii[1:]):
@@ -142,16 +53,13 @@ def _cell_moments(radii: FloatArray, power: int) -> FloatArray:
     return moments
 
 
-def _third_derivatives(pieces: scipy.interpolate.PPoly) -> FloatArray:
+def _third_derivatives(pieces: scipy.interpolate.PPoly) -> Array:
     """Return the third derivative of each piece of a spline from the second ones at the knots.
 
     So they agree to rounding with a second derivative that is continuous; those of the pieces themselves do not, and
     the difference grows with the cube of the distance from the knot.
     """
-    second = 2.0 * pieces.c[1]
-    last = np.asarray(pieces(pieces.x[-1], 2))
-    steps = np.diff(pieces.x).reshape(-1, *([1] * (second.ndim - 1)))
-    return np.asarray(np.diff(np.concatenate([second, last[None]]), axis=0) / steps)
+    return np.asarray(np.diff(pieces(pieces.x, 2)) / np.diff(pieces.x))
 
 
 def _continued(pieces: scipy.interpolate.PPoly) -> scipy.interpolate.PPoly:
@@ -171,7 +79,7 @@ def _rises(pieces: scipy.interpolate.PPoly) -> bool:
     return bool(np.all(slope(places) > 0.0) and slope(0.0) >= 0.0)
 
 
-def _moment(m: int, angle: FloatArray) -> FloatArray:
+def _moment(m: int, angle: Array) -> Array:
     """Return K_m(θ) = ∫_0^θ (cos φ - cos θ)^m dφ for θ in [0, π/2], m = 1, 2, 3, of the shape of `angle`."""
     square = angle * angle
     x = square * (2.0 / _QUARTER**2) - 1.0
@@ -179,11 +87,9 @@ def _moment(m: int, angle: FloatArray) -> FloatArray:
 
 
 @cache
-def _moment_series(m: int) -> FloatArray:
+def _moment_series(m: int) -> Array:
     """Return the Chebyshev coefficients of K_m(θ)/θ^(2m+1), an entire function of θ², on 0 ≤ θ ≤ π/2."""
-    x, w = np.polynomial.legendre.leggauss(24)
-    x, w = 0.5 * (x + 1.0), 0.5 * w
-
+    x, w = gauss_rule()
     places = np.polynomial.chebyshev.chebpts1(12)
     angle = _QUARTER * np.sqrt(0.5 * (places + 1.0))[:, None]
     # cos φ - cos θ = 2 sin((θ+φ)/2) sin((θ-φ)/2): no cancellation; and sin u = u sinc(u/π)
@@ -211,21 +117,40 @@ class Profile(Tip):
     on with its last curvature (as for a parabola), or straight (as for a cone) where that would be negative.
     """
 
-    name: ClassVar[str] = "profile"
+    name = "profile"
     dimensions: ClassVar[Mapping[str, str]] = {"radii": "length", "heights": "length", "apex": "text"}
 
     radii: tuple[float, ...]
     heights: tuple[float, ...]
     apex: str = "smooth"
-    _table: ProfileTable = field(init=False, repr=False, compare=False)
+    _spline: scipy.interpolate.PPoly = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         if self.apex not in ("smooth", "sharp"):
             raise InputError(f"apex: {self.apex!r}; must be 'smooth' or 'sharp'")
-        radii, heights = numbers(self.radii, "radii"), numbers(self.heights, "heights")
-        object.__setattr__(self, "radii", tuple(radii.tolist()))
-        object.__setattr__(self, "heights", tuple(heights.tolist()))
-        object.__setattr__(self, "_table", ProfileTable.of(radii, heights, self.apex == "sharp"))
+        radii, heights = columns(self, "radii", "heights")
+        increasing_from_zero(heights, "heights")
+        if radii.size > _MOST_ROWS:
+            raise InputError(f"radii: {radii.size} entries; must be at most {_MOST_ROWS}: thin out the table")
+        sharp = self.apex == "sharp"
+        pieces = _fit(radii, heights, sharp, "not-a-knot")
+        if pieces(radii[-1], 2) < 0.0:  # would bend down beyond the table: let it end straight
+            pieces = _fit(radii, heights, sharp, "natural")
+        pieces = _continued(pieces)
+        if not _rises(pieces):
+            raise InputError("heights: their Abel transform does not increase everywhere; smooth or thin out the table")
+        object.__setattr__(self, "_spline", pieces)
+
+    @cached_property
+    def _integrals(self) -> tuple[scipy.interpolate.PPoly, scipy.interpolate.PPoly]:
+        """∫ζ and ∫ζ²."""
+        squares = np.array([np.convolve(piece, piece) for piece in self._spline.c.T]).T
+        return self._spline.antiderivative(), scipy.interpolate.PPoly(squares, self._spline.x).antiderivative()
+
+    @cached_property
+    def _jumps(self) -> Array:
+        """(n-1,) the jumps J of ζ's third derivative at all radii b > 0: a cubic J (t-b)³/6 is added there."""
+        return np.diff(_third_derivatives(self._spline))
 
     @property
     def apex_exponent(self) -> float:
@@ -235,40 +160,64 @@ class Profile(Tip):
     @property
     def natural_length(self) -> float:
         """The radius of curvature at a smooth apex, r²/(2z) of the last entry for a sharp or flat one."""
-        return self._table.radius
+        apex = 0.0 if self.apex == "sharp" else float(self._spline(0.0, 2)) / 2.0
+        outer = self.radii[-1] ** 2 / (2.0 * self.heights[-1])
+        return 1.0 / apex if apex * outer > 0.01 else outer
 
-    def height(self, r: ArrayLike) -> FloatArray:
+    def height(self, r: ArrayLike) -> Array:
         """Return the profile: the table's heights at its radii."""
-        return self._table.shape_gap(np.asarray(r, dtype=np.float64), 0.0)[0]
+        return self.shape_gap(r, 0.0)[0]
 
-    def height_derivative(self, r: ArrayLike) -> FloatArray:
-        """Return z'(r)."""
-        return self._table.height_derivative(np.asarray(r, dtype=np.float64))
+    def height_derivative(self, r: ArrayLike) -> Array:
+        """Return z'(r) = (2/π) ∫_0^r ζ' t/√(r²-t²) dt/r."""
+        r = np.asarray(r, dtype=np.float64)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            slope = (2.0 / math.pi) * self._moments(r, 0.0)[1] / r
+        return np.where(r > 0.0, slope, (2.0 / math.pi) * self.transform_derivative(0.0))
 
-    def transform(self, t: ArrayLike) -> FloatArray:
+    def transform(self, t: ArrayLike) -> Array:
         """Return the spline ζ(t)."""
-        return np.asarray(self._table.transform(np.asarray(t, dtype=np.float64)))
+        return _at(self._spline, t)
 
-    def transform_derivative(self, t: ArrayLike) -> FloatArray:
+    def transform_derivative(self, t: ArrayLike) -> Array:
         """Return ζ'(t)."""
-        return np.asarray(self._table.transform(np.asarray(t, dtype=np.float64), 1))
+        return _at(self._spline, t, 1)
 
-    def transform_integral(self, a: ArrayLike) -> FloatArray:
-        """Return the spline's integral."""
-        return np.asarray(self._table.integral(np.asarray(a, dtype=np.float64)))
+    def _integral(self, a: ArrayLike, power: int) -> Array:
+        """Return the integral of the spline or its square."""
+        return _at(self._integrals[power - 1], a)
 
-    def transform_square_integral(self, a: ArrayLike) -> FloatArray:
-        """Return the integral of the spline's square."""
-        return np.asarray(self._table.square_integral(np.asarray(a, dtype=np.float64)))
+    def shape_gap(self, rho: ArrayLike, a: float) -> tuple[Array, Array]:
+        """Return g = (2/π) ∫_a^r (ζ(t) - ζ(a))/√(r²-t²) dt and its derivative with respect to `a` at fixed ρ."""
+        gap, moment, r2, angle = self._moments(np.asarray(rho, dtype=np.float64), a)
+        ratio = np.divide(a, r2, out=np.zeros_like(r2), where=r2 > 0.0)
+        slope = ratio * moment - float(self._spline(a, 1)) * angle
+        return (2.0 / math.pi) * gap, (2.0 / math.pi) * slope
 
-    def shape_gap(self, rho: ArrayLike, a: float) -> tuple[FloatArray, FloatArray]:
-        """Return the gap and its slope, exact for the spline."""
-        return self._table.shape_gap(np.asarray(rho, dtype=np.float64), a)
+    def _moments(self, rho: Array, a: float) -> tuple[Array, Array, Array, Array]:
+        """Return ∫_a^r (ζ - ζ(a))/√(r²-t²) dt, ∫_a^r ζ' t/√(r²-t²) dt, r² and arccos(a/r).
 
-    def reduced_scales(self, adhesion_length: float) -> tuple[float, float]:
-        """Return the scales of the parabola of radius `natural_length`, (23) and (24)."""
-        return parabolic_scales(self.natural_length, adhesion_length)
+        With I_m(b) = ∫_b^r (t-b)^m/√(r²-t²) dt = r^m K_m(arccos(b/r)), the cubic at `a` and every knot b between `a`
+        and r add their multiples of the I_m.
+        """
+        r2 = rho * rho + a * a
+        r = np.sqrt(r2)
+        angle = np.where(r2 > 0.0, np.arctan2(rho, a), _QUARTER)
+        c = [float(self._spline(a, order)) / math.factorial(order) for order in range(4)]
+        first, second, third = (r**m * _moment(m, angle) for m in (1, 2, 3))
+        gap = c[1] * first + c[2] * second + c[3] * third
+        moment = c[1] * (first + a * angle) + 2.0 * c[2] * (second + a * first) + 3.0 * c[3] * (third + a * second)
+        outside = self._spline.x[1:-1] > a
+        knots, jumps = self._spline.x[1:-1][outside], self._jumps[outside] / 6.0
+        height = np.maximum((r[..., None] - knots) * (r[..., None] + knots), 0.0)
+        angles = np.arctan2(np.sqrt(height), knots)
+        second, third = r2[..., None] * _moment(2, angles), (r2 * r)[..., None] * _moment(3, angles)
+        return gap + third @ jumps, moment + 3.0 * (third @ jumps + second @ (jumps * knots)), r2, angle
 
     def scaled(self, in_plane: float, normal: float) -> Profile:
         """Return the table in other units."""
         return Profile(tuple(r / in_plane for r in self.radii), tuple(z / normal for z in self.heights), self.apex)
+
+
+def _at(pieces: scipy.interpolate.PPoly, places: ArrayLike, order: int = 0) -> Array:
+    return np.asarray(pieces(np.asarray(places, dtype=np.float64), order))

@@ -7,23 +7,24 @@ contact's own units.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from functools import cache
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+import scipy
+from numpy.typing import ArrayLike
 
-__all__ = ["Tip", "TipShape"]
+from contbranch.arrays import Array
 
-FloatArray = NDArray[np.float64]
+__all__ = ["Tip", "TipShape", "inverse"]
 
 _ORDER = 24  # Gauss-Legendre nodes for the gap: the worst analytic integrand (a = rho) loses a factor 10 with each node
 
 
 @cache
-def gauss_rule(order: int = _ORDER) -> tuple[FloatArray, FloatArray]:
+def gauss_rule(order: int = _ORDER) -> tuple[Array, Array]:
     """Return (order,) nodes and weights of Gauss and Legendre on [0, 1]."""
     x, w = np.polynomial.legendre.leggauss(order)
     return 0.5 * (x + 1.0), 0.5 * w
@@ -33,8 +34,8 @@ def gauss_rule(order: int = _ORDER) -> tuple[FloatArray, FloatArray]:
 class TipShape:
     """A rigid tip of any shape: what a contact, and a model on a grid, need of it.
 
-    A new shape without axial symmetry writes `natural_length`, `surface`, `reduced_scales` and `scaled`; an
-    axisymmetric one is a `Tip`.
+    A new shape without axial symmetry writes `natural_length`, `surface` and `scaled`, and `reduced_scales` if its
+    apex is no paraboloid; an axisymmetric one is a `Tip`.
     """
 
     name: ClassVar[str] = ""
@@ -58,9 +59,9 @@ class TipShape:
     @property
     def natural_length(self) -> float:
         """A length of the tip itself, which sets the scales where no interaction does."""
-        raise NotImplementedError(f"{type(self).__name__} must define natural_length")
+        raise self._lacks("natural_length")
 
-    def surface(self, x: ArrayLike, y: ArrayLike) -> FloatArray:
+    def surface(self, x: ArrayLike, y: ArrayLike) -> Array:
         """Return the height above the point that is first to touch, at places in the plane.
 
         Parameters
@@ -73,21 +74,27 @@ class TipShape:
         heights
             Of the common shape, 0 where the tip is lowest; infinite beyond a tip of finite extent.
         """
-        raise NotImplementedError(f"{type(self).__name__} must define surface(x, y)")
+        raise self._lacks("surface(x, y)")
 
     def reduced_scales(self, adhesion_length: float) -> tuple[float, float]:
-        """Return the units (X, Z) in plane and along the normal with Z² = L X, as in (23), (24).
+        """Return the units in plane and along the normal, X = R^(2/3) L^(1/3) and Z = R^(1/3) L^(2/3), (23), (24).
+
+        R is `natural_length`; a tip that is no paraboloid at its apex has others, with Z² = L X.
 
         Parameters
         ----------
         adhesion_length
             L = |Δγ|/E.
         """
-        raise NotImplementedError(f"{type(self).__name__} must define reduced_scales(adhesion_length)")
+        r, h = math.cbrt(self.natural_length), math.cbrt(adhesion_length)
+        return r * r * h, r * h * h
 
-    def scaled(self, in_plane: float, normal: float) -> TipShape:
+    def scaled(self, in_plane: float, normal: float) -> Self:
         """Return the tip in other units, worth `in_plane` (lengths in the plane) and `normal` (heights) of these."""
-        raise NotImplementedError(f"{type(self).__name__} must define scaled(in_plane, normal)")
+        raise self._lacks("scaled(in_plane, normal)")
+
+    def _lacks(self, what: str) -> NotImplementedError:
+        return NotImplementedError(f"{type(self).__name__} must define {what}")
 
     def parameters(self) -> dict[str, Any]:
         """Return the fields from which the tip can be made again, by name."""
@@ -102,8 +109,9 @@ class TipShape:
 class Tip(TipShape):
     """A rigid tip with the axisymmetric profile z(r), z(0) = 0. All functions of radii take and return any shape.
 
-    A new shape writes `natural_length`, `height`, `height_derivative`, `transform`, `transform_derivative`,
-    `reduced_scales` and `scaled`; the rest is done by Gauss-Legendre quadrature unless the shape has it in closed form,
+    A new shape writes `natural_length`, `height`, `height_derivative`, `transform`, `transform_derivative` and
+    `scaled`, and `reduced_scales` if its apex is no paraboloid; the rest is done by Gauss-Legendre quadrature unless
+    the shape has it in closed form,
     to rounding where the transform is analytic.
     """
 
@@ -122,59 +130,50 @@ class Tip(TipShape):
         """The exponent n with which the profile starts, z ∝ r^n."""
         return 2.0
 
-    def surface(self, x: ArrayLike, y: ArrayLike) -> FloatArray:
+    def surface(self, x: ArrayLike, y: ArrayLike) -> Array:
         """Return z(√(x² + y²))."""
         return self.height(np.hypot(x, y))
 
-    def height(self, r: ArrayLike) -> FloatArray:
+    def height(self, r: ArrayLike) -> Array:
         """Return the profile z(r)."""
-        raise NotImplementedError(f"{type(self).__name__} must define height(r)")
+        raise self._lacks("height(r)")
 
-    def height_derivative(self, r: ArrayLike) -> FloatArray:
+    def height_derivative(self, r: ArrayLike) -> Array:
         """Return z'(r)."""
-        raise NotImplementedError(f"{type(self).__name__} must define height_derivative(r)")
+        raise self._lacks("height_derivative(r)")
 
-    def transform(self, t: ArrayLike) -> FloatArray:
+    def transform(self, t: ArrayLike) -> Array:
         """Return ζ(t) = t ∫_0^t z'(r)/√(t²-r²) dr, the displacement at which the tip's contact radius is t."""
-        raise NotImplementedError(f"{type(self).__name__} must define transform(t)")
+        raise self._lacks("transform(t)")
 
-    def transform_derivative(self, t: ArrayLike) -> FloatArray:
+    def transform_derivative(self, t: ArrayLike) -> Array:
         """Return ζ'(t)."""
-        raise NotImplementedError(f"{type(self).__name__} must define transform_derivative(t)")
+        raise self._lacks("transform_derivative(t)")
 
-    def transform_integral(self, a: ArrayLike) -> FloatArray:
+    def transform_integral(self, a: ArrayLike) -> Array:
         """Return ∫_0^a ζ dt."""
-        x, w = gauss_rule()
-        end = np.asarray(a, dtype=np.float64)
-        return np.asarray(end * (self.transform(end[..., None] * x) @ w))
+        return self._integral(a, 1)
 
-    def transform_square_integral(self, a: ArrayLike) -> FloatArray:
+    def transform_square_integral(self, a: ArrayLike) -> Array:
         """Return ∫_0^a ζ² dt."""
+        return self._integral(a, 2)
+
+    def _integral(self, a: ArrayLike, power: int) -> Array:
+        """Return ∫_0^a ζ^m dt."""
         x, w = gauss_rule()
         end = np.asarray(a, dtype=np.float64)
-        return np.asarray(end * (self.transform(end[..., None] * x) ** 2 @ w))
+        return np.asarray(end * (self.transform(end[..., None] * x) ** power @ w))
 
-    def contact_radius(self, y: ArrayLike) -> FloatArray:
-        """Return a ≥ 0 with ζ(a) = y ≥ 0, by bisection and Newton's method within the bracket."""
-        wanted = np.asarray(y, dtype=np.float64)
-        low = np.zeros_like(wanted)
-        high = np.full_like(wanted, self.natural_length)
-        while np.any(short := self.transform(high) < wanted):
-            high = np.where(short, 2.0 * high, high)
-        a = 0.5 * (low + high)
-        for _ in range(200):
-            excess = self.transform(a) - wanted
-            low, high = np.where(excess <= 0.0, a, low), np.where(excess >= 0.0, a, high)
-            with np.errstate(divide="ignore", invalid="ignore"):
-                step = a - excess / self.transform_derivative(a)
-            inside = (step > low) & (step < high)
-            new = np.where(inside, step, 0.5 * (low + high))
-            if np.all(np.abs(new - a) <= 4e-16 * new):
-                break
-            a = new
-        return np.where(wanted == 0.0, 0.0, a)
+    def contact_radius(self, y: ArrayLike) -> Array:
+        """Return a ≥ 0 with ζ(a) = y ≥ 0."""
+        solve = np.vectorize(lambda wanted: inverse(self.transform, wanted, self.natural_length), otypes=[float])
+        return np.asarray(solve(y))
 
-    def shape_gap(self, rho: ArrayLike, a: float) -> tuple[FloatArray, FloatArray]:
+    def radius_at(self, height: float) -> float:
+        """Return the radius at which the profile has a height; where the tip ends if it is lower."""
+        return inverse(self.height, height, 1.0, self.extent)
+
+    def shape_gap(self, rho: ArrayLike, a: float) -> tuple[Array, Array]:
         """Return the gap around a contact of radius `a` without interaction, and its derivative with respect to `a`.
 
         Parameters
@@ -196,7 +195,7 @@ class Tip(TipShape):
         gap[~near], slope[~near] = self._gap_far(rho[~near], a)
         return gap, slope
 
-    def _gap_near(self, rho: FloatArray, a: float) -> tuple[FloatArray, FloatArray]:
+    def _gap_near(self, rho: Array, a: float) -> tuple[Array, Array]:
         """Return gap and slope for ρ < a: with τ = ρ sin ψ, t² = a² + τ², g = (2/π) ∫_0^(π/2) (ζ(t) - ζ(a)) τ/t dψ."""
         x, w = gauss_rule()
         tau = rho[..., None] * np.sin(0.5 * math.pi * x)
@@ -207,7 +206,7 @@ class Tip(TipShape):
         turn = (self.transform_derivative(t) * (a / t) - slope_at_rim - rise * (a / (t * t))) * ratio
         return (rise * ratio) @ w, turn @ w
 
-    def _gap_far(self, rho: FloatArray, a: float) -> tuple[FloatArray, FloatArray]:
+    def _gap_far(self, rho: Array, a: float) -> tuple[Array, Array]:
         """Return gap and slope for ρ ≥ a: with t = r sin θ, g = (2/π) ∫ (ζ(t) - ζ(a)) dθ from arcsin(a/r) to π/2."""
         x, w = gauss_rule()
         r2 = rho * rho + a * a
@@ -222,16 +221,20 @@ class Tip(TipShape):
         factor = (2.0 / math.pi) * angle
         return factor * (rise @ w), factor * (turn @ w)
 
-    def _rise(self, a: float, tau: FloatArray, t: FloatArray) -> FloatArray:
+    def _rise(self, a: float, tau: Array, t: Array) -> Array:
         """Return ζ(t) - ζ(a) for t² = a² + τ²; shapes override it that have it without cancellation."""
         return self.transform(t) - float(self.transform(a))
 
-    def scaled(self, in_plane: float, normal: float) -> Tip:
-        """Return the tip in other units, worth `in_plane` (radii) and `normal` (heights) of the present ones."""
-        raise NotImplementedError(f"{type(self).__name__} must define scaled(in_plane, normal)")
 
+def inverse(function: Callable[[float], Any], value: float, first: float, end: float = math.inf) -> float:
+    """Return x ≥ 0 at which a function that rises from 0 has a `value`; `end` if it is less up to there.
 
-def parabolic_scales(radius: float, adhesion_length: float) -> tuple[float, float]:
-    """Return X = R^(2/3) L^(1/3) and Z = R^(1/3) L^(2/3), (23) and (24)."""
-    r, h = math.cbrt(radius), math.cbrt(adhesion_length)
-    return r * r * h, r * h * h
+    `first` is where the search begins.
+    """
+    high = first
+    while high < end and float(function(high)) < value:
+        high *= 2.0
+    high = min(high, end)
+    if float(function(high)) <= value:
+        return high
+    return float(scipy.optimize.brentq(lambda x: float(function(x)) - value, 0.0, high, xtol=1e-300, rtol=1e-15))

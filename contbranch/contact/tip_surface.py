@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from contbranch.contact.tip_shape import TipShape, parabolic_scales
-from contbranch.contact.units import positive_number
+from contbranch.arrays import Array
+from contbranch.contact.tip_shape import TipShape
+from contbranch.contact.units import make_positive
 
 if TYPE_CHECKING:
     from contbranch.contact.tips import Parabola
@@ -31,15 +32,14 @@ class EllipticParaboloid(TipShape):
         R_x, R_y > 0, the principal radii of curvature along x and y, lengths.
     """
 
-    name: ClassVar[str] = "elliptic-paraboloid"
+    name = "elliptic-paraboloid"
     dimensions: ClassVar[Mapping[str, str]] = {"radius_x": "length", "radius_y": "length"}
 
     radius_x: float
     radius_y: float
 
     def __post_init__(self) -> None:
-        for name in ("radius_x", "radius_y"):
-            object.__setattr__(self, name, positive_number(getattr(self, name), name))
+        make_positive(self, *self.parameters())
 
     @property
     def axisymmetric(self) -> Parabola | None:
@@ -60,13 +60,9 @@ class EllipticParaboloid(TipShape):
         """R = √(R_x R_y)."""
         return math.sqrt(self.radius_x) * math.sqrt(self.radius_y)
 
-    def surface(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
+    def surface(self, x: ArrayLike, y: ArrayLike) -> Array:
         """Return x²/(2 R_x) + y²/(2 R_y)."""
         return np.asarray(np.square(x) / (2.0 * self.radius_x) + np.square(y) / (2.0 * self.radius_y))
-
-    def reduced_scales(self, adhesion_length: float) -> tuple[float, float]:
-        """Return X = R^(2/3) L^(1/3) and Z = R^(1/3) L^(2/3) with R = √(R_x R_y), (23) and (24)."""
-        return parabolic_scales(self.natural_length, adhesion_length)
 
     def scaled(self, in_plane: float, normal: float) -> EllipticParaboloid:
         """Return the paraboloid in other units."""

@@ -13,9 +13,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any, Final, TypeVar
 
-import numpy as np
-from numpy.typing import NDArray
-
+from contbranch.arrays import Array
 from contbranch.errors import InputError
 
 __all__ = [
@@ -24,13 +22,14 @@ __all__ = [
     "Scales",
     "Units",
     "finite_number",
+    "make_positive",
     "maugis_to_reduced",
     "parse",
     "positive_number",
     "reduced_to_maugis",
 ]
 
-Value = TypeVar("Value", float, NDArray[np.float64])
+Value = TypeVar("Value", float, Array)
 
 # dimension -> (unit of the document, the same for pint, an example of a right value)
 _DIMENSIONS: Final[dict[str, tuple[str, str, str]]] = {
@@ -127,6 +126,12 @@ def positive_number(value: object, field: str) -> float:
     if number <= 0.0:
         raise InputError(f"{field}: {number:g}; must be greater than zero")
     return number
+
+
+def make_positive(part: object, *names: str) -> None:
+    """Replace fields of a frozen dataclass by floats; InputError, naming the field, unless positive and finite."""
+    for name in names:
+        object.__setattr__(part, name, positive_number(getattr(part, name), name))
 
 
 def parse(value: object, dimension: str, field: str) -> float:
@@ -269,6 +274,17 @@ class Scales:
     def stiffness(self) -> float:
         """Unit of the stiffness dF/dd, E X."""
         return self.modulus * self.in_plane
+
+    @property
+    def of_fields(self) -> dict[str, float]:
+        """The unit of every quantity by the name that results give it."""
+        return {
+            "load": self.load,
+            "energy": self.energy,
+            **dict.fromkeys(("pressure", "wall_pressure"), self.pressure),
+            **dict.fromkeys(("contact_radius", "r", "x", "y"), self.in_plane),
+            **dict.fromkeys(("displacement", "central_gap", "mean_gap", "gap"), self.normal),
+        }
 
 
 # (43)-(46): one Maugis unit in reduced units. Maugis takes πΔγ for Δγ and 4E/3 (misprinted 3E/4) for E.

@@ -18,10 +18,8 @@ from typing import Any, Literal, Protocol
 
 import numpy as np
 import numpy.typing as npt
-from scipy import sparse
+import scipy
 from scipy.linalg.lapack import dgetrf, dgetrs
-from scipy.sparse import csgraph
-from scipy.sparse import linalg as sparse_linalg
 
 from contbranch.continuation.problem import Array
 
@@ -101,7 +99,7 @@ class SparseBordered:
 
     def __init__(self, jacobian: Any, b: Array, c: Array, d: float):
         self._n = b.size
-        csc = sparse.csc_array(jacobian)
+        csc = scipy.sparse.csc_array(jacobian)
         if not csc.has_canonical_format:
             csc = csc.copy()  # the caller's own stays as it is
             csc.sum_duplicates()
@@ -109,7 +107,7 @@ class SparseBordered:
         self._order = _order(self._n, csc.indptr.astype(np.int32).tobytes(), csc.indices.astype(np.int32).tobytes())
         matrix = bordered_matrix(csc[self._order][:, self._order], b[self._order], c[self._order], d)
         try:
-            self._lu: Any = sparse_linalg.splu(matrix, permc_spec="NATURAL")
+            self._lu: Any = scipy.sparse.linalg.splu(matrix, permc_spec="NATURAL")
         except RuntimeError as error:
             raise SingularBorderedError("The bordered matrix is singular.") from error
 
@@ -140,16 +138,16 @@ def _order(n: int, starts: bytes, rows: bytes) -> npt.NDArray[np.intp]:
     The factorisation that finds it is that of a dominant diagonal, so that it does not pivot.
     """
     indptr, indices = np.frombuffer(starts, dtype=np.int32), np.frombuffer(rows, dtype=np.int32)
-    pattern = sparse.csc_array((np.full(indices.size, 1e-3), indices, indptr), shape=(n, n))
-    matrix = sparse.csc_array(pattern + sparse.eye_array(n) * n)
-    return np.argsort(sparse_linalg.splu(matrix, permc_spec="MMD_AT_PLUS_A").perm_c)
+    pattern = scipy.sparse.csc_array((np.full(indices.size, 1e-3), indices, indptr), shape=(n, n))
+    matrix = scipy.sparse.csc_array(pattern + scipy.sparse.eye_array(n) * n)
+    return np.argsort(scipy.sparse.linalg.splu(matrix, permc_spec="MMD_AT_PLUS_A").perm_c)
 
 
 def _parity(permutation: Any) -> int:
     """Return 0 for an even and 1 for an odd permutation: its length minus its number of cycles, modulo 2."""
     n = permutation.size
-    graph = sparse.csr_array((np.ones(n, dtype=np.int8), permutation, np.arange(n + 1)), shape=(n, n))
-    cycles = csgraph.connected_components(graph, directed=False, return_labels=False)
+    graph = scipy.sparse.csr_array((np.ones(n, dtype=np.int8), permutation, np.arange(n + 1)), shape=(n, n))
+    cycles = scipy.sparse.csgraph.connected_components(graph, directed=False, return_labels=False)
     return int((n - cycles) % 2)
 
 
@@ -184,7 +182,7 @@ class MatrixFreeBordered:
         def apply(y: Array) -> Array:
             return np.append(operator @ y[:n] + b * y[n], c @ y[:n] + d * y[n])
 
-        self._operator = sparse_linalg.LinearOperator((n + 1, n + 1), matvec=apply, dtype=np.float64)
+        self._operator = scipy.sparse.linalg.LinearOperator((n + 1, n + 1), matvec=apply, dtype=np.float64)
         self._preconditioner = None
         if preconditioner is not None:
             inverse_b = preconditioner(b)
@@ -197,7 +195,9 @@ class MatrixFreeBordered:
                 a = (y[n] - float(c @ inverse_f)) / schur
                 return np.append(inverse_f - inverse_b * a, a)
 
-            self._preconditioner = sparse_linalg.LinearOperator((n + 1, n + 1), matvec=approximate, dtype=np.float64)
+            self._preconditioner = scipy.sparse.linalg.LinearOperator(
+                (n + 1, n + 1), matvec=approximate, dtype=np.float64
+            )
 
     def solve(self, f: Array, g: float) -> tuple[Array, float]:
         """Return (u, a) for the right-hand side (f, g)."""
@@ -214,7 +214,7 @@ class MatrixFreeBordered:
 
     def _gmres(self, rhs: Array, tolerance: float) -> Array:
         restart = min(self._n + 1, 200)
-        solution, _ = sparse_linalg.gmres(
+        solution, _ = scipy.sparse.linalg.gmres(
             self._operator, rhs, rtol=tolerance, restart=restart, maxiter=5, M=self._preconditioner
         )
         return np.asarray(solution)
@@ -244,7 +244,7 @@ def factorise(
     """
     if isinstance(jacobian, np.ndarray):
         return DenseBordered(jacobian, b, c, d)
-    if bool(sparse.issparse(jacobian)):
+    if not isinstance(jacobian, np.ndarray) and bool(scipy.sparse.issparse(jacobian)):
         if b.size <= DENSE_UP_TO:
             return DenseBordered(jacobian.toarray(), b, c, d)
         return SparseBordered(jacobian, b, c, d)
@@ -255,7 +255,7 @@ def factorise(
 
 def as_matrix(jacobian: Any) -> Any:
     """Return a Jacobian as a matrix that can be transposed; an operator shows its columns."""
-    if bool(sparse.issparse(jacobian)):
+    if not isinstance(jacobian, np.ndarray) and bool(scipy.sparse.issparse(jacobian)):
         return jacobian
     return jacobian @ np.eye(jacobian.shape[0]) if hasattr(jacobian, "matvec") else np.asarray(jacobian, dtype=float)
 
@@ -263,7 +263,10 @@ def as_matrix(jacobian: Any) -> Any:
 def bordered_matrix(jacobian: Any, b: Array, c: Array, d: float) -> Any:
     """Return the matrix [J b; cᵀ d], dense or sparse like J."""
     matrix, corner = as_matrix(jacobian), np.array([[d]])
-    if bool(sparse.issparse(matrix)):
-        blocks = [[matrix, sparse.csc_array(b[:, None])], [sparse.csc_array(c[None, :]), sparse.csc_array(corner)]]
-        return sparse.block_array(blocks, format="csc")
+    if not isinstance(matrix, np.ndarray) and bool(scipy.sparse.issparse(matrix)):
+        blocks = [
+            [matrix, scipy.sparse.csc_array(b[:, None])],
+            [scipy.sparse.csc_array(c[None, :]), scipy.sparse.csc_array(corner)],
+        ]
+        return scipy.sparse.block_array(blocks, format="csc")
     return np.block([[matrix, b[:, None]], [c[None, :], corner]])

@@ -77,7 +77,7 @@ def land(segment: Segment, edge: float, options: Options, beyond: float = 1.0) -
     size = segment.metric.norm(problem, tangent_x, tangent_p)
     if abs(tangent_p) / segment.metric.parameter_scale > 1e-3 * size:
         fixed = (np.zeros_like(x), math.copysign(1.0, tangent_p) / segment.metric.parameter_scale)
-        corrected = correct(problem, x, edge, fixed, segment.metric, tolerance=options.tolerance, noise=options.noise)
+        corrected = correct(problem, (x, edge), fixed, segment.metric, options)
         point = to_point(problem, corrected, segment.metric)
         away = segment.metric.norm(problem, point.x - x, 0.0)
         if away <= 0.2 * segment.length:

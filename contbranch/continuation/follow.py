@@ -102,11 +102,9 @@ class _Direction:
         failure = CorrectionError(Outcome.STEP_TOO_SMALL, "(The curve turns too sharply.)")
         while step >= options.smallest_step:
             foretold = predictor.at(step)
-            x, p = predictor.chosen(foretold, count, 0.5 * options.angle_limit * step)
+            near = predictor.chosen(foretold, count, 0.5 * options.angle_limit * step)
             try:
-                corrected = correct(
-                    here.problem, x, p, predictor.row, metric, tolerance=options.tolerance, noise=options.noise
-                )
+                corrected = correct(here.problem, near, predictor.row, metric, options)
                 end = to_point(here.problem, corrected, metric, options.detect_branch_points)
                 judgement = judge(here, end, corrected, metric, options)
                 longest, count = predictor.longest(step, foretold, end, growth)

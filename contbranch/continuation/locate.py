@@ -8,6 +8,9 @@ __all__ = ["Sample", "find_root"]
 
 Sample = tuple[float, float]
 
+# A position is good enough if the secant's estimate of its error is by this factor.
+MARGIN = 4.0
+
 
 def find_root(
     function: Callable[[float], float],
@@ -52,6 +55,9 @@ def find_root(
     for _ in range(100):
         x = a + t * (b - a)
         fx = function(x)
+        # By the secant's slope, which may be several times the one at the zero.
+        if fx != fa and MARGIN * abs(fx * (x - a) / (fx - fa)) <= tolerance + relative * abs(x):
+            return x
         if (fx > 0) == (fa > 0):
             c, fc = a, fa
         else:

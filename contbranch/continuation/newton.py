@@ -10,6 +10,7 @@ import numpy as np
 from contbranch.continuation.bordered import Bordered, SingularBorderedError, factorise
 from contbranch.continuation.curve import Outcome
 from contbranch.continuation.metric import Metric
+from contbranch.continuation.options import Options
 from contbranch.continuation.problem import Array, Linearisation, Problem
 
 __all__ = ["Corrected", "CorrectionError", "correct", "correct_start", "linearise", "residual", "tangent_at"]
@@ -18,8 +19,8 @@ ROUNDING = float(np.finfo(float).eps)
 # A tangent comes from the last Jacobian evaluated; this bounds its distance from the corrected point (in the metric).
 TANGENT_DISTANCE = 1e-4
 PRECISE_TANGENT_DISTANCE = 1e-10
-# Corrections below this multiple of rounding that no longer contract are rounding themselves.
-NOISE = 1e3
+# Most corrections of a predicted point; what does not contract is given up earlier.
+ITERATIONS = 10
 
 
 class CorrectionError(Exception):
@@ -92,17 +93,13 @@ def solve(bordered: Bordered, f: Array, g: float, p: float) -> tuple[Array, floa
 
 def correct(
     problem: Problem,
-    x: Array,
-    p: float,
+    near: tuple[Array, float],
     row: tuple[Array, float],
     metric: Metric,
-    *,
-    tolerance: float = 1e-10,
-    maximum_iterations: int = 8,
+    options: Options,
     precise: bool = False,
-    noise: float = NOISE,
 ) -> Corrected:
-    """Correct a predicted point onto the curve, in the plane through it that `row` is normal to.
+    """Correct a predicted point (x, p) onto the curve, in the plane through it that `row` is normal to.
 
     Newton's method on
 
@@ -117,12 +114,14 @@ def correct(
     CorrectionError
         If the iteration does not contract, or the problem fails.
     """
-    near = PRECISE_TANGENT_DISTANCE if precise else TANGENT_DISTANCE
+    x, p = near
+    tolerance, noise = options.tolerance, options.noise
+    close = PRECISE_TANGENT_DISTANCE if precise else TANGENT_DISTANCE
     floor = _rounding_floor(problem, x, p, metric)
     first = previous = math.inf
     contraction = 0.0
     worst = 0.0
-    for iteration in range(1, maximum_iterations + 1):
+    for iteration in range(1, ITERATIONS + 1):
         at = linearise(problem, x, p)
         bordered = border(problem, x, p, at, row)
         dx, dp = solve(bordered, -at[0], 0.0, p)
@@ -134,7 +133,7 @@ def correct(
             done = size <= max(tolerance, floor)
         else:
             contraction = size / previous if previous > 0 else 0.0
-            done = size <= max(near, floor) and contraction**2 * size <= max(tolerance, floor)
+            done = size <= max(close, floor) and contraction**2 * size <= max(tolerance, floor)
             # What no longer contracts close to rounding is as good as it gets.
             done = done or (size <= noise * floor and contraction > 0.1)
             if not done and (contraction > 0.5 or not math.isfinite(size)):

@@ -78,7 +78,7 @@ def _in_plane(
     if not (size > 0 and math.isfinite(size)):
         raise CorrectionError(Outcome.STEP_TOO_SMALL, "(The step has no length.)")
     row = metric.row(problem, direction[0] / size, direction[1] / size)
-    corrected = correct(problem, *near, row, metric, tolerance=options.tolerance, noise=options.noise, precise=precise)
+    corrected = correct(problem, near, row, metric, options, precise)
     return to_point(problem, corrected, metric, sign=False), corrected.bordered
 
 
@@ -109,9 +109,7 @@ def adapted(point: Point, metric: Metric, options: Options) -> tuple[Point, Call
     direction = _direction(point, offer, metric)
     size = metric.norm(offer.problem, *direction)
     row = metric.row(offer.problem, direction[0] / size, direction[1] / size)
-    corrected = correct(
-        offer.problem, offer.x, point.parameter, row, metric, tolerance=options.tolerance, noise=options.noise
-    )
+    corrected = correct(offer.problem, (offer.x, point.parameter), row, metric, options)
     return annotated(to_point(offer.problem, corrected, metric), label=point.label), offer.transfer
 
 

@@ -22,10 +22,10 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -35,9 +35,8 @@ from contbranch.continuation.newton import border, linearise, solve
 from contbranch.continuation.problem import Array
 from contbranch.control import Control
 from contbranch.curve.events import FoldEvent, rates
-from contbranch.curve.problem import Defect, EquilibriumProblem, Rates, Values, equilibrium
+from contbranch.curve.problem import Defect, EquilibriumProblem, Rates, equilibrium
 from contbranch.errors import ModelError
-from contbranch.results.profile import Profile
 
 __all__ = ["Augmented", "Condition", "Fold", "Held", "Locus", "Other", "augmented", "direction"]
 
@@ -167,6 +166,11 @@ class Sheet:
     def solve(self, f: Array) -> tuple[Array, float]:
         """The (x, p) with ``R_x x + R_p p = f`` and no component along the border."""
         return solve(self.bordered, f, 0.0, self.point.parameter)
+
+
+def _of_equilibrium(name: str) -> Callable[..., Any]:
+    """A method of the augmented problem that asks the equilibrium's own of that name."""
+    return lambda self, x, p: getattr(self.at(p), name)(*self.split(x))
 
 
 class Augmented(EquilibriumProblem):
@@ -368,9 +372,9 @@ class Augmented(EquilibriumProblem):
         """Of the family's coordinate."""
         return self.locus.interval
 
-    def values(self, x: Array, p: float) -> Values:
-        """Of the equilibrium."""
-        return self.at(p).values(*self.split(x))
+    values, observables, margins, unstable, profile = map(
+        _of_equilibrium, ("values", "observables", "margins", "unstable", "profile")
+    )
 
     def rates(self, x: Array, p: float, x_rate: Array, p_rate: float) -> Rates:
         """Of the equilibrium, by differences; to one side where the other has no states."""
@@ -378,22 +382,6 @@ class Augmented(EquilibriumProblem):
         one, other = [s for s in (RATE_STEP, -RATE_STEP, 0.0) if math.isfinite(self.parameter(w + s * w_rate))][:2]
         there, here = (self.values(x + s * x_rate, p + s * p_rate)[:4] for s in (one, other))
         return Rates(*((a - b) / (one - other) for a, b in zip(there, here, strict=True)))
-
-    def observables(self, x: Array, p: float) -> Mapping[str, float]:
-        """What the equilibrium problem records."""
-        return self.at(p).observables(*self.split(x))
-
-    def margins(self, x: Array, p: float) -> Mapping[str, float]:
-        """Those of the equilibrium."""
-        return self.at(p).margins(*self.split(x))
-
-    def unstable(self, x: Array, p: float) -> int:
-        """Morse index of the equilibrium at fixed displacement."""
-        return self.at(p).unstable(*self.split(x))
-
-    def profile(self, x: Array, p: float) -> Profile:
-        """Of the equilibrium."""
-        return self.at(p).profile(*self.split(x))
 
     # -- discretisations ----------------------------------------------------------------------------------------------
     def adapt(self, x: Array, p: float) -> Adaptation | None:

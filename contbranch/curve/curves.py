@@ -208,7 +208,7 @@ class FollowedCurves:
             lost = [jump for jump in jumps if jump.end is None and jump.direction > 0]
             if not (lost and curve.complete):
                 break
-            value = control.value(lost[0].begin.state.load, lost[0].begin.state.displacement)
+            value = control.of(lost[0].begin.state)
             request = replace(request, target=value + BEYOND * max(1.0, abs(value)), held=control)
         notes = [landed(self.contact, *note) for note in walk.notes]
         return Route(walk, legs, jumps, curve, curve.complete, " ".join([curve.message, *notes]).strip())

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from contbranch.contact.family import Family
-from contbranch.continuation import CorrectionError, End, Event, Outcome, Point, Segment, StopAt, correct
+from contbranch.continuation import CorrectionError, End, Event, Options, Outcome, Point, Segment, StopAt, correct
 from contbranch.continuation.edge import Range, land
 from contbranch.continuation.follow import follow
 from contbranch.continuation.problem import Array
@@ -18,6 +18,7 @@ from contbranch.continuation.walk import annotated, to_point
 from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.curve.augmented import STEPS, Augmented, Condition, Fold, Held, Locus, Other, augmented, direction
 from contbranch.curve.events import Margin, rates
+from contbranch.curve.outcome import measured
 from contbranch.curve.problem import equilibrium
 from contbranch.curve.refine import Found, moved, refine, settled
 from contbranch.errors import ModelError
@@ -40,6 +41,8 @@ LEAST_SIZE = 1e-2
 REMESHES = 3
 # Relative to their place in a step, events are located so coarsely while following; they are refined afterwards.
 COARSE = 0.03
+# How far points on the curve are corrected.
+PRECISE = Options(tolerance=1e-12, noise=1e8)
 # What differences leave undecided of a tangent's component.
 TANGENT_NOISE = 2e-10
 CUSP = "Two folds merge: a cusp. The curve goes on as the other fold."
@@ -50,7 +53,6 @@ MET = "A fold of this control lies at the same state."
 THROUGH = "The fold passes first touch: on one side it has contact, on the other none."
 CORNER = "Two folds, one with contact and one without, meet at first touch and end there: a kinked cusp."
 AT_TOUCH = "The event lies exactly at first touch."
-KEYS = ("load", "displacement", "contact_radius", "central_gap")
 ENDED = (Outcome.REACHED_EDGE, Outcome.STARTED_ON_EDGE)
 
 
@@ -229,7 +231,11 @@ class EventCurve:
         edged = not self.touching and np.isfinite(problem.base.parameter_range).any()
         events = [*self.meetings.values(), *margins, *([Edge(beside)] if edged else [])]
         branch = follow(start, problem.balance(start), self.interval, STEPS, events, StopAt(predicate=self._told))
-        return branch.points, branch.end
+        # Where the interaction has become negligible within the last step, what follows is rounding.
+        last = next((k for k, point in enumerate(branch.points) if self._far(point)), None)
+        if last is None:
+            return branch.points, branch.end
+        return [*branch.points[:last], replace(branch.points[last], label="")], End(Outcome.STOPPED_BY_PREDICATE)
 
     def _told(self, point: Point) -> bool:
         """Report progress; whether the curve is to end."""
@@ -326,11 +332,10 @@ class EventCurve:
         """In the contact's units."""
         self.worst = max(self.worst, found.relative_error())
         scales = self.family.reduced(at.parameter)[1]
-        units = scales.load, scales.normal, scales.in_plane, scales.normal
-        load, displacement, radius, gap = (value * unit for value, unit in zip(found.numbers, units, strict=True))
-        error = {key: float(e) * unit for key, e, unit in zip(KEYS, found.error, units, strict=True)}
-        error[self.family.name] = of_value
-        return FollowedPoint(self.family.name, self._value(at.parameter), load, displacement, radius, gap, error)
+        error = {**measured(found.error, scales), self.family.name: of_value}
+        return FollowedPoint(
+            self.family.name, self._value(at.parameter), **measured(found.numbers, scales), error=error
+        )
 
     def _row(self, point: Point) -> FollowedPoint:
         """The event at the parameter of a point of the curve, located there on discretisations made for it."""
@@ -428,7 +433,7 @@ def _solved(problem: Augmented, z: Array, q: float, place: bool = False) -> Poin
     """
     row = np.append(np.zeros(z.size - 1), float(place)), float(not place)
     metric = problem.metric(z)
-    corrected = correct(problem, z, q, row, metric, tolerance=1e-12, noise=1e8, precise=True)
+    corrected = correct(problem, (z, q), row, metric, PRECISE, precise=True)
     point = to_point(problem, corrected, metric, sign=False)
     return replace(point, x=np.append(point.x[:-1], z[-1])) if place else replace(point, parameter=q)
 

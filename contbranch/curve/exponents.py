@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from contbranch.arrays import Array
 from contbranch.continuation import CorrectionError, Point
 from contbranch.control import Control
 from contbranch.curve.problem import Rates, equilibrium
@@ -14,8 +14,6 @@ from contbranch.curve.refine import Found, further, moved, numbers, settled
 from contbranch.results.diagram import Exponent, LocalExponent, Window
 
 __all__ = ["critical_exponent", "crossover_excess", "fitted_window", "sampled_exponent"]
-
-Array = NDArray[np.float64]
 
 # The window of the excess (reduced units) over which a power law is fitted.
 WINDOW = (1e-2, 1e1)
@@ -192,10 +190,8 @@ def fitted_window(local: LocalExponent, start: float, stop: float) -> Window | N
     x, y = np.log(local.excess[inside]), np.log(local.order_parameter[inside])
     # Samples crowd where the curve was cheap; every decade is to count the same.
     weights = np.gradient(x)
-    mean = np.average(x, weights=weights)
-    spread = np.average((x - mean) ** 2, weights=weights)
-    kappa = float(np.average((x - mean) * y, weights=weights) / spread)
-    intercept = float(np.average(y, weights=weights) - kappa * mean)
+    kappa, intercept = (float(value) for value in np.polyfit(x, y, 1, w=np.sqrt(weights)))
+    spread = float(np.cov(x, aweights=weights, ddof=0))
     misfit = np.average((y - intercept - kappa * x) ** 2, weights=weights)
     error = float(np.ptp(local.kappa[inside]) / 2 + np.sqrt(misfit / spread / len(x)))
     return Window(

@@ -7,8 +7,8 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from contbranch.arrays import Array
 from contbranch.continuation import CorrectionError, Linearisation, Point, Problem
 from contbranch.continuation.deflation import search
 from contbranch.continuation.newton import tangent_at
@@ -20,8 +20,6 @@ from contbranch.curve.solve import Crossing
 from contbranch.curve.track import Track
 
 __all__ = ["HeldProblem", "disconnected"]
-
-Array = NDArray[np.float64]
 
 # Rows from which the search starts in each representation.
 ROWS = 6

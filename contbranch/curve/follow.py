@@ -11,13 +11,14 @@ from contbranch.contact.family import Family, Vary, family_of
 from contbranch.contact.units import finite_number
 from contbranch.continuation import Point
 from contbranch.control import Control, as_control
-from contbranch.curve.event_curve import KEYS, EventCurve, condition_for
+from contbranch.curve.event_curve import EventCurve, condition_for
 from contbranch.curve.outcome import Origin
 from contbranch.curve.problem import EquilibriumProblem, equilibrium
 from contbranch.curve.symmetry import SymmetryEvent
 from contbranch.errors import InputError
 from contbranch.results.diagram import Cost, Event, ModelChoice
 from contbranch.results.followed import Followed
+from contbranch.results.record import OBSERVABLES
 from contbranch.threads import one_thread
 
 __all__ = ["follow", "followed"]
@@ -107,11 +108,11 @@ def followed(
     before = work.newton
     curve = EventCurve(family, condition_for(family, place, control, what), goals, accuracy, progress)
     curve.trace(place)
-    columns = {family.name: "value", **{key: key for key in KEYS}}
+    columns = {family.name: "value", **{key: key for key in OBSERVABLES}}
     return Followed(
         parameter=family.name,
         curve={name: np.array([getattr(row, key) for row in curve.rows]) for name, key in columns.items()},
-        error={key: np.array([row.error[key] for row in curve.rows]) for key in KEYS},
+        error={key: np.array([row.error[key] for row in curve.rows]) for key in OBSERVABLES},
         special=curve.special,
         event=event,
         contact=family.contact,

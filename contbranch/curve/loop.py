@@ -16,6 +16,7 @@ from contbranch.curve.quasi_static import Jump as RawJump
 from contbranch.curve.quasi_static import Leg, Stop
 from contbranch.results.diagram import Cost, ModelChoice, State
 from contbranch.results.loop import Hysteresis, Jump, Path
+from contbranch.results.record import OBSERVABLES
 from contbranch.threads import one_thread
 
 __all__ = ["loop"]
@@ -87,16 +88,13 @@ class _Loop:
     # -- jumps --------------------------------------------------------------------------------------------------------
     def _jump(self, jump: RawJump) -> Jump:
         begin, end, units = jump.begin, jump.end, self.contact.scales
-        value = self.held.value(begin.state.load, begin.state.displacement)
+        value = self.held.of(begin.state)
         position = value * (units.load if self.held.kind == "load" else units.normal)
         start, name = state_in_units(self.contact, begin.state), self.names.get(jump.row)
         others = tuple(state_in_units(self.contact, stop.state) for stop in jump.others)
         if end is None:
             return Jump(name, position, start, None, None, None, others)
-        before, after = (
-            state.energy + self.held.potential(value, state.load, state.displacement)
-            for state in (begin.state, end.state)
-        )
+        before, after = (self.held.height(value, state) for state in (begin.state, end.state))
         return Jump(
             name,
             position,
@@ -147,7 +145,7 @@ class _Loop:
         parts = [self.walk.work(stops[0], stops[-1]) for stops in ends if stops]
         for jump in self.route.jumps:
             if jump.end is not None:
-                value = self.held.value(jump.begin.state.load, jump.begin.state.displacement)
+                value = self.held.of(jump.begin.state)
                 parts.append(self._driven(value, jump.begin.state, jump.end.state))
         return math.fsum(parts) * self.contact.scales.energy
 
@@ -174,18 +172,12 @@ class _Loop:
         return states
 
     def _path(self) -> Path:
-        scales = self.contact.scales
-        units = {
-            "load": scales.load,
-            "displacement": scales.normal,
-            "contact_radius": scales.in_plane,
-            "central_gap": scales.normal,
-            "energy": scales.energy,
-        }
+        units = self.contact.scales.of_fields
         legs = [self._leg(leg) for leg in self.route.legs]
         states = [state for own in legs for state in own]
         columns: dict[str, Any] = {
-            name: np.array([getattr(state, name) for state in states]) * unit for name, unit in units.items()
+            name: np.array([getattr(state, name) for state in states]) * units[name]
+            for name in (*OBSERVABLES, "energy")
         }
         pairs = zip(columns["load"], columns["displacement"], strict=True)
         lengths = [len(own) for own in legs]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from contbranch.contact.interaction_law import terms_of
 from contbranch.contact.interactions import Interaction, Layered
 from contbranch.results.diagram import Event
 
@@ -11,6 +12,7 @@ __all__ = ["fold_name", "number_layers", "thresholds"]
 
 # Folds at which a control has a maximum along the curve, and a minimum.
 MAXIMA, MINIMA = ("squeeze-out", "jump-in"), ("wetting", "pull-off")
+ATTRACTIVE = (MAXIMA[1], MINIMA[1])
 
 
 def fold_name(interaction: Interaction | None, control: str | None, load: float, lost_on_increase: bool) -> str:
@@ -26,16 +28,13 @@ def fold_name(interaction: Interaction | None, control: str | None, load: float,
     lost_on_increase : bool
         Whether the stable part lies at smaller values of the control.
     """
-    works = [term.work_of_adhesion for term in interaction.terms] if interaction is not None else []
-    mixed = min(works, default=0.0) < 0 < max(works, default=0.0) or any(
-        isinstance(term, Layered) for term in (interaction.terms if interaction is not None else ())
-    )
-    attracts = load < 0 if mixed else max(works, default=0.0) > 0
-    if mixed and control == "load" and lost_on_increase:
-        attracts = False
-    if attracts:
-        return "jump-in" if lost_on_increase else "pull-off"
-    return "squeeze-out" if lost_on_increase else "wetting"
+    terms = terms_of(interaction)
+    works = [term.work_of_adhesion for term in terms]
+    mixed = min(works, default=0.0) < 0 < max(works, default=0.0) or any(isinstance(term, Layered) for term in terms)
+    attracts = max(works, default=0.0) > 0
+    if mixed:
+        attracts = load < 0 and not (control == "load" and lost_on_increase)
+    return (MAXIMA if lost_on_increase else MINIMA)[attracts]
 
 
 def number_layers(
@@ -49,8 +48,7 @@ def number_layers(
     ``jump-in``) and minima (``wetting`` or, where the load is negative, ``pull-off``) are counted apart.
     """
     numbered = list(names)
-    terms = interaction.terms if interaction is not None else ()
-    if not any(isinstance(term, Layered) for term in terms):
+    if not any(isinstance(term, Layered) for term in terms_of(interaction)):
         return numbered
     groups = {group: [k for k, name in enumerate(names) if name in group] for group in (MAXIMA, MINIMA)}
     by_load = {group: [k for k in members if controls[k] == "load"] for group, members in groups.items()}
@@ -79,20 +77,17 @@ def thresholds(events: Sequence[Event], repulsive: bool) -> dict[str, float]:
     others. A repulsion without folds squeezes out continuously, at first touch.
     """
     found: dict[str, float] = {}
-    for control in ("load", "displacement"):
+    for control, with_radius in (("load", ("pull-off", "squeeze-out", "wetting")), ("displacement", ATTRACTIVE)):
         for name in ("pull-off", "jump-in", "squeeze-out", "wetting"):
             named = [e for e in events if e.kind == "fold" and e.control == control and _base(e.name) == name]
-            if not named:
+            if not named or (name == "jump-in" and control == "load"):
                 continue
-            lowest = name in ("pull-off", "wetting")
-            outermost = (min if lowest else max)(named, key=lambda e: getattr(e, control))
+            outermost = (min if name in MINIMA else max)(named, key=lambda e: getattr(e, control))
             key = name.replace("-", "_")
-            if not (name == "jump-in" and control == "load"):
-                found[f"{key}_{control}"] = getattr(outermost, control)
-            if outermost.contact_radius > 0:
-                radius = f"{key}_radius" if control == "load" else f"{key}_displacement_radius"
-                if radius in _RADII:
-                    found[radius] = outermost.contact_radius
+            found[f"{key}_{control}"] = getattr(outermost, control)
+            if outermost.contact_radius > 0 and name in with_radius:
+                radius = "radius" if control == "load" else "displacement_radius"
+                found[f"{key}_{radius}"] = outermost.contact_radius
     touches = [e for e in events if e.kind == "touch"]
     if touches:
         found["touch_load"], found["touch_displacement"] = touches[0].load, touches[0].displacement
@@ -101,15 +96,6 @@ def thresholds(events: Sequence[Event], repulsive: bool) -> dict[str, float]:
                 for name in ("squeeze_out", "wetting"):
                     found[f"{name}_{control}"] = found[f"touch_{control}"]
     return found
-
-
-_RADII = {
-    "pull_off_radius",
-    "squeeze_out_radius",
-    "wetting_radius",
-    "pull_off_displacement_radius",
-    "jump_in_displacement_radius",
-}
 
 
 def _base(name: str | None) -> str | None:

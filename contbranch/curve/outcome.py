@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
 
-import numpy as np
-from numpy.typing import NDArray
-
+from contbranch.arrays import Array, Integers
 from contbranch.contact.contact import Contact
+from contbranch.contact.interaction_law import terms_of
+from contbranch.contact.units import Scales
 from contbranch.control import Control
 from contbranch.curve.naming import fold_name, number_layers, thresholds
 from contbranch.errors import InputError
 from contbranch.results.diagram import (
     Branch,
-    CellFields,
     Cost,
     Diagram,
     Event,
@@ -26,14 +26,13 @@ from contbranch.results.diagram import (
     ModeShape,
     Profile,
     State,
-    Window,
 )
+from contbranch.results.record import OBSERVABLES, Record
 from contbranch.threads import one_thread
 
-__all__ = ["RawCurve", "RawEvent", "assemble", "fold_names", "state_in_reduced", "state_in_units"]
+__all__ = ["RawCurve", "RawEvent", "assemble", "fold_names", "measured", "state_in_reduced", "state_in_units"]
 
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
+Kind = TypeVar("Kind", bound=Record)
 
 
 @dataclass(frozen=True)
@@ -125,16 +124,6 @@ class RawCurve:
         """Error estimates of load and displacement at the rows, (M, 2)."""
         return self.row_errors() if callable(self.row_errors) else self.row_errors
 
-    @property
-    def load_error(self) -> Array:
-        """Error estimates of the load, (M,)."""
-        return self.errors[:, 0]
-
-    @property
-    def displacement_error(self) -> Array:
-        """Error estimates of the displacement, (M,)."""
-        return self.errors[:, 1]
-
 
 @dataclass(frozen=True)
 class Origin:
@@ -145,65 +134,37 @@ class Origin:
     model: str
 
 
-class _Scaling:
-    """From reduced units to a contact's."""
+def measured(values: Sequence[float], scales: Scales) -> dict[str, Any]:
+    """The four observables by name, from reduced units to those of a contact."""
+    units = scales.of_fields
+    return {name: float(value) * units[name] for name, value in zip(OBSERVABLES, values, strict=True)}
 
-    def __init__(self, contact: Contact) -> None:
-        scales = contact.scales
-        self.load, self.normal, self.in_plane = scales.load, scales.normal, scales.in_plane
-        self.energy, self.pressure = scales.energy, scales.pressure
-        self.stiffness = scales.stiffness
-        self.four = (self.load, self.normal, self.in_plane, self.normal)
 
-    def values(self, reduced: Sequence[float]) -> list[float]:
-        return [value * scale for value, scale in zip(reduced, self.four, strict=True)]
+def in_units(record: Kind, scales: Scales, convert: Callable[[Any, float], Any] = operator.mul) -> Kind:
+    """A record with all its quantities in a contact's units; or, with division, in reduced ones."""
+    units = scales.of_fields
+    held = {item.name: getattr(record, item.name) for item in fields(record) if item.name in units}
+    return replace(record, **{name: convert(value, units[name]) for name, value in held.items() if value is not None})
 
-    def profile(self, profile: Profile) -> Profile:
-        return Profile(
-            profile.r * self.in_plane,
-            profile.gap * self.normal,
-            profile.pressure * self.pressure,
-            profile.wall_pressure * self.pressure,
-        )
 
-    def cell(self, fields: CellFields) -> CellFields:
-        return CellFields(
-            fields.x * self.in_plane,
-            fields.y * self.in_plane,
-            fields.gap * self.normal,
-            fields.pressure * self.pressure,
-            fields.wall_pressure * self.pressure,
-        )
+def _exponent(scales: Scales, exponent: Exponent | None, control: str | None) -> Exponent | None:
+    if exponent is None:
+        return None
+    scale, order = _driven(scales, control), scales.of_fields[exponent.order_parameter]
+    window, crossover, prefactor = exponent.window, exponent.crossover_load, exponent.prefactor
+    if window is not None:
+        amplitude = window.prefactor * order / scale**window.kappa
+        window = replace(window, start=window.start * scale, stop=window.stop * scale, prefactor=amplitude)
+    return replace(
+        exponent,
+        crossover_load=None if crossover is None else crossover * scale,
+        window=window,
+        prefactor=None if prefactor is None else prefactor * order / scale**exponent.kappa,
+    )
 
-    def mode_shape(self, shape: ModeShape) -> ModeShape:
-        scale = self.pressure / self.normal
-        return ModeShape(shape.mode, shape.r * self.in_plane, shape.gap, shape.pressure * scale)
 
-    def of(self, control: str | None) -> float:
-        return self.normal if control == "displacement" else self.load
-
-    def order(self, parameter: str) -> float:
-        return self.in_plane if parameter == "contact_radius" else self.normal
-
-    def exponent(self, exponent: Exponent | None, control: str | None) -> Exponent | None:
-        if exponent is None:
-            return None
-        scale, order, window = self.of(control), self.order(exponent.order_parameter), exponent.window
-        return Exponent(
-            exponent.kappa,
-            None if exponent.crossover_load is None else exponent.crossover_load * scale,
-            None
-            if window is None
-            else Window(
-                window.start * scale,
-                window.stop * scale,
-                window.kappa,
-                window.kappa_error,
-                window.prefactor * order / scale**window.kappa,
-            ),
-            None if exponent.prefactor is None else exponent.prefactor * order / scale**exponent.kappa,
-            exponent.order_parameter,
-        )
+def _driven(scales: Scales, control: str | None) -> float:
+    return scales.normal if control == "displacement" else scales.load
 
 
 def fold_names(contact: Contact, events: Sequence[RawEvent]) -> list[str | None]:
@@ -218,63 +179,59 @@ def fold_names(contact: Contact, events: Sequence[RawEvent]) -> list[str | None]
     return number_layers(names, [raw.control for raw in events], contact.interaction)
 
 
-def _event(contact: Contact, scaling: _Scaling, raw: RawEvent, name: str | None, model: str) -> Event:
-    load, displacement, radius, gap = scaling.values(raw.values)
-    keys = ("load", "displacement", "contact_radius", "central_gap")
-    source = raw.exponent
+def _event(contact: Contact, raw: RawEvent, name: str | None, model: str) -> Event:
+    scales, shape, source = contact.scales, raw.mode_shape, raw.exponent
+    if shape is not None:
+        slope = scales.pressure / scales.normal
+        shape = replace(shape, r=shape.r * scales.in_plane, pressure=shape.pressure * slope)
     return Event(
         kind=raw.kind,  # type: ignore[arg-type]
-        load=load,
-        displacement=displacement,
-        contact_radius=radius,
-        central_gap=gap,
-        error=dict(zip(keys, scaling.values(raw.error), strict=True)),
+        **measured(raw.values, scales),
+        error=measured(raw.error, scales),
         control=raw.control,
         name=name,
         message=raw.message,
-        stiffness=None if raw.stiffness is None else raw.stiffness * scaling.stiffness,
+        stiffness=None if raw.stiffness is None else raw.stiffness * scales.stiffness,
         position=float(raw.row) if raw.position is None else raw.position,
         mode=raw.mode,
         verdict=raw.verdict,
-        mode_shape=None if raw.mode_shape is None else scaling.mode_shape(raw.mode_shape),
+        mode_shape=shape,
         origin=None if raw.place is None else Origin(contact, raw, model),
-        critical=None if source is None else one_thread(lambda: scaling.exponent(source(), raw.control)),
+        critical=None if source is None else one_thread(lambda: _exponent(scales, source(), raw.control)),
     )
 
 
-def _branch(scaling: _Scaling, curve: RawCurve) -> Branch:
+def _branch(scales: Scales, curve: RawCurve) -> Branch:
+    units = scales.of_fields
+    observed: dict[str, Any] = {name: getattr(curve, name) * units[name] for name in (*OBSERVABLES, "energy")}
     return Branch(
-        curve.load * scaling.load,
-        curve.displacement * scaling.normal,
-        curve.contact_radius * scaling.in_plane,
-        curve.central_gap * scaling.normal,
-        curve.energy * scaling.energy,
-        curve.unstable_load,
-        curve.unstable_displacement,
-        lambda: curve.load_error * scaling.load,  # type: ignore[arg-type]
-        lambda: curve.displacement_error * scaling.normal,  # type: ignore[arg-type]
-        [lambda source=source: scaling.profile(source()) for source in curve.profiles],  # type: ignore[misc]
-        curve.unstable_spring,
-        curve.unstable_azimuthal,
-        curve.critical,
-        curve.fft_pairs,
+        **observed,
+        unstable_load=curve.unstable_load,
+        unstable_displacement=curve.unstable_displacement,
+        load_error=lambda: curve.errors[:, 0] * scales.load,  # type: ignore[arg-type]
+        displacement_error=lambda: curve.errors[:, 1] * scales.normal,  # type: ignore[arg-type]
+        profiles=[lambda source=source: in_units(source(), scales) for source in curve.profiles],  # type: ignore[misc]
+        unstable_spring=curve.unstable_spring,
+        unstable_azimuthal=curve.unstable_azimuthal,
+        critical=curve.critical,
+        fft_pairs=curve.fft_pairs,
     )
 
 
 def assemble(contact: Contact, curve: RawCurve, choice: ModelChoice, control: Control, accuracy: float) -> Diagram:
     """The diagram of a curve: events named, thresholds collected, everything in the contact's own units."""
-    scaling = _Scaling(contact)
+    scales = contact.scales
     names = fold_names(contact, curve.events)
     named = zip(curve.events, names, strict=True)
-    events = tuple(_event(contact, scaling, raw, name, choice.kind) for raw, name in named)
+    events = tuple(_event(contact, raw, name, choice.kind) for raw, name in named)
     raws = [*curve.events]
-    branches = [_branch(scaling, curve)]
+    branches = [_branch(scales, curve)]
     for number, other in enumerate(curve.others, start=1):
-        branches.append(_branch(scaling, other))
+        branches.append(_branch(scales, other))
         raws += other.events
-        others = (_event(contact, scaling, raw, None, choice.kind) for raw in other.events)
+        others = (_event(contact, raw, None, choice.kind) for raw in other.events)
         events += tuple(replace(event, branch=number) for event in others)
-    terms = contact.interaction.terms if contact.interaction is not None else ()
+    terms = terms_of(contact.interaction)
     repulsive = bool(terms) and all(term.work_of_adhesion < 0 for term in terms)
 
     @one_thread
@@ -285,8 +242,8 @@ def assemble(contact: Contact, curve: RawCurve, choice: ModelChoice, control: Co
         found = raw.local_exponent()
         parameter = "contact_radius" if raw.values[2] > 0 or raw.kind == "touch" else "central_gap"
         return LocalExponent(
-            found.excess * scaling.of(raw.control),
-            found.order_parameter * scaling.order(parameter),
+            found.excess * _driven(scales, raw.control),
+            found.order_parameter * scales.of_fields[parameter],
             found.kappa,
             found.error,
         )
@@ -311,50 +268,17 @@ def assemble(contact: Contact, curve: RawCurve, choice: ModelChoice, control: Co
 
 def state_in_units(contact: Contact, state: State) -> State:
     """A reduced state in the contact's own units."""
-    scaling = _Scaling(contact)
-    keys = ("load", "displacement", "contact_radius", "central_gap")
-    scales = {**dict(zip(keys, scaling.four, strict=True)), "energy": scaling.energy}
-    return State(
-        state.load * scaling.load,
-        state.displacement * scaling.normal,
-        state.contact_radius * scaling.in_plane,
-        state.central_gap * scaling.normal,
-        state.energy * scaling.energy,
-        state.unstable_load,
-        state.unstable_displacement,
-        state.residual,
-        {key: value * scales[key] for key, value in state.error.items()},
-        None if state.profile is None else scaling.profile(state.profile),
-        state.unstable_spring,
-        state.unstable_azimuthal,
-        None if state.mean_gap is None else state.mean_gap * scaling.normal,
-        None if state.in_cell is None else lambda: scaling.cell(state.cell),
+    scales, profile = contact.scales, state.profile
+    return replace(
+        in_units(state, scales),
+        error={name: value * scales.of_fields[name] for name, value in state.error.items()},
+        profile=None if profile is None else in_units(profile, scales),
+        in_cell=None if state.in_cell is None else lambda: in_units(state.cell, scales),
     )
 
 
 def state_in_reduced(contact: Contact, state: State) -> State:
-    """Load, displacement and fields on a cell of a state of a contact, in reduced units; a start for a grid model."""
-    scales = contact.scales
-    source = state.in_cell
-
-    def cell() -> CellFields:
-        own = state.cell
-        return CellFields(
-            own.x / scales.in_plane,
-            own.y / scales.in_plane,
-            own.gap / scales.normal,
-            own.pressure / scales.pressure,
-            own.wall_pressure / scales.pressure,
-        )
-
-    return State(
-        load=state.load / scales.load,
-        displacement=state.displacement / scales.normal,
-        contact_radius=state.contact_radius / scales.in_plane,
-        central_gap=state.central_gap / scales.normal,
-        energy=state.energy / scales.energy,
-        unstable_load=state.unstable_load,
-        unstable_displacement=state.unstable_displacement,
-        residual=state.residual,
-        in_cell=None if source is None else cell,
-    )
+    """A state of a contact in reduced units, with its fields on a cell but no others; a start for a grid model."""
+    scales, divide = contact.scales, operator.truediv
+    cell = None if state.in_cell is None else lambda: in_units(state.cell, scales, divide)
+    return replace(in_units(state, scales, divide), error={}, profile=None, in_cell=cell)

@@ -8,8 +8,8 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from contbranch.arrays import Array, Integers
 from contbranch.continuation import CorrectionError, Point
 from contbranch.control import Control
 from contbranch.curve.outcome import RawEvent
@@ -23,9 +23,6 @@ from contbranch.errors import ModelError
 from contbranch.results.diagram import State
 
 __all__ = ["CurveWalk"]
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 # Quadrature error allowed on a piece, as a share of the accuracy, or in units of rounding.
 SHARE, ROUNDINGS = 0.1, 10.0

@@ -11,15 +11,12 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from contbranch.arrays import Array, Integers
 from contbranch.control import Control
 from contbranch.results.diagram import State
 
 __all__ = ["Jump", "Leg", "Stop", "Walk", "next_along", "quasi_static"]
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -192,10 +189,7 @@ def _jump(walk: Walk, folds: dict[int, Stop], row: int, direction: int, leg: Leg
     is just one that is stable, it is. Between several the relaxation itself decides.
     """
     fold, control = folds[row], walk.control
-    value = control.value(fold.state.load, fold.state.displacement)
-
-    def height(state: State) -> float:
-        return state.energy + control.potential(value, state.load, state.displacement)
+    value = control.of(fold.state)
 
     candidates = []
     outside = walk.before(value) if walk.unstable[0] == 0 and value < walk.values[0] else None
@@ -205,7 +199,7 @@ def _jump(walk: Walk, folds: dict[int, Stop], row: int, direction: int, leg: Leg
         low, high = sorted((walk.values[piece], walk.values[piece + 1]))
         if low < value <= high and piece not in (row - 1, row):
             candidates.append(walk.crossing(int(piece), value))
-    below = [stop for stop in candidates if height(stop.state) < height(fold.state)]
+    below = [stop for stop in candidates if control.height(value, stop.state) < control.height(value, fold.state)]
     # Where the curve need not hold all states, relaxations are followed; under load they may have no end.
     followed = walk.follows and (below or control.kind != "load")
     if len(below) < 2 and not followed:
@@ -232,16 +226,13 @@ def next_along(walk: Walk, fold: Stop, candidates: Sequence[Stop]) -> tuple[Stop
     row, control, unstable, values = fold.row, walk.control, walk.unstable, walk.values
     assert row is not None
     onward = row > 0 and unstable[row - 1] == 0
-    value = control.value(fold.state.load, fold.state.displacement)
+    value = control.of(fold.state)
 
     def beyond(stop: Stop) -> bool:
         return (stop.piece >= row) == onward
 
     def away(stop: Stop) -> float:
         return abs(stop.piece + 0.5 - row)
-
-    def height(state: State) -> float:
-        return state.energy + control.potential(value, state.load, state.displacement)
 
     ahead = [stop for stop in candidates if beyond(stop)]
     if not ahead:
@@ -255,7 +246,8 @@ def next_along(walk: Walk, fold: Stop, candidates: Sequence[Stop]) -> tuple[Stop
         if not beyond(other):  # of the way there the part behind the fold; the other one leads to the state found
             begin, end = (begin, row - 1) if onward else (row + 1, end)
         saddles = [piece for piece in range(max(begin, 0), end) if passed[piece]]
-        return any(height(walk.crossing(piece, value).state) >= height(fold.state) for piece in saddles)
+        level = control.height(value, fold.state)
+        return any(control.height(value, walk.crossing(piece, value).state) >= level for piece in saddles)
 
     neighbours = [
         min(group, key=away)

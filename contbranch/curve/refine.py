@@ -30,12 +30,14 @@ AIM, ROUNDS_OF_AIM = 0.25, 3
 ROUNDS, LARGEST = 6, 1500
 # A finer one that leaves more than this share of the error has not helped; one that makes it so much larger has met
 # round-off.
-GAIN, WORSE = 0.1, 3.0
+GAIN, WORSE = 0.3, 3.0
 # The parameter itself is the coordinate along the curve where it makes up this share of the tangent's length.
 UPRIGHT = 0.3
 ITERATIONS = 14
+# What a rate of the parameter is taken to be at least.
+TINY = 1e-300
 # Steps towards an event below this multiple of rounding are not taken.
-CLOSEST = 2.5
+CLOSEST = 0.5
 
 
 @dataclass(frozen=True)
@@ -140,13 +142,12 @@ class _Line:
         self.direction = point.tangent_x / size, point.tangent_parameter / size
         self.upright = upright(point)
         self.origin = point
-        self.unit = self.metric.parameter_scale
-        if self.upright:  # places next to the edge of a representation matter relative to their distance from it
-            for edge in problem.parameter_range:
-                if edge != point.parameter:
-                    self.unit = min(self.unit, abs(point.parameter - edge))
-        else:
-            self.unit = 1.0
+        # Places next to the edge of a representation matter relative to their distance from it.
+        self.unit = self.metric.parameter_scale if self.upright else 1.0
+        pace = 1.0 if self.upright else max(abs(self.direction[1]), TINY)
+        for edge in problem.parameter_range:
+            if edge != point.parameter:
+                self.unit = min(self.unit, abs(point.parameter - edge) / pace)
 
     def speed(self, point: Point) -> float:
         """Length of the point's own tangent per unit of the coordinate."""
@@ -309,9 +310,9 @@ def _compared(place: _Place, finer: tuple[float, Four] | None, accuracy: float) 
         return SAFETY * abs(a - b) + floor * max(1.0, abs(a)) + 2 * abs(rate * place.uncertainty)
 
     load, displacement, radius, gap = (
-        # Without contact the radius is exactly zero, in contact the gap is.
-        0.0 if k > 1 and a == b == 0.0 else error(a, b, rate)
-        for k, (a, b, rate) in enumerate(zip(here, there, moves, strict=True))
+        # What is zero by its nature has no error: the radius without contact, the gap in contact, the load far away.
+        0.0 if a == b == 0.0 else error(a, b, rate)
+        for a, b, rate in zip(here, there, moves, strict=True)
     )
     return Found(here, (load, displacement, radius, gap), point, error(point.parameter, parameter, along))
 

@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from contbranch.continuation import CorrectionError, Event, Point
+from contbranch.continuation import Event, Point
 from contbranch.control import LOAD
 from contbranch.curve.events import FoldEvent, Margin, Reached
 from contbranch.curve.exponents import critical_exponent, sampled_exponent
@@ -20,7 +20,6 @@ from contbranch.curve.refine import Found, refine
 from contbranch.curve.symmetry import Breaking, critical_eigenvalues, has_modes, merged, symmetry_breaking
 from contbranch.curve.trace import Request
 from contbranch.curve.track import Mark, Track
-from contbranch.errors import ModelError
 from contbranch.results.diagram import Cost, Profile
 from contbranch.threads import one_thread
 
@@ -35,6 +34,7 @@ DISTINCT, SHARPEST = 3.0, 1e-12
 ROW_SAFETY, ROW_FLOOR = 3.0, 2e-8
 
 
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")  # of a law outside of where it was followed
 def raw_curve(track: Track, request: Request) -> RawCurve:
     """Rows and events of a curve; without ``request.events``, rows alone."""
     if not track.points:
@@ -162,12 +162,15 @@ def _event(track: Track, mark: Mark, found: Found) -> RawEvent:
 
 
 # -- rows -------------------------------------------------------------------------------------------------------------
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def _row_error(point: Point) -> Sequence[float]:
     """Error estimates of load and displacement."""
     problem, own = equilibrium(point), point.observables
     try:
         defect = problem.defect(point)[:2]
-    except (CorrectionError, ModelError):  # which a region too narrow for a finer discretisation may cause
+    except Exception:  # a user's law may raise anything, a finer discretisation may be too much: it is not known then
+        defect = math.inf, math.inf
+    if not np.isfinite(defect).all():
         return math.inf, math.inf
     floor = ROW_FLOOR if problem.finer() is not problem else problem.rounding
     return [

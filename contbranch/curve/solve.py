@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from contbranch.arrays import Array
 from contbranch.continuation import CorrectionError, Point
 from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.curve.events import Reached
@@ -18,8 +18,6 @@ from contbranch.errors import ModelError
 from contbranch.results.diagram import State
 
 __all__ = ["CONTROLS", "Crossing", "before", "crossing", "crossings", "pieces_at", "state_apart", "state_on"]
-
-Array = NDArray[np.float64]
 
 # What may be asked for; a contact radius is no control.
 CONTROLS: Mapping[str, Control | None] = {"load": LOAD, "displacement": DISPLACEMENT, "contact_radius": None}

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from contbranch.arrays import Array, Integers
 from contbranch.continuation import CorrectionError, Event, Point
 from contbranch.control import DISPLACEMENT
 from contbranch.curve.outcome import RawEvent
@@ -23,8 +23,6 @@ from contbranch.curve.trace import Request
 from contbranch.curve.track import Track, between
 
 __all__ = ["Breaking", "SymmetryEvent", "critical_eigenvalues", "has_modes", "merged", "symmetry_breaking"]
-
-Integers = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -112,7 +110,7 @@ def has_modes(track: Track) -> bool:
     return all(method is not EquilibriumProblem.mode_eigenvalue for method in own)
 
 
-def critical_eigenvalues(points: Sequence[Point]) -> NDArray[np.float64]:
+def critical_eigenvalues(points: Sequence[Point]) -> Array:
     """Largest eigenvalue of all m ≥ 1, which is that of m = 1, at every row, (M,), as exact as the rows' meshes.
 
     Zero, to which the eigenvalues accumulate, where the interaction stiffens everywhere.

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from contbranch.arrays import Array
 from contbranch.continuation import Point
 from contbranch.continuation.walk import point_on
 from contbranch.curve.events import rates
@@ -18,8 +18,6 @@ from contbranch.curve.refine import OPTIONS
 from contbranch.curve.track import piece
 
 __all__ = ["Piece", "corner_work", "work_along"]
-
-Array = NDArray[np.float64]
 
 # Points a piece, ends included: doubled (nested) until the error that the last two changes promise is small enough.
 NODES = (3, 5, 9, 17, 33)

@@ -8,7 +8,7 @@ from contbranch.curve.curves import Curves, FollowedCurves, Model
 from contbranch.errors import InputError
 from contbranch.models.axisymmetric import Axisymmetric
 from contbranch.models.exact.model import Exact
-from contbranch.models.grid import FreeSpace, LatticeCurves, Periodic
+from contbranch.models.grid import FreeSpace, Periodic
 from contbranch.models.rings import Rings
 
 __all__ = ["axisymmetric", "choose", "curves", "on_grid"]
@@ -53,7 +53,11 @@ def choose(contact: Contact, model: str | Model | Lattice = "auto") -> tuple[Mod
 
 def curves(contact: Contact, model: Model | Lattice) -> Curves:
     """The curves of a contact by a model: on a lattice, or of its equilibrium problem."""
-    return LatticeCurves(contact, model) if isinstance(model, Lattice) else FollowedCurves(contact, model)
+    if not isinstance(model, Lattice):
+        return FollowedCurves(contact, model)
+    from contbranch.models.grid import LatticeCurves
+
+    return LatticeCurves(contact, model)
 
 
 def on_grid(model: Model | Lattice) -> bool:

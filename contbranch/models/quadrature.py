@@ -6,11 +6,19 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-__all__ = ["PanelRule", "chebyshev_slopes", "chebyshev_values", "gauss", "legendre_values", "panel_rule"]
+from contbranch.arrays import Array
 
-Array = NDArray[np.float64]
+__all__ = [
+    "PanelRule",
+    "chebyshev_slopes",
+    "chebyshev_values",
+    "gauss",
+    "gauss_between",
+    "legendre_values",
+    "panel_rule",
+    "start_edges",
+]
 
 
 @dataclass(frozen=True)
@@ -69,6 +77,19 @@ def gauss(count: int) -> tuple[Array, Array]:
     """Gauss–Legendre nodes and weights on [−1, 1]."""
     nodes, weights = np.polynomial.legendre.leggauss(count)
     return nodes, weights
+
+
+def gauss_between(start: Array, end: Array, count: int) -> tuple[Array, Array]:
+    """Gauss–Legendre nodes and weights from `start` to `end`, arrays of any one shape; (..., count) each."""
+    nodes, weights = gauss(count)
+    half = np.asarray((end - start) / 2)[..., None]
+    return np.asarray(((start + end) / 2)[..., None] + half * nodes), half * weights
+
+
+def start_edges(width: float, reach: float) -> Array:
+    """Panels for a first solution whose pressure varies over `width`, out to `reach`."""
+    count = max(1, int(np.ceil(np.log2(max(reach / width, 2.0)))))
+    return np.concatenate([[0.0], reach * 0.5 ** np.arange(count - 1, -1, -1.0)])
 
 
 @cache

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from contbranch.arrays import Array, Integers
 from contbranch.contact.contact import Contact
 from contbranch.control import Control
 from contbranch.errors import InputError, ModelError
@@ -35,8 +36,6 @@ __all__ = [
     "Window",
 ]
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 EventKind = Literal["fold", "touch", "topology", "symmetry", "inadmissible", "end"]
 
 
@@ -291,8 +290,8 @@ class Branch(Record):
     contact_radius: Array
     central_gap: Array
     energy: Array
-    unstable_load: Indices
-    unstable_displacement: Indices
+    unstable_load: Integers
+    unstable_displacement: Integers
     load_error: Array
     displacement_error: Array
     profiles: Sequence[Profile | Callable[[], Profile]] = described(
@@ -300,12 +299,12 @@ class Branch(Record):
         computed=lambda branch: tuple(one() if callable(one) else one for one in branch.profiles),
         default=(),
     )
-    unstable_spring: Indices | None = described(written="if known", default=None)
-    unstable_azimuthal: Indices | None = described(written="if known", default=None)
+    unstable_spring: Integers | None = described(written="if known", default=None)
+    unstable_azimuthal: Integers | None = described(written="if known", default=None)
     critical: Array | Callable[[], Array] | None = described(
         key="critical_eigenvalue", written=False, computed=lambda branch: branch.critical_eigenvalue, default=None
     )
-    fft_pairs: Indices | None = described(written="if known", default=None)
+    fft_pairs: Integers | None = described(written="if known", default=None)
 
     def __len__(self) -> int:
         return len(self.load)
@@ -342,7 +341,7 @@ class Branch(Record):
             unstable_azimuthal=0 if self.unstable_azimuthal is None else int(self.unstable_azimuthal[i]),
         )
 
-    def unstable(self, control: str | Control) -> NDArray[np.int64]:
+    def unstable(self, control: str | Control) -> Integers:
         """Morse index under ``"load"``, ``"displacement"`` or ``"spring"`` control, (M,).
 
         Raises

@@ -6,9 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
+from contbranch.arrays import Array
 from contbranch.contact.contact import Contact
 from contbranch.errors import InputError
 from contbranch.results.diagram import Cost, Event, ModelChoice
@@ -18,8 +16,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 __all__ = ["Followed", "FollowedPoint", "Special"]
-
-Array = NDArray[np.float64]
 
 
 @record

@@ -6,9 +6,9 @@ from collections.abc import Callable
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
-import numpy as np
 from numpy.typing import NDArray
 
+from contbranch.arrays import Array, Integers
 from contbranch.contact.contact import Contact
 from contbranch.results.diagram import Cost, ModelChoice, State
 from contbranch.results.record import Record, Result, described, record
@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 __all__ = ["Hysteresis", "Jump", "Path"]
-
-Array = NDArray[np.float64]
 
 
 @record
@@ -42,8 +40,8 @@ class Path(Record):
     central_gap: Array
     energy: Array
     position: Array
-    direction: NDArray[np.int64]
-    leg: NDArray[np.int64]
+    direction: Integers
+    leg: Integers
 
     def __len__(self) -> int:
         return len(self.load)

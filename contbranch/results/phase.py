@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from contbranch.arrays import Array, Integers
 from contbranch.contact.contact import Contact
 from contbranch.results.diagram import Cost
 from contbranch.results.followed import Followed
@@ -17,9 +17,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 __all__ = ["Part", "PhaseDiagram"]
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 FINE = 320
 # Ends of parts that merge in a special point: two folds, or two folds with first touch between them.

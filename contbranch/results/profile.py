@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
+from contbranch.arrays import Array
 from contbranch.results.record import Record, described, record
 
 __all__ = ["CellFields", "ModeShape", "Profile"]
-
-Array = NDArray[np.float64]
 
 
 @record

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from contbranch.arrays import Array
 from contbranch.errors import InputError
 
-__all__ = ["FloatArray", "finite", "not_below", "positive"]
-
-FloatArray = NDArray[np.float64]
+__all__ = ["finite", "not_below", "positive"]
 
 
-def finite(field: str, value: ArrayLike) -> FloatArray:
+def finite(field: str, value: ArrayLike) -> Array:
     """Return ``value`` as an array of floats, or raise `InputError` where it is not a finite number."""
     try:
         array = np.asarray(value, dtype=np.float64)
@@ -23,7 +22,7 @@ def finite(field: str, value: ArrayLike) -> FloatArray:
     return array
 
 
-def positive(field: str, value: ArrayLike) -> FloatArray:
+def positive(field: str, value: ArrayLike) -> Array:
     """Return ``value`` as an array of floats, or raise `InputError` where it is not finite and greater than zero."""
     array = finite(field, value)
     if np.any(array <= 0.0):
@@ -31,7 +30,7 @@ def positive(field: str, value: ArrayLike) -> FloatArray:
     return array
 
 
-def not_below(field: str, value: ArrayLike, lowest: ArrayLike, why: str) -> FloatArray:
+def not_below(field: str, value: ArrayLike, lowest: ArrayLike, why: str) -> Array:
     """Return ``value`` as an array of floats, or raise `InputError` where it is less than ``lowest``.
 
     A value below by no more than rounding is taken for the lowest itself, so that a fold computed here can be passed

@@ -14,8 +14,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from contbranch.arrays import Array
 from contbranch.errors import InputError
-from contbranch.theory._inputs import FloatArray, finite, not_below, positive
+from contbranch.theory._inputs import finite, not_below, positive
 
 __all__ = [
     "ASYMPTOTIC_DISPLACEMENT_C5",
@@ -52,7 +53,7 @@ ASYMPTOTIC_DISPLACEMENT_C6 = np.cbrt(6.0) / 36.0
 
 def contact_radius(
     load: ArrayLike, *, zero_load_radius: ArrayLike, pull_off_load: ArrayLike, alpha: ArrayLike
-) -> FloatArray:
+) -> Array:
     """Return the contact radius of the COS equation, a = a0 [(alpha + sqrt(1 + F/F_p)) / (1 + alpha)]^(2/3) (47).
 
     Parameters
@@ -78,7 +79,7 @@ def contact_radius(
 
 def modified_offset(
     *, pull_off_load: ArrayLike, pull_off_radius: ArrayLike, radius: ArrayLike = 1.0, modulus: ArrayLike = 1.0
-) -> FloatArray:
+) -> Array:
     """Return F0 = F_p + 4 E a_p^3 / (3 R) of (49), a_p being the contact radius at pull-off.
 
     Printed as a_c(0); but only the radius at the load -F_p makes (48) exact there, and gives 3 pi in the JKR limit
@@ -104,7 +105,7 @@ def modified_contact_radius(
     alpha: ArrayLike,
     radius: ArrayLike = 1.0,
     modulus: ArrayLike = 1.0,
-) -> FloatArray:
+) -> Array:
     """Return the contact radius of the modified COS equation, a^3 = (3R/4E) [F + F0 + alpha sqrt(F + F_p)] (48).
 
     Parameters
@@ -135,7 +136,7 @@ def modified_alpha(
     pull_off_radius: ArrayLike,
     radius: ArrayLike = 1.0,
     modulus: ArrayLike = 1.0,
-) -> FloatArray:
+) -> Array:
     """Return the alpha of (48) with which it has the given radius at zero load; the other parameters as in
     `modified_offset`.
     """
@@ -145,12 +146,12 @@ def modified_alpha(
     return np.asarray((stiffness * positive("zero_load_radius", zero_load_radius) ** 3 - offset) / np.sqrt(peak))
 
 
-def alpha(maugis_lambda: ArrayLike) -> FloatArray:
+def alpha(maugis_lambda: ArrayLike) -> Array:
     """Return the transition parameter for Maugis' lambda, alpha = [1 - exp(-lambda/0.924)] / 1.02, COS (10)."""
     return np.asarray(-np.expm1(-positive("maugis_lambda", maugis_lambda) / 0.924) / 1.02)
 
 
-def pull_off(maugis_lambda: ArrayLike) -> FloatArray:
+def pull_off(maugis_lambda: ArrayLike) -> Array:
     """Return the magnitude of the pull-off load in units of pi w R, COS (12a): 7/4 - (4.04 x - 1)/(4 (4.04 x + 1)), x
     = lambda^1.4.
     """
@@ -158,7 +159,7 @@ def pull_off(maugis_lambda: ArrayLike) -> FloatArray:
     return np.asarray(1.75 - 0.25 * (x - 1.0) / (x + 1.0))
 
 
-def empirical_zero_load_radius(maugis_lambda: ArrayLike) -> FloatArray:
+def empirical_zero_load_radius(maugis_lambda: ArrayLike) -> Array:
     """Return COS' contact radius at zero load in Maugis' units, COS (12b): 1.54 + 0.279 (2.28 x - 1)/(2.28 x + 1), x
     = lambda^1.3.
     """
@@ -168,7 +169,7 @@ def empirical_zero_load_radius(maugis_lambda: ArrayLike) -> FloatArray:
 
 def zero_load_radius(
     maugis_lambda: ArrayLike, *, constants: tuple[float, float, float, float] = RADIUS_CONSTANTS
-) -> FloatArray:
+) -> Array:
     """Return the contact radius at zero load in Maugis' units, (52); within 0.28 % for lambda from 1e-3 to 1e3.
 
     Parameters
@@ -187,7 +188,7 @@ def zero_load_radius(
 
 def zero_load_displacement(
     maugis_lambda: ArrayLike, *, constants: tuple[float, float, float] = DISPLACEMENT_CONSTANTS
-) -> FloatArray:
+) -> Array:
     """Return the displacement at zero load in Maugis' units, (53); within 0.30 % for lambda from 1e-3 to 1e3.
 
     Parameters

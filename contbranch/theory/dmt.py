@@ -8,20 +8,21 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from contbranch.arrays import Array
 from contbranch.theory import hertz
-from contbranch.theory._inputs import FloatArray, not_below, positive
+from contbranch.theory._inputs import not_below, positive
 
 __all__ = ["contact_radius", "displacement", "load", "pull_off_load"]
 
 
-def pull_off_load(*, radius: ArrayLike = 1.0, work_of_adhesion: ArrayLike = 1.0) -> FloatArray:
+def pull_off_load(*, radius: ArrayLike = 1.0, work_of_adhesion: ArrayLike = 1.0) -> Array:
     """Return the lowest load in contact, F = -2 pi w R, where the contact radius vanishes."""
     return np.asarray(-2.0 * np.pi * positive("work_of_adhesion", work_of_adhesion) * positive("radius", radius))
 
 
 def load(
     contact_radius: ArrayLike, *, radius: ArrayLike = 1.0, modulus: ArrayLike = 1.0, work_of_adhesion: ArrayLike = 1.0
-) -> FloatArray:
+) -> Array:
     """Return the load, F = 4 E a^3 / (3 R) - 2 pi w R.
 
     Parameters
@@ -40,14 +41,14 @@ def load(
     return np.asarray(hertz.load(contact_radius, radius=radius, modulus=modulus) + attraction)
 
 
-def displacement(contact_radius: ArrayLike, *, radius: ArrayLike = 1.0) -> FloatArray:
+def displacement(contact_radius: ArrayLike, *, radius: ArrayLike = 1.0) -> Array:
     """Return the displacement, d = a^2 / R as without adhesion."""
     return hertz.displacement(contact_radius, radius=radius)
 
 
 def contact_radius(
     load: ArrayLike, *, radius: ArrayLike = 1.0, modulus: ArrayLike = 1.0, work_of_adhesion: ArrayLike = 1.0
-) -> FloatArray:
+) -> Array:
     """Return the contact radius, a^3 = (3R/4E) (F + 2 pi w R) (27), for loads from -2 pi w R upwards.
 
     Raises

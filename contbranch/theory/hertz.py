@@ -11,7 +11,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from contbranch.theory._inputs import FloatArray, not_below, positive
+from contbranch.arrays import Array
+from contbranch.theory._inputs import not_below, positive
 from contbranch.theory._power_law import PowerLaw
 
 __all__ = [
@@ -34,7 +35,7 @@ _LENGTH = "it is a length"
 _PRESSES = "without adhesion a contact only bears pressing loads"
 
 
-def load(contact_radius: ArrayLike, *, radius: ArrayLike = 1.0, modulus: ArrayLike = 1.0) -> FloatArray:
+def load(contact_radius: ArrayLike, *, radius: ArrayLike = 1.0, modulus: ArrayLike = 1.0) -> Array:
     """Return the load on a parabola, F = 4 E a^3 / (3 R).
 
     Parameters
@@ -53,26 +54,24 @@ def load(contact_radius: ArrayLike, *, radius: ArrayLike = 1.0, modulus: ArrayLi
     return np.asarray(4.0 / 3.0 * positive("modulus", modulus) / positive("radius", radius) * a**3)
 
 
-def displacement(contact_radius: ArrayLike, *, radius: ArrayLike = 1.0) -> FloatArray:
+def displacement(contact_radius: ArrayLike, *, radius: ArrayLike = 1.0) -> Array:
     """Return the displacement of a parabola, d = a^2 / R; parameters as in `load`."""
     return np.asarray(not_below("contact_radius", contact_radius, 0.0, _LENGTH) ** 2 / positive("radius", radius))
 
 
-def contact_radius(load: ArrayLike, *, radius: ArrayLike = 1.0, modulus: ArrayLike = 1.0) -> FloatArray:
+def contact_radius(load: ArrayLike, *, radius: ArrayLike = 1.0, modulus: ArrayLike = 1.0) -> Array:
     """Return the contact radius under a load F >= 0 on a parabola, a^3 = 3 R F / (4 E)."""
     force = not_below("load", load, 0.0, _PRESSES)
     return np.asarray(np.cbrt(0.75 * positive("radius", radius) * force / positive("modulus", modulus)))
 
 
-def contact_radius_at_displacement(displacement: ArrayLike, *, radius: ArrayLike = 1.0) -> FloatArray:
+def contact_radius_at_displacement(displacement: ArrayLike, *, radius: ArrayLike = 1.0) -> Array:
     """Return the contact radius at a displacement d >= 0 of a parabola, a = sqrt(R d)."""
     d = not_below("displacement", displacement, 0.0, "a contact without adhesion starts at 0")
     return np.asarray(np.sqrt(positive("radius", radius) * d))
 
 
-def pressure(
-    r: ArrayLike, contact_radius: ArrayLike, *, radius: ArrayLike = 1.0, modulus: ArrayLike = 1.0
-) -> FloatArray:
+def pressure(r: ArrayLike, contact_radius: ArrayLike, *, radius: ArrayLike = 1.0, modulus: ArrayLike = 1.0) -> Array:
     """Return the pressure under a parabola, p = 2 E sqrt(a^2-r^2) / (pi R) for r < a and 0 outside."""
     a = not_below("contact_radius", contact_radius, 0.0, _LENGTH)
     distance = not_below("r", r, 0.0, _LENGTH)
@@ -80,7 +79,7 @@ def pressure(
     return np.asarray(2.0 / np.pi * positive("modulus", modulus) / positive("radius", radius) * y)
 
 
-def gap(r: ArrayLike, contact_radius: ArrayLike, *, radius: ArrayLike = 1.0) -> FloatArray:
+def gap(r: ArrayLike, contact_radius: ArrayLike, *, radius: ArrayLike = 1.0) -> Array:
     """Return the gap outside a parabola, g = (2/pi) [(r^2/2 - a^2) arccos(a/r) + (a/2) sqrt(r^2-a^2)] / R, 0 inside."""
     a = not_below("contact_radius", contact_radius, 0.0, _LENGTH)
     distance = not_below("r", r, 0.0, _LENGTH)
@@ -89,20 +88,20 @@ def gap(r: ArrayLike, contact_radius: ArrayLike, *, radius: ArrayLike = 1.0) -> 
     return np.asarray(np.where(rho > 0.0, 2.0 / np.pi * bracket / positive("radius", radius), 0.0))
 
 
-def cone_load(contact_radius: ArrayLike, *, slope: ArrayLike = 1.0, modulus: ArrayLike = 1.0) -> FloatArray:
+def cone_load(contact_radius: ArrayLike, *, slope: ArrayLike = 1.0, modulus: ArrayLike = 1.0) -> Array:
     """Return the load on a cone z = slope * r, F = (pi/2) E slope a^2 (Love, Sneddon)."""
     a = not_below("contact_radius", contact_radius, 0.0, _LENGTH)
     return np.asarray(2.0 * positive("modulus", modulus) * PowerLaw.cone(slope).deficit(a))
 
 
-def cone_displacement(contact_radius: ArrayLike, *, slope: ArrayLike = 1.0) -> FloatArray:
+def cone_displacement(contact_radius: ArrayLike, *, slope: ArrayLike = 1.0) -> Array:
     """Return the displacement of a cone z = slope * r, d = (pi/2) slope a."""
     return PowerLaw.cone(slope).transform(not_below("contact_radius", contact_radius, 0.0, _LENGTH))
 
 
 def cone_pressure(
     r: ArrayLike, contact_radius: ArrayLike, *, slope: ArrayLike = 1.0, modulus: ArrayLike = 1.0
-) -> FloatArray:
+) -> Array:
     """Return the pressure under a cone, p = (E slope / 2) arcosh(a/r) for r < a and 0 outside; r > 0, as it diverges
     on the axis.
     """
@@ -113,7 +112,7 @@ def cone_pressure(
 
 def power_law_load(
     contact_radius: ArrayLike, *, exponent: ArrayLike, length: ArrayLike = 1.0, modulus: ArrayLike = 1.0
-) -> FloatArray:
+) -> Array:
     """Return the load on a tip z = r^n / (n L^(n-1)), F = E B(n/2,1/2) n/(n+1) a^(n+1) / L^(n-1) (Galin, Sneddon).
 
     Parameters
@@ -129,7 +128,7 @@ def power_law_load(
     return np.asarray(2.0 * positive("modulus", modulus) * PowerLaw.of(exponent, length).deficit(a))
 
 
-def power_law_displacement(contact_radius: ArrayLike, *, exponent: ArrayLike, length: ArrayLike = 1.0) -> FloatArray:
+def power_law_displacement(contact_radius: ArrayLike, *, exponent: ArrayLike, length: ArrayLike = 1.0) -> Array:
     """Return the displacement of a power-law tip, d = B(n/2,1/2) a^n / (2 L^(n-1)); parameters as in
     `power_law_load`.
     """
@@ -138,7 +137,7 @@ def power_law_displacement(contact_radius: ArrayLike, *, exponent: ArrayLike, le
 
 def power_law_contact_radius(
     load: ArrayLike, *, exponent: ArrayLike, length: ArrayLike = 1.0, modulus: ArrayLike = 1.0
-) -> FloatArray:
+) -> Array:
     """Return the contact radius of a power-law tip under a load F >= 0, the inverse of `power_law_load`."""
     tip = PowerLaw.of(exponent, length)
     n = tip.exponent
@@ -148,7 +147,7 @@ def power_law_contact_radius(
 
 def power_law_pressure(
     r: ArrayLike, contact_radius: ArrayLike, *, exponent: ArrayLike, length: ArrayLike = 1.0, modulus: ArrayLike = 1.0
-) -> FloatArray:
+) -> Array:
     """Return the pressure under a power-law tip, p = (E/pi) int_r^a zeta'(t)/sqrt(t^2-r^2) dt, 0 outside.
 
     The integral is n zeta(a)/a y 2F1(1, 1-n/2; 3/2; y^2) with y = sqrt(1-r^2/a^2); infinite on the axis for exponent 1.

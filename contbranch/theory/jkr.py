@@ -17,7 +17,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from contbranch.theory._inputs import FloatArray, not_below, positive
+from contbranch.arrays import Array
+from contbranch.theory._inputs import not_below, positive
 from contbranch.theory._power_law import PowerLaw
 
 __all__ = [
@@ -44,14 +45,14 @@ _LENGTH = "it is a length"
 class Fold(NamedTuple):
     """A fold of the curve of equilibria: its load, displacement and contact radius."""
 
-    load: FloatArray
-    displacement: FloatArray
-    contact_radius: FloatArray
+    load: Array
+    displacement: Array
+    contact_radius: Array
 
 
 def load(
     contact_radius: ArrayLike, *, radius: ArrayLike = 1.0, modulus: ArrayLike = 1.0, work_of_adhesion: ArrayLike = 1.0
-) -> FloatArray:
+) -> Array:
     """Return the load on a parabola, F = 4 E a^3 / (3 R) - sqrt(8 pi w E a^3).
 
     Parameters
@@ -71,7 +72,7 @@ def load(
 
 def displacement(
     contact_radius: ArrayLike, *, radius: ArrayLike = 1.0, modulus: ArrayLike = 1.0, work_of_adhesion: ArrayLike = 1.0
-) -> FloatArray:
+) -> Array:
     """Return the displacement of a parabola, d = a^2 / R - sqrt(2 pi a w / E); parameters as in `load`."""
     return _displacement(_parabola(radius), contact_radius, modulus, work_of_adhesion)
 
@@ -83,7 +84,7 @@ def contact_radius(
     modulus: ArrayLike = 1.0,
     work_of_adhesion: ArrayLike = 1.0,
     stable: bool = True,
-) -> FloatArray:
+) -> Array:
     """Return the contact radius under a load, a^3 = (3R/4E) [F + 3 pi w R +- sqrt(6 pi w R F + (3 pi w R)^2)] (28).
 
     Parameters
@@ -113,7 +114,7 @@ def contact_radius(
 
 def contact_radius_at_displacement(
     displacement: ArrayLike, *, radius: ArrayLike = 1.0, modulus: ArrayLike = 1.0, work_of_adhesion: ArrayLike = 1.0
-) -> FloatArray:
+) -> Array:
     """Return the contact radius at a displacement, on the part that is stable under displacement control.
 
     Solves a^2/R - sqrt(2 pi a w/E) = d with a at or above its value at the displacement fold, by Newton's method in
@@ -154,14 +155,14 @@ def displacement_fold(*, radius: ArrayLike = 1.0, modulus: ArrayLike = 1.0, work
 
 def cone_load(
     contact_radius: ArrayLike, *, slope: ArrayLike = 1.0, modulus: ArrayLike = 1.0, work_of_adhesion: ArrayLike = 1.0
-) -> FloatArray:
+) -> Array:
     """Return the load on a cone z = slope * r, F = (pi/2) E slope a^2 - sqrt(8 pi w E a^3)."""
     return _load(PowerLaw.cone(slope), contact_radius, modulus, work_of_adhesion)
 
 
 def cone_displacement(
     contact_radius: ArrayLike, *, slope: ArrayLike = 1.0, modulus: ArrayLike = 1.0, work_of_adhesion: ArrayLike = 1.0
-) -> FloatArray:
+) -> Array:
     """Return the displacement of a cone z = slope * r, d = (pi/2) slope a - sqrt(2 pi a w / E)."""
     return _displacement(PowerLaw.cone(slope), contact_radius, modulus, work_of_adhesion)
 
@@ -187,7 +188,7 @@ def power_law_load(
     length: ArrayLike = 1.0,
     modulus: ArrayLike = 1.0,
     work_of_adhesion: ArrayLike = 1.0,
-) -> FloatArray:
+) -> Array:
     """Return the load on a tip z = r^n / (n L^(n-1)), Hertz' load minus sqrt(8 pi w E a^3).
 
     Parameters
@@ -209,7 +210,7 @@ def power_law_displacement(
     length: ArrayLike = 1.0,
     modulus: ArrayLike = 1.0,
     work_of_adhesion: ArrayLike = 1.0,
-) -> FloatArray:
+) -> Array:
     """Return the displacement of a power-law tip, d = zeta(a) - sqrt(2 pi a w / E); parameters as in
     `power_law_load`.
     """
@@ -234,20 +235,18 @@ def _parabola(radius: ArrayLike) -> PowerLaw:
     return PowerLaw(np.asarray(2.0), np.asarray(1.0 / positive("radius", radius)))
 
 
-def _neck(contact_radius: FloatArray, modulus: FloatArray, work_of_adhesion: FloatArray) -> FloatArray:
+def _neck(contact_radius: Array, modulus: Array, work_of_adhesion: Array) -> Array:
     """Return sqrt(2 pi a w / E), by which adhesion lowers the displacement at fixed contact radius."""
     return np.asarray(np.sqrt(2.0 * np.pi * contact_radius * work_of_adhesion / modulus))
 
 
-def _load(tip: PowerLaw, contact_radius: ArrayLike, modulus: ArrayLike, work_of_adhesion: ArrayLike) -> FloatArray:
+def _load(tip: PowerLaw, contact_radius: ArrayLike, modulus: ArrayLike, work_of_adhesion: ArrayLike) -> Array:
     a = not_below("contact_radius", contact_radius, 0.0, _LENGTH)
     e, w = positive("modulus", modulus), positive("work_of_adhesion", work_of_adhesion)
     return np.asarray(2.0 * e * (tip.deficit(a) - a * _neck(a, e, w)))
 
 
-def _displacement(
-    tip: PowerLaw, contact_radius: ArrayLike, modulus: ArrayLike, work_of_adhesion: ArrayLike
-) -> FloatArray:
+def _displacement(tip: PowerLaw, contact_radius: ArrayLike, modulus: ArrayLike, work_of_adhesion: ArrayLike) -> Array:
     a = not_below("contact_radius", contact_radius, 0.0, _LENGTH)
     neck = _neck(a, positive("modulus", modulus), positive("work_of_adhesion", work_of_adhesion))
     return np.asarray(tip.transform(a) - neck)

@@ -19,12 +19,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.special import elliprd, elliprf
 
+from contbranch.arrays import Array
 from contbranch.errors import InputError
 from contbranch.theory._dugdale import Angle, Zone, opening_of_contact, opening_of_zone
-from contbranch.theory._inputs import FloatArray, finite, not_below
+from contbranch.theory._inputs import finite, not_below
 
 __all__ = [
     "CRITICAL_TABOR",
@@ -65,22 +66,22 @@ class Curve(NamedTuple):
         Elastic energy plus energy of the interaction, which is -work_of_adhesion per area inside the contact.
     """
 
-    load: FloatArray
-    displacement: FloatArray
-    contact_radius: FloatArray
-    interaction_radius: FloatArray
-    rim_angle: FloatArray
-    central_gap: FloatArray
-    energy: FloatArray
+    load: Array
+    displacement: Array
+    contact_radius: Array
+    interaction_radius: Array
+    rim_angle: Array
+    central_gap: Array
+    energy: Array
 
 
 class AuxiliaryFunctions(NamedTuple):
     """Maugis' functions of m = c/a, (36), (38), (40) and (42)."""
 
-    f: FloatArray
-    g: FloatArray
-    h: FloatArray
-    j: FloatArray
+    f: Array
+    g: Array
+    h: Array
+    j: Array
 
 
 def auxiliary_functions(m: ArrayLike) -> AuxiliaryFunctions:
@@ -127,7 +128,7 @@ def contact(
     InputError
         If a constant is not positive (repulsion included) or a contact radius negative.
     """
-    zone = _zone(radius, modulus, work_of_adhesion, interaction_range)
+    zone = _zone(radius=radius, modulus=modulus, work_of_adhesion=work_of_adhesion, interaction_range=interaction_range)
     a = not_below("contact_radius", contact_radius, 0.0, "it is a length")
     found = in_contact(zone, zone.tangent_at(a))
     return found._replace(contact_radius=np.asarray(np.broadcast_to(a, np.shape(found.load))))
@@ -135,11 +136,7 @@ def contact(
 
 def separated(
     interaction_radius: ArrayLike,
-    *,
-    radius: ArrayLike = 1.0,
-    modulus: ArrayLike = 1.0,
-    work_of_adhesion: ArrayLike = 1.0,
-    interaction_range: ArrayLike = 1.0,
+    **constants: ArrayLike,
 ) -> Curve:
     """Return the equilibria without contact for the given radii c of the interaction, from 0 (d = -z0) to first touch.
 
@@ -147,15 +144,15 @@ def separated(
     ----------
     interaction_radius : array_like
         Radius c of the disc where the gap is below the range; between 0 and ``first_touch().interaction_radius``.
-    radius, modulus, work_of_adhesion, interaction_range : array_like
-        As in `contact`.
+    **constants : array_like
+        radius, modulus, work_of_adhesion and interaction_range as in `contact`; so for every function here.
 
     Raises
     ------
     InputError
         If c is negative or the surfaces would touch.
     """
-    zone = _zone(radius, modulus, work_of_adhesion, interaction_range)
+    zone = _zone(**constants)
     c = not_below("interaction_radius", interaction_radius, 0.0, "it is a length")
     beyond = c - zone.touch_radius()
     if np.any(beyond > 8.0 * np.finfo(float).eps * c):
@@ -167,27 +164,19 @@ def separated(
 
 
 def first_touch(
-    *,
-    radius: ArrayLike = 1.0,
-    modulus: ArrayLike = 1.0,
-    work_of_adhesion: ArrayLike = 1.0,
-    interaction_range: ArrayLike = 1.0,
+    **constants: ArrayLike,
 ) -> Curve:
     """Return the equilibrium in which the central gap just closes; parameters as in `contact`."""
-    zone = _zone(radius, modulus, work_of_adhesion, interaction_range)
+    zone = _zone(**constants)
     touch = without_contact(zone, zone.touch_radius())
     return touch._replace(central_gap=np.zeros_like(touch.load))
 
 
 def zero_load(
-    *,
-    radius: ArrayLike = 1.0,
-    modulus: ArrayLike = 1.0,
-    work_of_adhesion: ArrayLike = 1.0,
-    interaction_range: ArrayLike = 1.0,
+    **constants: ArrayLike,
 ) -> Curve:
     """Return the contact without load, (50)-(51) in its limits; parameters as in `contact`."""
-    zone = _zone(radius, modulus, work_of_adhesion, interaction_range)
+    zone = _zone(**constants)
     low, _ = zone.tangent_range()
     tau = zone.root(lambda angle: -zone.load(angle, zone.interaction_radius(angle)), low, load_fold_tangent(zone))
     found = in_contact(zone, tau)
@@ -195,29 +184,21 @@ def zero_load(
 
 
 def load_fold(
-    *,
-    radius: ArrayLike = 1.0,
-    modulus: ArrayLike = 1.0,
-    work_of_adhesion: ArrayLike = 1.0,
-    interaction_range: ArrayLike = 1.0,
+    **constants: ArrayLike,
 ) -> Curve:
     """Return the pull-off under load control, dF = 0, which always lies in contact; parameters as in `contact`."""
-    zone = _zone(radius, modulus, work_of_adhesion, interaction_range)
+    zone = _zone(**constants)
     return in_contact(zone, load_fold_tangent(zone))
 
 
 def displacement_fold(
-    *,
-    radius: ArrayLike = 1.0,
-    modulus: ArrayLike = 1.0,
-    work_of_adhesion: ArrayLike = 1.0,
-    interaction_range: ArrayLike = 1.0,
+    **constants: ArrayLike,
 ) -> Curve:
     """Return the pull-off under displacement control, dd = 0; parameters as in `contact`.
 
     Below `CRITICAL_TABOR` it has no contact and lies at c = (4/pi) sigma R / E.
     """
-    zone = _zone(radius, modulus, work_of_adhesion, interaction_range)
+    zone = _zone(**constants)
     c = 4.0 / np.pi * zone.strain * zone.radius
     apart = c < zone.touch_radius()
     touching = in_contact(zone, displacement_fold_tangent(zone))
@@ -228,18 +209,14 @@ def displacement_fold(
 def gap(
     r: ArrayLike,
     state: Curve,
-    *,
-    radius: ArrayLike = 1.0,
-    modulus: ArrayLike = 1.0,
-    work_of_adhesion: ArrayLike = 1.0,
-    interaction_range: ArrayLike = 1.0,
-) -> FloatArray:
+    **constants: ArrayLike,
+) -> Array:
     """Return the gap at the distances r from the axis, for one state or states that broadcast with r.
 
     Implements g = (2/pi) int_a^r [t^2/R - d - 2 (sigma/E) sqrt(c^2-t^2)] / sqrt(r^2-t^2) dt with the elliptic part in
     Carlson's symmetric integrals, all of whose terms are positive. Constants as in `contact`.
     """
-    zone = _zone(radius, modulus, work_of_adhesion, interaction_range)
+    zone = _zone(**constants)
     r, a, c, s = np.broadcast_arrays(
         not_below("r", r, 0.0, "it is a distance"),
         state.contact_radius,
@@ -261,19 +238,15 @@ def gap(
 def pressure(
     r: ArrayLike,
     state: Curve,
-    *,
-    radius: ArrayLike = 1.0,
-    modulus: ArrayLike = 1.0,
-    work_of_adhesion: ArrayLike = 1.0,
-    interaction_range: ArrayLike = 1.0,
-) -> tuple[FloatArray, FloatArray]:
+    **constants: ArrayLike,
+) -> tuple[Array, Array]:
     """Return the total pressure and the wall's share of it at the distances r from the axis.
 
     Inside the contact the wall bears p_c = (2/pi) [(E/R) y + sigma arctan(y / sqrt(c^2-a^2))] with y = sqrt(a^2-r^2),
     which is never negative; the total is p_c - sigma there, -sigma in the zone and 0 beyond. Constants as in
     `contact`.
     """
-    zone = _zone(radius, modulus, work_of_adhesion, interaction_range)
+    zone = _zone(**constants)
     r = not_below("r", r, 0.0, "it is a distance")
     a, c = state.contact_radius, state.interaction_radius
     y = np.sqrt(np.maximum((a - r) * (a + r), 0.0))
@@ -285,61 +258,67 @@ def pressure(
 # What follows serves the exact model too.
 
 
-def in_contact(zone: Zone, tau: FloatArray) -> Curve:
+def in_contact(zone: Zone, tau: Array | float) -> Curve:
     """Return the equilibria with contact whose rim angles have the tangents ``tau``."""
-    angle = Angle.from_tangent(np.asarray(tau))
+    angle = Angle.from_tangent(tau)
     c = zone.interaction_radius(angle)
     d = zone.displacement(angle, c)
-    return Curve(
-        zone.load(angle, c), d, c * angle.cos, c, angle.theta + 0.0 * c, np.zeros_like(c), zone.energy(angle, c, d)
-    )
+    return Curve(zone.load(angle, c), d, c * angle.cos, c, angle.theta + 0.0 * c, 0.0 * c, zone.energy(angle, c, d))
 
 
-def without_contact(zone: Zone, c: FloatArray) -> Curve:
+def without_contact(zone: Zone, c: Array | float) -> Curve:
     """Return the equilibria without contact whose interaction has the radius ``c``."""
     touch = zone.touch_radius()
     # z0 - c^2/(2R) - (2-4/pi)(sigma/E) c in factors: exactly zero at first touch, no cancellation before it
     central_gap = 0.5 * (touch - c) * (c / zone.radius + 2.0 * zone.interaction_range / touch)
     d = -central_gap - 2.0 * zone.strain * c
-    right = Angle(np.full_like(d, 0.5 * np.pi), np.zeros_like(d), np.ones_like(d))
+    right = Angle(0.5 * np.pi + 0.0 * d, 0.0 * d, 1.0 + 0.0 * d)
     load = 0.0 - np.pi * zone.stress * c * c
-    return Curve(load, d, np.zeros_like(d), c + 0.0 * d, right.theta, central_gap, zone.energy(right, c, d))
+    return Curve(load, d, 0.0 * d, c + 0.0 * d, right.theta, central_gap, zone.energy(right, c, d))
 
 
-def load_fold_tangent(zone: Zone) -> FloatArray:
+def load_fold_tangent(zone: Zone) -> Array:
     """Return tan(rim angle) at the load fold; there is exactly one, as dF/dtheta > 0 at first touch and < 0 far into
     contact.
     """
     return zone.root(lambda angle: zone.slopes(angle).load, *zone.tangent_range())
 
 
-def displacement_fold_tangent(zone: Zone) -> FloatArray:
+def displacement_fold_tangent(zone: Zone) -> Array:
     """Return tan(rim angle) at the displacement fold in contact, of no meaning where that fold has no contact."""
     return zone.root(lambda angle: zone.slopes(angle).displacement, *zone.tangent_range())
 
 
-def _zone(radius: ArrayLike, modulus: ArrayLike, work_of_adhesion: ArrayLike, interaction_range: ArrayLike) -> Zone:
-    constants = np.broadcast_arrays(
-        finite("radius", radius),
-        finite("modulus", modulus),
-        finite("work_of_adhesion", work_of_adhesion),
-        finite("interaction_range", interaction_range),
-    )
+def _zone(
+    *,
+    radius: ArrayLike = 1.0,
+    modulus: ArrayLike = 1.0,
+    work_of_adhesion: ArrayLike = 1.0,
+    interaction_range: ArrayLike = 1.0,
+) -> Zone:
+    given = {"radius": radius, "modulus": modulus}
+    given |= {"work_of_adhesion": work_of_adhesion, "interaction_range": interaction_range}
+    constants = np.broadcast_arrays(*(finite(name, value) for name, value in given.items()))
     return Zone(*(np.asarray(x) for x in constants))
 
 
-def _zone_integral(r: FloatArray, rho: FloatArray, a: FloatArray, c: FloatArray, s: FloatArray) -> FloatArray:
+def _zone_integral(r: Array, rho: Array, a: Array, c: Array, s: Array) -> Array:
     """Return int_a^min(r,c) sqrt(c^2-t^2) / sqrt(r^2-t^2) dt with rho = sqrt(r^2-a^2) and s = sqrt(c^2-a^2)."""
     inside, beyond = rho < s, rho > s
     # c^2-r^2 = s^2-rho^2 keeps its digits where c and r are close to a
     depth = np.where(inside, (s - rho) * (s + rho), 1.0)
     share = np.where(inside, (a / r) ** 2, 1.0)
     within = (rho / r) * (
-        depth * elliprf(depth, np.where(inside, s, 1.0) ** 2, share * depth)
-        + rho**2 * depth / 3.0 * elliprd(np.where(inside, s, 1.0) ** 2, share * depth, depth)
+        depth * scipy.special.elliprf(depth, np.where(inside, s, 1.0) ** 2, share * depth)
+        + rho**2 * depth / 3.0 * scipy.special.elliprd(np.where(inside, s, 1.0) ** 2, share * depth, depth)
     )
     past = np.where(beyond & (c > 0.0), (rho - s) * (rho + s), 1.0)
     width = np.where(c > 0.0, c, 1.0)
-    outer = s**3 * past / (3.0 * width) * elliprd(np.where(beyond, rho, 1.0) ** 2, past * (a / width) ** 2, past)
+    outer = (
+        s**3
+        * past
+        / (3.0 * width)
+        * scipy.special.elliprd(np.where(beyond, rho, 1.0) ** 2, past * (a / width) ** 2, past)
+    )
     middle = 2.0 * width * np.sin(0.5 * np.arctan2(s, a)) ** 2
     return np.asarray(np.where(inside, within, np.where(beyond, outer, middle)))

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from continuation_problems import graph
 from scipy import sparse
 from scipy.sparse.linalg import aslinearoperator
 
@@ -13,6 +14,7 @@ from contbranch.continuation import Balance, Metric, SingularBorderedError, fact
 from contbranch.continuation.bordered import DenseBordered, MatrixFreeBordered, SparseBordered
 from contbranch.continuation.curve import Point
 from contbranch.continuation.segment import Segment
+from contbranch.continuation.step import Hermite, Predictor
 
 
 def bordered_example(n, seed):
@@ -140,3 +142,42 @@ def scalar_point():
     from continuation_problems import circle
 
     return Point(circle(), np.array([1.0]), 0.0, np.array([0.0]), 1.0)
+
+
+def test_polynomials_through_values_and_slopes():
+    """Through k places a polynomial of degree 2k - 1 is met exactly, and the next power misses by Π (s - s_i)²."""
+    places = [0.0, -0.7, -1.9]
+    for power in range(7):
+        values, slopes = [s**power for s in places], [power * s ** (power - 1) if power else 0.0 for s in places]
+        for count, (value, slope) in enumerate(Hermite(places, values, slopes).at(0.8), start=1):
+            if power < 2 * count:
+                assert value == pytest.approx(0.8**power, abs=1e-12)
+                assert slope == pytest.approx(power * 0.8 ** (power - 1) if power else 0.0, abs=1e-12)
+            elif power == 2 * count:
+                assert 0.8**power - value == pytest.approx(math.prod((0.8 - s) ** 2 for s in places[:count]))
+
+
+def test_steps_on_a_polynomial_graph_are_foretold_exactly():
+    """Along the flat tangent at p = 0 the curve x = p⁵ is a polynomial, which three points and tangents determine."""
+    problem = graph(lambda x: x, lambda x: 1.0)
+    metric = Metric(1.0, 1.0)
+    points = [Point(problem, np.array([p**5]), p, np.array([5 * p**4]), 1.0) for p in (-0.4, -0.2, 0.0)]
+    predictor = Predictor(points, metric)
+    foretold = predictor.at(0.3)
+    assert len(foretold) == 3
+    assert foretold[2][1] == pytest.approx(0.3)
+    assert foretold[2][0][0] == pytest.approx(0.3**5, abs=1e-14)
+    factor, count = predictor.longest(0.3, foretold, Point(problem, np.array([0.3**5]), 0.3, np.zeros(1), 1.0), 3.0)
+    assert (factor, count) == (3.0, 3)
+
+
+def test_a_rough_root_takes_few_evaluations():
+    asked = []
+
+    def function(s):
+        asked.append(s)
+        return math.exp(s) - 2.0
+
+    root = find_root(function, (0.0, -1.0), (1.0, math.e - 2), 1e-2, guess=0.694)
+    assert root == pytest.approx(math.log(2), abs=1e-2)
+    assert len(asked) == 1

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
-from numpy.typing import NDArray
+
+from contbranch.arrays import Array, Indices
+from contbranch.curve.problem import Defect
+from contbranch.models.quadrature import gauss_between
 
 from .equations import Equations, Fields
 
-__all__ = ["DefectError", "adapted_edges", "defect_error", "needed_reach", "panel_errors", "start_edges"]
-
-Array = NDArray[np.float64]
+__all__ = ["adapted_edges", "defect_error", "needed_reach", "panel_errors"]
 
 # Ratio of the innermost panel to the one it is split from: the solution has a tau⁴ log tau term at the rim, whose
 # error falls with the fourth power of the panel's length, so few strongly graded panels suffice.
@@ -25,28 +24,7 @@ SHORTEN = 0.9
 MERGE = 0.1
 
 
-@dataclass(frozen=True)
-class DefectError:
-    """Estimates (finer minus present) of the discretisation errors at fixed contact coordinate, reduced units.
-
-    Attributes
-    ----------
-    load, displacement : float
-        Signed errors.
-    state : float
-        Largest error of h.
-    """
-
-    load: float
-    displacement: float
-    state: float
-
-    def relative(self, load: float, displacement: float) -> float:
-        """The larger of both, each relative to max(1, |value|)."""
-        return max(abs(self.load) / max(1.0, abs(load)), abs(self.displacement) / max(1.0, abs(displacement)))
-
-
-def defect_error(equations: Equations, fields: Fields) -> DefectError:
+def defect_error(equations: Equations, fields: Fields) -> Defect:
     """One Newton step towards the solution on ``mesh.finer``, with the present mesh's linearisation.
 
     The solution is carried to the finer mesh, its residual there is brought back, and the correction it asks for
@@ -61,7 +39,7 @@ def defect_error(equations: Equations, fields: Fields) -> DefectError:
     displacement = fine_equations.displacement(fine) - equations.displacement(fields) + shift
     load = fine_equations.load(fine) - equations.load(fields)
     load += 2 * (float(fields.rim.weights @ step) + fields.rim.radius * shift)
-    return DefectError(load, displacement, float(np.abs(step).max()))
+    return Defect(load, displacement, float(np.abs(step).max()))
 
 
 def panel_errors(equations: Equations, fields: Fields, edges: Array | None = None) -> Array:
@@ -85,8 +63,7 @@ def panel_errors(equations: Equations, fields: Fields, edges: Array | None = Non
         edges, nodes = mesh.edges, mesh.nodes
         profile, pressure, stiffness = fields_here
     else:
-        left, half = edges[:-1], np.diff(edges) / 2
-        nodes = ((left + half)[:, None] + half[:, None] * rule.nodes).ravel()
+        nodes = gauss_between(edges[:-1], edges[1:], n)[0].ravel()
         profile, pressure, stiffness = (mesh.interpolate(values, nodes) for values in fields_here)
     a = fields.rim.radius
     weighted = profile * nodes / np.hypot(a, nodes) if a > 0 else profile
@@ -126,12 +103,6 @@ def needed_reach(equations: Equations, fields: Fields, tolerance: float) -> floa
     return float(mesh.nodes[last + 1]) if last + 1 < mesh.size else 1.5 * float(mesh.edges[-1])
 
 
-def start_edges(width: float, reach: float) -> Array:
-    """Panels for a first solution whose pressure varies over `width`, out to `reach`."""
-    count = max(1, int(np.ceil(np.log2(max(reach / width, 2.0)))))
-    return np.concatenate([[0.0], reach * 0.5 ** np.arange(count - 1, -1, -1.0)])
-
-
 def adapted_edges(equations: Equations, fields: Fields, tolerance: float, reach: float) -> Array:
     """Edges made from the mesh's own: panels with too large an error split, neighbours that one panel would serve
     merged.
@@ -158,7 +129,7 @@ def adapted_edges(equations: Equations, fields: Fields, tolerance: float, reach:
     return np.sort(np.concatenate([kept, cut[bad]]))
 
 
-def _mergeable(equations: Equations, fields: Fields, edges: Array, errors: Array, share: float) -> NDArray[np.intp]:
+def _mergeable(equations: Equations, fields: Fields, edges: Array, errors: Array, share: float) -> Indices:
     """Inner edges, no two neighbouring, without which the panels' errors stay below `share`."""
     small = errors < share
     candidates = [k for k in range(1, len(edges) - 1) if small[k - 1] and small[k]]

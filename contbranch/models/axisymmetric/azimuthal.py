@@ -33,9 +33,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import eigh, lapack
 
+from contbranch.arrays import Array
 from contbranch.curve.problem import Count
 from contbranch.results.diagram import ModeShape
 
@@ -51,8 +51,6 @@ __all__ = [
     "settled",
     "unstable_count",
 ]
-
-Array = NDArray[np.float64]
 
 # Largest mode number examined, where nothing settles the larger ones before.
 LARGEST_MODE = 32

@@ -11,13 +11,11 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from contbranch.models.quadrature import gauss, legendre_values, panel_rule
+from contbranch.arrays import Array, Indices
+from contbranch.models.quadrature import gauss_between, legendre_values, panel_rule
 
 __all__ = ["Mesh"]
-
-Array = NDArray[np.float64]
 
 # A source panel closer to the target than this many of its own lengths is integrated with the kernel's substitution;
 # farther away the kernel is analytic in a Bernstein ellipse of parameter > 5.8 and the panel's own nodes suffice.
@@ -52,12 +50,10 @@ class Mesh:
         self.edges = np.asarray(edges, dtype=float)
         self.rule = panel_rule(order)
         self.order = order
-        left, right = self.edges[:-1], self.edges[1:]
-        half = (right - left) / 2
-        self.panels = len(half)
-        self.half = half
-        self.nodes: Array = ((left + right)[:, None] / 2 + half[:, None] * self.rule.nodes).ravel()
-        self.weights: Array = (half[:, None] * self.rule.weights).ravel()
+        self.half = np.diff(self.edges) / 2
+        self.panels = len(self.half)
+        nodes, weights = gauss_between(self.edges[:-1], self.edges[1:], order)
+        self.nodes, self.weights = nodes.ravel(), weights.ravel()
         self.size = len(self.nodes)
         self.innermost = float(self.edges[1])
         self.plane = self._plane()
@@ -93,7 +89,7 @@ class Mesh:
         return matrix.reshape(len(points), self.size)
 
     # -- the matrices -------------------------------------------------------------------------------------------------
-    def _pairs(self, above: bool) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    def _pairs(self, above: bool) -> tuple[Indices, Indices]:
         """(node, panel) pairs whose kernel needs its substitution; `above`: panels that reach beyond the node."""
         left, right = self.edges[:-1], self.edges[1:]
         x = self.nodes[:, None]
@@ -102,13 +98,25 @@ class Mesh:
         node, panel = np.nonzero(touched & (distance < NEAR * (right - left)))
         return node, panel
 
-    def _moments(self, points: Array, panel: NDArray[np.intp], factors: Array) -> Array:
+    def arcs(self, rho: Array, panel: Indices, count: int) -> tuple[Array, Array]:
+        """Nodes tau = rho sin(theta) on panels below targets rho, and weights of ∫ dtheta; (pairs, count) each."""
+        end = np.arcsin(np.minimum(1.0, self.edges[panel + 1] / rho))
+        theta, weights = gauss_between(np.arcsin(self.edges[panel] / rho), end, count)
+        return rho[:, None] * np.sin(theta), weights
+
+    def angles(self, a: float, rho: Array, count: int) -> tuple[Array, Array]:
+        """Nodes theta on the innermost panel, t = r sin(theta), for targets rho, and weights; (M, count) each."""
+        upper = np.minimum(rho, self.innermost)
+        end = np.arctan2(np.hypot(a, upper), np.sqrt(np.maximum(rho**2 - upper**2, 0.0)))
+        return gauss_between(np.arctan2(a, rho), end, count)
+
+    def moments(self, points: Array, panel: Indices, factors: Array) -> Array:
         """Weights of the panel's nodal values in ``Σ_m factors · f(points)``; (pairs, m) -> (pairs, order)."""
         local = (points - self.edges[panel][:, None]) / self.half[panel][:, None] - 1.0
         values = legendre_values(self.order, local)
         return np.asarray(np.einsum("kpm,pm->pk", values, factors) @ self.rule.to_legendre)
 
-    def _fill(self, matrix: Array, node: NDArray[np.intp], panel: NDArray[np.intp], rows: Array) -> None:
+    def _fill(self, matrix: Array, node: Indices, panel: Indices, rows: Array) -> None:
         matrix.reshape(self.size, self.panels, self.order)[node, panel] = rows
 
     def _plane(self) -> Array:
@@ -118,13 +126,8 @@ class Mesh:
             matrix = np.where(difference > 0, (2 / np.pi) * self.weights / np.sqrt(difference), 0.0)
         node, panel = self._pairs(above=False)
         # tau = rho sin(theta) removes the half-order weight and leaves a polynomial in sin(theta).
-        rho = x[node]
-        start = np.arcsin(self.edges[panel] / rho)
-        end = np.arcsin(np.minimum(1.0, self.edges[panel + 1] / rho))
-        z, w = gauss(self.order + 6)
-        theta = (start + end)[:, None] / 2 + ((end - start) / 2)[:, None] * z
-        factors = (2 / np.pi) * ((end - start) / 2)[:, None] * w
-        self._fill(matrix, node, panel, self._moments(rho[:, None] * np.sin(theta), panel, factors))
+        tau, weights = self.arcs(x[node], panel, self.order + 6)
+        self._fill(matrix, node, panel, self.moments(tau, panel, (2 / np.pi) * weights))
         matrix.reshape(self.size, self.panels, self.order)[self.edges[None, :-1] >= x[:, None]] = 0.0
         return matrix
 
@@ -141,11 +144,9 @@ class Mesh:
             tau = x[rows]
             start = np.arccosh(np.maximum(1.0, self.edges[cols] / tau))
             end = np.arccosh(self.edges[cols + 1] / tau)
-            z, w = gauss(count)
-            y = (start + end)[:, None] / 2 + ((end - start) / 2)[:, None] * z
+            y, weights = gauss_between(start, end, count)
             sigma = tau[:, None] * np.cosh(y)
-            factors = 2 * ((end - start) / 2)[:, None] * w * sigma
-            self._fill(matrix, rows, cols, self._moments(sigma, cols, factors))
+            self._fill(matrix, rows, cols, self.moments(sigma, cols, 2 * weights * sigma))
         matrix.reshape(self.size, self.panels, self.order)[self.edges[None, 1:] <= x[:, None]] = 0.0
         return matrix
 
@@ -162,7 +163,7 @@ class Mesh:
         slopes = values.reshape(self.panels, self.order) @ self.rule.derivative.T
         return np.asarray((slopes / self.half[:, None]).ravel())
 
-    def _locate(self, points: Array) -> tuple[NDArray[np.intp], Array]:
+    def _locate(self, points: Array) -> tuple[Indices, Array]:
         """Panel of each point and its place there, in [−1, 1]; points beyond the mesh belong to the last panel."""
         panel = np.clip(np.searchsorted(self.edges, points, side="right") - 1, 0, self.panels - 1)
         return panel, (points - self.edges[panel]) / self.half[panel] - 1.0

@@ -9,18 +9,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
-from contbranch.models.quadrature import chebyshev_slopes, chebyshev_values, gauss, legendre_values
+from contbranch.arrays import Array, Indices
+from contbranch.models.quadrature import chebyshev_slopes, chebyshev_values, gauss, gauss_between
 
 from .equations import Equations, Fields
 from .mesh import NEAR, Mesh
 
 __all__ = ["ModeSpace", "inner_mode_pressure"]
-
-Array = NDArray[np.float64]
-Pairs = NDArray[np.intp]
 
 # Gauss nodes for the gap, a panel, beyond those of the mesh.
 EXTRA = 6
@@ -109,13 +106,12 @@ class ModeSpace:
     def _factor(self, m: int) -> Array:
         """Cholesky factor of the mass matrix ∫ dt of the innermost panel's functions."""
         mesh, a = self.mesh, self.radius
-        z, w = gauss(2 * mesh.order)
         end = np.hypot(a, mesh.innermost)
         # t − a and not t is what carries digits where the panel is short against a.
         reach = mesh.innermost**2 / (end + a)
-        beyond = reach * (z + 1) / 2
+        beyond, w = gauss_between(np.zeros(()), reach, 2 * mesh.order)
         values = chebyshev_values(mesh.rule.even_order, 2 * beyond * (beyond + 2 * a) / mesh.innermost**2 - 1)
-        weights = reach / 2 * w * ((a + beyond) / mesh.innermost) ** (2 * (m % 2))
+        weights = w * ((a + beyond) / mesh.innermost) ** (2 * (m % 2))
         return np.asarray(np.linalg.cholesky((values * weights) @ values.T))
 
 
@@ -125,18 +121,12 @@ def inner_plane(mesh: Mesh, a: float, rho: Array, m: int) -> Array:
     With t = r sin θ both the root and the rim disappear: (2/π) ∫ sin^m θ h dθ.
     """
     length = mesh.innermost
-    r = np.hypot(a, rho)
-    upper = np.minimum(rho, length)
-    start = np.arctan2(a, rho)
-    end = np.arctan2(np.hypot(a, upper), np.sqrt(np.maximum(rho**2 - upper**2, 0.0)))
-    z, w = gauss(mesh.order + 8 + m // 2)
-    half = ((end - start) / 2)[:, None]
-    theta = ((start + end) / 2)[:, None] + half * z
-    sine = np.sin(theta)
-    t = r[:, None] * sine
-    factors = (2 / np.pi) * half * w * sine**m * (t / length) ** (m % 2)
+    theta, weights = mesh.angles(a, rho, mesh.order + 8 + m // 2)
+    r, start, sine = np.hypot(a, rho)[:, None], np.arctan2(a, rho)[:, None], np.sin(theta)
+    t = r * sine
+    factors = (2 / np.pi) * weights * sine**m * (t / length) ** (m % 2)
     # tau² = (t − a)(t + a), with t − a from the angles' difference: r (sin θ − sin θ_0).
-    above = 2 * r[:, None] * np.cos((theta + start[:, None]) / 2) * np.sin((theta - start[:, None]) / 2)
+    above = 2 * r * np.cos((theta + start) / 2) * np.sin((theta - start) / 2)
     values = chebyshev_values(mesh.rule.even_order, 2 * above * (t + a) / length**2 - 1)
     return np.asarray(np.einsum("kim,im->ik", values, factors))
 
@@ -163,18 +153,11 @@ def outer_plane(mesh: Mesh, a: float, rho: Array, m: int) -> Array:
     return np.asarray(matrix)
 
 
-def _near(mesh: Mesh, a: float, rho: Array, panel: Pairs, m: int) -> Array:
+def _near(mesh: Mesh, a: float, rho: Array, panel: Indices, m: int) -> Array:
     """Rows of `outer_plane` for panels close to their target, with tau = rho sin ψ; (pairs, n)."""
-    start = np.arcsin(mesh.edges[panel] / rho)
-    end = np.arcsin(np.minimum(1.0, mesh.edges[panel + 1] / rho))
-    z, w = gauss(mesh.order + 8 + m // 2)
-    half = ((end - start) / 2)[:, None]
-    tau = rho[:, None] * np.sin(((start + end) / 2)[:, None] + half * z)
+    tau, weights = mesh.arcs(rho, panel, mesh.order + 8 + m // 2)
     t, r = np.hypot(a, tau), np.hypot(a, rho)[:, None]
-    factors = (2 / np.pi) * half * w * (tau / t) * (t / r) ** m
-    local = (tau - mesh.edges[panel][:, None]) / mesh.half[panel][:, None] - 1.0
-    values = legendre_values(mesh.order, local)
-    return np.asarray(np.einsum("kpm,pm->pk", values, factors) @ mesh.rule.to_legendre)
+    return mesh.moments(tau, panel, (2 / np.pi) * weights * (tau / t) * (t / r) ** m)
 
 
 def inner_mode_pressure(space: ModeSpace, m: int, vector: Array, r: Array) -> Array:
@@ -191,9 +174,7 @@ def inner_mode_pressure(space: ModeSpace, m: int, vector: Array, r: Array) -> Ar
     odd = m % 2
 
     # Innermost panel: f = t^−m h is even in tau, and with w² = tau² + a² − r² the integral is 2 ∫ df/d(tau²) dw.
-    z, weights = gauss(mesh.order + 8)
-    first, last = np.sqrt(distance)[:, None], np.sqrt(mesh.innermost**2 + distance)[:, None]
-    w = (first + last) / 2 + (last - first) / 2 * z
+    w, weights = gauss_between(np.sqrt(distance), np.sqrt(mesh.innermost**2 + distance), mesh.order + 8)
     squares = w * w - distance[:, None]
     t = np.sqrt(a * a + squares)
     local = 2 * squares / mesh.innermost**2 - 1
@@ -201,7 +182,7 @@ def inner_mode_pressure(space: ModeSpace, m: int, vector: Array, r: Array) -> Ar
     plain = np.tensordot(inner, values, 1)
     slope = np.tensordot(inner, chebyshev_slopes(values, local), 1) * (2 / mesh.innermost**2)
     power = (t / mesh.innermost) ** odd * (r[:, None] / t) ** m
-    total = ((last - first)[:, 0]) * ((power * (slope - (m - odd) / 2 * plain / t**2)) @ weights)
+    total = 2 * (power * (slope - (m - odd) / 2 * plain / t**2) * weights).sum(axis=1)
 
     # The other panels, at their nodes.
     t = np.hypot(a, mesh.nodes[n:])

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from contbranch.contact.contact import Contact
+from contbranch.contact.interaction_law import terms_of
 from contbranch.contact.interactions import MaugisDugdale
 
 from .problem import ROW_SAFETY, ContactProblem, first_problem
@@ -26,7 +27,7 @@ class Axisymmetric:
         """Return why the model does not represent a contact, as the end of a sentence, or None if it does."""
         if not contact.tip.is_axisymmetric:
             return f"a tip of the shape {contact.tip.name or type(contact.tip).__name__} is not axisymmetric"
-        laws = contact.interaction.terms if contact.interaction is not None else ()
+        laws = terms_of(contact.interaction)
         if any(isinstance(law, MaugisDugdale) for law in laws):
             if any(isinstance(law, MaugisDugdale) and law.work_of_adhesion < 0 for law in laws):
                 return (

@@ -27,9 +27,10 @@ from contbranch.curve.problem import (
     oriented,
 )
 from contbranch.errors import ModelError
+from contbranch.models.quadrature import start_edges
 from contbranch.results.diagram import ModeShape, Profile
 
-from .adapt import DefectError, adapted_edges, defect_error, needed_reach, panel_errors, start_edges
+from .adapt import adapted_edges, defect_error, needed_reach, panel_errors
 from .azimuthal import counted, eigenvalues, mode_shape
 from .equations import ContactCoordinate, Equations, Fields
 from .mesh import Mesh
@@ -77,6 +78,8 @@ FEWER, COARSENINGS = 0.8, 4
 TINY, MOVING = 1e-2, 0.1
 # The panels' guide is believed where, scaled to the error found last, it leaves so much room.
 ROOM = 4.0
+# ... and never below this share of itself: an error may be small by cancellation.
+LUCK = 0.02
 # Rounds of meshing, solving and judging until a mesh satisfies its own error estimate.
 ROUNDS = 6
 
@@ -212,8 +215,8 @@ class ContactProblem(EquilibriumProblem):
             if control.spring_stiffness is not None:
                 negligible = min(negligible, SOFTER * control.spring_stiffness * self.scale / (2 * math.pi))
             far = law.reach(max(negligible, np.finfo(float).tiny))
-            width = _radius_at(contact, min(far, 4 * max(term.range for term in law.terms)))
-            edges = start_edges(width, max(_radius_at(contact, far), 2 * width))
+            width = contact.axisymmetric_tip.radius_at(min(far, 4 * max(term.range for term in law.terms)))
+            edges = start_edges(width, max(contact.axisymmetric_tip.radius_at(far), 2 * width))
             problem = self.on_mesh(Mesh(edges, self.resolution.order))
             u = self.parameter(-max(far, self.scale))
         self.resolution.far = u
@@ -344,8 +347,8 @@ class ContactProblem(EquilibriumProblem):
 
     def observables(self, x: Array, p: float) -> Mapping[str, float]:
         """The values, by name, where the mesh resolves them."""
-        allowed = UNRESOLVED * self.resolution.tolerance
-        if self.expected_error(self.fields(x, p), allowed) > allowed:
+        tolerance = self.resolution.tolerance
+        if self.expected_error(self.fields(x, p), tolerance) > UNRESOLVED * tolerance:
             raise ModelError("the mesh does not resolve the solution")  # which repeats the step shorter
         return self.values(x, p)._asdict()
 
@@ -394,14 +397,13 @@ class ContactProblem(EquilibriumProblem):
     # -- errors -------------------------------------------------------------------------------------------------------
     def defect(self, point: Point) -> Defect:
         """One Newton step towards the solution on the finer mesh."""
-        found = self.error(self.fields(point.x, point.parameter))
-        return Defect(found.load, found.displacement, found.state)
+        return self.error(self.fields(point.x, point.parameter))
 
-    def error(self, fields: Fields) -> DefectError:
+    def error(self, fields: Fields) -> Defect:
         """Discretisation error of a solution."""
         if "error" not in fields.derived:
             fields.derived["error"] = defect_error(self.equations, fields)
-        found: DefectError = fields.derived["error"]
+        found: Defect = fields.derived["error"]
         return found
 
     # -- meshes -------------------------------------------------------------------------------------------------------
@@ -413,7 +415,7 @@ class ContactProblem(EquilibriumProblem):
         allowed = resolution.tolerance * scale
         reach = needed_reach(self.equations, fields, 0.1 * allowed)
         mesh = self.equations.mesh
-        error = self.expected_error(fields, resolution.tolerance)
+        error = self.calibrated(fields)
         if error <= resolution.tolerance and reach <= mesh.edges[-1]:
             if error > 1e-3 * resolution.tolerance or mesh.panels <= 6:
                 return None
@@ -600,15 +602,16 @@ class ContactProblem(EquilibriumProblem):
     def expected_error(self, fields: Fields, tolerance: float) -> float:
         """Discretisation error of a solution relative to max(1, |value|), roughly where it is below a tolerance.
 
-        There the panels' own guide serves, scaled to the error last found on this mesh, with some room; otherwise the
-        error is estimated anew.
+        There the panels' own guide serves, scaled to the error last found on this mesh, with some room: that is at the
+        row before, for the scale may change by orders along the curve. Otherwise the error is estimated anew.
         """
-        if "error" not in fields.derived:
-            rough = ROOM * self.guided * self._guide(fields)
-            if rough <= tolerance:
-                return rough
+        rough = ROOM * self.guided * self._guide(fields)
+        return rough if rough <= tolerance else self.calibrated(fields)
+
+    def calibrated(self, fields: Fields) -> float:
+        """The relative error of a solution, which scales the panels' guide from now on."""
         error = self.relative_error(fields)
-        self.guided = error / max(self._guide(fields), 1e-300)
+        self.guided = max(error / max(self._guide(fields), 1e-300), LUCK)
         return error
 
     def _guide(self, fields: Fields) -> float:
@@ -620,20 +623,8 @@ class ContactProblem(EquilibriumProblem):
 
     def relative_error(self, fields: Fields) -> float:
         """Discretisation error of a solution relative to max(1, |value|): the larger of load's and displacement's."""
-        return self.error(fields).relative(self.equations.load(fields), self.equations.displacement(fields))
-
-
-def _radius_at(contact: Contact, height: float) -> float:
-    """Radius at which the tip's profile has a height."""
-    tip = contact.axisymmetric_tip
-    low, high = 0.0, 1.0
-    while high < tip.extent and float(tip.height(np.float64(high))) < height:
-        low, high = high, 2 * high
-    high = min(high, tip.extent)
-    for _ in range(40):
-        middle = (low + high) / 2
-        low, high = (middle, high) if float(tip.height(np.float64(middle))) < height else (low, middle)
-    return high
+        load, displacement = self.equations.load(fields), self.equations.displacement(fields)
+        return self.error(fields).relative(Values(load, displacement, 0.0, 0.0, 0.0))
 
 
 def _margin(point: Point) -> float:

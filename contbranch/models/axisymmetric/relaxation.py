@@ -19,8 +19,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from contbranch.arrays import Array
 from contbranch.control import Control
 
 from .adapt import adapted_edges, needed_reach
@@ -28,8 +28,6 @@ from .equations import Equations
 from .mesh import Mesh
 
 __all__ = ["Relaxed", "Release"]
-
-Array = NDArray[np.float64]
 
 # To leave the fold, the load is moved on by this share of the interaction's own, a displacement by that of its range.
 NUDGE = 1e-4

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from contbranch.contact.contact import Contact
 from contbranch.contact.interactions import MaugisDugdale
 from contbranch.contact.tips import Parabola
-from contbranch.curve.problem import Work
 from contbranch.errors import InputError
-from contbranch.models.exact.problem import Beyond, ExactProblem, zone_of
+
+if TYPE_CHECKING:
+    from contbranch.models.exact.problem import ExactProblem
 
 __all__ = ["Exact"]
 
@@ -41,6 +42,9 @@ class Exact:
         InputError
             If the model does not represent the contact; the message says why.
         """
+        from contbranch.curve.problem import Work
+        from contbranch.models.exact.problem import Beyond, zone_of
+
         obstacle = self.obstacle(contact)
         if obstacle is not None:
             raise InputError(f"model exact does not represent this contact: {obstacle}; choose axisymmetric or auto")

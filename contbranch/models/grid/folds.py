@@ -13,7 +13,7 @@ from operator import itemgetter
 from typing import Literal
 
 import numpy as np
-from scipy.optimize import minimize_scalar
+import scipy
 
 from contbranch.control import Control
 
@@ -65,7 +65,7 @@ def _extremum(track: Track, control: Control, sign: float, low: float, high: flo
         best.append((-sign * control.value(state.load, state.displacement), state))
         return best[-1][0]
 
-    minimize_scalar(
+    scipy.optimize.minimize_scalar(
         depth, bounds=(low, high), method="bounded", options={"xatol": NARROW * (high - low), "maxiter": 25}
     )
     return min(best, key=itemgetter(0))[1] if best else None

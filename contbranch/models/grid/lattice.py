@@ -21,7 +21,7 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-from scipy.special import itj0y0
+import scipy
 
 from .arrays import Array
 from .transforms import EVEN, Counter, Parity, Transform, wavenumbers
@@ -114,7 +114,7 @@ class Lattice:
             return 0.5 * q
         nowhere = q == 0.0
         safe = np.where(nowhere, 1.0, q)
-        stiffness = 0.5 * safe / itj0y0((safe * self.edge).ravel())[0].reshape(q.shape)
+        stiffness = 0.5 * safe / scipy.special.itj0y0((safe * self.edge).ravel())[0].reshape(q.shape)
         stiffness[nowhere] = 0.0
         return stiffness
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import ClassVar, Self
+from typing import TYPE_CHECKING, ClassVar, Self
 
 from contbranch.contact.contact import Contact
 from contbranch.contact.height_map import HeightMap
@@ -11,9 +11,11 @@ from contbranch.contact.units import positive_number
 from contbranch.errors import InputError
 from contbranch.grid_size import grid_points
 
-from .lattice import Kind
-from .setup import REDUCED_VALUES, Setup, UnitValues
-from .size import chosen_size
+from .units import REDUCED_VALUES, UnitValues
+
+if TYPE_CHECKING:
+    from .lattice import Kind
+    from .setup import Setup
 
 __all__ = ["FreeSpace", "Periodic"]
 
@@ -82,7 +84,11 @@ class _Cell:
             cell = tip.cell if cell is None else cell
             grid = (tip.points if tip.points % 2 == 0 else 2 * tip.points) if grid is None else grid
         if cell is None or grid is None:
+            from .size import chosen_size  # which traces a model without a grid
+
             cell, grid = chosen_size(contact, self.name, (cell, grid), (field, value), accuracy)
+        from .setup import Setup
+
         return Setup(contact, self.name, cell, grid, threads=self.threads, units=self.units)
 
 

@@ -44,7 +44,7 @@ DEPTH, STRAIGHT = 3, 1e-3
 
 
 class GridWalk:
-    """A traced curve on a lattice under one control (an `analysis.hysteresis.Walk`), reduced units.
+    """A traced curve on a lattice under one control (a `quasi_static.Walk`), reduced units.
 
     Parameters
     ----------

@@ -14,6 +14,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from contbranch.contact.interaction_law import terms_of
 from contbranch.contact.interactions import Interaction, MaugisDugdale
 
 from .arrays import Array
@@ -69,7 +70,7 @@ def _ramped(term: MaugisDugdale, spacing: float) -> RampedDugdale:
 
 def jump_message(law: Interaction | None) -> str:
     """A sentence for laws with attraction that ends at once, empty for others."""
-    terms = () if law is None else law.terms
+    terms = terms_of(law)
     if not any(isinstance(term, RampedDugdale) and term.work_of_adhesion > 0.0 for term in terms):
         return ""
     return (

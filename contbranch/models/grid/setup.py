@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
@@ -19,23 +18,9 @@ from .observables import weights
 from .problem import GridProblem
 from .ramp import on_lattice
 from .transforms import Counter
+from .units import REDUCED_VALUES, UnitValues
 
 __all__ = ["Setup", "UnitValues", "carried", "coarsened", "refined"]
-
-
-class UnitValues(NamedTuple):
-    """One reduced unit of length in plane and along the normal, and of load, in a contact's own units."""
-
-    in_plane: float
-    normal: float
-    load: float
-
-    def of(self, field: str) -> float:
-        """The unit of a load or displacement."""
-        return self.load if field == "load" else self.normal
-
-
-REDUCED_VALUES = UnitValues(1.0, 1.0, 1.0)
 
 
 @dataclass(frozen=True)

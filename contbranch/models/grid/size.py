@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import brentq
+import scipy
 
 from contbranch.contact.contact import Contact
 from contbranch.contact.tips import Parabola
@@ -80,7 +80,9 @@ def _radius_at(contact: Contact, height: float) -> float:
         high *= 2.0
         if high > 1e8:
             raise InputError("cell: the tip is flat; give the edge of the cell")
-    return float(brentq(lambda distance: height_at(distance) - height, 0.0, high)) if height > 0.0 else 0.0
+    return (
+        float(scipy.optimize.brentq(lambda distance: height_at(distance) - height, 0.0, high)) if height > 0.0 else 0.0
+    )
 
 
 def _extent(contact: Contact, field: str | None, value: float | None) -> tuple[float, float]:

@@ -18,12 +18,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.optimize import brentq
+import scipy
 
 from .arrays import Array
 from .newton import Equilibrium, Hold, Settings, Sketch, newton
 from .problem import GridProblem
-from .setup import REDUCED_VALUES, Setup, UnitValues, carried
+from .setup import Setup, carried
+from .units import REDUCED_VALUES, UnitValues
 
 __all__ = ["Direction", "Measure", "Point", "Track", "WalkOptions", "Walker", "beside", "following", "quietly"]
 
@@ -212,7 +213,7 @@ class Track:
             return function(state)
 
         try:
-            return self.at(brentq(value, low, high, xtol=part * abs(high - low)))
+            return self.at(scipy.optimize.brentq(value, low, high, xtol=part * abs(high - low)))
         except ValueError:
             return None
 

@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from contbranch.arrays import Array
 from contbranch.continuation import CorrectionError, Event, Point, StopAt
 from contbranch.continuation.edge import Range
 from contbranch.continuation.follow import follow
@@ -17,7 +17,7 @@ from contbranch.curve.problem import Succession, equilibrium, oriented
 from contbranch.errors import ModelError
 
 from .constraints import Breach, begun, least_margin
-from .equations import rings
+from .equations import Fields, RingEquations, rings
 from .layout import Layout
 from .meshing import BOUNDED
 from .newton import resolved, solved
@@ -25,8 +25,6 @@ from .panels import Grid, Panels
 from .topology import change
 
 __all__ = ["born", "vanished"]
-
-Array = NDArray[np.float64]
 
 # Half-widths with which a region is born, as shares of the room there is for it; the first that succeeds counts, unless
 # an inequality fails there by more than this.
@@ -129,6 +127,13 @@ def pieces(layout: Layout, edges: Array, panels: Panels, grid: Grid) -> Panels:
     return replace(panels, halves=tuple(halves), outer=outer)
 
 
+def carried(problem: RingEquations, fields: Fields, layout: Layout, edges: Array) -> tuple[RingEquations, Array]:
+    """Another layout with its edges, and the state on it with the present pressures."""
+    trial = problem.laid_out(layout, pieces(layout, edges, problem.panels, fields.grid))
+    nodes = Grid(trial.panels, edges, layout.bounded).r
+    return trial, np.concatenate([fields.grid.interpolate(fields.pressure, nodes), edges])
+
+
 def seeded(point: Point, breach: Breach) -> Point:
     """The state in which a narrow new region has been born, oriented towards its growth.
 
@@ -157,14 +162,12 @@ def seeded(point: Point, breach: Breach) -> Point:
         else:
             at = breach.radius + half * np.array([-1.0, 1.0])
             new = np.insert(edges, breach.region, at)
-        trial = problem.laid_out(layout, pieces(layout, new, problem.panels, grid))
-        nodes = Grid(trial.panels, new, layout.bounded)
-        x = np.concatenate([grid.interpolate(fields.pressure, nodes.r), new])
+        trial, x = carried(problem, fields, layout, new)
         held = np.zeros(len(new))
         held[breach.region] = 1.0
         if not centre:
             held[breach.region : breach.region + 2] = -1.0, 1.0
-        row = np.concatenate([np.zeros(nodes.size), held]), 0.0
+        row = np.concatenate([np.zeros(x.size - len(new)), held]), 0.0
         try:
             found = resolved(oriented(trial, *solved(trial, x, point.parameter, row), row), (held, 0.0))
         except CorrectionError:
@@ -194,12 +197,10 @@ def passed(point: Point) -> tuple[Point, bool]:
     kept = np.delete(edges, gone)
     if joined is None:
         kept[region - 1] = (edges[region - 1] + edges[region]) / 2
-    trial = problem.laid_out(layout, pieces(layout, kept, problem.panels, fields.grid))
-    nodes = Grid(trial.panels, kept, layout.bounded)
-    x = np.concatenate([fields.grid.interpolate(fields.pressure, nodes.r), kept])
+    trial, x = carried(problem, fields, layout, kept)
     # Close to the vanishing region rates of pressure are large and mean nothing for the joined state.
     rates = np.delete(point.tangent_x[fields.grid.size :], gone)
-    tangent = np.concatenate([np.zeros(nodes.size), rates]), point.tangent_parameter
+    tangent = np.concatenate([np.zeros(x.size - len(kept)), rates]), point.tangent_parameter
     if not np.abs(rates).max(initial=0.0) + abs(point.tangent_parameter) > 0:
         raise ModelError("the direction of the curve was lost where a region vanished")
     try:

@@ -7,17 +7,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.polynomial import legendre
 
+from contbranch.arrays import Array
 from contbranch.continuation import Point
-from contbranch.models.quadrature import legendre_values
 
 from .equations import Fields, RingEquations, rings
 from .layout import Region
 
 __all__ = ["NARROW_RING", "Breach", "begun", "least_margin", "narrowness"]
-
-Array = NDArray[np.float64]
 
 # Next to an edge both gap and pressure come to their bounds; an extremum there counts only beyond this share of the
 # largest value, which discretisation does not reach.
@@ -32,8 +30,8 @@ JUMP_NOISE = 1e-4
 # A region vanishes at this share of its width where the piece of the curve begins, or of the outermost edge if that is
 # less: a ring at rest between two bands may be replaced by a jump of the pressure below the latter.
 SHRUNK, NARROWEST, NARROW_RING = 0.5, 1e-3, 1e-4
-# Places on a panel at which its polynomial is sampled for an extremum.
-SAMPLES = (np.arange(33)) / 32
+# Turning points of a panel's polynomial whose imaginary part is no larger are real: two may all but coincide.
+REAL = 1e-6
 
 
 @dataclass(frozen=True)
@@ -148,15 +146,10 @@ def _refined(problem: RingEquations, fields: Fields, margin: Array, node: int) -
     for k in (panel - 1, panel, panel + 1):
         if not (0 <= k < grid.count) or grid.region[k] != grid.region[panel] or grid.sign[k] == 2:
             continue
-        x = SAMPLES
-        values = coefficients[k] @ legendre_values(grid.order, 2 * x - 1)
+        turning = legendre.legroots(legendre.legder(coefficients[k]))
+        places = np.append(turning.real[(np.abs(turning.imag) < REAL) & (np.abs(turning) < 1)], [-1.0, 1.0])
+        values = legendre.legval(places, coefficients[k])
         i = int(np.argmin(values))
-        low, high = x[max(i - 1, 0)], x[min(i + 1, len(x) - 1)]
-        for _ in range(3):  # the bracket shrinks by 16 each time
-            x = low + (high - low) * SAMPLES
-            values = coefficients[k] @ legendre_values(grid.order, 2 * x - 1)
-            i = int(np.argmin(values))
-            low, high = x[max(i - 1, 0)], x[min(i + 1, len(x) - 1)]
         if values[i] < best[0]:
-            best = (float(values[i]), float(grid.sample(k, np.array([x[i]]))[0]), k)
+            best = (float(values[i]), float(grid.sample(k, (places[i : i + 1] + 1) / 2)[0]), k)
     return best

@@ -17,6 +17,8 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from contbranch.arrays import Array
+from contbranch.contact.interaction_law import terms_of
 from contbranch.contact.tips import Tip
 from contbranch.continuation import Linearisation, Point
 from contbranch.continuation.metric import Metric
@@ -28,8 +30,6 @@ from .layout import Layout
 from .panels import Grid, Panels
 
 __all__ = ["Fields", "RingEquations", "Setting", "rings"]
-
-Array = NDArray[np.float64]
 
 # States whose fields are kept: the ends of a step and what is tried between them.
 RECENT = 6
@@ -63,8 +63,7 @@ class Setting:
     @property
     def scale(self) -> float:
         """The shortest range of the interaction."""
-        terms = self.law.interaction.terms if self.law.interaction is not None else ()
-        return min((term.range for term in terms), default=1.0)
+        return min((term.range for term in terms_of(self.law.interaction)), default=1.0)
 
 
 @dataclass(frozen=True)
@@ -147,12 +146,9 @@ class RingEquations(EquilibriumProblem):
 
     def resting(self, grid: Grid) -> tuple[NDArray[np.bool_], Array]:
         """Which nodes rest, and their levels."""
-        rests, level = np.zeros(grid.size, dtype=bool), np.zeros(grid.size)
-        for k, region in enumerate(self.layout.regions):
-            if region.rests:
-                own = grid.of_node == k
-                rests[own], level[own] = True, self.setting.law.levels[region.index]
-        return rests, level
+        levels = [self.setting.law.levels[region.index] if region.rests else 0.0 for region in self.layout.regions]
+        rests = [region.rests for region in self.layout.regions]
+        return np.array(rests)[grid.of_node], np.array(levels)[grid.of_node]
 
     def _edges(self, fields: Fields) -> tuple[Array, Array, Array, Array]:
         """Equations of the edges: residuals (E,), and their derivatives with respect to pressures, edges and d.

@@ -7,8 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from contbranch.arrays import Array
 from contbranch.contact.interactions import Interaction
 from contbranch.contact.tips import Tip
 from contbranch.continuation import CorrectionError, Point
@@ -25,8 +25,6 @@ from .panels import Grid, Panels
 from .problem import RingProblem
 
 __all__ = ["Disc", "taken_over"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

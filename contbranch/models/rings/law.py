@@ -7,13 +7,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from contbranch.arrays import Array
+from contbranch.contact.interaction_law import terms_of
 from contbranch.contact.interactions import Interaction, MaugisDugdale, Response, Sum
 
 __all__ = ["BandedLaw"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -34,13 +33,13 @@ class BandedLaw:
 
     @cached_property
     def _steps(self) -> tuple[MaugisDugdale, ...]:
-        terms = self.interaction.terms if self.interaction is not None else ()
+        terms = terms_of(self.interaction)
         return tuple(sorted((t for t in terms if isinstance(t, MaugisDugdale)), key=lambda term: term.range))
 
     @cached_property
     def smooth(self) -> Interaction | None:
         """The part of the law without jumps."""
-        terms = self.interaction.terms if self.interaction is not None else ()
+        terms = terms_of(self.interaction)
         rest = tuple(term for term in terms if not isinstance(term, MaugisDugdale))
         return None if not rest else rest[0] if len(rest) == 1 else Sum(rest)
 

@@ -7,15 +7,15 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
+
+from contbranch.arrays import Array
+from contbranch.models.quadrature import start_edges
 
 from .equations import Fields, RingEquations
 from .layout import Layout
 from .panels import Panels
 
 __all__ = ["adapted", "finer", "order_for", "panel_errors", "start_panels"]
-
-Array = NDArray[np.float64]
 
 # Breaks of a piece between an edge and the far end of its region, in shares of its length in √distance.
 BOUNDED = (0.3,)
@@ -42,8 +42,7 @@ def start_panels(layout: Layout, order: int, width: float, reach: float, infinit
     pieces = 2 * layout.edges - 1 if layout.edges else 0
     outer: tuple[float, ...] = ()
     if not layout.bounded:
-        count = max(1, math.ceil(math.log2(max(reach / width, 2.0))))
-        radii = reach * 0.5 ** np.arange(count - 1, -1, -1.0)
+        radii = start_edges(width, reach)[1:]
         outer = tuple(float(y) for y in (np.sqrt(radii) if layout.edges else radii))
     return Panels(order, (BOUNDED,) * pieces, outer, infinite)
 
@@ -75,7 +74,7 @@ def panel_errors(problem: RingEquations, fields: Fields) -> Array:
     ring = 2 * math.pi * (grid.weights * grid.r * np.abs(fields.pressure)).reshape(grid.count, -1).sum(axis=1)
     infinite = grid.sign == 2
     # ... whose series may look complete where that of the integrand, which the load adds up, is not.
-    own = np.polynomial.legendre.leggauss(grid.order)[1] / 2
+    own = grid.rule.weights / 2
     integrand = grid.weights * grid.r * fields.pressure / np.tile(own, grid.count)
     missed = 2 * math.pi * np.abs(grid.coefficients(integrand))[:, -2:].max(axis=1)
     share = np.divide(tail, density, out=np.zeros_like(tail), where=density > 0)

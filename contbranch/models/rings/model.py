@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from contbranch.contact.contact import Contact
+from contbranch.contact.interaction_law import terms_of
 from contbranch.contact.interactions import MaugisDugdale
 
-from .equations import Setting
-from .law import BandedLaw
-from .problem import RingProblem
-from .start import distance, floating
+if TYPE_CHECKING:
+    from .problem import RingProblem
 
 __all__ = ["Rings"]
 
@@ -29,7 +28,7 @@ class Rings:
         """Return why the model does not represent a contact, as the end of a sentence, or None if it does."""
         if not contact.tip.is_axisymmetric:
             return f"a tip of the shape {contact.tip.name or type(contact.tip).__name__} is not axisymmetric"
-        laws = contact.interaction.terms if contact.interaction is not None else ()
+        laws = terms_of(contact.interaction)
         if any(isinstance(law, MaugisDugdale) and law.work_of_adhesion > 0 for law in laws):
             return (
                 "the pressure of the maugis-dugdale attraction jumps at the end of its range, which only the exact "
@@ -41,5 +40,10 @@ class Rings:
 
     def problem(self, contact: Contact, accuracy: float) -> RingProblem:
         """The first problem of a reduced contact's curve, with nothing at rest."""
+        from .equations import Setting
+        from .law import BandedLaw
+        from .problem import RingProblem
+        from .start import distance, floating
+
         setting = Setting(contact.axisymmetric_tip, BandedLaw(contact.interaction), accuracy)
         return RingProblem(setting, *floating(setting, distance(setting)))

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from contbranch.continuation import CorrectionError, Outcome, Point
+from contbranch.arrays import Array
+from contbranch.continuation import CorrectionError, Options, Outcome, Point
 from contbranch.continuation.newton import border, correct, linearise, residual
 from contbranch.curve.problem import oriented
 
@@ -16,12 +16,13 @@ from .meshing import adapted
 
 __all__ = ["resolved", "solved"]
 
-Array = NDArray[np.float64]
 Row = tuple[Array, float]
 
 # Most iterations, the relative correction from which the iteration is left to itself, the growth of the residual that
 # is accepted, and how often a step is halved to avoid more.
 APPROACHES, NEARLY, GROWS, HALVINGS = 30, 1e-3, 1.5, 6
+# ... and how far it goes then.
+PRECISE = Options(tolerance=1e-12, noise=1e6)
 # Rounds of meshing and solving for one state.
 ROUNDS = 6
 
@@ -46,7 +47,7 @@ def solved(problem: RingEquations, x: Array, d: float, row: Row) -> tuple[Array,
         if not math.isfinite(size):
             break
         if size < NEARLY:
-            done = correct(problem, x, d, row, metric, tolerance=1e-12, noise=1e6, maximum_iterations=12)
+            done = correct(problem, (x, d), row, metric, PRECISE)
             return done.x, done.parameter
         room = np.diff(np.concatenate([[0.0], x[x.size - count :]]))
         moved = np.abs(dx[x.size - count :]).max(initial=0.0)

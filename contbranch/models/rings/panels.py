@@ -17,15 +17,13 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import ellipe, ellipkm1
 
+from contbranch.arrays import Array, Indices
 from contbranch.models.quadrature import gauss, legendre_values, panel_rule
 
 __all__ = ["Grid", "Panels"]
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 # Panels whose distance from a target exceeds this multiple of their length are integrated with their own nodes.
 NEAR = 1.0
@@ -135,58 +133,45 @@ class Grid:
         range."""
         edges, count = self.edges, len(self.edges)
         unit = np.eye(count)
-        rows: list[tuple[int, float, int, float, float]] = []
-        breaks: list[tuple[float, float]] = []
-        moves: list[tuple[Array, Array]] = []
+        # Region, sign, derivatives of the anchor and of the far end of the piece, and shares of the root of its length.
+        rows: list[tuple[int, int, Array, Array, float, float]] = []
         halves = iter(self.panels.halves)
 
-        def piece(region: int, anchor: float, move: Array, far: float, far_move: Array, sign: int) -> None:
+        def piece(region: int, move: Array, far_move: Array, sign: int) -> None:
             """Panels between an anchor and the far end of its piece, from the centre outwards."""
-            shares = np.array([0.0, *next(halves), 1.0])
-            if sign < 0:
-                shares = shares[::-1]
-            root = math.sqrt(abs(far - anchor))
-            for a, b in itertools.pairwise(shares):
-                rows.append((region, anchor, sign, a * root, b * root))
-                breaks.append((anchor + (far - anchor) * a * a, anchor + (far - anchor) * b * b))
-                moves.append((move + (far_move - move) * a * a, move + (far_move - move) * b * b))
+            shares = (0.0, *next(halves), 1.0)[::sign]
+            rows.extend((region, sign, move, far_move, a, b) for a, b in itertools.pairwise(shares))
 
-        for region in range(count):
-            edge, move = float(edges[region]), unit[region]
+        for region, move in enumerate(unit):
             if region == 0:
-                piece(0, edge, move, 0.0, 0 * move, -1)
+                piece(0, move, 0 * move, -1)
                 continue
-            before, before_move = float(edges[region - 1]), unit[region - 1]
-            middle, middle_move = (before + edge) / 2, (before_move + move) / 2
-            piece(region, before, before_move, middle, middle_move, 1)
-            piece(region, edge, move, middle, middle_move, -1)
+            middle = (unit[region - 1] + move) / 2
+            piece(region, unit[region - 1], middle, 1)
+            piece(region, move, middle, -1)
         if not bounded:
-            anchor = float(edges[-1]) if count else 0.0
             move = unit[-1] if count else np.zeros(0)
-            sign = 1 if count else 0
-            y = np.array([0.0, *self.panels.outer])
-            radii = anchor + (y * y if count else y)
-            for k in range(len(y) - 1):
-                rows.append((count, anchor, sign, y[k], y[k + 1]))
-                breaks.append((radii[k], radii[k + 1]))
-                moves.append((move, move))
+            y = (0.0, *self.panels.outer)
+            rows.extend((count, 1 if count else 0, move, move, a, b) for a, b in itertools.pairwise(y))
             if self.panels.infinite:
-                rows.append((count, float(radii[-1]), 2, 0.0, 1.0))
-                breaks.append((float(radii[-1]), math.inf))
-                moves.append((move, move))
+                rows.append((count, 2, move, move, 0.0, 1.0))
         self.count = len(rows)
-        self.region = np.array([row[0] for row in rows])
-        self.anchor = np.array([row[1] for row in rows])
-        self.sign = np.array([row[2] for row in rows])
-        self.start = np.array([row[3] for row in rows])
-        self.stop = np.array([row[4] for row in rows])
-        ends = np.array(moves).reshape(self.count, 2, count).transpose(2, 0, 1)
-        self.moves = ends[:, :, 0]
-        self.breaks = np.array(breaks)
-        self.inner, self.outer = self.breaks.T
+        self.region, self.sign, moves, far_moves, a, b = (np.array(column) for column in zip(*rows, strict=True))
+        sign, anchor = self.sign, moves @ edges
+        length = np.where(self.region == count, 1.0, far_moves @ edges - anchor)
+        root = np.sqrt(np.abs(length))
+        self.start, self.stop = a * root, b * root
+        ends = np.where(sign == 0, 1.0, length) * np.where(sign == 0, [a, b], np.square([a, b])) + anchor
+        self.inner, self.outer = ends
+        if self.sign[-1] == 2:
+            anchor[-1] = self.inner[-1] = self.outer[-2]
+            self.outer[-1] = math.inf
+        self.anchor, self.breaks = anchor, ends.T
+        stretched = (far_moves - moves).T
+        self.moves = moves.T + stretched * a**2
         with np.errstate(invalid="ignore", divide="ignore"):  # the last panel may be infinite, or begin at 0
-            self.length = np.where(self.sign == 2, self.inner, self.outer - self.inner)
-            self.stretch = np.where(self.sign == 2, self.moves / self.inner, (ends[:, :, 1] - self.moves) / self.length)
+            self.length = np.where(sign == 2, self.inner, self.outer - self.inner)
+            self.stretch = np.where(sign == 2, self.moves / self.inner, stretched * (b**2 - a**2) / self.length)
         self.of_node = np.repeat(self.region, self.order)
 
     def _map(self, panel: Indices, x: Array) -> tuple[Array, Array]:
@@ -343,7 +328,7 @@ class Grid:
 def _elliptic(r: Array, s: Array) -> Array:
     """K(m); 0 where it is infinite."""
     with np.errstate(invalid="ignore", divide="ignore"):
-        value = ellipkm1(((r - s) / (r + s)) ** 2)
+        value = scipy.special.ellipkm1(((r - s) / (r + s)) ** 2)
     return np.where(np.isfinite(value), value, 0.0)
 
 
@@ -362,7 +347,7 @@ def _moved(r: Array, sources: tuple[Array, Array], elliptic: Array, carried: Arr
     total = r + s
     m1 = ((r - s) / total) ** 2
     with np.errstate(invalid="ignore", divide="ignore"):
-        quotient = (ellipe(1 - m1) - m1 * elliptic) / (2 * (r - s))
+        quotient = (scipy.special.ellipe(1 - m1) - m1 * elliptic) / (2 * (r - s))
     quotient = np.where(np.isfinite(quotient), quotient, 0.0)
     share, carried = elliptic / total, (4 / np.pi) * carried
     source = (quotient + share * r / total) * carried

@@ -8,8 +8,8 @@ from dataclasses import replace
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from contbranch.arrays import Array
 from contbranch.continuation import Adaptation, Options, Point
 from contbranch.continuation.metric import Balance
 from contbranch.continuation.newton import border, linearise, solve
@@ -26,8 +26,6 @@ from .stability import unstable_modes
 from .start import beginning, farther
 
 __all__ = ["RingProblem"]
-
-Array = NDArray[np.float64]
 
 # What a jump in place of a narrow resting ring leaves out is a tenth of the square of its width as a share of its
 # radius, measured against the closed form; relative to max(1, |value|).

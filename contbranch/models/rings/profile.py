@@ -18,11 +18,8 @@ def profile_of(problem: RingEquations, fields: Fields) -> Profile:
     """Gap, total pressure and the wall's share of it: what exceeds the law's own pressure where the gap is closed."""
     grid, law = fields.grid, problem.setting.law
     rests, level = problem.resting(grid)
-    wall = np.zeros(grid.size)
-    for k, region in enumerate(problem.layout.regions):
-        if region.rests and region.index == 0:
-            own = grid.of_node == k
-            wall[own] = fields.pressure[own] - law.pressure(0, 0)
+    touching = np.array([region.rests and region.index == 0 for region in problem.layout.regions])[grid.of_node]
+    wall = np.where(touching, fields.pressure - law.pressure(0, 0), 0.0)
     r, gap, pressure = grid.r, np.where(rests, level, fields.gap), fields.pressure
     if problem.layout.bounded:  # beyond the last edge there is no pressure, but a gap
         beyond = np.minimum(grid.edges[-1] * OUTSIDE, problem.setting.tip.extent)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from contbranch.contact.tips import Tip
+from contbranch.arrays import Array
+from contbranch.contact.interaction_law import terms_of
 from contbranch.continuation import CorrectionError, Point
 from contbranch.control import LOAD, Control
 from contbranch.curve.problem import oriented
@@ -21,8 +21,6 @@ from .newton import resolved, solved
 from .panels import Grid, Panels
 
 __all__ = ["beginning", "distance", "farther", "floating"]
-
-Array = NDArray[np.float64]
 
 # Share of the accuracy that the load at the start of the curve may have.
 START_SHARE = 0.3
@@ -49,23 +47,10 @@ def distance(setting: Setting, control: Control = LOAD) -> float:
 def floating(setting: Setting, gap: float) -> tuple[Layout, Panels]:
     """Nothing at rest, and panels for a tip at a distance."""
     tip, law = setting.tip, setting.law
-    terms = law.interaction.terms if law.interaction is not None else ()
-    width = radius_at(tip, min(gap, 4 * max((term.range for term in terms), default=gap)))
-    reach = max(radius_at(tip, gap), 2 * width)
+    width = tip.radius_at(min(gap, 4 * max((term.range for term in terms_of(law.interaction)), default=gap)))
+    reach = max(tip.radius_at(gap), 2 * width)
     layout = Layout((Region(False, law.outermost),), False)
     return layout, start_panels(layout, order_for(setting.tolerance), width, reach, not math.isfinite(tip.extent))
-
-
-def radius_at(tip: Tip, height: float) -> float:
-    """Radius at which the tip's profile has a height."""
-    low, high = 0.0, 1.0
-    while high < tip.extent and float(tip.height(np.float64(high))) < height:
-        low, high = high, 2 * high
-    high = min(high, tip.extent)
-    for _ in range(60):
-        middle = (low + high) / 2
-        low, high = (middle, high) if float(tip.height(np.float64(middle))) < height else (low, middle)
-    return high
 
 
 def beginning(problem: RingEquations, control: Control) -> Point:
@@ -85,7 +70,7 @@ def beginning(problem: RingEquations, control: Control) -> Point:
         raise ModelError("there is no interaction")
     # The load grows with radius^(n + 1) over a tip that begins like r^n.
     small = (START_SHARE * setting.accuracy) ** (1 / (1 + setting.tip.apex_exponent))
-    return at_rest(problem, radius_at(setting.tip, law.levels[-1]) * min(SMALL, small))
+    return at_rest(problem, setting.tip.radius_at(law.levels[-1]) * min(SMALL, small))
 
 
 def farther(problem: RingEquations, control: Control, value: float) -> Point | None:

@@ -1,0 +1,54 @@
+"""Where a curve ends, and what its rows and events have in common, whatever the model."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import contbranch as cb
+
+
+@pytest.mark.parametrize("max_load", [60.0, 80.0, 100.0])
+def test_max_load_ends_a_curve_in_contact_past_its_folds(max_load):
+    """The film of the Gauss repulsion at μ_T = 4 carries 83.87; in contact the load falls to 47.4466601 and rises."""
+    diagram = cb.trace(cb.Contact.reduced(cb.Gauss, 4.0, -1), max_load=max_load, modes=0)
+    branch = diagram.branches[0]
+    assert diagram.status == "complete"
+    assert [event.name for event in diagram.folds("load")] == ["squeeze-out", "wetting"]
+    assert diagram.thresholds["wetting_load"] == pytest.approx(47.4466601, abs=1e-6)
+    assert branch.load[-1] == pytest.approx(max_load, rel=1e-6)
+    assert branch.contact_radius[-1] > 0.0
+    assert branch.unstable_load[-1] == 0
+
+
+def test_max_load_below_first_touch_ends_where_there_is_contact():
+    """A film without coexistence is followed until the surfaces touch, whatever it carries before."""
+    contact = cb.Contact.reduced(cb.Exponential, 1.0, -1)
+    touch = cb.trace(contact, modes=0).thresholds["touch_load"]
+    diagram = cb.trace(contact, max_load=0.5 * touch, modes=0)
+    assert diagram.status == "complete"
+    assert diagram.branches[0].contact_radius[-1] > 0.0
+    assert diagram.thresholds["touch_load"] == pytest.approx(touch, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    "contact",
+    [
+        cb.Contact.reduced(cb.Gauss, 2.0, -1),
+        cb.Contact.reduced(cb.Exponential, 4.0),
+        cb.Contact.reduced(cb.MaugisDugdale, 1.0),
+        cb.Contact.reduced(cb.MaugisDugdale, 1.0, -1),
+    ],
+    ids=["disc, repulsion", "disc, attraction", "exact", "rings"],
+)
+def test_indices_change_at_folds_alone_and_as_the_slope_says(contact):
+    """n_load = n_displacement + [dF/dd < 0] between neighbouring rows away from events (Poincaré)."""
+    diagram = cb.trace(contact, modes=0)
+    branch = diagram.branches[0]
+    assert diagram.status == "complete", diagram.message
+    events = {round(event.position) for event in diagram.events}
+    rise, run = np.diff(branch.load), np.diff(branch.displacement)
+    for k in range(len(branch) - 1):
+        if not events & {k - 1, k, k + 1, k + 2} and abs(rise[k]) > 1e-9 and abs(run[k]) > 1e-9:
+            assert branch.unstable_load[k] - branch.unstable_displacement[k] == int(rise[k] * run[k] < 0)
+            assert branch.unstable_load[k] == branch.unstable_load[k + 1]
