@@ -98,7 +98,7 @@ def solve_all(setup: Setup, request: Request, field: str, value: float, near: St
             raise _unreached(setup, field, value, bool(related))
         states = [state_of(asked, found) for found in equilibria]
     border = "" if setup.crowded else _border(asked, equilibria[0])
-    notes = [Resolution.of(setup.lattice, setup.law).message, border]
+    notes = [Resolution.of(setup).message, border]
     for note in notes:
         warn(note)
     if own and related:

@@ -29,7 +29,7 @@ from .switching import first_index
 from .symmetry import Breaking
 from .symmetry_events import symmetry_events
 from .verdicts import LARGEST_REFINED, MOST_REFINED, judge, raw_event
-from .verification import too_coarse, verify_curve
+from .verification import verify_curve
 from .walk import Measure, Point, Walker, WalkOptions, following, quietly
 
 __all__ = ["Traced", "followed", "trace"]
@@ -87,8 +87,8 @@ class _Tracer:
         period = self.setup.lattice.spacing / self.setup.length
         self.options = WalkOptions(tolerance=tolerance, period=period, noise=max(1e-3, 0.05 * period))
         self.settings = following(tolerance)
-        fine = Resolution.of(self.setup.lattice, self.setup.law).ratio <= 1.0
-        if self.setup.crowded and fine:
+        self.resolution = Resolution.of(self.setup)
+        if self.setup.crowded and self.resolution.ratio <= 1.0:
             # Contacts of single asperities are small parts of the surface: what happens to one of them is a short part
             # of the curve, over which a step that moves all contacts by a node would leap.
             self.options = replace(self.options, hops=False, noise=CLOSE)
@@ -204,9 +204,8 @@ class _Tracer:
         return ""
 
     def _stuck(self, message: str) -> str:
-        resolution = Resolution.of(self.setup.lattice, self.setup.law)
-        remedy = f"; the grid is too coarse for this interaction, use at least {resolution.grid}"
-        return message + (remedy if resolution.ratio > 1.0 else "; try a finer grid or a larger cell")
+        remedy = f"; the grid is too coarse for this interaction, use at least {self.resolution.grid}"
+        return message + (remedy if self.resolution.ratio > 1.0 else "; try a finer grid or a larger cell")
 
     def _report(self, point: Point) -> None:
         if self.request.progress is not None:
@@ -308,7 +307,7 @@ class _Tracer:
             profiles=[deferred_profile(setup, row) for row in rows],
             events=events,
             # What the lattice is too coarse for, the message names already.
-            complete=not message and (not checked.contradicted or too_coarse(setup)),
+            complete=not message and (not checked.contradicted or self.resolution.ratio > 1.0),
             message=" ".join([f"{message}." if message else "", *self.notes, *checked.notes]).strip(),
             cost=setup.counter.cost(time.perf_counter() - began),
             unknowns=setup.lattice.size**2,
@@ -353,8 +352,7 @@ def trace(setup: Setup, request: Request, verdicts: bool = True, beyond: float |
     began = time.perf_counter()
     tracer = _Tracer(setup, request, verdicts, beyond=beyond)
     with quietly():
-        tracer.notes += [Resolution.of(setup.lattice, setup.law).message]
-        tracer.notes += [jump_message(setup.law)]
+        tracer.notes = [tracer.resolution.message, jump_message(setup.law)]
         for note in tracer.notes:
             warn(note)
         message = tracer.run()
