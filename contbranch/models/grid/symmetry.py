@@ -255,9 +255,11 @@ def located(
     samples.sort(key=lambda one: one.share)
     brackets = [pair for pair in pairwise(samples) if (pair[0].value < 0.0) != (pair[1].value < 0.0)]
     low, high = min(brackets, key=lambda pair: pair[1].share - pair[0].share)
-    errors = _differences(low.equilibrium, high.equilibrium)
+    width = high.share - low.share
+    errors = _differences(low.equilibrium, high.equilibrium) * min(1.0, closed / width)
     rest = abs((high.value - low.value) / (ends[1][1] - ends[0][1]))
-    if rest > JUMP:
+    jump = width <= 2.0 * closed and rest > JUMP
+    if jump:
         # Where the eigenvalue would pass zero if it did not jump is not known better than this.
         errors += ways * rest
     vector = best.vector / best.vector.flat[np.argmax(np.abs(best.vector))]
@@ -277,7 +279,7 @@ def located(
         vector,
         load_error,
         displacement_error,
-        rest > JUMP,
+        jump,
         shape,
     )
 
