@@ -40,7 +40,7 @@ __all__ = ["Apart", "Beyond", "ExactProblem", "Touching", "zone_of"]
 
 # Where the curve begins and where the interaction does, in ranges.
 START, EDGE = -1.5, -1.0
-EVEN = replace(STEPS, weight=10.0, first_step=0.2)
+EVEN = replace(STEPS, weight=3.0)
 CONSTANTS = "radius", "modulus", "work_of_adhesion", "interaction_range"
 
 
