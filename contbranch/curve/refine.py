@@ -37,7 +37,7 @@ ITERATIONS = 14
 # What a rate of the parameter is taken to be at least.
 TINY = 1e-300
 # Steps towards an event below this multiple of rounding are not taken.
-CLOSEST = 2.5
+CLOSEST = 0.5
 
 
 @dataclass(frozen=True)

@@ -33,41 +33,40 @@ def angular_content(lattice: Lattice, values: Array, weight: Array, sector: Sect
     values, weight : array (n, n)
         The variation, and how much of it counts where.
     """
-    counted = np.broadcast_to(weight, values.shape) > 0.0
-    if not counted.any():
-        return np.zeros(LARGEST + 1)
-    r, theta = (coordinate[counted] for coordinate in _polar(lattice, values.shape))
-    ring = (r / (2.0 * lattice.spacing)).astype(int)
-    w, x = np.broadcast_to(weight, values.shape)[counted], values[counted]
-    rings = int(ring.max()) + 1
-    total = np.bincount(ring, w, rings)
+    counted = weight > 0.0
     content = np.zeros(LARGEST + 1)
+    if not counted.any():
+        return content
+    r, theta = (coordinate[counted] for coordinate in _polar(lattice, values.shape))
+    w, x = weight[counted], values[counted]
     for m in _numbers(sector):
         wave = _wave(sector, m, theta)
-        norm = np.bincount(ring, w * wave**2, rings)
-        product = np.bincount(ring, w * wave * x, rings)
-        seen = (total > 0.0) & (norm > RESOLVED * total)
-        content[m] = float((product[seen] ** 2 / norm[seen]).sum())
-    return content / float((w * x * x).sum())
+        norm, product = _projected(r / (2.0 * lattice.spacing), w, wave, wave * x)
+        content[m] = (product**2 / norm).sum()
+    content /= (w * x * x).sum()
+    return content
 
 
 def mode_shape(problem: GridProblem, equilibrium: Equilibrium, vector: Array, sector: Sector, mode: int) -> ModeShape:
     """Gap and pressure of a variation against the radius, from its projections on rings of the width of one node."""
     lattice = problem.lattice
     r, theta = _polar(lattice, vector.shape)
-    cell = np.zeros(vector.shape, dtype=bool)
-    cell[: lattice.inside, : lattice.inside] = True
-    cell &= r < 0.5 * lattice.edge
-    ring = (r[cell] / lattice.spacing).astype(int)
-    wave = _wave(sector, mode, theta[cell])
-    norm, nodes = np.bincount(ring, wave**2), np.bincount(ring)
+    n = lattice.inside
+    cell = (r < 0.5 * lattice.edge) & np.pad(np.ones((n, n), dtype=bool), (0, len(r) - n))
     pressure = Stability(problem).variation(equilibrium, sector).pressure(vector)
-    seen = norm > RESOLVED * nodes
-    radius = np.bincount(ring, wave**2 * r[cell])[seen] / norm[seen]
-    gap = np.bincount(ring, wave * vector[cell])[seen] / norm[seen]
-    answer = np.bincount(ring, wave * pressure[cell])[seen] / norm[seen]
+    wave, at = _wave(sector, mode, theta[cell]), r[cell]
+    fields = wave * at, vector[cell], pressure[cell]
+    norm, *parts = _projected(at / lattice.spacing, np.ones_like(at), wave, *(wave * field for field in fields))
+    radius, gap, answer = (part / norm for part in parts)
     scale = 1.0 / gap[np.argmax(np.abs(gap))]
     return ModeShape(mode, radius, scale * gap, scale * answer)
+
+
+def _projected(rings: Array, weight: Array, wave: Array, *fields: Array) -> Array:
+    """Sums of the wave's square, and of fields, over every ring that is large enough for the wave."""
+    ring = rings.astype(int)
+    sums = np.array([np.bincount(ring, weight * field) for field in (np.ones_like(wave), wave**2, *fields)])
+    return sums[1:, (sums[0] > 0.0) & (sums[1] > RESOLVED * sums[0])]
 
 
 def _numbers(sector: Sector) -> range:

@@ -53,7 +53,7 @@ class _Ending:
         u = points[-1].state.u
         odd = u - mirrored(lattice, u, sector)
         before, self.odd, self.count = self.odd, odd, self.count + 1
-        if before is not None and float(np.vdot(before, odd)) <= 0.0:
+        if before is not None and np.vdot(before, odd) <= 0.0:
             return "The branch meets the symmetric curve again, and goes on as its own image.", True
         if self.count >= self.points:
             return f"The branch was followed over {self.points} points.", False
@@ -101,7 +101,7 @@ def follow_branches(
     origins: list[Breaking] = []
     notes: list[str] = []
     if request.target is None and len(traced.curve.load):
-        request = replace(request, target=float(traced.curve.load.max()))
+        request = replace(request, target=traced.curve.load.max())
     for event in events:
         if any(_ends_at(branch, origin, event) for branch, origin in zip(branches, origins, strict=True)):
             continue
@@ -120,7 +120,7 @@ def _ends_at(branch: Traced, origin: Breaking, event: Breaking) -> bool:
         return False
     fields = [row.u for row in branch.rows if row.u is not None]
     lattice, sector = branch.setup.lattice, origin.kind.sector
-    sizes = [float(np.abs(u - mirrored(lattice, u, sector)).max()) for u in fields]
+    sizes = [np.abs(u - mirrored(lattice, u, sector)).max() for u in fields]
     last, state = branch.rows[-1].reading, event.equilibrium
     pairs = ((last.load, state.load), (last.displacement, state.displacement))
     close = all(abs(one - other) <= SAME * max(1.0, abs(other)) for one, other in pairs)

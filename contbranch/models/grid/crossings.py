@@ -78,7 +78,7 @@ class Crossings:
     def perimeter(self) -> float:
         """Length of the rim."""
         steepness = np.maximum(self.cosine, 0.3)
-        return self.node_area / self.spacing * float(np.sum(self.weight / steepness))
+        return self.node_area / self.spacing * np.sum(self.weight / steepness)
 
     def shift(self, side: Side, count: int, degree: int) -> tuple[float, float]:
         """How much a fit of the profile enlarges the area against `area`, and for which share of the rim it exists.
@@ -107,9 +107,9 @@ class Crossings:
         coefficients = _polynomials(x, y, noise, degree)
         zero = _zeros(coefficients)
         outwards = -zero if side == "pressure" else zero
-        share = float(weight.sum() / self.weight.sum())
+        share = weight.sum() / self.weight.sum()
         # Crossings without a fit move as the others do.
-        return self.node_area * float(weight @ outwards) / share, share
+        return self.node_area * (weight @ outwards) / share, share
 
 
 def find_crossings(lattice: Lattice, contact: Mask, wall_pressure: Array, gap: Array) -> Crossings:
@@ -135,7 +135,7 @@ def find_crossings(lattice: Lattice, contact: Mask, wall_pressure: Array, gap: A
         inner[:margin] = inner[-margin:] = False
         owned &= inner[:, None] if axis == 0 else inner[None, :]
     smooth = _smoothed(touching)
-    normal = (np.asarray(np.gradient(smooth, axis=0)), np.asarray(np.gradient(smooth, axis=1)))
+    normal = (np.gradient(smooth, axis=0), np.gradient(smooth, axis=1))
 
     parts = []
     steps = np.arange(REACH)
@@ -209,7 +209,7 @@ def _polynomials(x: Array, y: Array, noise: Array, degree: int) -> Array:
     normal = np.einsum("nki,nkj->nij", basis, basis)
     scale = np.maximum(y[:, -1:], 1e-300) / x[:, -1:]
     right = np.einsum("nki,nk->ni", basis, y / scale / noise)
-    return np.asarray(np.linalg.solve(normal, right[..., None])[..., 0])
+    return np.linalg.solve(normal, right[..., None])[..., 0]
 
 
 def _zeros(coefficients: Array) -> Array:

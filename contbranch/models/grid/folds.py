@@ -85,7 +85,7 @@ def locate_fold(
     direction = Direction.along(Measure.at(middle, 1.0), after.u - before.u, after.load - before.load)
     rise = control.value(middle.load - before.load, middle.displacement - before.displacement)
     track = Track(problem, states, direction, replace(settings, tolerance=min(settings.tolerance, 1e-8)))
-    return _extremum(track, control, float(np.sign(rise)), direction.of(before), direction.of(after))
+    return _extremum(track, control, np.sign(rise), direction.of(before), direction.of(after))
 
 
 def refine_fold(

@@ -46,7 +46,7 @@ def softest(problem: GridProblem, state: Equilibrium, hold: Hold) -> Lowest:
         # Modes of negative curvature live where the interaction softens.
         noise = np.random.default_rng(0).standard_normal(problem.shape)
         stiffness = np.abs(place.fields.stiffness)
-        start = stiffness * (1.0 + 0.5 * noise) + 1e-3 * (1.0 + float(stiffness.max())) * (1.0 + noise)
+        start = stiffness * (1.0 + 0.5 * noise) + 1e-3 * (1.0 + stiffness.max()) * (1.0 + noise)
         return lowest(partial(motion.variation, place), partial(motion.mobility, place), motion.confine(place, start))
 
 

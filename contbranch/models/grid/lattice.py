@@ -114,7 +114,7 @@ class Lattice:
             return 0.5 * q
         nowhere = q == 0.0
         safe = np.where(nowhere, 1.0, q)
-        stiffness = np.asarray(0.5 * safe / scipy.special.itj0y0((safe * self.edge).ravel())[0].reshape(q.shape))
+        stiffness = 0.5 * safe / scipy.special.itj0y0((safe * self.edge).ravel())[0].reshape(q.shape)
         stiffness[nowhere] = 0.0
         return stiffness
 

@@ -131,8 +131,6 @@ class Equilibrium:
     converged : bool
     steps, pairs : int
         Steps and pairs of transforms spent.
-    first : float
-        Residual of the trial state.
     reason : str
         Why it has not converged, where that is known.
     """
@@ -144,7 +142,6 @@ class Equilibrium:
     converged: bool
     steps: int = 0
     pairs: int = 0
-    first: float = 0.0
     reason: str = ""
 
     def slim(self) -> Equilibrium:
@@ -183,13 +180,13 @@ class Linearised:
     transform; only what the contact takes away from z does.
     """
 
-    def __init__(self, problem: GridProblem, stiffness: Array, free: Mask, hold: Hold, shift: float) -> None:
+    def __init__(self, problem: GridProblem, stiffness: Array, free: Mask, hold: Hold) -> None:
         self.problem = problem
         self.mask = free.astype(np.float64)
         self.diagonal = stiffness * self.mask
         self.nodes = self.mask.size
-        self.shift = shift
-        self.smoother = problem.smoother(shift)
+        self.shift = 0.8 / problem.lattice.edge
+        self.smoother = problem.smoother(self.shift)
         self.unrestricted = bool(free.all())
         self.bordered = hold.row is not None
         if hold.row is not None:
@@ -231,7 +228,6 @@ def newton(
     hold: Hold,
     contact: Mask | None = None,
     settings: Settings = Settings(),
-    shift: float | None = None,
 ) -> Equilibrium:
     """Solve for an equilibrium from a trial state.
 
@@ -244,8 +240,6 @@ def newton(
     contact : array of bool, optional
         Trial contact; default: nodes where the trial state overlaps with the wall.
     settings : Settings
-    shift : float, optional
-        Constant of the preconditioner; default: from the size of the cell.
 
     Returns
     -------
@@ -253,13 +247,12 @@ def newton(
         With ``converged`` False if the iteration failed, and the last state.
     """
     before = problem.counter.equilibrium
-    shift = 0.8 / problem.lattice.edge if shift is None else shift
     if contact is None or not settings.wall:
         contact = (problem.heights + u <= 0.0) & settings.wall
     if hold.row is None:
         load = hold.value / hold.load_weight
     trial = _Trial.at(problem, np.where(contact, -problem.heights, u), load, contact)
-    first = best = trial.residual
+    best = trial.residual
     steady, waited, step = False, 0, 0
     while True:
         held = hold.excess(trial.fields.u, trial.fields.load)
@@ -268,10 +261,10 @@ def newton(
         if done or failed or step == settings.steps or waited > settings.patience:
             displacement = problem.displacement(trial.fields.u, trial.fields.load)
             pairs = problem.counter.equilibrium - before
-            return Equilibrium(trial.fields, trial.contact, trial.residual, displacement, done, step, pairs, first)
+            return Equilibrium(trial.fields, trial.contact, trial.residual, displacement, done, step, pairs)
         older = trial
         kept = older.contact & (older.fields.excess > 0.0)
-        change, load_change = _newton_step(problem, older, kept, hold, held, steady, settings, shift)
+        change, load_change = _newton_step(problem, older, kept, hold, held, steady, settings)
         length = 1.0
         while True:
             trial = older.moved(problem, length * change, length * load_change, kept, settings.wall)
@@ -321,11 +314,10 @@ def _newton_step(
     held: float,
     steady: bool,
     settings: Settings,
-    shift: float,
 ) -> tuple[Array, float]:
     """Newton's step for a contact set: the changes of the field and of the load."""
     free = ~contact
-    operator = Linearised(problem, trial.fields.stiffness, free, hold, shift)
+    operator = Linearised(problem, trial.fields.stiffness, free, hold)
     vector = (-trial.fields.excess * free).ravel()
     if operator.bordered:
         vector = np.append(vector, -operator.row_scale * held)

@@ -85,25 +85,17 @@ def interpolate(lattice: Lattice, values: Array, x: float, y: float) -> float:
     return float(weights(lattice, x) @ values @ weights(lattice, y))
 
 
-def central_gap(problem: GridProblem, equilibrium: Equilibrium, apex_height: float = 0.0) -> CentralGap:
-    """Gap at the middle of the cell: 0 in contact.
-
-    Parameters
-    ----------
-    problem : GridProblem
-    equilibrium : Equilibrium
-    apex_height : float
-        Height of the tip there.
-    """
+def central_gap(problem: GridProblem, equilibrium: Equilibrium) -> CentralGap:
+    """Gap at the middle of the cell, where the tip has its apex: 0 in contact."""
     half = problem.lattice.grid // 2
     around = slice(0, 1) if problem.lattice.quarter else slice(half - 1, half + 1)
     if equilibrium.contact[around, around].all():
         return CentralGap(0.0, 0.0)
     u = equilibrium.u
-    gap = apex_height + interpolate(problem.lattice, u, 0.0, 0.0)
+    gap = interpolate(problem.lattice, u, 0.0, 0.0)
     nearest = u[:3, :3] if problem.lattice.quarter else _folded(u[half - 3 : half + 3, half - 3 : half + 3])
     # An interpolant of an order that any smooth profile deserves; the trigonometric one is better.
-    error = abs(apex_height + float(_MIDPOINT @ nearest @ _MIDPOINT) - gap)
+    error = abs(float(_MIDPOINT @ nearest @ _MIDPOINT) - gap)
     return CentralGap(max(gap, 0.0), error)
 
 
@@ -136,9 +128,9 @@ def far_field(problem: GridProblem, equilibrium: Equilibrium) -> FarField:
         return FarField(d, 0.0)
     square = lattice.axis**2
     pressure = np.abs(equilibrium.fields.elastic)
-    moment = lattice.node_area * float(square @ pressure.sum(axis=1) + pressure.sum(axis=0) @ square)
+    moment = lattice.node_area * (square @ pressure.sum(axis=1) + pressure.sum(axis=0) @ square)
     unit = moment / (4.0 * math.pi * lattice.edge**3)
-    total = lattice.node_area * float(pressure.sum())
+    total = lattice.node_area * pressure.sum()
     unit *= _LEADING + _HIGHER * moment / (total * lattice.edge**2) if total > 0.0 else _LEADING
     error = _GROWTH * _CUBES * unit
     half = 0.5 * lattice.edge
@@ -192,7 +184,7 @@ def profile(problem: GridProblem, equilibrium: Equilibrium, points: int = 2000) 
     counts = np.bincount(numbers)
 
     def averaged(values: Array) -> Array:
-        return np.asarray(np.bincount(numbers, weights=values) / counts)
+        return np.bincount(numbers, weights=values) / counts
 
     gap, pressure, wall = (averaged(field[:inside, :inside][kept]) for field in _observed(equilibrium))
     return Profile(r=averaged(r), gap=gap, pressure=pressure, wall_pressure=wall)
@@ -224,4 +216,4 @@ def _dirichlet(x: Array, nodes: int, spacing: float) -> Array:
 def _folded(values: Array) -> Array:
     """Means of a field on 6 × 6 nodes over both mirror images, from the middle outwards, (3, 3)."""
     rows = 0.5 * (values[2::-1] + values[3:])
-    return np.asarray(0.5 * (rows[:, 2::-1] + rows[:, 3:]))
+    return 0.5 * (rows[:, 2::-1] + rows[:, 3:])

@@ -105,7 +105,7 @@ class GridProblem:
 
     def smoother(self, shift: float) -> Array:
         """The filter of (K + shift)⁻¹."""
-        return np.asarray(self.transform.normalisation / (self.symbol + shift))
+        return self.transform.normalisation / (self.symbol + shift)
 
     def respond(self, gap: Array) -> tuple[Array, Array, Array]:
         """v, p_fr and v'' at gaps of any shape; zero where the gap is infinite."""
@@ -135,6 +135,6 @@ class GridProblem:
 
     def total_energy(self, fields: Fields) -> float:
         """V_ela + V_fr; half the work of C is what the far field has in addition to the lattice."""
-        elastic = 0.5 * float(np.vdot(fields.u, fields.elastic - fields.load / self.lattice.area))
-        own = self.lattice.node_area * (elastic + float(fields.energy.sum()))
+        elastic = 0.5 * np.vdot(fields.u, fields.elastic - fields.load / self.lattice.area)
+        own = self.lattice.node_area * float(elastic + fields.energy.sum())
         return own + 0.5 * self.lattice.compliance * fields.load**2

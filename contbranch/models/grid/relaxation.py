@@ -158,7 +158,7 @@ class LatticeMotion:
         if momentum is None or overlap.any() or place.held.any() or place.age >= _RENEW:
             return self.place(u)
         # K_c W π = π - m W π, but for the mean mode
-        mean = (self.mean_stiffness - self.mean_mass + self.mass) * float(velocity.mean())
+        mean = (self.mean_stiffness - self.mean_mass + self.mass) * velocity.mean()
         change = momentum - self.mass * velocity + mean
         return self._place(u, place.fields.elastic + time * change, place.age + 1)
 
@@ -168,7 +168,7 @@ class LatticeMotion:
 
     def extent(self, place: Place, change: Array) -> float:
         """Largest change of a gap, relative to the interaction's range plus the gap."""
-        return float(np.max(np.abs(change) / (_length(self.problem) + place.fields.gap)))
+        return np.max(np.abs(change) / (_length(self.problem) + place.fields.gap))
 
     def slowing(self, place: Place, change: Array) -> float:
         """Keep to the stride: the first steps, if long, may leap into another state than the one that is near."""
@@ -178,7 +178,7 @@ class LatticeMotion:
     def variation(self, place: Place, velocity: Array) -> Array:
         """R (K_c + v'') v, the second variation of the energy along a velocity; one pair."""
         change = self.problem.stiffness(velocity)
-        change += place.fields.stiffness * velocity + self.mean_stiffness * float(velocity.mean())
+        change += place.fields.stiffness * velocity + self.mean_stiffness * velocity.mean()
         change[place.held] = 0.0
         return change
 
@@ -208,7 +208,7 @@ class LatticeMotion:
     def energy(self, place: Place) -> float:
         """The energy that the motion minimises, less a constant: elastic, interaction, and work of what is held."""
         f = place.fields
-        total = 0.5 * float(np.vdot(f.u, f.elastic + self.base)) + float(f.energy.sum())
+        total = float(0.5 * np.vdot(f.u, f.elastic + self.base) + f.energy.sum())
         return self.problem.lattice.node_area * total
 
     def ending(self, place: Place, velocity: Array) -> Ending | None:
@@ -216,13 +216,13 @@ class LatticeMotion:
         if self.until is not None and self.until(place):
             return Ending.INTERRUPTED
         load = place.fields.load
-        if self.mean_stiffness > 0.0 or load > 0.0 or place.held.any() or float(velocity.mean()) <= 0.0:
+        if self.mean_stiffness > 0.0 or load > 0.0 or place.held.any() or velocity.mean() <= 0.0:
             return None
         gaps, pull, softening = self._outwards
         at = np.clip(np.searchsorted(gaps, place.fields.gap) - 1, 0, None)
         # Nothing snaps in on the way, as no elastic mode is as soft as the interaction
-        rigid = float(softening[at].max()) < 1.0 / self.problem.lattice.edge
-        strongest = self.problem.lattice.node_area * float(pull[at].sum())
+        rigid = softening[at].max() < 1.0 / self.problem.lattice.edge
+        strongest = self.problem.lattice.node_area * pull[at].sum()
         return Ending.ESCAPED if rigid and strongest <= -0.9 * load else None
 
     @cached_property
@@ -293,9 +293,7 @@ def equilibrium(motion: LatticeMotion, place: Place, steps: int, pairs: int, end
     displacement = motion.problem.displacement(fields.u, fields.load)
     converged = ending is Ending.CONVERGED
     reason = "" if converged else ending.value
-    return Equilibrium(
-        fields, place.held, place.residual, displacement, converged, steps, pairs, place.residual, reason
-    )
+    return Equilibrium(fields, place.held, place.residual, displacement, converged, steps, pairs, reason)
 
 
 def _rms(values: Array) -> float:

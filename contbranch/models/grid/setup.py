@@ -72,7 +72,7 @@ class Setup:
         else:
             axis = lattice.axis[: lattice.inside]
             heights = tip.surface(axis[:, None], axis[None, :])
-        return GridProblem(lattice, lattice.fill(np.asarray(heights)), self.law, self.threads, self.counter)
+        return GridProblem(lattice, lattice.fill(heights), self.law, self.threads, self.counter)
 
     @cached_property
     def law(self) -> Interaction | None:

@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
+from scipy.optimize import brentq
 
 from contbranch.contact.contact import Contact
 from contbranch.contact.tips import Parabola
@@ -54,9 +55,7 @@ def chosen_size(
         cell = ROOM[kind] * _radius_at(contact, depth + _reach(contact))
     if grid is None:
         law = contact.interaction
-        lengths = [] if law is None else [law.range]
-        if radius > 0.0:
-            lengths.append(radius)
+        lengths = [*([] if law is None else [law.range]), *([radius] if radius > 0.0 else [])]
         shortest = min(lengths, default=0.1 * cell)
         spacing = shortest * min(1.0, (accuracy / COARSE_ERROR) ** (1.0 / ORDER))
         wanted = max(LEAST, min(MOST, cell / spacing), needed_grid(cell, law))
@@ -81,11 +80,7 @@ def _radius_at(contact: Contact, height: float) -> float:
         high *= 2.0
         if high > 1e8:
             raise InputError("cell: the tip is flat; give the edge of the cell")
-    low = 0.0
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if height_at(middle) < height else (low, middle)
-    return high
+    return float(brentq(lambda distance: height_at(distance) - height, 0.0, high)) if height > 0.0 else 0.0
 
 
 def _extent(contact: Contact, field: str | None, value: float | None) -> tuple[float, float]:

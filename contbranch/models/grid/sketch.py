@@ -7,7 +7,7 @@ parabola, and a fair start for any tip with one round summit. Where the tip is a
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,18 +20,11 @@ from contbranch.errors import InputError, ModelError
 from contbranch.results.diagram import State
 
 from .arrays import Array, Mask
+from .lattice import Lattice
+from .newton import Sketch
 from .setup import Setup
 
-__all__ = ["Sketch", "copied", "drawn", "relatives"]
-
-
-@dataclass(frozen=True)
-class Sketch:
-    """A trial state: the field u, the load, the contact."""
-
-    u: Array
-    load: float
-    contact: Mask
+__all__ = ["copied", "drawn", "relatives"]
 
 
 def relatives(contact: Contact, field: str, value: float) -> tuple[list[State], bool]:
@@ -61,37 +54,31 @@ def relatives(contact: Contact, field: str, value: float) -> tuple[list[State], 
 
 def drawn(setup: Setup, state: State) -> Sketch:
     """A state of the axisymmetric model on a lattice: its gap, and outside its profile the field of a point force."""
-    lattice, problem = setup.lattice, setup.problem
-    x, y = lattice.axis[:, None], lattice.axis[None, :]
-    distance = np.hypot(x, y)
-    heights = problem.heights
+    heights, distance = setup.problem.heights, _distance(setup.lattice)
     inside = np.isfinite(heights)
     likeness = distance if setup.contact.tip.is_axisymmetric else np.sqrt(2.0 * np.where(inside, heights, np.inf))
     gap = np.interp(likeness, state.r, state.gap, right=np.inf)
-    known = inside & np.isfinite(gap)
-    with np.errstate(invalid="ignore"):
-        far = -state.displacement + state.load / (math.pi * np.maximum(distance, lattice.spacing))
-        u = np.where(known, gap - heights, far)
-    contact = inside & (likeness < state.contact_radius)
-    return Sketch(np.where(contact, -heights, u), state.load, contact)
+    return _sketch(setup, state, gap, inside & (likeness < state.contact_radius))
 
 
 def copied(setup: Setup, state: State) -> Sketch | None:
     """A reduced state of a grid model as a start, if it has the nodes of this lattice; None if it has not."""
-    if state.in_cell is None:
+    lattice = setup.lattice
+    if state.in_cell is None or state.cell.gap.shape != (lattice.grid, lattice.grid):
         return None
-    fields = state.cell
-    lattice, problem = setup.lattice, setup.problem
-    if fields.gap.shape != (lattice.grid, lattice.grid):
-        return None
-    half = lattice.grid // 2
-    part = slice(half, None) if lattice.quarter else slice(None)
-    inside = slice(0, lattice.inside)
-    distance = np.hypot(lattice.axis[:, None], lattice.axis[None, :])
-    u = -state.displacement + state.load / (math.pi * np.maximum(distance, lattice.spacing))
+    half = lattice.grid // 2 if lattice.quarter else 0
+    gap = lattice.fill(state.cell.gap[half:, half:])
+    return _sketch(setup, state, gap, (gap <= 0.0) & np.isfinite(setup.problem.heights))
+
+
+def _sketch(setup: Setup, state: State, gap: Array, contact: Mask) -> Sketch:
+    """A trial state by its gap, and where that is not known the field of a point force."""
+    lattice, heights = setup.lattice, setup.problem.heights
+    far = -state.displacement + state.load / (math.pi * np.maximum(_distance(lattice), lattice.spacing))
     with np.errstate(invalid="ignore"):
-        own = fields.gap[part, part] - problem.heights[inside, inside]
-    u[inside, inside] = np.where(np.isfinite(own), own, u[inside, inside])
-    contact = np.zeros(problem.shape, dtype=bool)
-    contact[inside, inside] = (fields.gap[part, part] <= 0.0) & np.isfinite(problem.heights[inside, inside])
-    return Sketch(np.where(contact, -problem.heights, u), state.load, contact)
+        own = gap - heights
+    return Sketch(np.where(contact, -heights, np.where(np.isfinite(own), own, far)), state.load, contact)
+
+
+def _distance(lattice: Lattice) -> Array:
+    return np.hypot(lattice.axis[:, None], lattice.axis)

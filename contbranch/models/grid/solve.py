@@ -18,14 +18,14 @@ from contbranch.results.diagram import State
 from contbranch.results.record import OBSERVABLES
 
 from .accuracy import held
-from .newton import Equilibrium, Hold, Settings, control_held, newton, settings_for
+from .newton import Equilibrium, Hold, Settings, Sketch, control_held, newton, settings_for
 from .observables import cell_fields, mean_gap, profile
 from .problem import GridProblem
 from .resolution import Resolution, border_message, fills, rounded_up, warn
 from .rows import Row, read
 from .setup import Setup
 from .size import chosen_size
-from .sketch import Sketch, copied, drawn, relatives
+from .sketch import copied, drawn, relatives
 from .stability import morse
 from .trace import trace
 from .walk import Direction, Track, quietly
@@ -82,7 +82,6 @@ def solve_all(setup: Setup, request: Request, field: str, value: float, near: St
     asked = Asked(setup, request, field, value)
     settings, hold = asked.settings, asked.hold
     equilibria: list[Equilibrium] = []
-    notes = [Resolution.of(setup.lattice, setup.law).message]
     related: list[State] = []
     own = False
     with quietly():
@@ -92,14 +91,15 @@ def solve_all(setup: Setup, request: Request, field: str, value: float, near: St
             equilibria += [found] if found.converged else []
         if not equilibria:
             related, own = relatives(setup.contact, field, value)
-        for sketch in [] if equilibria else [drawn(setup, state) for state in related] or trials(setup, field, value):
-            reached_state = reached(setup, sketch, hold, settings)
-            if reached_state is not None and not any(_same(setup, reached_state, other) for other in equilibria):
-                equilibria.append(reached_state)
+            for sketch in [drawn(setup, state) for state in related] or trials(setup, field, value):
+                one = reached(setup, sketch, hold, settings)
+                if one is not None and all(np.abs(one.u - o.u).max() >= SAME * setup.length for o in equilibria):
+                    equilibria.append(one)
         if not equilibria:
             raise _unreached(setup, field, value, bool(related))
         states = [state_of(asked, found) for found in equilibria]
-    notes.append("" if setup.crowded else _border(asked, equilibria[0]))
+    border = "" if setup.crowded else _border(asked, equilibria[0])
+    notes = [Resolution.of(setup.lattice, setup.law).message, border]
     for note in notes:
         warn(note)
     if own and related:
@@ -162,10 +162,6 @@ def trials(setup: Setup, field: str, value: float) -> list[Sketch]:
         Sketch(flat, load, np.isfinite(problem.heights) & (problem.heights + flat <= 0.0)),
         Sketch(np.full(problem.shape, apart), load, nothing),
     ]
-
-
-def _same(setup: Setup, one: Equilibrium, other: Equilibrium) -> bool:
-    return float(np.abs(one.u - other.u).max()) < SAME * setup.length
 
 
 def state_of(asked: Asked, found: Equilibrium) -> State:

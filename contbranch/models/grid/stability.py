@@ -37,7 +37,7 @@ from .problem import GridProblem
 from .transforms import EVEN, Parity, Transform
 from .variation import Precision, Variation, lowest
 
-__all__ = ["SECTORS", "Morse", "Sector", "Spectrum", "Stability", "as_stability", "morse", "verify"]
+__all__ = ["SECTORS", "Morse", "Sector", "Spectrum", "Stability", "as_stability", "morse"]
 
 Sector = tuple[Parity, Parity]
 
@@ -87,7 +87,7 @@ class Spectrum:
     @property
     def lowest(self) -> float:
         """Lowest eigenvalue; 1, where they gather, if none was needed."""
-        return float(self.eigenvalues[0]) if self.eigenvalues.size else 1.0
+        return self.eigenvalues[0] if self.eigenvalues.size else 1.0
 
     @property
     def uncertain(self) -> bool:
@@ -298,11 +298,6 @@ class Stability:
 def morse(problem: GridProblem, equilibrium: Equilibrium, slope: float | None = None) -> Morse:
     """Numbers of unstable modes of an equilibrium, see `Stability.morse`."""
     return Stability(problem).morse(equilibrium, slope)
-
-
-def verify(problem: GridProblem, equilibrium: Equilibrium, expected: int, slope: float | None = None) -> bool:
-    """Whether the index of an equilibrium at fixed load is `expected`, for certain."""
-    return Stability(problem).verify(equilibrium, expected, slope)
 
 
 def _settled(sector: Sector | None) -> Spectrum:

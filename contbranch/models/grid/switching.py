@@ -179,7 +179,7 @@ def _pair(
     # u - u* = ε φ + ε² ψ: what φ is not, at ε, counts four times at 2ε.
     image = mirrored(problem.lattice, first.u, sector)
     odd, even = 0.5 * (first.u - image), 0.5 * (first.u + image) - origin.u
-    distance = 2.0 * float(np.abs(odd).max())
+    distance = 2.0 * np.abs(odd).max()
     rise = first.load - origin.load
     start = origin.u + 2.0 * odd + 4.0 * even
     second = newton(problem, start, origin.load + 4.0 * rise, _hold(origin, row, 2.0 * epsilon), settings=SETTINGS)
@@ -210,7 +210,7 @@ def _near(found: Switched) -> float:
 def _row(origin: Equilibrium, direction: Array) -> Array:
     """K φ/(φ·K φ), where K φ = -v'' φ at the event, and φ is nothing in the contact."""
     pressure = -origin.fields.stiffness * direction
-    return np.asarray(pressure / float(np.vdot(pressure, direction)))
+    return pressure / np.vdot(pressure, direction)
 
 
 def _hold(origin: Equilibrium, row: Array, amplitude: float) -> Hold:
@@ -265,6 +265,6 @@ def lacking(spectrum: Spectrum, kept: Image, turning: bool) -> int:
         Whether a turn around the axis leads to another state of the branch; its mode is then left out.
     """
     values = spectrum.eigenvalues[~has_symmetry(spectrum, kept)]
-    if turning and values.size and float(np.abs(values).min()) < TURN:
+    if turning and values.size and np.abs(values).min() < TURN:
         values = np.delete(values, np.abs(values).argmin())
     return int((values < -ZERO).sum())

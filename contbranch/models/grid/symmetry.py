@@ -31,7 +31,6 @@ from .variation import Precision
 __all__ = [
     "Breaking",
     "Kind",
-    "axisymmetric_counts",
     "counted",
     "distinct",
     "eigenpair",
@@ -128,19 +127,6 @@ def kinds(problem: GridProblem, equilibrium: Equilibrium, spectrum: Spectrum) ->
         mode = int(content.argmax())
         found.append(Kind(EVEN, mode) if mode and content[mode] > PERIODIC else None)
     return found
-
-
-def axisymmetric_counts(problem: GridProblem, equilibrium: Equilibrium, morse: Morse) -> tuple[int, int]:
-    """Unstable modes at fixed displacement of a state of an axisymmetric tip, as a model of that symmetry counts them.
-
-    Returns
-    -------
-    axisymmetric, azimuthal : int
-        m = 0, and all m ≥ 1, with cos mθ and sin mθ as one.
-    """
-    counts = counted(problem, equilibrium, morse)
-    even = sum(number for kind, number in counts.items() if kind.sector == EVEN)
-    return morse.spectra[EVEN].index - even, even + counts[Kind(("odd", "even"))]
 
 
 def distinct(events: Sequence[Breaking]) -> list[Breaking]:
@@ -259,7 +245,7 @@ def located(
 
     ways = _differences(begin, end)
     goals = accuracy * np.maximum(1.0, np.abs([end.load, end.displacement]))
-    closed = min(JUMP / 10.0, *(goals / np.maximum(ways, 1e-300)))
+    closed = float(min(JUMP / 10.0, *(goals / np.maximum(ways, 1e-300))))
     try:
         ends = (0.0, sample(0.0, begin)), (1.0, sample(1.0, end))
         find_root(sample, *ends, closed)

@@ -43,6 +43,8 @@ BEYOND, AT_LEAST = 1.4, 10.0
 KEPT_BYTES = 600e6
 # The first gap at most, in heights of the tip at the border of the cell: from there on all of the cell acts alike.
 FURTHEST = 1.0
+# Points at most.
+MOST_POINTS = 2000
 # Rows between two comparisons with a coarser lattice.
 SPACING = 6
 # Distance by which predictions may miss where much happens on short parts of the curve.
@@ -128,8 +130,8 @@ class _Tracer:
                 units, last = self.setup.units, points[-1]
                 place = f"load {last.load * units.load:.6g}, displacement {last.displacement * units.normal:.6g}"
                 return f"The walk has come back to a part of the curve that it knows, at {place}; try a finer grid"
-            if len(self.rows) >= self.options.points:
-                return f"The curve has more than {self.options.points} points; ask for a smaller range"
+            if len(self.rows) >= MOST_POINTS:
+                return f"The curve has more than {MOST_POINTS} points; ask for a smaller range"
             del points[: -self.history]
             self._report(points[-1])
 

@@ -12,7 +12,6 @@ from typing import Literal
 
 import numpy as np
 import pyfftw
-from numpy.typing import NDArray
 
 from contbranch.results.diagram import Cost
 
@@ -65,7 +64,7 @@ def wavenumbers(nodes: int, spacing: float, parity: tuple[Parity, Parity] | None
         unit = np.pi / (nodes * spacing)
         rows, columns = (np.arange(nodes) + float(p == "odd") for p in parity)
     squares = np.rint(rows[:, None] ** 2 + columns[None, :] ** 2)
-    return np.asarray(unit * np.sqrt(squares))
+    return unit * np.sqrt(squares)
 
 
 @dataclass
@@ -125,9 +124,3 @@ class Transform:
             return np.array(self._space)
         out[...] = self._space
         return out
-
-    def spectrum(self, values: Array) -> Array | NDArray[np.complex128]:
-        """The unnormalised spectrum of a field; half a pair, not counted."""
-        self._space[...] = values
-        self._forward()
-        return np.array(self._spectrum)

@@ -114,7 +114,7 @@ class _Basis:
 
     def append(self, x: Array, elastic: Array) -> bool:
         """Take up a vector, unless it lies in the span of the others; `elastic` is K_d x. Both are overwritten."""
-        before = float(x @ elastic)
+        before = x @ elastic
         if not before > 0.0 or self.count == len(self.vectors):
             return False
         n = self.count
@@ -122,7 +122,7 @@ class _Basis:
             parts = self.elastic[:n] @ x
             x -= parts @ self.vectors[:n]
             elastic -= parts @ self.elastic[:n]
-        norm = float(x @ elastic)
+        norm = x @ elastic
         if norm <= DEPENDENT * before:
             return False
         self.vectors[n], self.elastic[n] = x / np.sqrt(norm), elastic / np.sqrt(norm)
@@ -193,7 +193,7 @@ def lowest(
             x, elastic = basis.pair(coefficients[:, j])
             residual = variation.softening * x + (1.0 - values[j]) * elastic
             step = variation.inverse(residual)
-            bounds[j] = np.sqrt(max(float(residual @ step), 0.0))
+            bounds[j] = np.sqrt(max((residual @ step), 0.0))
             if bounds[j] > max(precision.tolerance, precision.share * min(abs(values[j]), 1.0)):
                 steps.append((step, residual))
         if not steps or iteration == precision.limit:
@@ -223,7 +223,7 @@ def _errors(values: Array, bounds: Array) -> Array:
     errors = np.array(bounds)
     for j, bound in enumerate(bounds):
         others = np.append(np.delete(values, j), 1.0)
-        gap = float(np.abs(others - values[j]).min()) - bound
+        gap = np.abs(others - values[j]).min() - bound
         if gap > 0.0:
             errors[j] = min(bound, bound**2 / gap)
     return errors + ROUNDING * max(1.0, float(np.abs(values).max()))

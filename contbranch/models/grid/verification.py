@@ -358,7 +358,7 @@ class _Survey:
             return False
         t = np.linspace(0.0, 1.0, 201)[1:] * min(self.setup.edge, tip.extent)
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-            ratio = np.asarray(tip.transform_derivative(t)) / t
+            ratio = tip.transform_derivative(t) / t
         return bool((np.diff(ratio) <= 1e-12 * np.abs(ratio[1:])).all())
 
     def events(self, accuracy: float) -> list[Breaking]:

@@ -29,6 +29,14 @@ from .units import REDUCED_VALUES, UnitValues
 __all__ = ["Direction", "Measure", "Point", "Track", "WalkOptions", "Walker", "beside", "following", "quietly"]
 
 
+# Steps in s: the first, and the limits.
+FIRST, LEAST, MOST = 0.05, 2e-4, 0.5
+# Part of a step by which a prediction may miss, as goal of the step control.
+CURVATURE = 0.02
+# Least cosine between the predicted direction and the step, and degree of the predicting polynomial.
+ANGLE, ORDER = 0.9, 2
+
+
 @dataclass(frozen=True)
 class WalkOptions:
     """How a curve is followed.
@@ -37,34 +45,17 @@ class WalkOptions:
     ----------
     tolerance : float
         Residual of every point, relative.
-    first, least, most : float
-        Steps in s: the first, and the limits.
-    curvature : float
-        Part of a step by which a prediction may miss, as goal of the step control.
     period : float
         Length of the curve over which the contact moves by one row of nodes.
     noise : float
         Distance by which it may miss at any rate: changes of the contact set make predictions no better.
-    angle : float
-        Least cosine between the predicted direction and the step.
-    order : int
-        Degree of the predicting polynomial.
-    points : int
-        Points at most.
     hops : bool
         Whether corners of the lattice's own may be passed by longer steps.
     """
 
     tolerance: float = 1e-7
-    first: float = 0.05
-    least: float = 2e-4
-    most: float = 0.5
-    curvature: float = 0.02
     period: float = 0.02
     noise: float = 1e-3
-    angle: float = 0.9
-    order: int = 2
-    points: int = 2000
     hops: bool = True
 
 
@@ -107,7 +98,7 @@ class Measure:
     def of(gap: Array, load: float, length: float) -> Measure:
         """The measure at a gap and load for a law of a range."""
         weights = (1.0 + np.minimum(gap / (2.0 * length), 1e6) ** 2) ** -2
-        scale = length + 0.5 * max(float(gap.min()), 0.0)
+        scale = length + 0.5 * max(gap.min(), 0.0)
         return Measure(weights / (weights.sum() * scale**2), 1.0 / (3.0 + 0.3 * abs(load)) ** 2)
 
     @staticmethod
@@ -203,7 +194,7 @@ class Track:
                 near.append(k)
         chosen = [self.states[k] for k in near]
         sketch = predicted(self.problem, chosen, lagrange(progress[near], value)[0], self.settings.wall)
-        hold = self.direction.hold(value, 1e-3 * float(np.ptp(progress[near])))
+        hold = self.direction.hold(value, 1e-3 * np.ptp(progress[near]))
         found = newton(self.problem, sketch.u, sketch.load, hold, sketch.contact, self.settings)
         if not found.converged:
             return None
@@ -239,8 +230,6 @@ class Walker:
         The last that were accepted; whoever walks may delete all but the last few.
     message : str
         Why the walk could not go on; empty as long as it can.
-    failures : int
-        Steps that were refused.
     units : UnitValues
         For the message.
     """
@@ -250,11 +239,10 @@ class Walker:
     options: WalkOptions = field(default_factory=WalkOptions)
     points: list[Point] = field(default_factory=list)
     message: str = ""
-    failures: int = 0
     units: UnitValues = REDUCED_VALUES
 
     def __post_init__(self) -> None:
-        self.step_size = self.options.first
+        self.step_size = FIRST
 
     @property
     def settings(self) -> Settings:
@@ -265,27 +253,26 @@ class Walker:
         """Set out from one equilibrium towards another close to it."""
         distance = Measure.at(start, self.length).apart(onward, start)
         self.points = [Point(0.0, start), Point(distance, onward)]
-        self.step_size = min(self.options.first, 2.0 * distance)
+        self.step_size = min(FIRST, 2.0 * distance)
 
     def step(self) -> bool:
         """Go one step on; False, and a message, if that is not possible."""
         options = self.options
         hopped = False
-        while self.step_size >= options.least:
+        while self.step_size >= LEAST:
             if options.hops and not hopped and self.step_size < 0.25 * options.period:
                 if self._hop():
                     return True
                 hopped = True
-            angle = options.angle if self.step_size > options.period else 0.5
-            accepted = self._attempt(self.step_size, options.order, angle, 0.15)
+            angle = ANGLE if self.step_size > options.period else 0.5
+            accepted = self._attempt(self.step_size, ORDER, angle, 0.15)
             if accepted is not None:
                 point, miss, failed = accepted
                 self.points.append(point)
-                goal = max(options.curvature * self.step_size, options.noise)
+                goal = max(CURVATURE * self.step_size, options.noise)
                 growth = math.sqrt(goal / max(miss, 1e-12))
-                self.step_size = min(options.most, self.step_size * min(1.6 if not failed else 1.0, max(0.5, growth)))
+                self.step_size = min(MOST, self.step_size * min(1.6 if not failed else 1.0, max(0.5, growth)))
                 return True
-            self.failures += 1
             self.step_size *= 0.5
         last = self.points[-1]
         self.message = (

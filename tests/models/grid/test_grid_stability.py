@@ -11,7 +11,7 @@ import contbranch as cb
 from contbranch.models.grid.lattice import IMAGE_SUM, Lattice
 from contbranch.models.grid.newton import Equilibrium, Hold, hold_control, newton
 from contbranch.models.grid.problem import GridProblem
-from contbranch.models.grid.stability import SECTORS, Stability, morse, verify
+from contbranch.models.grid.stability import SECTORS, Stability, morse
 from contbranch.models.grid.switching import whole_problem
 from contbranch.models.grid.transforms import EVEN, Counter
 from contbranch.models.grid.variation import Precision
@@ -180,8 +180,8 @@ def test_nothing_softens_without_an_interaction():
     found = newton(problem, -np.minimum(problem.heights, 0.5), 1.0, Hold(1.0))
     index = morse(problem, found, slope=1.0)
     assert (index.load, index.displacement, index.pairs) == (0, 0, 0)
-    assert verify(problem, found, 0, 1.0)
-    assert not verify(problem, found, 1, 1.0)
+    assert Stability(problem).verify(found, 0, 1.0)
+    assert not Stability(problem).verify(found, 1, 1.0)
 
 
 def test_a_sector_that_the_lattice_lacks_is_an_error():
