@@ -89,7 +89,7 @@ class Rim:
         """d/d(tau²) of the even fit to the innermost panel's nodal values at local places, and the fit at its end."""
         coefficients = self.mesh.rule.to_even @ values
         slopes = chebyshev.chebval(local, chebyshev.chebder(coefficients))
-        return np.asarray(slopes) * (2 / self.mesh.innermost**2), float(coefficients.sum())
+        return np.asarray(slopes, dtype=np.float64) * (2 / self.mesh.innermost**2), float(coefficients.sum())
 
 
 def make_rim(mesh: Mesh, radius: float) -> Rim:
