@@ -258,25 +258,23 @@ def pressure(
 # What follows serves the exact model too.
 
 
-def in_contact(zone: Zone, tau: Array) -> Curve:
+def in_contact(zone: Zone, tau: Array | float) -> Curve:
     """Return the equilibria with contact whose rim angles have the tangents ``tau``."""
-    angle = Angle.from_tangent(np.asarray(tau))
+    angle = Angle.from_tangent(tau)
     c = zone.interaction_radius(angle)
     d = zone.displacement(angle, c)
-    return Curve(
-        zone.load(angle, c), d, c * angle.cos, c, angle.theta + 0.0 * c, np.zeros_like(c), zone.energy(angle, c, d)
-    )
+    return Curve(zone.load(angle, c), d, c * angle.cos, c, angle.theta + 0.0 * c, 0.0 * c, zone.energy(angle, c, d))
 
 
-def without_contact(zone: Zone, c: Array) -> Curve:
+def without_contact(zone: Zone, c: Array | float) -> Curve:
     """Return the equilibria without contact whose interaction has the radius ``c``."""
     touch = zone.touch_radius()
     # z0 - c^2/(2R) - (2-4/pi)(sigma/E) c in factors: exactly zero at first touch, no cancellation before it
     central_gap = 0.5 * (touch - c) * (c / zone.radius + 2.0 * zone.interaction_range / touch)
     d = -central_gap - 2.0 * zone.strain * c
-    right = Angle(np.full_like(d, 0.5 * np.pi), np.zeros_like(d), np.ones_like(d))
+    right = Angle(0.5 * np.pi + 0.0 * d, 0.0 * d, 1.0 + 0.0 * d)
     load = 0.0 - np.pi * zone.stress * c * c
-    return Curve(load, d, np.zeros_like(d), c + 0.0 * d, right.theta, central_gap, zone.energy(right, c, d))
+    return Curve(load, d, 0.0 * d, c + 0.0 * d, right.theta, central_gap, zone.energy(right, c, d))
 
 
 def load_fold_tangent(zone: Zone) -> Array:

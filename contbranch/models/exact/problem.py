@@ -163,7 +163,7 @@ class Beyond(ExactProblem):
 
     def curve(self, p: float) -> maugis.Curve:
         """Undeformed."""
-        apart = maugis.without_contact(self.zone, np.asarray(0.0))
+        apart = maugis.without_contact(self.zone, 0.0)
         displacement = np.asarray(p * self.scale)
         return apart._replace(displacement=displacement, central_gap=-displacement)
 
@@ -203,7 +203,7 @@ class Apart(ExactProblem):
 
     def curve(self, p: float) -> maugis.Curve:
         """Quadratic in c."""
-        return maugis.without_contact(self.zone, np.asarray(self.radius(p)))
+        return maugis.without_contact(self.zone, self.radius(p))
 
     def slopes(self, p: float) -> Rates:
         """``dF = −2πσc dc``, ``dd = (c − b) dc/R``, and the gap on the axis closes by ``dd + 2 (σ/E) dc``."""
@@ -248,9 +248,9 @@ class Touching(ExactProblem):
         """First touch without contact."""
         return (Apart(self.zone, self.work).at(0.0),)
 
-    def tangent(self, p: float) -> Array:
+    def tangent(self, p: float) -> float:
         """tan θ."""
-        return np.asarray(1.0 / math.sqrt(self.unit * math.sinh(p)) if p > 0.0 else math.inf)
+        return 1.0 / math.sqrt(self.unit * math.sinh(p)) if p > 0.0 else math.inf
 
     def curve(self, p: float) -> maugis.Curve:
         """Explicit in θ."""
