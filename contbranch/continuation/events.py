@@ -25,7 +25,7 @@ from contbranch.continuation.segment import Segment
 from contbranch.continuation.step import STEEPEST, Hermite
 from contbranch.continuation.walk import annotated, point_on
 
-__all__ = ["Bracket", "Crossing", "Event", "Extremum", "Happening", "Probe", "TangentCrossing", "zeros"]
+__all__ = ["Bracket", "Crossing", "Event", "Extremum", "Happening", "Probe", "TangentCrossing", "division", "zeros"]
 
 Value = Callable[[Point], float]
 
@@ -123,7 +123,7 @@ class Probe:
         begin, end = self.at(segment.begin), self.at(segment.end)
         inside, doubt = self._inside(segment, third)
         values = math.copysign(1.0, begin) * np.concatenate([[begin], inside, [end]])
-        theta = _division(values, doubt) if depth > 0 and len(self.known) < MOST else None
+        theta = division(values, doubt) if depth > 0 and len(self.known) < MOST else None
         if theta is None:
             if values[-1] > 0:
                 return []
@@ -163,14 +163,19 @@ class Probe:
         return found[-1], error
 
 
-def _division(values: Array, doubt: Array) -> float | None:
+def division(values: Array, doubt: Array) -> float | None:
     """Return where to divide a step, seen at even distances, the first value positive; None if its zeros are certain.
 
     The errors are those inside the step; at the ends there is none.
     """
     spaces = len(values) - 1
-    if float(doubt.max()) > RESOLVED * float(np.abs(values).max()):
+    largest = float(doubt.max())
+    if largest > RESOLVED * float(np.abs(values).max()):
         return 0.5
+    bends = values[:-2] - 2 * values[1:-1] + values[2:]
+    lowest = float(values.min()) - max(0.0, float(bends.max())) / 8
+    if lowest > max(SAFETY * largest, SUSPICIOUS * float(min(values[0], values[-1])), 0.0):
+        return None  # clearly of one sign, as nearly always
     crossings = np.flatnonzero((values[:-1] > 0) != (values[1:] > 0))
     if len(crossings) > 1:
         between = np.arange(crossings[0] + 1, crossings[1] + 1)
@@ -180,8 +185,7 @@ def _division(values: Array, doubt: Array) -> float | None:
     if len(crossings):
         sign[crossings[0] :] = -1.0
     first, last = sign * values[:-1], sign * values[1:]
-    second = np.diff(values, 2)
-    bend = np.maximum(sign * np.append(second[0], second), sign * np.append(second, second[-1]))
+    bend = np.maximum(sign * np.append(bends[0], bends), sign * np.append(bends, bends[-1]))
     bend = np.maximum(bend, np.finfo(float).tiny)
     t = np.clip(0.5 - (last - first) / bend, 0.0, 1.0)
     lowest = first + (last - first) * t - bend * t * (1 - t) / 2

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 from typing import ClassVar
 
@@ -13,6 +14,7 @@ from contbranch.continuation.events import Bracket, Probe
 from contbranch.continuation.walk import annotated, point_on
 from contbranch.control import LOAD, Control
 from contbranch.curve.angle import in_passing, short_way
+from contbranch.curve.passages import BESIDES, Search, Seen
 from contbranch.curve.problem import equilibrium
 
 __all__ = ["Ceiling", "FoldEvent", "Folds", "Margin", "Reached", "rates"]
@@ -149,6 +151,7 @@ class Folds(Event):
         self.controls, self.told = controls, told
         self._known: list[tuple[Point, tuple[float, float]]] = []
         self._signs: dict[str, float] = {}
+        self._past: list[Seen] = []
 
     def value(self, point: Point) -> float:
         """The rate of the first control."""
@@ -156,7 +159,7 @@ class Folds(Event):
 
     def happenings(self, segment: Segment, previous: Segment | None, options: Options) -> list[Happening]:
         """Every fold in the step once."""
-        passages = [one for control in self.controls for one in self._passages(control, segment, previous, options)]
+        passages = self._passages(segment, previous, options)
         found = self._ordered(passages, segment, options) if passages else []
         for control in self.controls:
             self._signs[control.kind] = control.weighted(*self._rates(segment.end)) or self._signs.get(
@@ -178,24 +181,29 @@ class Folds(Event):
         self._known = [(point, found), *self._known[:5]]
         return found
 
+    def _rate(self, control: Control, point: Point) -> float:
+        return control.weighted(*self._rates(point))
+
     def _passages(
-        self, control: Control, segment: Segment, previous: Segment | None, options: Options
+        self, segment: Segment, previous: Segment | None, options: Options
     ) -> list[tuple[Control, Probe, Bracket]]:
-        """Brackets of the folds of one control."""
-
-        def held(point: Point) -> float:
-            own = point.observables
-            return control.weighted(own["load"], own["displacement"])
-
-        probe = Probe(lambda point: control.weighted(*self._rates(point)), options, held)
-        begin, end = probe.at(segment.begin), probe.at(segment.end)
-        if begin == 0.0:  # a zero at the end of the step before belongs to this one
-            begin = probe.known[segment.begin] = math.copysign(TINY, self._signs.get(control.kind) or end)
-        if end == 0.0:  # what is controlled rests, or a fold at the very end: the next step has it
-            probe.known[segment.end] = math.copysign(TINY, begin)
-        if abs(begin) == TINY and (begin > 0) == (probe.at(segment.end) > 0):
-            return []
-        return [(control, probe, bracket) for bracket in probe.brackets(segment, previous)]
+        """Brackets of the folds of all controls."""
+        probes = {}
+        for control in self.controls:
+            probe = Probe(partial(self._rate, control), options)
+            begin, end = probe.at(segment.begin), probe.at(segment.end)
+            if begin == 0.0:  # a zero at the end of the step before belongs to this one
+                begin = probe.known[segment.begin] = math.copysign(TINY, self._signs.get(control.kind) or end)
+            if end == 0.0:  # what is controlled rests, or a fold at the very end: the next step has it
+                probe.known[segment.end] = math.copysign(TINY, begin)
+            probes[control] = probe
+        search = Search(segment, self._rates, probes)
+        if not search.problem.ordered:
+            seen = None if previous is None else search.seen(previous.begin)
+            self._past = [] if seen is None else [seen]
+        found, points = search.brackets(self._past)
+        self._past = points[-BESIDES - 1 :]
+        return [(control, probes[control], bracket) for control, bracket in found]
 
     def _ordered(
         self, passages: Sequence[tuple[Control, Probe, Bracket]], segment: Segment, options: Options

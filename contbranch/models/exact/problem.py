@@ -40,6 +40,7 @@ __all__ = ["Apart", "Beyond", "ExactProblem", "Touching", "zone_of"]
 
 # Where the curve begins and where the interaction does, in ranges.
 START, EDGE = -1.5, -1.0
+EVEN = replace(STEPS, weight=10.0, first_step=0.2)
 CONSTANTS = "radius", "modulus", "work_of_adhesion", "interaction_range"
 
 
@@ -144,6 +145,10 @@ class ExactProblem(EquilibriumProblem):
         """Beyond the range, where no control feels the interaction."""
         return Beyond(self.zone, self.work).at(START)
 
+    def steps(self, start: Point) -> Options:
+        """Even in the parameter, by which load and displacement have been made smooth functions."""
+        return EVEN
+
     def before(self, control: Control, value: float) -> Point | None:
         """The displacement itself beyond the range, where a spring has no load; there a load does not tell states."""
         return None if control.kind == "load" or value >= -self.scale else self.at(value / self.scale)
@@ -173,7 +178,7 @@ class Beyond(ExactProblem):
 
     def steps(self, start: Point) -> Options:
         """One: there is nothing on the way."""
-        return replace(STEPS, first_step=1.0, largest_parameter_step=1.0)
+        return replace(STEPS, first_step=1e6, largest_parameter_step=1.0)
 
     def successor(self, name: str, points: Sequence[Point]) -> Succession:
         """The interaction begins: a corner of the curve."""

@@ -3,47 +3,43 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
-from .newton import Equilibrium, Hold, Settings, newton
+from contbranch.control import Control
+
+from .arrays import Array
+from .newton import Equilibrium, Hold, Settings, control_held, newton
 from .observables import weights
-from .reading import read
-from .setup import Setup, coarsened, refined
-from .walk import Direction, Measure
+from .rows import difference, read
+from .setup import Setup, carried
+from .walk import beside
 
 __all__ = ["Comparison", "compared", "held", "no_comparison", "touched"]
 
 
-@dataclass(frozen=True)
-class Comparison:
+class Comparison(NamedTuple):
     """By how much the observables of a state change when the lattice is coarsened once.
 
     If errors fall at least in proportion to the spacing, this is at least the error on the finer of the two.
 
     Attributes
     ----------
+    four : array (4,)
+        Of load, displacement, contact radius and central gap.
     potential : float
         Of V - F d at the same load: the change of V less that which goes with the changes along a curve, F dd.
     """
 
-    load: float
-    displacement: float
-    contact_radius: float
-    central_gap: float
-    energy: float
-    potential: float = math.inf
-
-    @property
-    def four(self) -> tuple[float, float, float, float]:
-        """Of load, displacement, contact radius and central gap."""
-        return self.load, self.displacement, self.contact_radius, self.central_gap
+    four: Array
+    potential: float
 
 
 def no_comparison(setup: Setup) -> str:
     """A sentence if there is no lattice with half the nodes to compare with; errors of points are then not known."""
-    if setup.grid % 4 == 0 and setup.grid >= 16:
+    if setup.coarse is not None:
         return ""
     fitting = 2 * setup.grid if setup.crowded else max(16, 4 * math.ceil(setup.grid / 4))
     return f"Errors of points are not known on a grid of {setup.grid}: use one divisible by 4, such as {fitting}."
@@ -58,60 +54,41 @@ def compared(setup: Setup, before: Equilibrium, state: Equilibrium, settings: Se
     before : Equilibrium
         A state earlier on the curve, which gives its direction.
     """
-    if setup.grid % 4 or setup.grid < 16:
+    coarse = setup.coarse
+    found = None if coarse is None else beside(setup, coarse, state, (before, state), settings)
+    return None if coarse is None or found is None else _difference(setup, state, coarse, found)
+
+
+def held(setup: Setup, state: Equilibrium, control: Control, value: float, settings: Settings) -> Comparison | None:
+    """Compare a single state with the coarser lattice's at a value of a control."""
+    coarse = setup.coarse
+    if coarse is None:
         return None
-    coarse = setup.on(setup.grid // 2)
-    problem = coarse.problem
-    u = coarsened(state.u, setup.centred)
-    sketch = Equilibrium(problem.fields(u, state.load), problem.heights + u <= 0.0, 0.0, 0.0, False)
-    change = u - coarsened(before.u, setup.centred)
-    direction = Direction.along(Measure.at(sketch, setup.length), change, state.load - before.load)
-    slack = 1e-6 * abs(direction.value(change, state.load - before.load))
-    return _difference(setup, state, direction.hold(direction.value(u, state.load), slack), settings)
+    u, load, contact = carried(setup, coarse, state)
+    start = np.where(contact, -coarse.problem.heights, u)
+    found = newton(coarse.problem, start, load, control_held(coarse.problem, control, value), contact, settings)
+    return _difference(setup, state, coarse, found) if found.converged else None
 
 
-def held(setup: Setup, state: Equilibrium, hold: Hold, settings: Settings) -> Comparison | None:
-    """Compare a single state with the coarser lattice's, with what is held there: a row of `hold` fits that lattice."""
-    return None if setup.grid % 4 or setup.grid < 16 else _difference(setup, state, hold, settings)
-
-
-def touched(setup: Setup, touch: Equilibrium, settings: Settings, finer: bool) -> Comparison | None:
-    """Compare first touch with another lattice's: the state there whose gap at the apex is zero, without the wall.
+def touched(setup: Setup, touch: Equilibrium, settings: Settings) -> Equilibrium | None:
+    """First touch on the finer lattice: the state whose gap at the apex is zero, without the wall.
 
     Parameters
     ----------
     setup : Setup
     touch : Equilibrium
         The state without contact whose gap at the apex is zero; None is returned for a tip without an apex.
-    finer : bool
-        Compare with the lattice that has twice the nodes a side, not with the one that has half of them.
     """
-    if setup.crowded or (not finer and (setup.grid % 4 or setup.grid < 16)):
+    if setup.crowded:
         return None
-    other = setup.on(2 * setup.grid if finer else setup.grid // 2)
-    start = refined(touch.u, setup.lattice) if finer else coarsened(touch.u)
-    apex = weights(other.lattice, 0.0)
+    apex = weights(setup.fine.lattice, 0.0)
+    bare = replace(settings, wall=False, tolerance=min(settings.tolerance, 1e-8))
     hold = Hold(0.0, 0.0, np.outer(apex, apex))
-    without_wall = replace(settings, wall=False, tolerance=min(settings.tolerance, 1e-8))
-    found = newton(other.problem, start, touch.load, hold, None, without_wall)
-    if not found.converged:
-        return None
-    energies = [each.problem.total_energy(state.fields) for each, state in ((setup, touch), (other, found))]
-    load, displacement = abs(found.load - touch.load), abs(found.displacement - touch.displacement)
-    return Comparison(load, displacement, 0.0, 0.0, abs(energies[0] - energies[1]))
+    found = newton(setup.fine.problem, carried(setup, setup.fine, touch).u, touch.load, hold, None, bare)
+    return found if found.converged else None
 
 
-def _difference(setup: Setup, state: Equilibrium, hold: Hold, settings: Settings) -> Comparison | None:
-    coarse = setup.on(setup.grid // 2)
-    problem = coarse.problem
-    u = coarsened(state.u, setup.centred)
-    share = coarsened(state.contact.astype(np.float64), setup.centred)
-    contact = share >= 0.5
-    found = newton(problem, np.where(contact, -problem.heights, u), state.load, hold, contact, settings)
-    if not found.converged:
-        return None
+def _difference(setup: Setup, state: Equilibrium, coarse: Setup, found: Equilibrium) -> Comparison:
     one, other = read(setup, state, cell=False), read(coarse, found, cell=False)
-    load, displacement, radius, gap = (abs(a - b) for a, b in zip(one.four, other.four, strict=True))
-    energy = one.energy - other.energy
     along = 0.5 * (one.load + other.load) * (one.displacement - other.displacement)
-    return Comparison(load, displacement, radius, gap, abs(energy), abs(energy - along))
+    return Comparison(abs(difference(one, other)), abs(one.energy - other.energy - along))

@@ -21,13 +21,12 @@ from contbranch.curve.trace import Request
 from contbranch.results.diagram import Cost
 
 from .arrays import Array
-from .kept import kept_symmetry
 from .setup import Setup
-from .switching import Switched, mirrored, switch
+from .switching import Switched, kept_symmetry, mirrored, switch
 from .symmetry import Breaking, distinct
 from .trace import Traced, followed
 from .transforms import EVEN
-from .walk import Point
+from .walk import Point, quietly
 
 __all__ = ["POINTS", "follow_branch", "follow_branches", "with_branches"]
 
@@ -78,7 +77,7 @@ def follow_branch(setup: Setup, event: Breaking, request: Request, points: int |
     what = f"at load {event.equilibrium.load * setup.units.load:.6g} with mode {event.mode}"
     if sector == EVEN and event.mode % 4 == 0:
         return f"The branch {what} has the symmetry of the lattice, which cannot tell it from the curve."
-    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+    with quietly():
         switched = switch(setup.problem, event)
     if switched is None:
         return f"No states of the branch {what} were found."

@@ -9,6 +9,8 @@ Otherwise the motion goes on, until it has converged by itself.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,6 +21,7 @@ from .arrays import Array, Mask
 from .newton import Equilibrium, Hold, Settings, newton
 from .problem import GridProblem
 from .relaxation import LatticeMotion, Method, Place, equilibrium, minimisers
+from .stability import as_stability
 
 __all__ = ["land", "settle", "softest"]
 
@@ -32,82 +35,19 @@ _NEGATIVE = -1e-9
 _KICKS = 5
 
 
-def land(
-    problem: GridProblem,
-    u: Array,
-    load: float,
-    hold: Hold,
-    tolerance: float = 1e-8,
-    method: Method = "gfmd",
-    steps: int = 5000,
-) -> Equilibrium:
-    """Follow the dynamics from a state that is none any more, as beyond a fold, to the stable state where they end.
-
-    Parameters
-    ----------
-    problem : GridProblem
-    u, load : array, float
-        Start: the last state before the jump.
-    hold : Hold
-        Load, displacement or spring after the jump.
-    tolerance : float
-        Residual to reach.
-    method : {"gfmd", "fire"}
-    steps : int
-        Steps of the dynamics at most, in all.
-
-    Returns
-    -------
-    Equilibrium
-        Not converged, with a reason, if there is no stable state to be reached.
-
-    Raises
-    ------
-    InputError
-        If what is held is no load, displacement or spring.
-    """
-    return _descend(problem, u, load, hold, tolerance, method, steps, first=1e-3, stride=0.1)
-
-
-def settle(
-    problem: GridProblem,
-    u: Array,
-    load: float,
-    hold: Hold,
-    tolerance: float = 1e-8,
-    method: Method = "gfmd",
-    steps: int = 5000,
-) -> Equilibrium:
-    """Find a stable state from any start, however bad; as `land`, with longer steps and Newton's method tried sooner.
-
-    Parameters and result are those of `land`.
-    """
-    return _descend(problem, u, load, hold, tolerance, method, steps, first=0.03, stride=0.25)
-
-
 def softest(problem: GridProblem, state: Equilibrium, hold: Hold) -> Lowest:
     """Lowest eigenvalue of the second variation under what is held, relative to the masses of the dynamics.
 
     Only fields with the symmetry of the lattice are asked. Pairs are counted as those of stability.
     """
     motion = LatticeMotion(problem, hold)
-    target, problem.counter.target = problem.counter.target, "stability"
-    try:
-        return _softest(motion, motion.place(state.u))
-    finally:
-        problem.counter.target = target
-
-
-def _softest(motion: LatticeMotion, place: Place) -> Lowest:
-    # Modes of negative curvature live where the interaction softens.
-    noise = np.random.default_rng(0).standard_normal(motion.problem.shape)
-    stiffness = np.abs(place.fields.stiffness)
-    start = stiffness * (1.0 + 0.5 * noise) + 1e-3 * (1.0 + float(stiffness.max())) * (1.0 + noise)
-    return lowest(
-        lambda velocity: motion.variation(place, velocity),
-        lambda momentum: motion.mobility(place, momentum),
-        motion.confine(place, start),
-    )
+    with as_stability(problem):
+        place = motion.place(state.u)
+        # Modes of negative curvature live where the interaction softens.
+        noise = np.random.default_rng(0).standard_normal(problem.shape)
+        stiffness = np.abs(place.fields.stiffness)
+        start = stiffness * (1.0 + 0.5 * noise) + 1e-3 * (1.0 + float(stiffness.max())) * (1.0 + noise)
+        return lowest(partial(motion.variation, place), partial(motion.mobility, place), motion.confine(place, start))
 
 
 @dataclass
@@ -125,21 +65,56 @@ class _Near:
         return self.steady >= _STEADY and place.residual <= self.residual
 
 
-def _descend(
+class Pace(NamedTuple):
+    """The residual from which on Newton's method is tried, and the largest step relative to the interaction's range."""
+
+    first: float
+    stride: float
+
+
+CAREFUL = Pace(1e-3, 0.1)
+
+
+def land(
     problem: GridProblem,
     u: Array,
     load: float,
     hold: Hold,
-    tolerance: float,
-    method: Method,
-    steps: int,
-    first: float,
-    stride: float,
+    tolerance: float = 1e-8,
+    method: Method = "gfmd",
+    steps: int = 5000,
+    pace: Pace = CAREFUL,
 ) -> Equilibrium:
+    """Follow the dynamics from a state that is none any more, as beyond a fold, to the stable state where they end.
+
+    Parameters
+    ----------
+    problem : GridProblem
+    u, load : array, float
+        Start: the last state before the jump.
+    hold : Hold
+        Load, displacement or spring after the jump.
+    tolerance : float
+        Residual to reach.
+    method : {"gfmd", "fire"}
+    steps : int
+        Steps of the dynamics at most, in all.
+    pace : Pace
+
+    Returns
+    -------
+    Equilibrium
+        Not converged, with a reason, if there is no stable state to be reached.
+
+    Raises
+    ------
+    InputError
+        If what is held is no load, displacement or spring.
+    """
     before = problem.counter.equilibrium
-    motion = LatticeMotion(problem, hold, stride=stride)
+    motion = LatticeMotion(problem, hold, stride=pace.stride)
     place = motion.place(u)
-    goal, used, kicks = first, 0, 0
+    goal, used, kicks = pace.first, 0, 0
     while True:
         motion.until = _Near(goal) if goal > tolerance else None
         place, more, ending = minimisers[method](motion, place, MotionSettings(tolerance, steps - used))
@@ -163,5 +138,9 @@ def _descend(
         if kicks == _KICKS:
             return replace(state, converged=False, reason=Ending.UNSTABLE.value)
         # A start on an unstable state: the motion leaves it only if pushed.
-        kicks, goal = kicks + 1, first
+        kicks, goal = kicks + 1, pace.first
         place = motion.place(place.fields.u + motion.push(place, seed=kicks))
+
+
+settle = partial(land, pace=Pace(0.03, 0.25))
+"""Find a stable state from any start, however bad; as `land`, with longer steps and Newton's method tried sooner."""

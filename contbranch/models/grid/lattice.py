@@ -122,23 +122,17 @@ class Lattice:
         """Plans for fields on this lattice."""
         return Transform(self.size, parity if self.quarter else None, threads, counter)
 
-    def coarser(self) -> Lattice:
-        """The lattice with half the nodes a side."""
-        return Lattice(self.kind, self.edge, self.grid // 2, self.quarter)
-
-    def finer(self) -> Lattice:
-        """The lattice with twice the nodes a side."""
-        return Lattice(self.kind, self.edge, 2 * self.grid, self.quarter)
-
     def whole(self) -> Lattice:
         """The same lattice without symmetry."""
         return Lattice(self.kind, self.edge, self.grid, quarter=False)
 
     def unfold(self, values: Array, parity: tuple[Parity, Parity] = EVEN) -> Array:
-        """A field of the quarter on the nodes of the whole cell, (N, N), padding left out."""
-        own = values[: self.inside, : self.inside]
+        """A field of the quarter on the array of the whole lattice, padding included."""
         if not self.quarter:
-            return np.array(own)
+            return np.array(values)
         signs = [1.0 if p == "even" else -1.0 for p in parity]
-        rows = np.concatenate([signs[0] * own[::-1], own])
-        return np.concatenate([signs[1] * rows[:, ::-1], rows], axis=1)
+        rows = np.concatenate([signs[0] * values[::-1], values])
+        whole = np.concatenate([signs[1] * rows[:, ::-1], rows], axis=1)
+        # The whole array begins at the border of the cell, that of two quarters where the padding does.
+        offset = self.inside - self.size
+        return np.roll(whole, (offset, offset), (0, 1))

@@ -15,9 +15,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
+from contbranch.control import Control
 from contbranch.models.grid.solvers.gmres import gmres
 
 from .arrays import Array, Mask
@@ -28,7 +30,7 @@ BASIS_BYTES = 1e9
 # Shortest part of a step that is tried when the residual grows.
 SHORTEST = 0.125
 
-__all__ = ["Equilibrium", "Hold", "Settings", "newton"]
+__all__ = ["Equilibrium", "Hold", "Settings", "Sketch", "control_held", "hold_control", "newton", "settings_for"]
 
 
 @dataclass(frozen=True)
@@ -74,6 +76,13 @@ def hold_control(problem: GridProblem, load_weight: float, displacement_weight: 
     nodes = problem.lattice.size**2
     whole = load_weight + displacement_weight * problem.lattice.compliance
     return Hold(value, whole, -displacement_weight / nodes)
+
+
+def control_held(problem: GridProblem, control: Control, value: float) -> Hold:
+    """What is held at a value of a control."""
+    if control.kind == "load":
+        return Hold(value)
+    return hold_control(problem, 1.0 / control.stiffness if control.kind == "spring" else 0.0, 1.0, value)
 
 
 @dataclass(frozen=True)
@@ -154,6 +163,19 @@ class Equilibrium:
         return self.fields.u
 
 
+def settings_for(accuracy: float) -> Settings:
+    """Tolerances for states of an accuracy."""
+    return Settings(tolerance=min(max(1e-2 * accuracy, 1e-10), 1e-8))
+
+
+class Sketch(NamedTuple):
+    """A trial state: the field u, the load, the contact."""
+
+    u: Array
+    load: float
+    contact: Mask
+
+
 class Linearised:
     """The operator A of one step with its preconditioner M⁻¹, bordered unless the load is held.
 
@@ -192,7 +214,7 @@ class Linearised:
             field += given
         else:
             smooth *= self.mask
-            self.problem.stiffness_into(smooth, field)
+            self.problem.stiffness(smooth, field)
             field *= self.mask
             field += self.diagonal * smooth
         if self.bordered:

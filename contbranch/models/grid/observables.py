@@ -165,9 +165,9 @@ def image_curvature(problem: GridProblem, equilibrium: Equilibrium) -> float:
 def cell_fields(problem: GridProblem, equilibrium: Equilibrium) -> CellFields:
     """Unfold gap and pressures on the nodes of the whole cell."""
     lattice = problem.lattice
-    axis = lattice.whole().axis[: lattice.grid]
-    gap, pressure, wall = _observed(equilibrium)
-    return CellFields(axis, axis.copy(), lattice.unfold(gap), lattice.unfold(pressure), lattice.unfold(wall))
+    n = lattice.grid
+    axis = lattice.whole().axis[:n]
+    return CellFields(axis, axis.copy(), *(lattice.unfold(field)[:n, :n] for field in _observed(equilibrium)))
 
 
 def profile(problem: GridProblem, equilibrium: Equilibrium, points: int = 2000) -> Profile:
@@ -205,8 +205,8 @@ def _observed(equilibrium: Equilibrium) -> tuple[Array, Array, Array]:
     return np.maximum(fields.gap, 0.0), fields.pressure + wall, wall
 
 
-def weights(lattice: Lattice, x: float) -> Array:
-    """Weights of the nodes of one side in the trigonometric interpolant at x."""
+def weights(lattice: Lattice, x: float | Array) -> Array:
+    """Weights of the nodes of one side in the trigonometric interpolant at x, or at every x of a column."""
     if not lattice.quarter:
         return _dirichlet(x - lattice.axis, lattice.size, lattice.spacing)
     nodes = 2 * lattice.size

@@ -7,22 +7,24 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property, partial
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
-from contbranch.control import Control
+from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.curve.quasi_static import Jump, Stop, next_along
 from contbranch.errors import ModelError
 from contbranch.results.diagram import State
+from contbranch.results.record import OBSERVABLES
 
 from .accuracy import compared, held
 from .arrays import Array, Integers
 from .landing import land
-from .newton import Equilibrium, Hold, Settings, newton
-from .reading import Reading, read
-from .solve import control_held, crossing, state_at
+from .newton import Equilibrium, Hold, control_held, newton, settings_for
+from .rows import Reading, read
+from .solve import crossing, state_at
 from .trace import Traced
-from .walk import Direction, Measure, Point, between
+from .walk import Direction, Track, quietly
 
 __all__ = ["GridWalk"]
 
@@ -75,42 +77,36 @@ class GridWalk:
                 "hysteresis: the curve has too many points to keep the fields of all; use a coarser grid or a smaller "
                 "max_load"
             )
-        self.traced, self._control, self.accuracy = traced, control, accuracy
+        self.traced, self.control = traced, control
         self.setup, self.problem = traced.setup, traced.setup.problem
-        self.settings = Settings(tolerance=min(max(1e-2 * accuracy, 1e-10), 1e-8))
+        self.settings = settings_for(accuracy)
         self.notes: list[tuple[Stop, Stop]] = []
         self.astray: list[tuple[Stop, State]] = []
         self._crossings: dict[tuple[int, float], Stop] = {}
         self._between: dict[tuple[int, int, int], list[State]] = {}
 
-    @property
-    def control(self) -> Control:
-        """The control."""
-        return self._control
-
     @cached_property
     def values(self) -> Array:
         """What is controlled at the rows."""
-        return np.array([self._control.value(row.load, row.reading.displacement) for row in self.traced.rows])
+        return np.array([self.control.value(*row.reading[:2]) for row in self.traced.rows])
 
     @property
     def unstable(self) -> Integers:
         """Morse index under the control on the pieces."""
-        return self.traced.indices.pieces(self._control.kind)[0]
+        return self.traced.indices.pieces(self.control)[0]
 
     @property
     def rising(self) -> Integers:
         """Signs of the change of what is controlled on the pieces."""
-        return self.traced.indices.pieces(self._control.kind)[1]
+        return self.traced.indices.pieces(self.control)[1]
 
     @cached_property
     def _folds(self) -> dict[int, Stop]:
         found = {}
-        names = ("load", "displacement", "contact_radius", "central_gap")
         for event in self.traced.curve.events:
-            if event.kind == "fold" and event.control == self._control.kind:
+            if event.kind == "fold" and event.control == self.control.kind:
                 stop = self.stop(event.row)
-                error = dict(zip(names, (float(value) for value in event.error), strict=True))
+                error = dict(zip(OBSERVABLES, event.error, strict=True))
                 found[event.row] = replace(stop, state=replace(stop.state, error=error))
         return found
 
@@ -121,13 +117,15 @@ class GridWalk:
     def row(self, row: int) -> State:
         """The state of a row, without profile."""
         curve = self.traced.curve
-        return _state(
-            self.traced.rows[row].reading, int(curve.unstable_load[row]), int(curve.unstable_displacement[row])
-        )
+        indices = int(curve.unstable_load[row]), int(curve.unstable_displacement[row])
+        return _state(self.traced.rows[row].reading, *indices)
 
     def stop(self, row: int) -> Stop:
         """A row as a stop."""
-        return Stop(min(row, len(self.unstable) - 1), self.row(row), state_at(self.problem, self.traced.rows[row]), row)
+        return Stop(min(row, len(self.unstable) - 1), self.row(row), self._at(row), row)
+
+    def _at(self, row: int) -> Equilibrium:
+        return state_at(self.problem, self.traced.rows[row])
 
     def between(self, begin: Stop, end: Stop, count: int) -> list[State]:
         """States between two stops on one piece of the curve, without profiles; none on large lattices."""
@@ -144,17 +142,13 @@ class GridWalk:
 
     def _states(self, begin: Equilibrium, end: Equilibrium, shares: Array | Sequence[float]) -> list[Equilibrium]:
         """Equilibria at parts of the way between two, fewer where the curve has a corner."""
-        change, load_change = end.u - begin.u, end.load - begin.load
-        direction = Direction.along(Measure.at(begin, self.setup.length), change, load_change)
-        bounds = [direction.value(state.u, state.load) for state in (begin, end)]
-        points = [Point(0.0, begin), Point(1.0, end)]
-        found = []
-        for share in shares:
-            goal = bounds[0] + float(share) * (bounds[1] - bounds[0])
-            state = between(self.problem, points, direction, goal, self.settings)
-            if state.converged:
-                found.append(state)
-        return found
+        direction = Direction.between(begin, end, self.setup.length)
+        low, high = direction.of(begin), direction.of(end)
+        states = (
+            Track(self.problem, [begin, end], direction, self.settings).at(low + share * (high - low))
+            for share in shares
+        )
+        return [state for state in states if state is not None]
 
     def crossing(self, piece: int, value: float) -> Stop:
         """The state on a piece at a value of the control.
@@ -166,15 +160,11 @@ class GridWalk:
         """
         key = piece, value
         if key not in self._crossings:
+            exact = [row for row in (piece, piece + 1) if self.values[row] == value]
             rows = self.traced.rows[piece], self.traced.rows[piece + 1]
-            ends = self.values[piece], self.values[piece + 1]
-            exact = [row for row, end in zip(rows, ends, strict=True) if end == value]
-            if exact:
-                state: Equilibrium | None = state_at(self.problem, exact[0])
-            else:
-                state = crossing(self.setup, rows, self._control, value, self.settings)
+            state = self._at(exact[0]) if exact else crossing(self.setup, rows, self.control, value, self.settings)
             if state is None:
-                raise ModelError(f"no state was found on the curve where the {self._control.kind} is {value:.6g}")
+                raise ModelError(f"no state was found on the curve where the {self.control.kind} is {value:.6g}")
             self._crossings[key] = self._stop(state, piece)
         return self._crossings[key]
 
@@ -186,9 +176,9 @@ class GridWalk:
         ModelError
             If it was not found.
         """
-        if self._control.kind == "load":
+        if self.control.kind == "load":
             return None
-        start = state_at(self.problem, self.traced.rows[0])
+        start = self._at(0)
         # Out there displacement and position of a spring all but agree.
         u = start.u + (self.values[0] - value)
         found = newton(self.problem, u, start.load, self._hold(value), None, self.settings)
@@ -206,29 +196,27 @@ class GridWalk:
         not left the fold (the lattice's own barriers are next to it), it starts farther along. Where the relaxation
         comes to rest in a state that is not on the curve, none is reached, and `astray` says so.
         """
-        assert fold.row is not None
-        onward = 1 if fold.row > 0 and self.unstable[fold.row - 1] == 0 else -1
-        value = self._control.value(fold.state.load, fold.state.displacement)
+        start = self._row(fold)
+        onward = 1 if start > 0 and self.unstable[start - 1] == 0 else -1
+        value = self.control.value(fold.state.load, fold.state.displacement)
         end = None
         for push in range(1, PUSHES + 1):
-            row = fold.row + push * onward
+            row = start + push * onward
             if not 0 <= row < len(self.traced.rows) or (push > 1 and self.unstable[min(row, row - onward)] == 0):
                 break
-            beyond = state_at(self.problem, self.traced.rows[row])
-            with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-                end = land(self.problem, beyond.u, beyond.load, self._hold(value), self.settings.tolerance)
+            end = self._landed(self._at(row), value)
             if not end.converged:
                 continue
-            nearest = min(candidates, key=partial(self._apart, end), default=None)
-            if nearest is not None and self._apart(end, nearest) <= SAME:
-                return nearest
+            reached = self._reached(end, candidates)
+            if reached is not None:
+                return reached
             if self._apart(end, fold) > LEFT:
                 break
         if end is not None and end.converged and self._apart(end, fold) <= LEFT:
-            end = self._forced(fold, end, value, -onward)
-            nearest = min(candidates, key=partial(self._apart, end), default=None)
-            if nearest is not None and self._apart(end, nearest) <= SAME:
-                return nearest
+            end = self._forced(fold, end, value, start - FAR * onward)
+            reached = self._reached(end, candidates)
+            if reached is not None:
+                return reached
         if end is not None and end.converged:
             self.astray.append((fold, _state(read(self.setup, end), 0, 0)))
             return None
@@ -239,20 +227,27 @@ class GridWalk:
             self.notes.append((fold, following))
         return following
 
+    def _landed(self, start: Equilibrium, value: float) -> Equilibrium:
+        """Where a relaxation at a value of the control ends."""
+        with quietly():
+            return land(self.problem, start.u, start.load, self._hold(value), self.settings.tolerance)
+
+    def _reached(self, end: Equilibrium, candidates: Sequence[Stop]) -> Stop | None:
+        """The stop that a state is."""
+        nearest = min(candidates, key=partial(self._apart, end), default=None)
+        return None if nearest is None or self._apart(end, nearest) > SAME else nearest
+
     def _forced(self, fold: Stop, state: Equilibrium, value: float, stable: int) -> Equilibrium:
         """Relax once more with the control beyond the fold by the lattice's error: what still holds it is smaller.
 
-        The stable part, from which the fold is reached, lies in the direction `stable` of the rows.
+        The row `stable` lies on the stable part from which the fold is reached, or beyond its end.
         """
-        assert fold.row is not None
         error = fold.state.error
-        uncertain = self._control.value(error.get("load", 0.0), error.get("displacement", 0.0))
+        uncertain = self.control.value(error.get("load", 0.0), error.get("displacement", 0.0))
         if not math.isfinite(uncertain):
             return state
-        reached = self.values[min(max(fold.row + FAR * stable, 0), len(self.values) - 1)]
-        beyond = value + math.copysign(uncertain, value - float(reached))
-        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            return land(self.problem, state.u, state.load, self._hold(beyond), self.settings.tolerance)
+        reached = self.values[np.clip(stable, 0, len(self.values) - 1)]
+        return self._landed(state, value + math.copysign(uncertain, value - reached))
 
     def _apart(self, state: Equilibrium, stop: Stop) -> float:
         """Largest difference between two states' gaps, relative to the law's range."""
@@ -262,10 +257,8 @@ class GridWalk:
         """∫ F dd along the curve from one stop to another, by quadrature of parabolas through states on it."""
         if _position(begin) > _position(end):
             return -self.work(end, begin)
-        start = begin.row if begin.row is not None else begin.piece
-        stop = end.row if end.row is not None else end.piece + 1
-        inner = [state_at(self.problem, row) for row in self.traced.rows[start + 1 : stop]]
-        states = [begin.place, *inner, end.place]
+        stop = end.piece + 1 if end.row is None else end.row
+        states = [begin.place, *map(self._at, range(self._row(begin) + 1, stop)), end.place]
         return math.fsum(self._piece(first, second, 0) for first, second in pairwise(states))
 
     def _piece(self, begin: Equilibrium, end: Equilibrium, depth: int) -> float:
@@ -286,56 +279,48 @@ class GridWalk:
         change of load and displacement along the curve: see `Comparison.potential`. Where that lattice has no such
         state, it is the largest estimate of all the other ends.
         """
-        ends = [
-            (self._potential(jump.begin), None if jump.end is None else self._potential(jump.end)) for jump in jumps
-        ]
-        known = [value for pair in ends for value in pair if value is not None and math.isfinite(value)]
-        most = max(known, default=math.inf)
+        known = [[None if stop is None else self._potential(stop) for stop in (j.begin, j.end)] for j in jumps]
+        finite = [value for pair in known for value in pair if value is not None and math.isfinite(value)]
+        most = max(finite, default=math.inf)
+
+        def estimated(stop: Stop | None, value: float | None) -> Any:
+            return None if stop is None or value is None else replace(stop, uncertainty=min(value, most))
+
         return [
-            replace(
-                jump,
-                begin=replace(jump.begin, uncertainty=min(begin, most)),
-                end=None if jump.end is None or end is None else replace(jump.end, uncertainty=min(end, most)),
-            )
-            for jump, (begin, end) in zip(jumps, ends, strict=True)
+            replace(jump, begin=estimated(jump.begin, begin), end=estimated(jump.end, end))
+            for jump, (begin, end) in zip(jumps, known, strict=True)
         ]
 
     def _potential(self, stop: Stop) -> float:
         """Error estimate of a state's energy, from the coarse lattice in the plane across the curve; else infinite."""
-        if self.setup.grid % 4:
-            return math.inf
         if stop.piece < 0:
-            value = self._control.value(stop.state.load, stop.state.displacement)
-            coarse = self.setup.on(self.setup.grid // 2).problem
-            found = held(self.setup, stop.place, control_held(coarse, self._control, value), self.settings)
+            value = self.control.value(stop.state.load, stop.state.displacement)
+            found = held(self.setup, stop.place, self.control, value, self.settings)
+            if self.setup.grid % 4:
+                return math.inf
             # out there, where rounding may be all that is left, energies are no larger than their errors
             return abs(stop.state.energy) if found is None else found.potential
-        row = stop.piece if stop.row is None else stop.row
-        potentials = []
-        for other in (row - 1, row + 1):
-            if 0 <= other < len(self.traced.rows):
-                before = state_at(self.problem, self.traced.rows[other])
-                found = compared(self.setup, before, stop.place, self.settings)
-                if found is not None:
-                    potentials.append(found.potential)
+        row, count = self._row(stop), len(self.traced.rows)
+        around = [self._at(other) for other in (row - 1, row + 1) if 0 <= other < count]
+        compares = (compared(self.setup, before, stop.place, self.settings) for before in around)
         # Where one plane meets another part of the coarse lattice's curve, the other one need not.
-        return min(potentials, default=math.inf)
+        return min((found.potential for found in compares if found is not None), default=math.inf)
+
+    @staticmethod
+    def _row(stop: Stop) -> int:
+        """The row of a stop, or the one before it."""
+        return stop.piece if stop.row is None else stop.row
 
     def _hold(self, value: float) -> Hold:
-        return control_held(self.setup.problem, self._control, value)
+        return control_held(self.setup.problem, self.control, value)
 
     def _stop(self, state: Equilibrium, piece: int) -> Stop:
-        load, displacement = (int(kind[max(piece, 0)]) for kind in self._pieces)
-        return Stop(piece, _state(read(self.setup, state), load, displacement), state)
-
-    @cached_property
-    def _pieces(self) -> tuple[Integers, Integers]:
-        indices = self.traced.indices
-        return indices.pieces("load")[0], indices.pieces("displacement")[0]
+        indices = (int(self.traced.indices.pieces(control)[0][max(piece, 0)]) for control in (LOAD, DISPLACEMENT))
+        return Stop(piece, _state(read(self.setup, state), *indices), state)
 
 
 def _state(reading: Reading, unstable_load: int, unstable_displacement: int) -> State:
-    return State(*reading.four, reading.energy, unstable_load, unstable_displacement, 0.0)
+    return State(*reading[:5], unstable_load, unstable_displacement, 0.0)
 
 
 def _position(stop: Stop) -> float:

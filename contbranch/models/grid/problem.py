@@ -95,13 +95,9 @@ class GridProblem:
         """Shape of a field."""
         return (self.lattice.size, self.lattice.size)
 
-    def stiffness(self, u: Array) -> Array:
-        """K u, one pair."""
-        return self.transform.filter(self._stiffness_filter, u)
-
-    def stiffness_into(self, u: Array, out: Array) -> None:
-        """Write K u into an array, one pair."""
-        self.transform.filter(self._stiffness_filter, u, out)
+    def stiffness(self, u: Array, out: Array | None = None) -> Array:
+        """K u, into an array if one is given; one pair."""
+        return self.transform.filter(self._stiffness_filter, u, out)
 
     def rounding(self, u: Array) -> float:
         """What the rounding of u to double precision may leave in K u: far away it is more than the pressures."""

@@ -18,6 +18,7 @@ import numpy as np
 from contbranch.contact.interactions import Interaction
 from contbranch.grid_size import nearest_fast
 
+from .arrays import Array
 from .lattice import Lattice
 from .newton import Equilibrium
 from .problem import GridProblem
@@ -99,24 +100,20 @@ def _fast_above(nodes: float) -> int:
     return found
 
 
-def border_gap(problem: GridProblem, state: Equilibrium) -> float:
-    """The smallest gap on the border of the cell."""
-    lattice = problem.lattice
-    last = lattice.inside - 1
-    gap = state.fields.gap[: lattice.inside, : lattice.inside]
-    edges = [gap[last, :], gap[:, last]]
-    if not lattice.quarter:
-        edges += [gap[0, :], gap[:, 0]]
-    return float(min(edge.min() for edge in edges))
+def smallest_on_border(lattice: Lattice, values: Array) -> float:
+    """The smallest value on the border of the cell."""
+    own = values[: lattice.inside, : lattice.inside]
+    sides = -1 if lattice.quarter else [0, -1]
+    return float(min(own[sides].min(), own[:, sides].min()))
 
 
-def border_energy(problem: GridProblem, state: Equilibrium) -> float:
+def border_energy(problem: GridProblem, gap: Array) -> float:
     """|v| at the border of the cell, relative to the law's reference work."""
     law = problem.law
     if law is None:
         return 0.0
-    gap = border_gap(problem, state)
-    return float(abs(law.evaluate(np.array([max(gap, 0.0)])).energy[0])) / law.reference_work
+    nearest = max(smallest_on_border(problem.lattice, gap), 0.0)
+    return float(abs(law.evaluate(np.array([nearest])).energy[0])) / law.reference_work
 
 
 def tail_force(setup: Setup, state: Equilibrium) -> float:
@@ -145,23 +142,21 @@ def fills(setup: Setup, state: Equilibrium) -> bool:
     return bool(inner[-1, :].any() or inner[:, -1].any())
 
 
-def border_message(setup: Setup, state: Equilibrium) -> str:
+def border_message(setup: Setup, gap: Array, load: float) -> str:
     """A sentence if the interaction reaches the border of the cell, empty if it has decayed."""
     problem, law = setup.problem, setup.law
-    if law is None:
+    share = border_energy(problem, gap)
+    if law is None or share <= DECAYED:
         return ""
-    share = border_energy(problem, state)
-    if share <= DECAYED:
-        return ""
-    gap, wanted = border_gap(problem, state), law.reach(DECAYED)
-    inside = problem.heights[: problem.lattice.inside, : problem.lattice.inside]
-    height = float(min(inside[-1, :].min(), inside[:, -1].min()))
+    lattice = problem.lattice
+    height = smallest_on_border(lattice, problem.heights)
     # Heights grow at least with the distance's square; what is missing at the border is gained in proportion.
-    factor = math.sqrt((height + wanted - gap) / height) if height > 0 else 2.0
-    load, edge = state.fields.load * setup.units.load, setup.edge * setup.units.in_plane
+    missing = law.reach(DECAYED) - smallest_on_border(lattice, gap)
+    factor = math.sqrt((height + missing) / height) if height > 0 else 2.0
     return (
         f"The cell is too small: the interaction reaches its border with {share:.2g} of its strength at load "
-        f"{load:.6g}; use a cell of about {rounded_up(edge * factor)} or more."
+        f"{load * setup.units.load:.6g}; use a cell of about {rounded_up(setup.edge * setup.units.in_plane * factor)} "
+        "or more."
     )
 
 

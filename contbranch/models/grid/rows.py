@@ -2,25 +2,89 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, NamedTuple
 
-from contbranch.control import Control
+import numpy as np
+
+from contbranch.contact.height_map import HeightMap
+from contbranch.control import DISPLACEMENT, LOAD, Control
+from contbranch.curve.angle import Hodograph, Turning, in_passing
 from contbranch.errors import InputError
 from contbranch.results.diagram import Profile
 
 from .arrays import Array, Mask
+from .contact_area import contact_area
 from .folds import Refined
 from .newton import Equilibrium
-from .observables import profile
+from .observables import central_gap, far_field, profile, smallest_gap
 from .problem import GridProblem
-from .reading import Reading
+from .resolution import tail_force
 from .setup import Setup
 
-__all__ = ["Four", "Mark", "Row", "deferred_profile", "difference"]
+__all__ = ["Mark", "Reading", "Row", "deferred_profile", "difference", "morse_indices", "read"]
 
-Four = tuple[float, float, float, float]
+
+class Reading(NamedTuple):
+    """The observables of a state, reduced units, with the errors that reading them off the nodes adds.
+
+    The gap at the apex may have closed where no node is in contact yet; it is then zero.
+    """
+
+    load: float
+    displacement: float
+    contact_radius: float
+    central_gap: float
+    energy: float
+    radius_error: float = 0.0
+    gap_error: float = 0.0
+    load_error: float = 0.0
+    displacement_error: float = 0.0
+
+    @property
+    def four(self) -> tuple[float, float, float, float]:
+        """Load, displacement, contact radius and central gap."""
+        return self.load, self.displacement, self.contact_radius, self.central_gap
+
+    @property
+    def errors(self) -> tuple[float, float, float, float]:
+        """Their errors."""
+        return self.load_error, self.displacement_error, self.radius_error, self.gap_error
+
+
+def read(setup: Setup, state: Equilibrium, cell: bool = True) -> Reading:
+    """Read the observables off a state.
+
+    Parameters
+    ----------
+    cell : bool
+        Whether errors of the finite cell are wanted: what a free cell leaves out, and in a periodic cell what the
+        displacement's shift leaves to be desired.
+    """
+    problem = setup.problem
+    energy = problem.total_energy(state.fields)
+    load_error = displacement_error = 0.0
+    if cell and setup.lattice.kind == "free":
+        load_error = tail_force(setup, state)
+        # A ring of force at the border moves what is inside by as much as a point force there, twice over to be safe.
+        displacement_error = 4.0 * load_error / (math.pi * setup.edge)
+    elif cell and not setup.crowded:
+        displacement_error = far_field(problem, state).error
+    radius = gap = radius_error = gap_error = 0.0
+    if state.contact.any():
+        area = contact_area(problem, state)
+        radius, radius_error = area.radius, area.radius_error
+    elif isinstance(setup.contact.tip, HeightMap):
+        gap = smallest_gap(state)
+    else:
+        centre = central_gap(problem, state)
+        gap, gap_error = centre.value, centre.error
+        if gap == 0.0:
+            radius_error = setup.lattice.spacing  # a contact so small that it has no node
+    seen = state.load, state.displacement, radius, gap, energy
+    return Reading(*seen, radius_error, gap_error, load_error, displacement_error)
 
 
 @dataclass(eq=False)
@@ -50,26 +114,69 @@ class Mark:
     control: Control | None = None
     maximum: bool = False
     refined: Refined | None = None
-    shift: Four | None = None
+    shift: Array | None = None
     message: str = ""
     around: tuple[Equilibrium, Equilibrium, Equilibrium] | None = field(default=None, repr=False)
     unresolved: bool = False
 
 
-def difference(one: Reading, other: Reading) -> Four:
+def difference(one: Reading, other: Reading) -> Array:
     """Changes of load, displacement, contact radius and central gap."""
-    return tuple(a - b for a, b in zip(one.four, other.four, strict=True))  # type: ignore[return-value]
+    return np.subtract(one.four, other.four)
+
+
+def morse_indices(
+    count: int,
+    folds: Sequence[tuple[int, str]],
+    rates: Sequence[float],
+    start: int = 0,
+    controls: Sequence[Control] = (LOAD, DISPLACEMENT),
+    one: Callable[[int, int], bool] = lambda row, other: False,
+) -> Hodograph:
+    """Morse indices under all controls by counting folds along a curve.
+
+    Folds of load and displacement can lie in one corner of the curve, where both turn round with one step of the
+    contact. Their order is then chance, and decides whether the index under displacement control rises or falls there:
+    it falls where there is one to lose.
+
+    Parameters
+    ----------
+    count : int
+        Number of rows.
+    folds : sequence of (row, kind of control)
+    rates : two floats
+        Changes of load and displacement where the curve starts.
+    start : int
+        Index under displacement control there.
+    controls : sequence of Control
+    one : callable
+        Whether two rows are one state.
+    """
+    if count < 2:
+        return Hodograph.empty()
+    turning, index, left = Turning(controls), start, list(folds)
+    turning.begin(*(rate or 1.0 for rate in rates))
+    known: dict[str, Control] = {control.kind: control for control in controls}
+    for k, (row, kind) in enumerate(left):
+        other = left[k + 1] if k + 1 < len(left) else (row, kind)
+        if {kind, other[1]} == {"load", "displacement"} and one(row, other[0]):
+            ahead = math.atan2(turning.signs["load"], turning.signs["displacement"])
+            order = in_passing((LOAD, DISPLACEMENT), ahead, math.pi if index > 0 else -math.pi)
+            kind, left[k + 1] = order[0].kind, (row, order[1].kind)
+        if kind == "displacement":
+            index += 1 if turning.clockwise(DISPLACEMENT) else -1
+        turning.fold(known[kind])
+    turning.end()
+    return Hodograph(np.repeat(turning.angles, np.diff([0, *(row for row, _ in left), count - 1])), start)
 
 
 def deferred_profile(setup: Setup, row: Row) -> Callable[[], Profile]:
     """The profile of a row, computed when it is asked for."""
 
     def made() -> Profile:
-        if row.u is None or row.contact is None:
+        state = row.state(setup.problem)
+        if state is None:
             raise InputError("state: its fields were given up to save memory; solve for it with near=")
-        problem = setup.problem
-        fields = problem.fields(row.u, row.load)
-        state = Equilibrium(fields, row.contact, 0.0, row.reading.displacement, True)
-        return profile(problem, state)
+        return profile(setup.problem, state)
 
     return made

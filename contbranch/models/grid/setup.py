@@ -11,14 +11,16 @@ from contbranch.contact.contact import Contact
 from contbranch.contact.height_map import HeightMap
 from contbranch.contact.interactions import Interaction
 
-from .arrays import Array, Mask
+from .arrays import Array
 from .lattice import Kind, Lattice
+from .newton import Equilibrium, Sketch
+from .observables import weights
 from .problem import GridProblem
 from .ramp import on_lattice
 from .transforms import Counter
 from .units import REDUCED_VALUES, UnitValues
 
-__all__ = ["Setup", "UnitValues", "coarsened", "refined", "refined_mask"]
+__all__ = ["Setup", "UnitValues", "carried", "coarsened", "refined"]
 
 
 @dataclass(frozen=True)
@@ -83,9 +85,15 @@ class Setup:
         law = self.contact.interaction
         return law.range if law is not None else self.contact.tip.natural_length
 
-    def on(self, grid: int) -> Setup:
-        """The same contact on another grid."""
-        return replace(self, grid=grid)
+    @cached_property
+    def coarse(self) -> Setup | None:
+        """The same contact on half the nodes a side, if they are enough to compare with."""
+        return None if self.grid % 4 or self.grid < 16 else replace(self, grid=self.grid // 2)
+
+    @cached_property
+    def fine(self) -> Setup:
+        """The same contact on twice the nodes a side."""
+        return replace(self, grid=2 * self.grid)
 
     def whole(self) -> Setup:
         """The same contact without use of symmetries."""
@@ -120,32 +128,15 @@ def refined(values: Array, lattice: Lattice, centred: bool = True) -> Array:
     lattice : Lattice
         On which it is given.
     """
-    if lattice.quarter:
-        from scipy.fft import dctn, idctn
-
-        n = values.shape[0]
-        spectrum = np.zeros((2 * n, 2 * n))
-        spectrum[:n, :n] = dctn(values, type=2)
-        return np.asarray(4.0 * idctn(spectrum, type=2))
-    n = values.shape[0]
-    half = n // 2
-    spectrum = np.fft.fftshift(np.fft.fft2(values))
-    # the shortest wave has no partner of the opposite sign: half of it on either side
-    padded = np.zeros((2 * n, 2 * n), dtype=complex)
-    block = np.zeros((n + 1, n + 1), dtype=complex)
-    block[:n, :n] = spectrum
-    block[0, :] *= 0.5
-    block[n, :] = block[0, :]
-    block[:, 0] *= 0.5
-    block[:, n] = block[:, 0]
-    padded[half : half + n + 1, half : half + n + 1] = block
-    if centred:
-        turns = np.fft.fftshift(np.fft.fftfreq(2 * n)) * 2.0 * np.pi
-        shift = np.exp(-0.5j * turns)
-        padded *= shift[:, None] * shift[None, :]
-    return np.asarray(4.0 * np.fft.ifft2(np.fft.ifftshift(padded)).real)
+    first = lattice.axis[0] - 0.25 * lattice.spacing * centred
+    between = weights(lattice, first + 0.5 * lattice.spacing * np.arange(2 * lattice.size)[:, None])
+    return between @ values @ between.T
 
 
-def refined_mask(mask: Mask) -> Mask:
-    """Nodes of the finer lattice that lie in the squares of the coarse one's."""
-    return np.repeat(np.repeat(mask, 2, axis=0), 2, axis=1)
+def carried(setup: Setup, other: Setup, state: Equilibrium) -> Sketch:
+    """A state on a lattice as a trial state on that with twice or half the nodes a side."""
+    if other.grid > setup.grid:
+        contact = state.contact.repeat(2, axis=0).repeat(2, axis=1)
+        return Sketch(refined(state.u, setup.lattice, setup.centred), state.load, contact)
+    contact = coarsened(state.contact.astype(np.float64), setup.centred) >= 0.5
+    return Sketch(coarsened(state.u, setup.centred), state.load, contact)

@@ -14,38 +14,26 @@ from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.curve.curves import Coexisting
 from contbranch.curve.trace import Request
 from contbranch.errors import InputError, ModelError
-from contbranch.results.diagram import Cost, State
+from contbranch.results.diagram import State
+from contbranch.results.record import OBSERVABLES
 
-from .accuracy import Comparison, held, no_comparison
-from .newton import Equilibrium, Hold, Settings, hold_control, newton
+from .accuracy import held
+from .newton import Equilibrium, Hold, Settings, control_held, newton, settings_for
 from .observables import cell_fields, mean_gap, profile
 from .problem import GridProblem
-from .reading import read
 from .resolution import Resolution, border_message, fills, rounded_up, warn
-from .rows import Row
+from .rows import Row, read
 from .setup import Setup
 from .size import chosen_size
 from .sketch import Sketch, copied, drawn, relatives
 from .stability import morse
 from .trace import trace
-from .walk import Direction, Measure, Point, between
+from .walk import Direction, Track, quietly
 
-__all__ = ["Asked", "control_held", "crossing", "find_all", "solve_all", "state_at"]
+__all__ = ["Asked", "crossing", "find_all", "solve_all", "state_at"]
 
 # Two states are one if their fields differ by less than this part of the law's range.
 SAME = 1e-3
-
-
-def keep(problem: GridProblem, field: str, value: float) -> Hold:
-    """What is held for a load or displacement."""
-    return control_held(problem, DISPLACEMENT if field == "displacement" else LOAD, value)
-
-
-def control_held(problem: GridProblem, control: Control, value: float) -> Hold:
-    """What is held at a value of a control."""
-    if control.kind == "load":
-        return Hold(value)
-    return hold_control(problem, 1.0 / control.stiffness if control.kind == "spring" else 0.0, 1.0, value)
 
 
 @dataclass(frozen=True)
@@ -60,18 +48,22 @@ class Asked:
     @property
     def settings(self) -> Settings:
         """Newton's method, for the accuracy asked."""
-        return Settings(tolerance=min(max(1e-2 * self.request.accuracy, 1e-10), 1e-8))
+        return settings_for(self.request.accuracy)
 
-    def hold(self, problem: GridProblem) -> Hold:
+    @property
+    def control(self) -> Control:
+        """What is given."""
+        return DISPLACEMENT if self.field == "displacement" else LOAD
+
+    @property
+    def hold(self) -> Hold:
         """What is held."""
-        return keep(problem, self.field, self.value)
+        return control_held(self.setup.problem, self.control, self.value)
 
     def answer(self, states: Sequence[State], **known: Any) -> Coexisting:
         """The states as an answer, with what is known of them."""
-        counter = self.setup.counter
-        cost = Cost(0.0, counter.newton, counter.equilibrium, counter.stability)
         lowest = min((getattr(state, self.field) for state in states), default=math.inf)
-        size = self.setup.lattice.size**2
+        size, cost = self.setup.lattice.size**2, self.setup.counter.cost()
         return Coexisting(tuple(states), (True,) * len(states), lowest, cost, size, **known)
 
 
@@ -88,12 +80,12 @@ def solve_all(setup: Setup, request: Request, field: str, value: float, near: St
     if field == "contact_radius":
         raise InputError("contact_radius: a lattice cannot hold it; give a load or a displacement")
     asked = Asked(setup, request, field, value)
-    settings, hold = asked.settings, asked.hold(setup.problem)
+    settings, hold = asked.settings, asked.hold
     equilibria: list[Equilibrium] = []
     notes = [Resolution.of(setup.lattice, setup.law).message]
     related: list[State] = []
     own = False
-    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+    with quietly():
         start = None if near is None else copied(setup, near)
         if start is not None:
             found = newton(setup.problem, start.u, start.load, hold, start.contact, settings)
@@ -122,7 +114,7 @@ def _border(asked: Asked, state: Equilibrium) -> str:
     """A sentence if contact or interaction have reached the border of the cell."""
     setup = asked.setup
     if not fills(setup, state):
-        return border_message(setup, state)
+        return border_message(setup, state.fields.gap, state.load)
     # Heights and gaps at the border do not tell how far a contact would go: the cell that would be chosen does.
     wanted, _ = chosen_size(
         setup.contact, setup.kind, (None, setup.grid), (asked.field, asked.value), asked.request.accuracy
@@ -181,24 +173,12 @@ def state_of(asked: Asked, found: Equilibrium) -> State:
     setup, settings = asked.setup, asked.settings
     problem = setup.problem
     reading = read(setup, found)
-    difference = None
-    if not no_comparison(setup):
-        difference = held(setup, found, asked.hold(setup.on(setup.grid // 2).problem), settings)
-    unknown = Comparison(*[np.inf] * 5)
-    differences = (difference or unknown).four
-    least = settings.tolerance
-    names = ("load", "displacement", "contact_radius", "central_gap")
-    error = {
-        name: estimate + least * max(1.0, abs(own))
-        for name, estimate, own in zip(names, differences, reading.four, strict=True)
-    }
-    error["load"] += reading.load_error
-    error["displacement"] += reading.displacement_error
-    if reading.contact_radius == 0.0:
-        error["contact_radius"] = 0.0
-    error["contact_radius"] += reading.radius_error
-    if reading.contact_radius > 0.0:
-        error["central_gap"] = 0.0
+    found_there = held(setup, found, asked.control, asked.value, settings)
+    error = np.full(4, np.inf) if found_there is None else np.array(found_there.four)
+    apart = reading.contact_radius == 0.0
+    error[2:] = np.where([apart, not apart], 0.0, error[2:])
+    error += settings.tolerance * np.where([1, 1, not apart, apart], np.maximum(1.0, np.abs(reading.four)), 0.0)
+    error += [*reading.errors[:3], 0.0]
     indices = morse(problem, found)
     spring = asked.request.control.spring_stiffness
 
@@ -206,15 +186,11 @@ def state_of(asked: Asked, found: Equilibrium) -> State:
         return indices.symmetric + int(indices.slope + stiffness < 0.0)
 
     return State(
-        load=reading.load,
-        displacement=reading.displacement,
-        contact_radius=reading.contact_radius,
-        central_gap=reading.central_gap,
-        energy=reading.energy,
+        *reading[:5],
         unstable_load=index(0.0),
         unstable_displacement=indices.symmetric,
         residual=found.residual,
-        error=error,
+        error=dict(zip(OBSERVABLES, error.tolist(), strict=True)),
         profile=profile(problem, found),
         unstable_spring=None if spring is None else index(spring),
         unstable_azimuthal=indices.breaking,
@@ -231,29 +207,23 @@ def find_all(
     limit = max(value, 0.0) * 1.1 + 1.0 if field == "load" else None
     beyond = value if field == "displacement" else None
     traced = trace(setup, replace(request, target=limit, modes=0), verdicts=False, beyond=beyond)
-    driven = LOAD if field == "load" else DISPLACEMENT
-    settings, hold = asked.settings, asked.hold(setup.problem)
+    settings, hold, problem = asked.settings, asked.hold, setup.problem
     rows = [row for row in traced.rows if row.u is not None]
     states: list[State] = []
-    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        for first, second in pairwise(rows):
-            low, high = (driven.value(row.load, row.reading.displacement) - value for row in (first, second))
-            if low * high < 0.0 or high == 0.0:
-                found = crossing(setup, (first, second), driven, value, settings)
-                if found is not None:
-                    states.append(state_of(asked, found))
+    with quietly():
+        for pair in pairwise(rows):
+            low, high = (asked.control.value(*row.reading[:2]) - value for row in pair)
+            found = crossing(setup, pair, asked.control, value, settings) if low * high < 0.0 or high == 0.0 else None
+            states += [] if found is None else [state_of(asked, found)]
         if field == "displacement" and rows and value < rows[0].reading.displacement:
             # The curve begins where the interaction is negligible; further away nothing but a rigid shift changes.
-            found = newton(setup.problem, np.full(setup.problem.shape, -value), rows[0].load, hold, None, settings)
-            if found.converged:
-                states.append(state_of(asked, found))
-    reach = traced.curve.displacement
-    own = [value] if field == "displacement" else []
-    used = window or (min([float(reach.min()), *own]), max([float(reach.max()), *own]))
-    states = [state for state in states if used[0] <= state.displacement <= used[1]]
+            found = newton(problem, np.full(problem.shape, -value), rows[0].load, hold, None, settings)
+            states += [state_of(asked, found)] if found.converged else []
     curve = traced.curve
+    reach = [*curve.displacement.tolist(), *([value] if field == "displacement" else [])]
+    used = window or (min(reach), max(reach))
     return asked.answer(
-        states,
+        [state for state in states if used[0] <= state.displacement <= used[1]],
         complete=curve.complete,
         message=curve.message,
         window=used,
@@ -267,37 +237,34 @@ def crossing(
     """The equilibrium between two rows at a value of the control: from the nearer end, within the bracket."""
     problem = setup.problem
     hold = control_held(problem, control, value)
-    ends = [state_at(problem, row) for row in rows]
-    points = [Point(row.arc, state) for row, state in zip(rows, ends, strict=True)]
-    values = [control.value(state.load, state.displacement) for state in ends]
+    begin, end = (state_at(problem, row) for row in rows)
+    values = [control.value(state.load, state.displacement) for state in (begin, end)]
     share = (value - values[0]) / (values[1] - values[0])
-    u = ends[0].u + share * (ends[1].u - ends[0].u)
-    load = ends[0].load + share * (ends[1].load - ends[0].load)
-    contact = ends[0].contact if share < 0.5 else ends[1].contact
+    u, load = begin.u + share * (end.u - begin.u), begin.load + share * (end.load - begin.load)
+    contact = begin.contact if share < 0.5 else end.contact
     found = newton(problem, np.where(contact, -problem.heights, u), load, hold, contact, settings)
-    middle = Direction.along(Measure.at(ends[0], setup.length), ends[1].u - ends[0].u, ends[1].load - ends[0].load)
-    bounds = [middle.value(state.u, state.load) for state in ends]
-    if found.converged and min(bounds) <= middle.value(found.u, found.load) <= max(bounds):
+    way = Direction.between(begin, end, setup.length)
+    bounds = way.of(begin), way.of(end)
+    if found.converged and min(bounds) <= way.of(found) <= max(bounds):
         return found
-    # Next to a fold Newton's method leaves the bracket: halve it along the curve.
-    for _ in range(40):
-        goal = 0.5 * (bounds[0] + bounds[1])
-        state = between(problem, points, middle, goal, settings)
-        if not state.converged:
-            return None
-        points.append(Point(0.0, state))
-        here = control.value(state.load, state.displacement)
-        side = 0 if (here - value) * (values[0] - value) > 0 else 1
-        bounds[side], values[side] = middle.value(state.u, state.load), here
-        found = newton(problem, state.u, state.load, hold, state.contact, settings)
-        if found.converged and min(bounds) <= middle.value(found.u, found.load) <= max(bounds):
-            return found
-    return None
+    # Next to a fold Newton's method leaves the bracket: the curve is followed within it.
+    track = Track(problem, [begin, end], way, settings)
+    near = track.zero(lambda state: control.value(state.load, state.displacement) - value, *bounds)
+    if near is None:
+        return None
+    found = newton(problem, near.u, near.load, hold, near.contact, settings)
+    return found if found.converged else None
 
 
 def state_at(problem: GridProblem, row: Row) -> Equilibrium:
-    """The equilibrium of a row whose fields were kept."""
-    assert row.u is not None
-    assert row.contact is not None
-    fields = problem.fields(row.u, row.load)
-    return Equilibrium(fields, row.contact, 0.0, row.reading.displacement, True)
+    """The equilibrium of a row whose fields were kept.
+
+    Raises
+    ------
+    ModelError
+        If they were not.
+    """
+    state = row.state(problem)
+    if state is None:
+        raise ModelError("the fields of a row were given up to save memory")
+    return state

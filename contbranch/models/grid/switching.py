@@ -1,4 +1,4 @@
-"""Branches of less symmetry that leave a curve where an eigenvalue passes zero.
+"""Branches of less symmetry that leave a curve where an eigenvalue passes zero, and the symmetry that they keep.
 
 At a symmetry event the variation φ neither carries a load nor can be told from -φ by the state, which one of its
 symmetries maps to the other. So the new branch is a pitchfork: with the amplitude ε,
@@ -13,19 +13,41 @@ iteration breaks that.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .arrays import Array
+from .arrays import Array, Mask
 from .lattice import Lattice
 from .newton import Equilibrium, Hold, Settings, newton
 from .problem import GridProblem
-from .stability import Sector
+from .setup import Setup
+from .stability import ZERO, Sector, Spectrum, Stability
 from .symmetry import Breaking
 from .transforms import EVEN
 
-__all__ = ["Switched", "mirrored", "on_whole", "switch", "whole_problem"]
+if TYPE_CHECKING:
+    from .rows import Row
+
+__all__ = [
+    "Image",
+    "Switched",
+    "first_index",
+    "has_symmetry",
+    "kept_symmetry",
+    "lacking",
+    "mirrored",
+    "switch",
+    "whole_problem",
+]
+
+# The image of a field of the whole lattice.
+Image = Callable[[Array], Array]
+
+# Eigenvalue of the turn around the axis at most: zero, but for the lattice.
+TURN = 0.02
 
 
 # Amplitude, relative to the length over which the interaction decays.
@@ -79,22 +101,10 @@ class Switched:
         return _hold(self.origin, _row(self.origin, self.direction), amplitude)
 
 
-def on_whole(lattice: Lattice, values: Array, sector: Sector = EVEN) -> Array:
-    """A field of the quarter on the array of the whole lattice, padding included."""
-    signs = [1.0 if parity == "even" else -1.0 for parity in sector]
-    rows = np.concatenate([signs[0] * values[::-1], values])
-    whole = np.concatenate([signs[1] * rows[:, ::-1], rows], axis=1)
-    # The whole array begins at the border of the cell, that of two quarters where the padding does.
-    offset = lattice.inside - lattice.size
-    return np.roll(whole, (offset, offset), (0, 1))
-
-
 def whole_problem(problem: GridProblem) -> GridProblem:
     """The same problem without symmetry; work is counted with that of the given one."""
     lattice = problem.lattice
-    return GridProblem(
-        lattice.whole(), on_whole(lattice, problem.heights), problem.law, problem.threads, problem.counter
-    )
+    return GridProblem(lattice.whole(), lattice.unfold(problem.heights), problem.law, problem.threads, problem.counter)
 
 
 def mirrored(lattice: Lattice, values: Array, sector: Sector) -> Array:
@@ -135,14 +145,14 @@ def switch(problem: GridProblem, event: Breaking, amplitude: float | None = None
     vector = event.vector
     if sector == EVEN:
         vector = 0.5 * (vector - vector.T)
-    direction = on_whole(lattice, vector, sector)
+    direction = lattice.unfold(vector, sector)
     state = event.equilibrium
     origin = newton(
         whole,
-        on_whole(lattice, state.u),
+        lattice.unfold(state.u),
         state.load,
         Hold(state.load),
-        on_whole(lattice, state.contact.astype(np.float64)) > 0.5,
+        lattice.unfold(state.contact.astype(np.float64)) > 0.5,
         Settings(tolerance=max(SETTINGS.tolerance, 2.0 * state.residual), steps=0),
     )
     epsilon = amplitude if amplitude is not None else _amplitude(origin) * (MANY if event.jump else 1.0)
@@ -211,3 +221,50 @@ def _amplitude(origin: Equilibrium) -> float:
     """A change of the gap that is small against the range of the interaction."""
     fields = origin.fields
     return AMPLITUDE * float(np.abs(fields.energy).max() / np.abs(fields.pressure).max())
+
+
+def kept_symmetry(lattice: Lattice, sector: Sector, swapped: bool) -> Image:
+    """The symmetry of the whole lattice that a branch keeps which breaks those of a sector."""
+    if sector == EVEN or (sector == ("odd", "odd") and not swapped):
+        return lambda values: mirrored(lattice, mirrored(lattice, values, ("even", "odd")), ("odd", "even"))
+    other = EVEN if sector[0] == sector[1] else (sector[1], sector[0])
+    return lambda values: mirrored(lattice, values, other)
+
+
+def has_symmetry(spectrum: Spectrum, kept: Image) -> Mask:
+    """Which variations are rather even than odd under a symmetry of the whole lattice."""
+    return np.array([np.vdot(vector, kept(vector)) > 0.0 for vector in spectrum.vectors], dtype=bool)
+
+
+def first_index(setup: Setup, rows: Sequence[Row], folds: Sequence[int], kept: Image) -> int:
+    """Index under displacement control with which a branch begins: by eigenvalues, at a row inside the first piece.
+
+    At its very beginning an eigenvalue is all but zero; and rows without contact are preferred, since eigenvalues jump
+    with the nodes of a contact.
+    """
+    last = min([*folds, len(rows) - 1])
+    inside = [row for row in rows[1 : last + 1] if row.u is not None]
+    free = [row for row in inside if row.reading.contact_radius == 0.0]
+    chosen = free or inside
+    state = chosen[len(chosen) // 2].state(setup.problem) if chosen else None
+    if state is None:
+        return 0
+    spectrum = Stability(setup.problem).spectrum(state, None)
+    return int((has_symmetry(spectrum, kept) & (spectrum.eigenvalues < 0.0)).sum())
+
+
+def lacking(spectrum: Spectrum, kept: Image, turning: bool) -> int:
+    """Number of unstable modes without a symmetry.
+
+    Parameters
+    ----------
+    spectrum : Spectrum
+        Of the whole lattice.
+    kept : callable
+    turning : bool
+        Whether a turn around the axis leads to another state of the branch; its mode is then left out.
+    """
+    values = spectrum.eigenvalues[~has_symmetry(spectrum, kept)]
+    if turning and values.size and float(np.abs(values).min()) < TURN:
+        values = np.delete(values, np.abs(values).argmin())
+    return int((values < -ZERO).sum())

@@ -2,20 +2,22 @@
 
 Between two equilibria whose numbers of unstable modes differ in a class of variations (`Kind`), the eigenvalue is
 followed along the curve: at the share s of the way an equilibrium is found that is held at ``row·u = (1 - s) row·u_0 +
-s row·u_1``, row being the way from the one to the other where the interaction is felt, and a bracketed secant iteration
-finds the zero. Where nodes join or leave the contact the eigenvalue jumps, since a node more or less may vary: then the
+s row·u_1``, row being the way from the one to the other where the interaction is felt, and the zero
+is bracketed. Where nodes join or leave the contact the eigenvalue jumps, since a node more or less may vary: then the
 bracket closes on the jump, which is what the lattice leaves of the event.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
+from contbranch.continuation.locate import find_root
 from contbranch.results.diagram import ModeShape
 
 from .angular import angular_content, mode_shape
@@ -42,8 +44,6 @@ __all__ = [
 
 # Share of an even variation's square that is periodic around the axis, from which on it is no axisymmetric one.
 PERIODIC = 0.5
-# Evaluations at most, for one event.
-LIMIT = 40
 # Part of the eigenvalue's change between two points that is a jump, if it is left where the bracket is closed.
 JUMP = 1e-3
 # Eigenvalues that are passed on the way need no more digits than a secant uses.
@@ -244,89 +244,61 @@ def located(
     origin = float(np.vdot(row, begin.u))
     precision = precision_for(accuracy)
     settings = Settings(tolerance=min(1e-8, max(1e-10, 1e-2 * accuracy)))
+    samples: list[_Sample] = []
 
-    def sample(share: float, near: Equilibrium | None = None) -> _Sample | None:
+    def sample(share: float, near: Equilibrium | None = None) -> float:
         if near is None:
             u, load = begin.u + share * step, begin.load + share * (end.load - begin.load)
             contact = begin.contact if share < 0.5 else end.contact
             near = newton(problem, u, load, Hold(origin + share, 0.0, row), contact, settings)
-            if not near.converged:
-                return None
-        found = eigenpair(stability, near, kind, number, precision)
-        return None if found is None else _Sample(share, near, *found)
+        found = eigenpair(stability, near, kind, number, precision) if near.converged else None
+        if found is None:
+            raise ValueError("there is no such eigenvalue")
+        samples.append(_Sample(share, near, *found))
+        return found[0]
 
-    low, high = sample(0.0, begin), sample(1.0, end)
-    if low is None or high is None or (low.value < 0.0) == (high.value < 0.0):
+    ways = _differences(begin, end)
+    goals = accuracy * np.maximum(1.0, np.abs([end.load, end.displacement]))
+    closed = min(JUMP / 10.0, *(goals / np.maximum(ways, 1e-300)))
+    try:
+        ends = (0.0, sample(0.0, begin)), (1.0, sample(1.0, end))
+        find_root(sample, *ends, closed)
+    except ValueError:
         return None
-    return _closed(problem, sample, low, high, kind, number, accuracy)
-
-
-def _closed(
-    problem: GridProblem,
-    sample: Callable[[float], _Sample | None],
-    low: _Sample,
-    high: _Sample,
-    kind: Kind,
-    number: int,
-    accuracy: float,
-) -> Breaking | None:
-    """Close the bracket: Illinois' secant iteration, and halving where it is slow, as it is at a jump."""
-    heights = [low.value, high.value]
-    start = abs(high.value - low.value)
-    ways = _differences(low.equilibrium, high.equilibrium)
-    side = 0
-    best = min(low, high, key=lambda one: abs(one.value))
-    for evaluation in range(LIMIT):
-        share = (low.share * heights[1] - high.share * heights[0]) / (heights[1] - heights[0])
-        if evaluation % 4 == 3:
-            share = 0.5 * (low.share + high.share)
-        new = sample(share)
-        if new is None:
-            return None
-        older = best
-        if (new.value < 0.0) == (low.value < 0.0):
-            low, heights[0] = new, new.value
-            heights[1] *= 0.5 if side == -1 else 1.0
-            side = -1
-        else:
-            high, heights[1] = new, new.value
-            heights[0] *= 0.5 if side == 1 else 1.0
-            side = 1
-        best = min(best, new, key=lambda one: abs(one.value))
-        # The zero as the line through the bracket has it, and how far the best state is from it.
-        change = abs(new.value - older.value)
-        off = min(1.0, abs(best.value) / change if change > 0.0 else 1.0)
-        width = _differences(low.equilibrium, high.equilibrium)
-        moved = _differences(older.equilibrium, new.equilibrium)
-        errors = [min(one, off * other) for one, other in zip(width, moved, strict=True)]
-        values = (best.equilibrium.load, best.equilibrium.displacement)
-        goals = [accuracy * max(1.0, abs(value)) for value in values]
-        if all(error <= goal for error, goal in zip(errors, goals, strict=True)):
-            rest = abs(high.value - low.value)
-            jump = rest > JUMP * start and all(one <= goal for one, goal in zip(width, goals, strict=True))
-            if jump:
-                # Where the eigenvalue would pass zero if it did not jump is not known better than this.
-                errors = [error + way * rest / start for error, way in zip(errors, ways, strict=True)]
-            return _breaking(problem, best, kind, number, errors, jump)
-    return None
-
-
-def _differences(one: Equilibrium, other: Equilibrium) -> list[float]:
-    """Of load and displacement."""
-    return [abs(one.load - other.load), abs(one.displacement - other.displacement)]
-
-
-def _breaking(
-    problem: GridProblem, best: _Sample, kind: Kind, number: int, errors: Sequence[float], jump: bool
-) -> Breaking:
+    best = min(samples, key=lambda one: abs(one.value))
+    samples.sort(key=lambda one: one.share)
+    brackets = [pair for pair in pairwise(samples) if (pair[0].value < 0.0) != (pair[1].value < 0.0)]
+    low, high = min(brackets, key=lambda pair: pair[1].share - pair[0].share)
+    errors = _differences(low.equilibrium, high.equilibrium)
+    rest = abs((high.value - low.value) / (ends[1][1] - ends[0][1]))
+    if rest > JUMP:
+        # Where the eigenvalue would pass zero if it did not jump is not known better than this.
+        errors += ways * rest
     vector = best.vector / best.vector.flat[np.argmax(np.abs(best.vector))]
     weight = np.abs(best.equilibrium.fields.stiffness)
-    content = angular_content(problem.lattice, vector, weight, kind.sector)
-    mode = int(content[1:].argmax()) + 1
+    mode = int(angular_content(problem.lattice, vector, weight, kind.sector)[1:].argmax()) + 1
     shape = mode_shape(problem, best.equilibrium, vector, kind.sector, mode)
+    load_error, displacement_error = errors.tolist()
     return Breaking(
-        0, best.share, kind, mode, number, True, best.equilibrium, best.value, vector, errors[0], errors[1], jump, shape
+        0,
+        best.share,
+        kind,
+        mode,
+        number,
+        True,
+        best.equilibrium,
+        best.value,
+        vector,
+        load_error,
+        displacement_error,
+        rest > JUMP,
+        shape,
     )
+
+
+def _differences(one: Equilibrium, other: Equilibrium) -> Array:
+    """Of load and displacement."""
+    return np.abs(np.subtract([one.load, one.displacement], [other.load, other.displacement]))
 
 
 def precision_for(accuracy: float) -> Precision:

@@ -10,27 +10,26 @@ import numpy as np
 from contbranch.curve.outcome import RawEvent
 
 from .angular import angular_content
-from .newton import Equilibrium, Settings, newton
-from .reading import read
-from .setup import Setup, coarsened
+from .arrays import Array
+from .newton import Settings
+from .rows import difference, read
+from .setup import Setup
 from .stability import Stability, as_stability
 from .symmetry import Breaking, distinct, eigenpair, located, precision_for
 from .transforms import EVEN
-from .walk import Direction, Measure
+from .walk import beside
 
 if TYPE_CHECKING:
     from .rows import Row
 
 __all__ = ["symmetry_events"]
 
-Four = tuple[float, float, float, float]
-
 # With which events on the coarser lattice are located: the difference is an estimate.
 ACCURACY = 1e-5
 
 
 def symmetry_events(
-    setup: Setup, rows: Sequence[Row], breakings: Sequence[Breaking], errors: Sequence[Four], settings: Settings
+    setup: Setup, rows: Sequence[Row], breakings: Sequence[Breaking], errors: Array, settings: Settings
 ) -> list[RawEvent]:
     """Events in the order along the curve; those of an axisymmetric tip that differ by a turn count once.
 
@@ -42,42 +41,34 @@ def symmetry_events(
         Of the curve.
     breakings : sequence of Breaking
         With their rows.
-    errors : sequence of 4 floats
+    errors : array (M, 4)
         Of load, displacement, contact radius and central gap of every row.
     settings : Settings
         With which rows are solved.
     """
     axisymmetric = setup.contact.tip.is_axisymmetric
-    stability, coarse = Stability(setup.problem), Stability(_coarse(setup).problem)
+    stability = Stability(setup.problem)
+    coarse = None if setup.coarse is None else Stability(setup.coarse.problem)
     found = []
     with as_stability(setup.problem):
         for event in distinct(breakings) if axisymmetric else breakings:
-            reading = read(setup, event.equilibrium)
-            shift = _shift(setup, rows, event, stability, coarse, settings)
-            own = (
-                event.load_error + reading.load_error,
-                event.displacement_error + reading.displacement_error,
-                0.0,
-                reading.gap_error,
-            )
-            least = [max(pair) for pair in zip(errors[event.row], errors[event.row + 1], strict=True)]
-            # Where the other lattice does not have it, all that is known is the distance of the rows.
-            far = [abs(a - b) for a, b in zip(*(rows[event.row + k].reading.four for k in (0, 1)), strict=True)]
+            reading, near = read(setup, event.equilibrium), slice(event.row, event.row + 2)
+            shift = None if coarse is None else _shift(setup, rows[near], event, (stability, coarse), settings)
+            error = np.array([event.load_error, event.displacement_error, 0.0, 0.0]) + reading.errors
+            least = errors[near].max(axis=0)
             if shift is None:
-                error = [sum(parts) for parts in zip(own, least, far, strict=True)]
-            elif event.jump:
-                # Nodes join the contact in another order on every lattice: errors fall slower than the spacing.
-                error = [one + two + 4.0 * moved for one, two, moved in zip(own, least, shift, strict=True)]
+                # Where the other lattice does not have it, all that is known is the distance of the rows.
+                error += least + np.abs(difference(*(row.reading for row in rows[near])))
             else:
-                error = [one + moved + 1e-9 for one, moved in zip(own, shift, strict=True)]
-            error[2] = error[2] if reading.contact_radius > 0.0 else 0.0
-            error[3] = error[3] if reading.central_gap > 0.0 else 0.0
+                # Nodes join the contact in another order on every lattice: errors fall slower than the spacing.
+                error += least + 4.0 * shift if event.jump else shift + 1e-9
+            load, displacement, radius, gap = np.where([1, 1, *reading.four[2:]], error, 0.0).tolist()
             found.append(
                 RawEvent(
                     "symmetry",
                     event.row,
                     reading.four,
-                    (error[0], error[1], error[2], error[3]),
+                    (load, displacement, radius, gap),
                     message=_message(event, axisymmetric),
                     point=event,
                     position=event.position,
@@ -87,10 +78,6 @@ def symmetry_events(
                 )
             )
     return found
-
-
-def _coarse(setup: Setup) -> Setup:
-    return setup.on(setup.grid // 2) if setup.grid % 4 == 0 and setup.grid >= 16 else setup
 
 
 def _message(event: Breaking, axisymmetric: bool) -> str:
@@ -111,61 +98,41 @@ def _number(stability: Stability, event: Breaking) -> int:
     spectrum = stability.spectrum(event.equilibrium, event.kind.sector, count=event.number + 1)
     weight = np.abs(event.equilibrium.fields.stiffness)
     lattice = stability.problem.lattice
-    lower = [
-        int(angular_content(lattice, vector, weight, event.kind.sector)[1:].argmax()) + 1
-        for vector in spectrum.vectors[: event.number]
-    ]
-    return 1 + lower.count(event.mode)
+    lower = [angular_content(lattice, vector, weight, event.kind.sector) for vector in spectrum.vectors[: event.number]]
+    return 1 + [int(content[1:].argmax()) + 1 for content in lower].count(event.mode)
 
 
 def _shift(
-    setup: Setup, rows: Sequence[Row], event: Breaking, stability: Stability, coarse: Stability, settings: Settings
-) -> Four | None:
+    setup: Setup, rows: Sequence[Row], event: Breaking, spectra: tuple[Stability, Stability], settings: Settings
+) -> Array | None:
     """By how much the event lies elsewhere on the lattice with half the nodes a side; None if it is not known.
 
     Where it does not lie between the same two rows there, the eigenvalue and the observables are taken as linear on
     both lattices.
+
+    Parameters
+    ----------
+    rows : two Row
+        Between which the event lies.
+    spectra : two Stability
+        Of this lattice and of the coarse one.
     """
-    if coarse.problem is setup.problem:
+    coarse = setup.coarse
+    begin, end = (row.state(setup.problem) for row in rows)
+    if coarse is None or begin is None or end is None:
         return None
-    fine = [rows[event.row + k].state(setup.problem) for k in (0, 1)]
-    if fine[0] is None or fine[1] is None:
+    first, last = (beside(setup, coarse, state, (begin, end), settings) for state in (begin, end))
+    if first is None or last is None:
         return None
-    ends = [_relative(setup, fine[0], fine[1], k, settings) for k in (0, 1)]
-    if ends[0] is None or ends[1] is None:
-        return None
-    other = None if event.jump else located(coarse, ends[0], ends[1], event.kind, event.number, ACCURACY)
+    other = None if event.jump else located(spectra[1], first, last, event.kind, event.number, ACCURACY)
     if other is not None:
-        values = [read(setup, event.equilibrium).four, read(_coarse(setup), other.equilibrium).four]
-    else:
-        values = []
-        for one, spectra, pair in (
-            (setup, stability, (fine[0], fine[1])),
-            (_coarse(setup), coarse, (ends[0], ends[1])),
-        ):
-            low, high = (eigenpair(spectra, state, event.kind, event.number, precision_for(ACCURACY)) for state in pair)
-            if low is None or high is None or low[0] == high[0]:
-                return None
-            share = low[0] / (low[0] - high[0])
-            first, second = (read(one, state).four for state in pair)
-            a, b, c, d = (x + share * (y - x) for x, y in zip(first, second, strict=True))
-            values.append((a, b, c, d))
-    load, displacement, radius, gap = (abs(a - b) for a, b in zip(*values, strict=True))
-    return load, displacement, radius, gap
-
-
-def _relative(setup: Setup, begin: Equilibrium, end: Equilibrium, which: int, settings: Settings) -> Equilibrium | None:
-    """The coarse lattice's state in the plane through one of two states and across the way between them."""
-    coarse = _coarse(setup)
-    problem = coarse.problem
-    state = (begin, end)[which]
-    u = coarsened(state.u, setup.centred)
-    contact = coarsened(state.contact.astype(np.float64), setup.centred) >= 0.5
-    u = np.where(contact, -problem.heights, u)
-    sketch = Equilibrium(problem.fields(u, state.load), contact, 0.0, 0.0, False)
-    change = coarsened(end.u - begin.u, setup.centred)
-    direction = Direction.along(Measure.at(sketch, setup.length), change, end.load - begin.load)
-    slack = 1e-6 * abs(direction.value(change, end.load - begin.load))
-    held = direction.hold(direction.value(u, state.load), slack)
-    found = newton(problem, u, state.load, held, contact, settings)
-    return found if found.converged else None
+        return np.abs(difference(read(setup, event.equilibrium), read(coarse, other.equilibrium)))
+    values: list[Array] = []
+    for one, stability, pair in zip((setup, coarse), spectra, ((begin, end), (first, last)), strict=True):
+        precision = precision_for(ACCURACY)
+        low, high = (eigenpair(stability, state, event.kind, event.number, precision) for state in pair)
+        if low is None or high is None or low[0] == high[0]:
+            return None
+        here, there = (np.array(read(one, state).four) for state in pair)
+        values.append(here + low[0] / (low[0] - high[0]) * (there - here))
+    return np.abs(values[0] - values[1])

@@ -10,31 +10,27 @@ from itertools import pairwise
 
 import numpy as np
 
-from contbranch.control import DISPLACEMENT, LOAD, Control
+from contbranch.control import Control
+from contbranch.curve.angle import Hodograph
 from contbranch.curve.outcome import RawCurve
 from contbranch.curve.symmetry import merged
 from contbranch.curve.trace import Request
-from contbranch.models.grid.indices import Indices, morse_indices
-from contbranch.results.diagram import Cost
 
-from .accuracy import Comparison, compared, no_comparison, touched
+from .accuracy import compared, no_comparison, touched
 from .arrays import Array
 from .folds import coarser_touch, locate_fold, locate_touch, touches
-from .kept import first_index
-from .newton import Equilibrium, Hold, newton
+from .newton import Equilibrium, Hold, Settings, hold_control, newton
 from .observables import interpolate
-from .problem import Fields
 from .ramp import jump_message
-from .reading import Reading, read
 from .resolution import Resolution, border_energy, border_message, fills, warn
-from .rows import Mark, Row, deferred_profile, difference
+from .rows import Mark, Row, deferred_profile, difference, morse_indices, read
 from .setup import Setup
-from .start import beginning
+from .switching import first_index
 from .symmetry import Breaking
 from .symmetry_events import symmetry_events
 from .verdicts import LARGEST_REFINED, MOST_REFINED, judge, raw_event
 from .verification import too_coarse, verify_curve
-from .walk import Measure, Point, Walker, WalkOptions, following
+from .walk import Measure, Point, Walker, WalkOptions, following, quietly
 
 __all__ = ["Traced", "followed", "trace"]
 
@@ -45,6 +41,8 @@ Ending = Callable[[Sequence[Point]], tuple[str, bool] | None]
 BEYOND, AT_LEAST = 1.4, 10.0
 # Memory for the fields of rows, from which profiles are made when they are asked for.
 KEPT_BYTES = 600e6
+# The first gap at most, in heights of the tip at the border of the cell: from there on all of the cell acts alike.
+FURTHEST = 1.0
 # Rows between two comparisons with a coarser lattice.
 SPACING = 6
 # Distance by which predictions may miss where much happens on short parts of the curve.
@@ -60,7 +58,7 @@ class Traced:
     setup: Setup
     rows: tuple[Row, ...]
     curve: RawCurve
-    indices: Indices
+    indices: Hodograph
     breakings: tuple[Breaking, ...] = ()
 
 
@@ -76,7 +74,7 @@ class _Tracer:
     symmetry: Callable[[Array], Array] | None = None
     beyond: float | None = None
     rows: list[Row] = field(default_factory=list)
-    comparisons: list[tuple[float, Comparison]] = field(default_factory=list)
+    comparisons: list[tuple[float, Array]] = field(default_factory=list)
     kept: float = 0.0
     notes: list[str] = field(default_factory=list)
     returns: int = 0
@@ -113,9 +111,11 @@ class _Tracer:
             if ended is not None and ended[1]:
                 return self._end(ended[0])
             self._add(points[-1])
-            self._events(points)
+            if len(points) > 2:
+                self._events(points)
             if (len(self.rows) - 1) % SPACING == 0:
-                self._compare(points)
+                found = compared(self.setup, points[-2].state, points[-1].state, self.settings)
+                self.comparisons += [] if found is None else [(points[-1].arc, found.four)]
             if ended is not None:
                 return self._end(ended[0])
             if self._done(points):
@@ -145,16 +145,16 @@ class _Tracer:
     def _returned(self, point: Point) -> bool:
         """Whether a point lies on a piece of the curve between earlier rows: a step has leapt to it."""
         earlier = sorted(self.rows[: -2 * RECENT], key=lambda row: row.arc)
+        place = np.array([point.load, point.displacement])
         for first, second in pairwise(earlier):
-            rise, run = second.load - first.load, second.reading.displacement - first.reading.displacement
-            up, along = point.load - first.load, point.displacement - first.reading.displacement
-            length = rise * rise + run * run
-            share = (up * rise + along * run) / length if length > 0.0 else -1.0
-            if not 0.0 <= share <= 1.0 or first.u is None or second.u is None:
+            begin, end = (np.array(row.reading[:2]) for row in (first, second))
+            way, past = end - begin, place - begin
+            share = past @ way / (way @ way or -1.0)
+            if first.u is None or second.u is None or not 0.0 <= share <= 1.0:
                 continue
-            if (up - share * rise) ** 2 + (along - share * run) ** 2 > 1e-4 * length:
+            aside, change = past - share * way, second.u - first.u
+            if aside @ aside > 1e-4 * (way @ way):
                 continue
-            change = second.u - first.u
             if np.abs(point.state.u - first.u - share * change).max() <= 0.1 * np.abs(change).max():
                 return True
         return False
@@ -171,23 +171,19 @@ class _Tracer:
         goal = self._goal()
         if last.load < goal or last.load < before.load or not last.state.contact.any():
             return False
-        if self.beyond is not None:
-            if last.displacement < self.beyond:
-                return False
-            self._end()
-            return True
+        if self.beyond is not None and last.displacement < self.beyond:
+            return False
         # A fold may lie within the last step: the nearest row before the end is on the same side of it.
         near = max((row for row in self.rows if row.arc < last.arc), key=lambda row: row.arc)
         share = (goal - near.load) / (last.load - near.load) if last.load > near.load else 0.0
-        if near.u is not None and 0.0 < share < 1.0:
+        if self.beyond is None and near.u is not None and 0.0 < share < 1.0:
             u = near.u + share * (last.state.u - near.u)
             end = newton(self.problem, u, goal, Hold(goal), near.contact, self.settings)
             low, high = sorted((near.reading.displacement, last.displacement))
             if end.converged and low <= end.displacement <= high:
                 arc = near.arc + share * (last.arc - near.arc)
                 self.rows = [row for row in self.rows if row.arc < arc]
-                self._add(Point(arc, end), Mark("end"))
-                return True
+                self._add(Point(arc, end))
         self._end()
         return True
 
@@ -219,148 +215,124 @@ class _Tracer:
     # Events
 
     def _events(self, points: Sequence[Point]) -> None:
-        if len(points) < 3:
-            return
         for control in self.request.controls:
-            a, b, c = (control.value(point.load, point.displacement) for point in points[-3:])
-            tiny = 1e-9 * max(1.0, abs(b))
-            if (b - a) * (c - b) < 0.0 and max(abs(b - a), abs(c - b)) > tiny:
-                self._fold(list(points), control, b > a)
-        closed = [touches(point.state, partial(clearance, self.setup)) for point in points[-2:]]
+            values = np.array([control.value(point.load, point.displacement) for point in points[-3:]])
+            rise, fall = np.diff(values)
+            if rise * fall < 0.0 and max(abs(rise), abs(fall)) > 1e-9 * max(1.0, abs(values[1])):
+                self._fold(points, control, values)
+        closed = [touches(point.state, self.clearance) for point in points[-2:]]
         if closed[0] != closed[1]:
-            self._touch(list(points))
+            self._touch(points)
 
-    def _fold(self, points: list[Point], control: Control, maximum: bool) -> None:
-        value = [control.value(point.load, point.displacement) for point in points[-3:]]
-        height = max(abs(value[0] - value[1]), abs(value[2] - value[1]))
-        found = (
-            None
-            if height < self._indifferent(control)
-            else locate_fold(self.problem, points[-4:], control, self.settings)
-        )
-        sign = 1.0 if maximum else -1.0
-        if found is None or sign * control.value(found.load, found.displacement) < sign * value[1]:
-            found = points[-2].state  # the middle one is close
-        mark = Mark("fold", control, maximum)
-        before = points[-3]
-        measure = Measure.at(before.state, self.setup.length)
-        arc = before.arc + measure.norm(found.u - before.state.u, found.load - before.load)
-        if self.verdicts:
-            mark.around = points[-3].state.slim(), found.slim(), points[-1].state.slim()
-        self._add(Point(min(arc, points[-1].arc), found), mark)
+    def _fold(self, points: Sequence[Point], control: Control, values: Array) -> None:
+        before, middle, after = points[-3:]
+        maximum = bool(values[1] > values[0])
+        found = None
+        if np.abs(values - values[1]).max() >= self._indifferent(control):
+            found = locate_fold(self.problem, [point.state for point in points[-4:]], control, self.settings)
+        if found is None or (control.value(found.load, found.displacement) < values[1]) == maximum:
+            found = middle.state  # it is close
+        arc = before.arc + Measure.at(before.state, self.setup.length).apart(found, before.state)
+        around = (before.state.slim(), found.slim(), after.state.slim()) if self.verdicts else None
+        self._add(Point(min(arc, after.arc), found), Mark("fold", control, maximum, around=around))
 
     def _indifferent(self, control: Control) -> float:
         """Height over the points around it below which a fold in contact need not be located.
 
         That is far below the lattice's error; where a lattice has many folds of its own, its error.
         """
-        if not self.comparisons or not self.comparisons[-1][1].contact_radius:
+        load, displacement, radius, _ = self.comparisons[-1][1] if self.comparisons else np.zeros(4)
+        if not radius:
             return 0.0
-        last = self.comparisons[-1][1]
         many = sum(row.mark is not None and row.mark.kind == "fold" for row in self.rows) > MOST_REFINED
-        return (1.0 if many else 0.1) * abs(control.value(last.load, last.displacement))
+        return (1.0 if many else 0.1) * abs(control.value(load, displacement))
 
-    def _touch(self, points: list[Point]) -> None:
-        gap = partial(clearance, self.setup)
-        found = locate_touch(self.problem, points, gap, self.settings)
+    def _touch(self, points: Sequence[Point]) -> None:
+        found = locate_touch(self.problem, [point.state for point in points], self.clearance, self.settings)
         if found is None:
             return
-        open_points = [point for point in points if not touches(point.state, gap)]
-        free = open_points[-1]
-        measure = Measure.at(free.state, self.setup.length)
-        way = measure.norm(found.u - free.state.u, found.load - free.load)
-        arc = free.arc + (way if free.arc < points[-1].arc else -way)
-        mark = Mark("touch")
+        free = [point for point in points if not touches(point.state, self.clearance)]
+        way = Measure.at(free[-1].state, self.setup.length).apart(found, free[-1].state)
         finer = self.verdicts and self.setup.lattice.size <= LARGEST_REFINED
-        other = touched(self.setup, found, self.settings, finer=True) if finer else None
-        coarse = None
-        if other is None:
-            coarse = coarser_touch(self.setup, [*open_points[-2:], Point(arc, found)], clearance, self.settings)
+        other = touched(self.setup, found, self.settings) if finer else None
+        mark = Mark("touch")
         if other is not None:
             # From N to 2N, as for folds.
-            mark.shift = 2.0 * other.load, 2.0 * other.displacement, 0.0, 0.0
-        elif coarse is not None:
-            mark.shift = difference(read(self.setup.on(self.setup.grid // 2), coarse), read(self.setup, found))
-        self._add(Point(arc, found), mark)
+            mark.shift = 2.0 * np.array([other.load - found.load, other.displacement - found.displacement, 0.0, 0.0])
+        else:
+            states = [*(point.state for point in free[-2:]), found]
+            coarse = coarser_touch(self.setup, states, clearance, self.settings)
+            if coarse is not None and self.setup.coarse is not None:
+                mark.shift = difference(read(self.setup.coarse, coarse), read(self.setup, found))
+        self._add(Point(free[-1].arc + (way if free[-1] is not points[-1] else -way), found), mark)
         # what is left of the gap is rounding
         self.rows[-1].reading = self.rows[-1].reading._replace(central_gap=0.0, gap_error=0.0, radius_error=0.0)
 
-    # Accuracy
-
-    def _compare(self, points: Sequence[Point]) -> None:
-        found = compared(self.setup, points[-2].state, points[-1].state, self.settings)
-        if found is not None:
-            self.comparisons.append((points[-1].arc, found))
+    def clearance(self, state: Equilibrium) -> float:
+        """The gap that closes at first touch."""
+        return clearance(self.setup, state)
 
     # The result
 
     def outcome(self, message: str, began: float) -> Traced:
         """Rows in order, indices, events."""
         self.rows.sort(key=lambda row: row.arc)
-        rows = self.rows
-        columns = {name: np.array([getattr(row.reading, name) for row in rows]) for name in Reading._fields}
-        errors = self._errors(np.array([row.arc for row in rows]), columns)
-        judge(self.setup, rows, self.request.controls, errors, self.settings)
+        setup, rows, request = self.setup, self.rows, self.request
+        seen = np.array([row.reading[:5] for row in rows]).reshape(-1, 5)
+        errors = self._errors(seen)
+        judge(setup, rows, request.controls, errors, self.settings)
         marks = [(k, row.mark) for k, row in enumerate(rows) if row.mark is not None]
+        folds = [(k, mark.control.kind, mark.unresolved) for k, mark in marks if mark.control is not None]
         # Pairs of folds that are the lattice's own do not count for stability.
-        folds = [
-            (k, mark.control.kind)
-            for k, mark in marks
-            if mark.kind == "fold" and mark.control is not None and not mark.unresolved
-        ]
-        load_error, displacement_error = errors[:2]
-        turning = [row for row, kind in folds if kind != "spring"]
-        first = 0 if self.symmetry is None else first_index(self.setup, rows, turning, self.symmetry)
-        indices = _indices(columns, folds, self.request.controls, first)
-        inner = [[k for k, mark in marks if mark.unresolved and mark.control == c] for c in (LOAD, DISPLACEMENT)]
-        checked = verify_curve(
-            self.setup, rows, indices, turning, self.request.accuracy, self.request.modes, self.symmetry, inner
-        )
-        # What the lattice is too coarse for, the message names already.
-        complete = not message and (not checked.contradicted or too_coarse(self.setup))
-        own = [(float(a), float(b), float(c), float(d)) for a, b, c, d in zip(*errors, strict=True)]
-        events = [raw_event(self.setup, rows, k, mark, own[k], indices) for k, mark in marks]
-        events = merged(events, symmetry_events(self.setup, rows, checked.breakings, own, self.settings))
-        wall = time.perf_counter() - began
-        cost = Cost(wall, self.setup.counter.newton, self.setup.counter.equilibrium, self.setup.counter.stability)
+        counted = [(k, kind) for k, kind, unresolved in folds if not unresolved]
+        turning = [k for k, kind in counted if kind != "spring"]
+        inner = [[k for k, own, doubtful in folds if doubtful and own == kind] for kind in ("load", "displacement")]
+        first = 0 if self.symmetry is None else first_index(setup, rows, turning, self.symmetry)
+        rates = np.diff(seen[:2, :2], axis=0).ravel()
+        indices = morse_indices(len(rows), counted, rates.tolist(), first, request.controls, partial(_one, seen))
+        checked = verify_curve(setup, rows, indices, turning, request.accuracy, request.modes, self.symmetry, inner)
+        events = [raw_event(setup, rows, k, mark, errors[k], indices) for k, mark in marks]
+        events = merged(events, symmetry_events(setup, rows, checked.breakings, errors, self.settings))
+        by_load, held, *by_spring = [indices.rows(control)[: len(rows)] for control in request.controls]
+        load, displacement, radius, gap, energy = seen.T
         curve = RawCurve(
-            load=columns["load"],
-            displacement=columns["displacement"],
-            contact_radius=columns["contact_radius"],
-            central_gap=columns["central_gap"],
-            energy=columns["energy"],
-            unstable_load=indices.load if rows else np.empty(0, dtype=np.int64),
-            unstable_displacement=indices.displacement if rows else np.empty(0, dtype=np.int64),
-            row_errors=np.stack([load_error, displacement_error], axis=1),
-            profiles=[deferred_profile(self.setup, row) for row in rows],
+            load,
+            displacement,
+            radius,
+            gap,
+            energy,
+            by_load,
+            held,
+            errors[:, :2],
+            profiles=[deferred_profile(setup, row) for row in rows],
             events=events,
-            complete=complete,
+            # What the lattice is too coarse for, the message names already.
+            complete=not message and (not checked.contradicted or too_coarse(setup)),
             message=" ".join([f"{message}." if message else "", *self.notes, *checked.notes]).strip(),
-            cost=cost,
-            unknowns=self.setup.lattice.size**2,
-            unstable_spring=indices.spring if any(c.kind == "spring" for c in self.request.controls) else None,
+            cost=setup.counter.cost(time.perf_counter() - began),
+            unknowns=setup.lattice.size**2,
+            unstable_spring=by_spring[0] if by_spring else None,
             unstable_azimuthal=checked.azimuthal,
             fft_pairs=np.array([row.pairs for row in rows], dtype=np.int64),
         )
-        return Traced(self.setup, tuple(rows), curve, indices, checked.breakings)
+        return Traced(setup, tuple(rows), curve, indices, checked.breakings)
 
-    def _errors(self, arcs: Array, columns: dict[str, Array]) -> tuple[Array, Array, Array, Array]:
-        """Error estimates of the rows' observables, interpolated between those rows that were compared."""
+    def _errors(self, seen: Array) -> Array:
+        """Error estimates of the rows' four observables, interpolated between those rows that were compared."""
         if not self.comparisons:
-            return tuple(np.full(len(arcs), np.inf) for _ in range(4))  # type: ignore[return-value]
-        places = np.array([arc for arc, _ in self.comparisons])
-        table = np.array([comparison.four for _, comparison in self.comparisons])
+            return np.full((len(seen), 4), np.inf)
+        places, found = zip(*self.comparisons, strict=True)
         # the larger of two neighbours: what lies between may be anything up to it
-        upper = np.maximum(table, np.maximum(np.roll(table, 1, axis=0), np.roll(table, -1, axis=0)))
-        upper[0], upper[-1] = table[:2].max(axis=0), table[-2:].max(axis=0)
-        load, displacement, radius, gap = (np.interp(arcs, places, upper[:, k]) for k in range(4))
-        tolerance = self.settings.tolerance
-        load = load + columns["load_error"] + tolerance * np.maximum(1.0, np.abs(columns["load"]))
-        displacement = displacement + columns["displacement_error"]
-        displacement += tolerance * np.maximum(1.0, np.abs(columns["displacement"]))
-        radius = np.where(columns["contact_radius"] > 0.0, radius, 0.0) + columns["radius_error"]
-        gap = np.where(columns["central_gap"] > 0.0, gap + columns["gap_error"] + tolerance, 0.0)
-        return load, displacement, radius, gap
+        padded = np.pad(found, ((1, 1), (0, 0)), mode="edge")
+        upper = np.maximum.reduce([padded[:-2], padded[1:-1], padded[2:]])
+        arcs, values = [row.arc for row in self.rows], np.abs(seen[:, :4])
+        errors = np.stack([np.interp(arcs, places, column) for column in upper.T], axis=1)
+        errors += self.settings.tolerance * np.where([1, 1, 0, 0], np.maximum(1.0, values), [0.0, 0.0, 0.0, 1.0])
+        errors += [row.reading.errors for row in self.rows]
+        apart = seen[:, 2] == 0.0
+        errors[apart, 2] = [row.reading.radius_error for row in self.rows if row.reading.contact_radius == 0.0]
+        errors[values[:, 3] == 0.0, 3] = 0.0
+        return errors
 
 
 def trace(setup: Setup, request: Request, verdicts: bool = True, beyond: float | None = None) -> Traced:
@@ -379,7 +351,7 @@ def trace(setup: Setup, request: Request, verdicts: bool = True, beyond: float |
     """
     began = time.perf_counter()
     tracer = _Tracer(setup, request, verdicts, beyond=beyond)
-    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+    with quietly():
         tracer.notes += [Resolution.of(setup.lattice, setup.law).message]
         tracer.notes += [jump_message(setup.law)]
         for note in tracer.notes:
@@ -414,87 +386,51 @@ def followed(
     """
     began = time.perf_counter()
     tracer = _Tracer(setup, request, start=start, ending=ending, symmetry=kept)
-    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+    with quietly():
         message = tracer.run()
         return tracer.outcome(message, began)
 
 
 def _reaching(tracer: _Tracer) -> str:
     """Where along the curve the interaction reaches furthest beyond the border of the cell."""
-    worst: tuple[float, str] = (0.0, "")
-    for row in tracer.rows:
-        if row.u is None or row.contact is None or tracer.setup.crowded:
-            continue
-        gap = tracer.problem.heights + row.u
-        state = Equilibrium(_only_gap(row, gap), row.contact, 0.0, 0.0, True)
-        share = border_energy(tracer.problem, state)
-        if share > worst[0] and row.reading.contact_radius > 0.0:
-            worst = share, border_message(tracer.setup, state)
-    return worst[1]
-
-
-def _only_gap(row: Row, gap: Array) -> Fields:
-    assert row.u is not None
-    return Fields(row.u, row.load, row.u, gap, row.u, row.u, row.u)
+    setup, heights = tracer.setup, tracer.problem.heights
+    gaps = (
+        (heights + row.u, row.load) for row in tracer.rows if row.u is not None and row.reading.contact_radius > 0.0
+    )
+    worst = max(gaps, key=lambda gap: border_energy(setup.problem, gap[0]), default=None)
+    return "" if setup.crowded or worst is None else border_message(setup, *worst)
 
 
 def clearance(setup: Setup, state: Equilibrium) -> float:
     """The gap that closes at first touch: that at the apex, or the smallest of the nodes."""
     smallest = float(state.fields.gap.min())
-    if setup.crowded:
-        return smallest
-    return min(smallest, interpolate(setup.lattice, state.u, 0.0, 0.0))
+    return smallest if setup.crowded else min(smallest, interpolate(setup.lattice, state.u, 0.0, 0.0))
 
 
-def _indices(
-    columns: dict[str, Array], folds: Sequence[tuple[int, str]], controls: Sequence[Control], start: int
-) -> Indices:
-    count = len(columns["load"])
-    if count < 2:
-        return morse_indices(count, [], 1, 1)
-    loading, approaching = (1 if columns[name][1] >= columns[name][0] else -1 for name in ("load", "displacement"))
-    pulling = None
-    for control in controls:
-        if control.kind == "spring":
-            first, second = (control.value(columns["load"][k], columns["displacement"][k]) for k in (0, 1))
-            pulling = 1 if second >= first else -1
-    return morse_indices(
-        count, _corners(columns, folds, loading * approaching, start), loading, approaching, start, pulling
-    )
-
-
-def _corners(
-    columns: dict[str, Array], folds: Sequence[tuple[int, str]], slope: int, index: int
-) -> list[tuple[int, str]]:
-    """Put folds of load and displacement that lie in one corner of the curve at one row, in the order that they have.
-
-    Where both turn round at once, with one step of the contact, their order on the curve is chance. It decides whether
-    the index under displacement control rises or falls there: it falls where there is one to lose.
-    """
-    found: list[tuple[int, str]] = []
-    rest = list(folds)
-    while rest:
-        (row, control), *rest = rest
-        both = {control, rest[0][1]} == {"load", "displacement"} if rest else False
-        if both and _same(columns, row, rest[0][0]):
-            rest = rest[1:]
-            # With a rising slope the index falls if the displacement turns first, with a falling one if it turns last.
-            falls = index > 0
-            first, second = ("displacement", "load") if falls == (slope > 0) else ("load", "displacement")
-            found += [(row, first), (row, second)]
-            index += -1 if falls else 1
-            continue
-        if control == "displacement":
-            index += 1 if slope < 0 else -1
-        if control != "spring":
-            slope = -slope
-        found.append((row, control))
-    return found
-
-
-def _same(columns: dict[str, Array], row: int, other: int) -> bool:
+def _one(seen: Array, row: int, other: int) -> bool:
     """Whether two rows are one state in contact, but for rounding; a film has no corners."""
-    if columns["contact_radius"][row] == 0.0:
-        return False
-    names = ("load", "displacement", "contact_radius")
-    return all(abs(columns[n][row] - columns[n][other]) <= 1e-6 * max(1.0, abs(columns[n][row])) for n in names)
+    own = seen[row, :3]
+    return bool(own[2] and (np.abs(own - seen[other, :3]) <= 1e-6 * np.maximum(1.0, np.abs(own))).all())
+
+
+def beginning(setup: Setup, accuracy: float, settings: Settings) -> tuple[Equilibrium, Equilibrium] | str:
+    """Two states without contact, one a little closer than the other; the reason if there are none."""
+    problem = setup.problem
+    law = setup.law
+    if law is None:
+        return "There is no interaction with which the contact could begin; use the axisymmetric model"
+    inside = problem.heights[: setup.lattice.inside, : setup.lattice.inside]
+    finite = inside[np.isfinite(inside)]
+    most = max(10.0 * setup.length, FURTHEST * float(finite.max()))
+    displacement = -min(law.reach(accuracy), most)
+    step = 0.05 * max(setup.length, 0.2 * abs(displacement))
+    if not law.evaluate(np.array([-displacement])).pressure.any():
+        displacement -= 1.5 * step  # a law that ends: two states beyond its end, from where the walk goes in
+    u = np.full(problem.shape, -displacement)
+    load = problem.lattice.node_area * float(problem.respond(problem.heights + u)[1].sum())
+    held = [hold_control(problem, 0.0, 1.0, displacement + way) for way in (0.0, step)]
+    first = newton(problem, u, load, held[0], None, settings)
+    second = newton(problem, first.u - step, first.load, held[1], None, settings)
+    if not (first.converged and second.converged):
+        return "No equilibrium without contact was found to begin with; try a finer grid"
+    return first, second

@@ -14,6 +14,8 @@ import numpy as np
 import pyfftw
 from numpy.typing import NDArray
 
+from contbranch.results.diagram import Cost
+
 from .arrays import Array
 
 __all__ = ["EVEN", "Counter", "Parity", "Transform", "wavenumbers"]
@@ -37,10 +39,11 @@ class Counter:
 
     def add(self) -> None:
         """Count one pair."""
-        if self.target == "equilibrium":
-            self.equilibrium += 1
-        else:
-            self.stability += 1
+        setattr(self, self.target, getattr(self, self.target) + 1)
+
+    def cost(self, wall: float = 0.0) -> Cost:
+        """What was spent, with a wall time in seconds."""
+        return Cost(wall, self.newton, self.equilibrium, self.stability)
 
 
 def wavenumbers(nodes: int, spacing: float, parity: tuple[Parity, Parity] | None) -> Array:

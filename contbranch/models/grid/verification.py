@@ -1,6 +1,6 @@
 """Indices counted from folds, checked by eigenvalues; and the modes along a curve that break a symmetry.
 
-Folds are counted to know how many modes with the symmetry of the tip are unstable (`contbranch.models.grid.indices`).
+Folds are counted to know how many modes with the symmetry of the tip are unstable (`rows.morse_indices`).
 A fold that was passed over, or one that is none, spoils the count from there on. So eigenvalues are found at the first
 row, at the last, and at one row well inside every piece between two folds. Pieces without a row of their own follow
 from those on both sides of them, and so do those along which the rim of the contact moves by less than two rows of
@@ -24,14 +24,15 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from contbranch.contact.height_map import HeightMap
-from contbranch.models.grid.indices import Indices
+from contbranch.control import DISPLACEMENT, LOAD
+from contbranch.curve.angle import Hodograph
 
 from .arrays import Integers, Mask
-from .kept import Image, has_symmetry, lacking
 from .newton import Equilibrium
 from .resolution import Resolution, concavity
 from .setup import Setup
 from .stability import ZERO, Morse, Sector, Spectrum, Stability, as_stability
+from .switching import Image, has_symmetry, lacking
 from .symmetry import Breaking, Kind, counted, kinds, symmetry_breaking
 from .transforms import EVEN
 
@@ -91,7 +92,7 @@ def pieces(count: int, folds: Sequence[int]) -> list[tuple[int, int]]:
 def verify_curve(
     setup: Setup,
     rows: Sequence[Row],
-    indices: Indices,
+    indices: Hodograph,
     folds: Sequence[int],
     accuracy: float,
     modes: int = 1,
@@ -149,7 +150,7 @@ class _Survey:
 
     setup: Setup
     rows: Sequence[Row]
-    indices: Indices
+    indices: Hodograph
     breaking: bool
     kept: Image | None = None
     between: frozenset[int] = frozenset()
@@ -160,6 +161,8 @@ class _Survey:
 
     def __post_init__(self) -> None:
         self.stability = Stability(self.setup.problem)
+        self.index = self.indices.rows(DISPLACEMENT)
+        self.softening = self.indices.rows(LOAD) > self.index
         self.before = self.setup.problem.counter.stability
         self.axisymmetric = self.setup.contact.tip.is_axisymmetric and not isinstance(self.setup.contact.tip, HeightMap)
 
@@ -181,7 +184,7 @@ class _Survey:
         if state is None:
             return None
         if slope is None:
-            slope = -1.0 if self.indices.load[row] > self.indices.displacement[row] else 1.0
+            slope = -1.0 if self.softening[row] else 1.0
         if self.breaking:
             sectors = ROUND if self.axisymmetric and self.setup.quarter else None
             found = self.stability.morse(state, slope, sectors=sectors)
@@ -199,14 +202,15 @@ class _Survey:
         corners: list[_Found] = []
         unknown = 0
         for places in self._places(folds):
-            tried = [found for found in map(self._examined, places[:1]) if found is not None]
-            unknown += not tried
-            for row in places[1:TRIES] if tried and not self._agrees(tried[0]) else ():
+            tried: list[_Found] = []
+            for row in places[:TRIES]:
                 found = self._examined(row)
-                tried += [found] if found is not None else []
-                if found is not None and self._agrees(found):
+                tried += [] if found is None else [found]
+                if not tried or self._agrees(tried[-1]):
                     break
-            if tried and not self._agrees(tried[-1]):
+            if not tried:
+                unknown += 1
+            elif not self._agrees(tried[-1]):
                 # Between two corners of the lattice the slope can have another sign than across them.
                 (corners if any(map(self._at_a_corner, tried)) else wrong).append(tried[0])
             elif len(tried) > 1:
@@ -248,18 +252,19 @@ class _Survey:
         return _Found(row, *self.symmetric(state, morse), slope)
 
     def _index_agrees(self, found: _Found) -> bool:
-        return found.least <= int(self.indices.displacement[found.row]) <= found.most
+        return bool(found.least <= self.index[found.row] <= found.most)
 
     def _at_a_corner(self, found: _Found) -> bool:
         """Whether nothing but the slope of the smooth piece disagrees, with contact, and not that of the rows."""
-        reading = self.rows[found.row].reading
-        near = [self.rows[k].reading for k in (max(found.row - 1, 0), min(found.row + 1, len(self.rows) - 1))]
-        rising = (near[1].load - near[0].load) * (near[1].displacement - near[0].displacement) > 0.0
-        return self._index_agrees(found) and reading.contact_radius > 0.0 and rising != self._softens(found.row)
+        row = found.row
+        before, after = self.rows[max(row - 1, 0)].reading, self.rows[min(row + 1, len(self.rows) - 1)].reading
+        rising = (after.load - before.load) * (after.displacement - before.displacement) > 0.0
+        touching = self.rows[row].reading.contact_radius > 0.0
+        return bool(self._index_agrees(found) and touching and rising != self.softening[row])
 
     def _agrees(self, found: _Found) -> bool:
         flat = abs(found.slope) * self.setup.lattice.compliance < FLAT
-        return self._index_agrees(found) and (flat or self._softens(found.row) == (found.slope < 0.0))
+        return self._index_agrees(found) and (flat or self.softening[found.row] == (found.slope < 0.0))
 
     def symmetric(self, state: Equilibrium, morse: Morse) -> tuple[int, int]:
         """Fewest and most unstable modes with the symmetry of the tip that the eigenvalues allow."""
@@ -289,36 +294,32 @@ class _Survey:
         return (
             f"At load {load:.6g}, displacement {displacement:.6g}{others} eigenvalues find {number} "
             f"unstable modes under displacement control and a slope dF/dd of {slope:.3g}, while the folds say "
-            f"{self.indices.displacement[row]} and a {'negative' if self._softens(row) else 'positive'} slope"
+            f"{self.index[row]} and a {'negative' if self.softening[row] else 'positive'} slope"
         )
-
-    def _softens(self, row: int) -> bool:
-        return bool(self.indices.load[row] > self.indices.displacement[row])
 
     # Modes that break the symmetry
 
     def broken(self, folds: Sequence[int]) -> Integers:
         """Number of unstable modes without the symmetry of the tip at every row."""
         column = np.zeros(len(self.rows), dtype=np.int64)
-        suspected = self.indices.displacement > (0 if self.kept is None else -1)
+        suspected = self.index > (0 if self.kept is None else -1)
+        unstable = [row for row in self.found if self.counts(row)]
         for first, last in pieces(len(self.rows), folds):
-            known = [row for row in self.found if first <= row <= last]
-            if any(self.counts(row).total() for row in known):
+            if any(first <= row <= last for row in unstable):
                 suspected[first : last + 1] = True
-        if self.kept is None and self._blunt() and not any(self.counts(row).total() for row in self.found):
+        if self.kept is None and self._blunt() and not unstable:
             return column
         unknown = 0
         for first, last in _runs(suspected):
-            places = sorted({*range(first, last + 1, STRIDE), last} | {r for r in self.found if first <= r <= last})
-            places = [row for row in places if self.morse(row) is not None]
-            unknown += not places
-            for one, other in pairwise(places):
+            places = {*range(first, last + 1, STRIDE), last, *(row for row in self.found if first <= row <= last)}
+            known = [row for row in sorted(places) if self.morse(row) is not None]
+            unknown += not known
+            for one, other in pairwise(known):
                 self._between(one, other)
         all_known = np.array(sorted(self.found))
         for row in np.flatnonzero(suspected):
             # Rows that were not examined lie between two that agree.
-            nearest = int(all_known[np.argmin(np.abs(all_known - row))])
-            column[row] = self.number(nearest)
+            column[row] = self.counts(int(all_known[np.argmin(np.abs(all_known - row))])).total()
         if unknown:
             self.notes.append("What breaks the symmetry was not examined everywhere: memory was short.")
         return column
@@ -333,26 +334,22 @@ class _Survey:
             self._between(middle, other)
 
     def counts(self, row: int) -> Counter[Kind]:
-        """Unstable modes of every kind that breaks the symmetry of the tip."""
-        if row not in self.kinds and self.kept is not None:
-            number = lacking(self.found[row].spectra[None], self.kept, self.axisymmetric)
-            self.kinds[row] = Counter({WITHOUT: number})
-        elif row not in self.kinds:
+        """Unstable modes of every kind that breaks the symmetry of the tip; none where it was not examined."""
+        if row in self.found and row not in self.kinds:
             morse = self.found[row]
-            state = self.state(row) if morse.displacement else None
-            self.kinds[row] = Counter() if state is None else counted(self.setup.problem, state, self._odd(morse))
-        return self.kinds[row]
+            state = self.state(row) if morse.displacement and self.kept is None else None
+            if self.kept is not None:
+                number = lacking(morse.spectra[None], self.kept, self.axisymmetric)
+                self.kinds[row] = Counter({WITHOUT: number}) if number else Counter()
+            else:
+                self.kinds[row] = Counter() if state is None else counted(self.setup.problem, state, self._odd(row))
+        return self.kinds.get(row, Counter())
 
-    def number(self, row: int) -> int:
-        """Their number, those of an axisymmetric tip that differ by a turn as one."""
-        return self.counts(row).total()
-
-    def _odd(self, morse: Morse) -> Morse:
+    def _odd(self, row: int) -> Morse:
         """Without the sector whose modes have all symmetries of a tip that is not axisymmetric."""
-        if self.axisymmetric:
-            return morse
-        spectra: dict[Sector | None, Spectrum] = {s: one for s, one in morse.spectra.items() if s != EVEN}
-        return replace(morse, spectra=spectra)
+        morse = self.found.get(row, Morse({}, 1.0))
+        own = {sector: one for sector, one in morse.spectra.items() if sector != EVEN or self.axisymmetric}
+        return replace(morse, spectra=own)
 
     def _blunt(self) -> bool:
         """Whether the shape of an axisymmetric tip forbids that it breaks the symmetry: ζ'(t)/t does not increase."""
@@ -366,37 +363,28 @@ class _Survey:
 
     def events(self, accuracy: float) -> list[Breaking]:
         """Symmetry events between neighbouring rows whose numbers differ."""
-        problem = self.setup.problem
         events: list[Breaking] = []
         missed = 0
-        for row in range(len(self.rows) - 1):
-            if row not in self.found and row + 1 not in self.found:
+        for pair in pairwise(range(len(self.rows))):
+            unknown = [row for row in pair if row not in self.found]
+            # Rows that were not examined are stable or like their neighbours.
+            like = len(unknown) == 2 or any(self.index[row] > 0 for row in unknown)
+            if like or self.counts(pair[0]) == self.counts(pair[1]):
                 continue
-            ends = [self.state(row), self.state(row + 1)]
-            counts = [self.counts(k) if k in self.found else Counter() for k in (row, row + 1)]
-            known = [k in self.found for k in (row, row + 1)]
-            if ends[0] is None or ends[1] is None or not self._changes(row, counts, known):
+            begin, end = map(self.state, pair)
+            if begin is None or end is None:
                 continue
             if self.spent:
                 missed += 1
                 continue
-            pair = [self._odd(self.found[k]) if k in self.found else Morse({}, 1.0) for k in (row, row + 1)]
-            touching = bool(ends[0].contact.any() or ends[1].contact.any())
-            wanted = max(accuracy, IN_CONTACT) if touching else accuracy
-            located, lost = symmetry_breaking(problem, [ends[0], ends[1]], pair, wanted, self.stability)
-            events += [replace(event, row=row) for event in located]
+            wanted = max(accuracy, IN_CONTACT) if begin.contact.any() or end.contact.any() else accuracy
+            indices = [self._odd(row) for row in pair]
+            found, lost = symmetry_breaking(self.setup.problem, [begin, end], indices, wanted, self.stability)
+            events += [replace(event, row=pair[0]) for event in found]
             missed += len(lost)
         if missed:
             self.notes.append(f"{missed} symmetry events could not be located.")
         return events
-
-    def _changes(self, row: int, counts: Sequence[Counter[Kind]], known: Sequence[bool]) -> bool:
-        """Whether the numbers change from a row to the next; rows not examined are stable or like their neighbours."""
-        if not all(known):
-            there = row + 1 if known[0] else row
-            inside = self.indices.displacement[there] > 0
-            return not inside and counts[0] != counts[1]
-        return counts[0] != counts[1]
 
 
 def too_coarse(setup: Setup) -> bool:

@@ -14,16 +14,19 @@ the steps pass over, and a correction of the contact set belongs to every Newton
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+import scipy
 
 from .arrays import Array
-from .newton import Equilibrium, Hold, Settings, newton
+from .newton import Equilibrium, Hold, Settings, Sketch, newton
 from .problem import GridProblem
+from .setup import Setup, carried
 from .units import REDUCED_VALUES, UnitValues
 
-__all__ = ["Direction", "Measure", "Point", "WalkOptions", "Walker", "between", "following"]
+__all__ = ["Direction", "Measure", "Point", "Track", "WalkOptions", "Walker", "beside", "following", "quietly"]
 
 
 @dataclass(frozen=True)
@@ -65,6 +68,11 @@ class WalkOptions:
     hops: bool = True
 
 
+def quietly() -> np.errstate:
+    """Numbers that overflow in a trial state are answered by shorter steps."""
+    return np.errstate(over="ignore", invalid="ignore", divide="ignore")
+
+
 def following(tolerance: float) -> Settings:
     """Tolerances for corrections from a good prediction: one that does not converge soon is better given up."""
     return Settings(tolerance=tolerance, steps=15, inner=80, growth=30.0, patience=4)
@@ -96,13 +104,20 @@ class Measure:
     load_weight: float
 
     @staticmethod
+    def of(gap: Array, load: float, length: float) -> Measure:
+        """The measure at a gap and load for a law of a range."""
+        weights = (1.0 + np.minimum(gap / (2.0 * length), 1e6) ** 2) ** -2
+        scale = length + 0.5 * max(float(gap.min()), 0.0)
+        return Measure(weights / (weights.sum() * scale**2), 1.0 / (3.0 + 0.3 * abs(load)) ** 2)
+
+    @staticmethod
     def at(state: Equilibrium, length: float) -> Measure:
-        """The measure at a state for a law of a range."""
-        ratio = np.minimum(state.fields.gap / (2.0 * length), 1e6)
-        weights = (1.0 + ratio * ratio) ** -2
-        scale = length + 0.5 * max(float(state.fields.gap.min()), 0.0)
-        weights /= float(weights.sum()) * scale**2
-        return Measure(weights, 1.0 / (3.0 + 0.3 * abs(state.load)) ** 2)
+        """The measure at a state."""
+        return Measure.of(state.fields.gap, state.load, length)
+
+    def apart(self, one: Equilibrium, other: Equilibrium) -> float:
+        """The distance of two states."""
+        return self.norm(one.u - other.u, one.load - other.load)
 
     def product(self, u: Array, load: float, v: Array, other: float) -> float:
         """Inner product of two steps."""
@@ -125,38 +140,89 @@ class Direction:
         """The covector of a step."""
         return Direction(measure.weights * u, measure.load_weight * load)
 
+    @staticmethod
+    def between(begin: Equilibrium, end: Equilibrium, length: float) -> Direction:
+        """The covector of the step from one state to another."""
+        return Direction.along(Measure.at(begin, length), end.u - begin.u, end.load - begin.load)
+
     def value(self, u: Array, load: float) -> float:
-        """Progress at a state."""
+        """Progress at a field and load."""
         return float(np.vdot(self.row, u)) + self.load_weight * load
+
+    def of(self, state: Equilibrium) -> float:
+        """Progress at a state."""
+        return self.value(state.u, state.load)
 
     def hold(self, value: float, slack: float) -> Hold:
         """What Newton's method keeps for a given progress."""
         return Hold(value, self.load_weight, self.row, slack)
 
+    def corrected(self, problem: GridProblem, sketch: Sketch, slack: float, settings: Settings) -> Equilibrium | None:
+        """The equilibrium with the progress of a trial state; None if it is not found."""
+        u, load, contact = sketch
+        hold = self.hold(self.value(u, load), slack)
+        found = newton(problem, np.where(contact, -problem.heights, u), load, hold, contact, settings)
+        return found if found.converged else None
 
-def lagrange(nodes: list[float], at: float) -> tuple[list[float], list[float]]:
+
+def lagrange(nodes: Array, at: float) -> tuple[Array, Array]:
     """Weights of the values at the nodes in the interpolating polynomial at a place, and in its derivative."""
-    weights, slopes = [], []
-    for i, own in enumerate(nodes):
-        others = [other for j, other in enumerate(nodes) if j != i]
-        scale = math.prod(own - other for other in others)
-        weights.append(math.prod(at - other for other in others) / scale)
-        slope = sum(math.prod(at - other for k, other in enumerate(others) if k != left) for left in range(len(others)))
-        slopes.append(slope / scale)
-    return weights, slopes
+    own = np.eye(len(nodes))
+    scale = np.prod(nodes[:, None] - nodes + own, axis=1)
+    ahead = np.where(own, 1.0, at - nodes)
+    slopes = sum(np.where(own[k], 0.0, np.prod(np.where(own[k], 1.0, ahead), axis=1)) for k in range(len(nodes)))
+    return np.prod(ahead, axis=1) / scale, slopes / scale
 
 
-def combined(weights: list[float], fields: list[Array]) -> Array:
-    """Σ weights · fields."""
-    total = weights[0] * fields[0]
-    for weight, values in zip(weights[1:], fields[1:], strict=True):
-        total += weight * values
-    return np.asarray(total)
+def predicted(problem: GridProblem, states: Sequence[Equilibrium], weights: Array, wall: bool = True) -> Sketch:
+    """The combination of states; a node belongs to the contact by the wall's pressure there less the gap outside."""
+    walls = [np.where(one.contact, one.fields.excess, -np.minimum(one.fields.gap, 1e3)) for one in states]
+    contact = (np.tensordot(weights, walls, 1) > 0.0) & wall
+    u = np.where(contact, -problem.heights, np.tensordot(weights, [one.u for one in states], 1))
+    return Sketch(u, float(weights @ [one.load for one in states]), contact)
 
 
-def wall_function(state: Equilibrium) -> Array:
-    """The wall's pressure in contact, minus the gap outside: positive where a node belongs to the contact."""
-    return np.where(state.contact, state.fields.excess, -np.minimum(state.fields.gap, 1e3))
+@dataclass
+class Track:
+    """Equilibria by their progress along a direction, each new one interpolated from those known and corrected."""
+
+    problem: GridProblem
+    states: list[Equilibrium]
+    direction: Direction
+    settings: Settings
+
+    def at(self, value: float) -> Equilibrium | None:
+        """The equilibrium at a progress; None if it is not found.
+
+        At most four states are used, those nearest in progress and apart from each other.
+        """
+        progress = np.array([self.direction.of(state) for state in self.states])
+        near: list[int] = []
+        for k in np.argsort(np.abs(progress - value), kind="stable"):
+            if len(near) < 4 and (np.abs(progress[k] - progress[near]) > 1e-6 * np.ptp(progress)).all():
+                near.append(k)
+        chosen = [self.states[k] for k in near]
+        sketch = predicted(self.problem, chosen, lagrange(progress[near], value)[0], self.settings.wall)
+        hold = self.direction.hold(value, 1e-3 * float(np.ptp(progress[near])))
+        found = newton(self.problem, sketch.u, sketch.load, hold, sketch.contact, self.settings)
+        if not found.converged:
+            return None
+        self.states.append(found)
+        return found
+
+    def zero(self, function: Callable[[Equilibrium], float], low: float, high: float) -> Equilibrium | None:
+        """The state between two values of the progress where a function of the state is zero."""
+
+        def value(progress: float) -> float:
+            state = self.at(progress)
+            if state is None:
+                raise ValueError("no state there")
+            return function(state)
+
+        try:
+            return self.at(scipy.optimize.brentq(value, low, high, xtol=1e-9 * (high - low)))
+        except ValueError:
+            return None
 
 
 @dataclass
@@ -197,7 +263,7 @@ class Walker:
 
     def begin(self, start: Equilibrium, onward: Equilibrium) -> None:
         """Set out from one equilibrium towards another close to it."""
-        distance = Measure.at(start, self.length).norm(onward.u - start.u, onward.load - start.load)
+        distance = Measure.at(start, self.length).apart(onward, start)
         self.points = [Point(0.0, start), Point(distance, onward)]
         self.step_size = min(self.options.first, 2.0 * distance)
 
@@ -255,63 +321,38 @@ class Walker:
 
     def _retraced(self, state: Equilibrium, distance: float) -> bool:
         """Whether a state lies closer to an earlier point than to the last one: the walk has turned round."""
-        for point in self.points[:-1]:
-            other = Measure.at(point.state, self.length)
-            if other.norm(state.u - point.state.u, state.load - point.load) < 0.9 * distance:
-                return True
-        return False
+        others = [point.state for point in self.points[:-1]]
+        return any(Measure.at(other, self.length).apart(state, other) < 0.9 * distance for other in others)
 
     def _attempt(self, size: float, order: int, angle: float, loose: float) -> tuple[Point, float, bool] | None:
         """A step of a given size: the point, by how much the prediction missed, and whether that was much."""
         past = self.recent(order + 1, size)
-        last = past[-1].state
-        arcs = [point.arc for point in past]
+        last, states = past[-1].state, [point.state for point in past]
+        arcs = np.array([point.arc for point in past])
         weights, slopes = lagrange(arcs, arcs[-1] + size)
-        u = combined(weights, [point.state.u for point in past])
-        load = math.fsum(w * point.load for w, point in zip(weights, past, strict=True))
-        rate = combined(slopes, [point.state.u for point in past])
-        load_rate = math.fsum(w * point.load for w, point in zip(slopes, past, strict=True))
-        contact = combined(weights, [wall_function(point.state) for point in past]) > 0.0
-        np.copyto(u, -self.problem.heights, where=contact)
+        u, load, contact = predicted(self.problem, states, weights)
+        rate = np.tensordot(slopes, [state.u for state in states], 1), float(slopes @ [point.load for point in past])
         measure = Measure.at(last, self.length)
-        direction = Direction.along(measure, rate, load_rate)
-        slack = 1e-3 * size * measure.product(rate, load_rate, rate, load_rate)
-        found = newton(self.problem, u, load, direction.hold(direction.value(u, load), slack), contact, self.settings)
+        direction = Direction.along(measure, *rate)
+        hold = direction.hold(direction.value(u, load), 1e-3 * size * measure.product(*rate, *rate))
+        found = newton(self.problem, u, load, hold, contact, self.settings)
         if not found.converged:
             return None
         miss = measure.norm(found.u - u, found.load - load)
-        change, load_change = found.u - last.u, found.load - last.load
-        distance = measure.norm(change, load_change)
-        progress = direction.value(change, load_change)
-        cosine = progress / (distance * measure.norm(rate, load_rate)) if distance > 0 else 0.0
+        change = found.u - last.u, found.load - last.load
+        distance = measure.norm(*change)
+        cosine = direction.value(*change) / (distance * measure.norm(*rate)) if distance > 0 else 0.0
         allowed = max(loose * size, 4.0 * self.options.noise)
         if cosine < angle or miss > allowed or distance > 4.0 * size or self._retraced(found, distance):
             return None
         return Point(past[-1].arc + distance, found), miss, miss > 0.5 * allowed
 
 
-def between(
-    problem: GridProblem, points: list[Point], direction: Direction, value: float, settings: Settings
-) -> Equilibrium:
-    """The equilibrium with a given progress along a direction, interpolated between points and corrected.
-
-    Parameters
-    ----------
-    points : list of Point
-        At least two around the place, at most four are used, those nearest in progress and apart from each other.
-    """
-    progress = [direction.value(point.state.u, point.load) for point in points]
-    apart = 1e-6 * (max(progress) - min(progress))
-    nearest: list[int] = []
-    for k in sorted(range(len(points)), key=lambda k: abs(progress[k] - value)):
-        if len(nearest) < 4 and all(abs(progress[k] - progress[other]) > apart for other in nearest):
-            nearest.append(k)
-    chosen = [points[k] for k in nearest]
-    progress = [progress[k] for k in nearest]
-    weights, _ = lagrange(progress, value)
-    u = combined(weights, [point.state.u for point in chosen])
-    load = math.fsum(w * point.load for w, point in zip(weights, chosen, strict=True))
-    contact = (combined(weights, [wall_function(point.state) for point in chosen]) > 0.0) & settings.wall
-    np.copyto(u, -problem.heights, where=contact)
-    slack = 1e-3 * (max(progress) - min(progress))
-    return newton(problem, u, load, direction.hold(value, slack), contact, settings)
+def beside(
+    setup: Setup, other: Setup, state: Equilibrium, way: tuple[Equilibrium, Equilibrium], settings: Settings
+) -> Equilibrium | None:
+    """The state on another lattice in the plane through a state and across the way from one state to another."""
+    sketch, begin, end = (carried(setup, other, one) for one in (state, *way))
+    change = end.u - begin.u, end.load - begin.load
+    direction = Direction.along(Measure.of(other.problem.heights + sketch.u, state.load, setup.length), *change)
+    return direction.corrected(other.problem, sketch, 1e-6 * abs(direction.value(*change)), settings)

@@ -12,7 +12,7 @@ from contbranch.models.grid.lattice import IMAGE_SUM, Lattice
 from contbranch.models.grid.newton import Equilibrium, Hold, hold_control, newton
 from contbranch.models.grid.problem import GridProblem
 from contbranch.models.grid.stability import SECTORS, Stability, morse, verify
-from contbranch.models.grid.switching import on_whole, whole_problem
+from contbranch.models.grid.switching import whole_problem
 from contbranch.models.grid.transforms import EVEN, Counter
 from contbranch.models.grid.variation import Precision
 
@@ -45,8 +45,8 @@ def test_elasticity_of_a_sector_is_that_of_the_whole_lattice(kind, sector):
     values = np.random.default_rng(3).standard_normal((lattice.size, lattice.size))
     own, other = lattice.transform(Counter(), 1, sector), whole.transform(Counter())
     found = own.filter(lattice.symbol(sector) * own.normalisation, values)
-    expected = other.filter(whole.symbol(None) * other.normalisation, on_whole(lattice, values, sector))
-    assert on_whole(lattice, found, sector) == pytest.approx(expected, abs=1e-8)
+    expected = other.filter(whole.symbol(None) * other.normalisation, lattice.unfold(values, sector))
+    assert lattice.unfold(found, sector) == pytest.approx(expected, abs=1e-8)
 
 
 # Gaps x²/2 and y² times a factor, plus a constant, and the contact's radius. The matrices are those of any state,
@@ -76,8 +76,8 @@ def state(request):
 def dense(problem: GridProblem, found: Equilibrium) -> tuple[np.ndarray, np.ndarray]:
     """(K_d + v'')_II and (K_d)_II of the whole lattice."""
     lattice = problem.lattice
-    free = ~on_whole(lattice, found.contact.astype(float)).astype(bool).ravel()
-    stiffness = on_whole(lattice, found.fields.stiffness).ravel()
+    free = ~lattice.unfold(found.contact.astype(float)).astype(bool).ravel()
+    stiffness = lattice.unfold(found.fields.stiffness).ravel()
     elastic = periodic_stiffness(lattice)[np.ix_(free, free)]
     return elastic + np.diag(stiffness[free]), elastic
 
@@ -226,7 +226,7 @@ def test_the_whole_lattice_finds_every_sector_and_pairs_of_equal_eigenvalues(fla
     problem = grid_problem(FLAT, "free", 8.0, 64)
     found = row.on(problem)
     whole = whole_problem(problem)
-    same = newton(whole, on_whole(problem.lattice, found.u), found.load, Hold(found.load))
+    same = newton(whole, problem.lattice.unfold(found.u), found.load, Hold(found.load))
     assert (same.converged, same.steps) == (True, 0)
     parts = Stability(problem, EXACT).morse(found)
     united = Stability(whole, EXACT).morse(same)

@@ -13,7 +13,7 @@ from contbranch.models.grid.angular import angular_content, mode_shape
 from contbranch.models.grid.lattice import Lattice
 from contbranch.models.grid.newton import Hold, newton
 from contbranch.models.grid.stability import Stability
-from contbranch.models.grid.switching import mirrored, on_whole, switch
+from contbranch.models.grid.switching import mirrored, switch
 from contbranch.models.grid.symmetry import Kind, axisymmetric_counts, distinct, symmetry_breaking
 from contbranch.models.grid.transforms import EVEN
 
@@ -61,10 +61,10 @@ def test_waves_are_told_from_each_other():
 @pytest.mark.parametrize("kind", ["periodic", "free"])
 def test_the_mirror_changes_the_sign_of_what_breaks_it(kind, sector):
     lattice = Lattice(kind, 4.0, 8)
-    values = on_whole(lattice, np.random.default_rng(1).standard_normal((lattice.size, lattice.size)), sector)
+    values = lattice.unfold(np.random.default_rng(1).standard_normal((lattice.size, lattice.size)), sector)
     assert np.array_equal(mirrored(lattice.whole(), values, sector), -values)
     x = lattice.whole().axis
-    assert on_whole(lattice, np.broadcast_to(lattice.axis[:, None], (lattice.size,) * 2), ODD)[
+    assert lattice.unfold(np.broadcast_to(lattice.axis[:, None], (lattice.size,) * 2), ODD)[
         : lattice.grid, : lattice.grid
     ] == pytest.approx(np.broadcast_to(x[: lattice.grid, None], (lattice.grid,) * 2))
 

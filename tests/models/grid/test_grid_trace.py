@@ -10,7 +10,7 @@ import pytest
 
 import contbranch as cb
 from contbranch.control import DISPLACEMENT, LOAD
-from contbranch.models.grid.trace import _indices
+from contbranch.models.grid.rows import morse_indices
 from contbranch.results.diagram import Diagram, Event
 
 REPULSION = cb.Contact.reduced("gauss", tabor=1.0, sign=-1)
@@ -228,12 +228,7 @@ def test_saved_diagrams_keep_what_grids_add(tmp_path) -> None:  # type: ignore[n
 @pytest.mark.parametrize("order", [("load", "displacement"), ("displacement", "load")])
 def test_a_corner_where_load_and_displacement_turn_together_ends_the_instability(order: tuple[str, str]) -> None:
     """On a lattice both folds of the wetting side can be one step of the contact: what follows is stable."""
-    columns = {
-        "load": np.array([0.0, 5.0, 8.0, 7.9, 7.5, 7.0, 7.0, 7.2, 8.5]),
-        "displacement": np.array([-4.0, 1.0, 1.9, 2.0, 1.9, 1.8, 1.8, 1.9, 2.5]),
-        "contact_radius": np.array([0.0, 0.0, 0.0, 0.0, 0.1, 0.2, 0.2, 0.3, 0.5]),
-    }
     folds = [(2, "load"), (3, "displacement"), (5, order[0]), (6, order[1])]
-    indices = _indices(columns, folds, (LOAD, DISPLACEMENT), 0)
-    assert indices.load_pieces.tolist() == [0, 0, 1, 1, 1, 0, 0, 0]
-    assert indices.displacement_pieces.tolist() == [0, 0, 0, 1, 1, 0, 0, 0]
+    indices = morse_indices(9, folds, (5.0, 5.0), one=lambda row, other: (row, other) == (5, 6))
+    assert indices.pieces(LOAD)[0].tolist() == [0, 0, 1, 1, 1, 0, 0, 0]
+    assert indices.pieces(DISPLACEMENT)[0].tolist() == [0, 0, 0, 1, 1, 0, 0, 0]

@@ -5,15 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from contbranch.models.grid.indices import morse_indices
+from contbranch.control import DISPLACEMENT, LOAD
+from contbranch.models.grid.rows import morse_indices
 
 
 def test_without_folds_everything_is_stable():
-    indices = morse_indices(4, [], 1, 1)
-    assert indices.load.tolist() == indices.displacement.tolist() == [0, 0, 0, 0]
-    falling = morse_indices(3, [], -1, 1)
-    assert falling.load.tolist() == [1, 1, 1]
-    assert falling.displacement.tolist() == [0, 0, 0]
+    indices = morse_indices(4, [], (1, 1))
+    assert indices.rows(LOAD).tolist() == indices.rows(DISPLACEMENT).tolist() == [0, 0, 0, 0]
+    falling = morse_indices(3, [], (-1, 1))
+    assert falling.rows(LOAD).tolist() == [1, 1, 1]
+    assert falling.rows(DISPLACEMENT).tolist() == [0, 0, 0]
 
 
 @pytest.mark.parametrize("amplitude", [0.5, 1.5, 3.0])
@@ -29,7 +30,7 @@ def test_a_chain_of_two_springs(amplitude):
     folds += [(int(k), "displacement") for k in np.flatnonzero(eigenvalue[:-1] * eigenvalue[1:] < 0)]
     loading = int(np.sign(force[1] - force[0]))
     approaching = int(np.sign((q + force)[1] - (q + force)[0]))
-    indices = morse_indices(len(q), sorted(folds), loading, approaching)
+    indices = morse_indices(len(q), sorted(folds), (loading, approaching))
     middle = (q[1:] + q[:-1]) / 2
     safe = np.ones(len(middle), dtype=bool)
     for row, _ in folds:
@@ -38,13 +39,13 @@ def test_a_chain_of_two_springs(amplitude):
     # under load control the Hessian of V + (d − q)²/2 − F d in (q, d) is [[c' + 1, −1], [−1, 1]]
     for piece in np.flatnonzero(safe)[::37]:
         hessian = np.array([[curvature[piece] + 1, -1.0], [-1.0, 1.0]])
-        assert indices.load_pieces[piece] == (np.linalg.eigvalsh(hessian) < 0).sum()
-        assert indices.displacement_pieces[piece] == int(curvature[piece] + 1 < 0)
-    assert (indices.loading[safe] == np.sign(np.diff(force))[safe]).all()
+        assert indices.pieces(LOAD)[0][piece] == (np.linalg.eigvalsh(hessian) < 0).sum()
+        assert indices.pieces(DISPLACEMENT)[0][piece] == int(curvature[piece] + 1 < 0)
+    assert (indices.pieces(LOAD)[1][safe] == np.sign(np.diff(force))[safe]).all()
 
 
 def test_a_fold_row_counts_with_its_more_stable_side():
-    indices = morse_indices(5, [(2, "load")], 1, 1)
-    assert indices.load_pieces.tolist() == [0, 0, 1, 1]
-    assert indices.load.tolist() == [0, 0, 0, 1, 1]
-    assert indices.displacement.tolist() == [0, 0, 0, 0, 0]
+    indices = morse_indices(5, [(2, "load")], (1, 1))
+    assert indices.pieces(LOAD)[0].tolist() == [0, 0, 1, 1]
+    assert indices.rows(LOAD).tolist() == [0, 0, 0, 1, 1]
+    assert indices.rows(DISPLACEMENT).tolist() == [0, 0, 0, 0, 0]

@@ -10,16 +10,16 @@ from grid_states import Row, grid_problem, traced
 from scipy.interpolate import CubicSpline
 
 import contbranch as cb
+from contbranch.control import DISPLACEMENT, LOAD
 from contbranch.curve.trace import Request
 from contbranch.models.grid import branches as branches_module
 from contbranch.models.grid.branches import follow_branch
-from contbranch.models.grid.indices import morse_indices
-from contbranch.models.grid.kept import kept_symmetry
 from contbranch.models.grid.newton import Hold, Settings, hold_control, newton
 from contbranch.models.grid.resolution import GridWarning
+from contbranch.models.grid.rows import morse_indices
 from contbranch.models.grid.setup import Setup
 from contbranch.models.grid.stability import SECTORS, Stability
-from contbranch.models.grid.switching import mirrored, on_whole
+from contbranch.models.grid.switching import kept_symmetry, mirrored
 from contbranch.models.grid.symmetry import symmetry_breaking
 from contbranch.models.grid.trace import trace
 from contbranch.models.grid.verification import pieces, verify_curve
@@ -75,7 +75,7 @@ def test_numbers_of_azimuthal_modes_change_at_the_events(flat, expected):
     for event in events:
         count[event.row + 1 :] += 1 if "lost" in event.message else -1
     assert np.array_equal(column, count)
-    assert not column[flat.indices.displacement == 0].any()
+    assert not column[flat.indices.rows(DISPLACEMENT) == 0].any()
     changes = expected.curve.unstable_azimuthal[np.flatnonzero(np.diff(expected.curve.unstable_azimuthal)) + 1]
     assert list(column[[event.row + 1 for event in events]]) == list(changes[: len(events)])
 
@@ -85,7 +85,7 @@ def test_a_parabola_keeps_its_symmetry(parabola):
     assert parabola.curve.complete
     assert parabola.curve.message == ""
     assert not parabola.curve.unstable_azimuthal.any()
-    assert max(parabola.indices.displacement) == 1
+    assert max(parabola.indices.rows(DISPLACEMENT)) == 1
     assert 0 < parabola.curve.cost.stability_pairs < 0.15 * parabola.curve.cost.fft_pairs
 
 
@@ -116,7 +116,7 @@ def test_a_fold_that_is_missing_contradicts(parabola):
 
     def verified(counted):
         rows = [row for row, _ in counted]
-        return verify_curve(parabola.setup, parabola.rows, morse_indices(count, counted, 1, 1), rows, 1e-6)
+        return verify_curve(parabola.setup, parabola.rows, morse_indices(count, counted, (1, 1)), rows, 1e-6)
 
     assert not verified(folds).contradicted
     assert verified(folds).notes == ()
@@ -146,7 +146,7 @@ def test_a_branch_keeps_another_symmetry_than_it_breaks(kind, sector):
     if sector in (SECTORS[0], SECTORS[3]):
         sign = -1.0 if sector == SECTORS[0] else 1.0
         values = values + sign * values.T
-    whole = on_whole(lattice, values, sector)
+    whole = lattice.unfold(values, sector)
     kept = kept_symmetry(lattice.whole(), sector, True)
     assert np.allclose(kept(whole), whole)
     assert np.allclose(mirrored(lattice.whole(), whole, sector), -whole)
@@ -183,7 +183,7 @@ def test_the_branch_of_the_first_mode_is_followed(flat, branch):
 def test_the_branch_inherits_what_the_curve_loses(flat, branch):
     """Before the event one axisymmetric mode is unstable and no other; so it is on the branch, close to it."""
     event = flat.breakings[0]
-    assert flat.indices.displacement[event.row + 1] == 1
+    assert flat.indices.rows(DISPLACEMENT)[event.row + 1] == 1
     assert branch.curve.unstable_displacement[1] == 1
     assert branch.curve.unstable_azimuthal[1] == 0
 
@@ -244,14 +244,14 @@ def test_quarter_and_whole_lattice_agree(kind):
             np.maximum(0.3 - setup.problem.heights, -1.0) if load < 12.0 else -np.minimum(setup.problem.heights, 1.5)
         )
         found = []
-        for one, u in ((setup, start), (whole, on_whole(setup.lattice, start))):
+        for one, u in ((setup, start), (whole, setup.lattice.unfold(start))):
             found.append(newton(one.problem, u, load, hold_control(one.problem, *weights, value), settings=settings))
         quarter, full = found
         assert quarter.converged
         assert full.converged
         assert full.load == pytest.approx(quarter.load, abs=1e-10)
         assert full.displacement == pytest.approx(quarter.displacement, abs=1e-10)
-        assert np.abs(full.u - on_whole(setup.lattice, quarter.u)).max() < 1e-9
+        assert np.abs(full.u - setup.lattice.unfold(quarter.u)).max() < 1e-9
 
 
 def test_load_and_displacement_lead_to_the_same_states(parabola):
@@ -283,4 +283,4 @@ def test_an_end_next_to_folds_is_the_last_row():
     assert marks == [*kinds, *kinds[::-1], ("end", None)]
     assert found.curve.events[-1].row == len(found.rows) - 1
     assert found.curve.complete
-    assert found.indices.load[-1] == 0
+    assert found.indices.rows(LOAD)[-1] == 0
