@@ -95,7 +95,7 @@ class Search:
         """Brackets of all zeros, and the points in order, the earlier ones included."""
         begin, end = self.seen(self.segment.begin), self.seen(self.segment.end)
         found: list[tuple[Control, Bracket]] = []
-        if self.segment.length == 0.0 or begin is None or end is None:
+        if not self.probes or self.segment.length == 0.0 or begin is None or end is None:
             return found, []
         same = SAME * (end.place - begin.place)  # one point on two discretisations
         points = [*(one for one in past if begin.place - one.place > same), begin, end]
