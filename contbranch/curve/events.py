@@ -196,8 +196,10 @@ class Folds(Event):
                 begin = probe.known[segment.begin] = math.copysign(TINY, self._signs.get(control.kind) or end)
             if end == 0.0:  # what is controlled rests, or a fold at the very end: the next step has it
                 probe.known[segment.end] = math.copysign(TINY, begin)
-            if abs(begin) > TINY or (begin > 0) != (probe.at(segment.end) > 0):
+            if abs(begin) > TINY or (begin > 0) != (probe.at(segment.end) > 0):  # otherwise it rests
                 probes[control] = probe
+        if not probes:
+            return []
         search = Search(segment, self._rates, probes)
         if not search.problem.ordered:
             seen = None if previous is None else search.seen(previous.begin)
