@@ -36,7 +36,7 @@ from contbranch.models.grid.landing import land
 from contbranch.models.grid.newton import Equilibrium, hold_control
 from contbranch.models.grid.observables import cell_fields
 from contbranch.models.grid.paths import GridWalk
-from contbranch.models.grid.solve import state_at
+from contbranch.models.grid.rows import state_at
 from contbranch.models.grid.stability import Stability
 from contbranch.models.grid.trace import Traced, trace
 from contbranch.output.plot_view import BLUE, GREY, ORANGE, STYLE

@@ -8,7 +8,7 @@ moving rim only scales columns by ``tau/t``.
 
 from __future__ import annotations
 
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 
@@ -20,6 +20,8 @@ __all__ = ["Mesh"]
 # A source panel closer to the target than this many of its own lengths is integrated with the kernel's substitution;
 # farther away the kernel is analytic in a Bernstein ellipse of parameter > 5.8 and the panel's own nodes suffice.
 NEAR = 1.0
+# Blocks of the matrices that are kept, of one order.
+MOST = 4000
 # How `Mesh.finer` is refined; with these, errors of the coarser mesh are measured to about a tenth of themselves.
 FINER_GRADING = 0.25
 FINER_ORDER_SHARE = 3
@@ -56,8 +58,7 @@ class Mesh:
         self.nodes, self.weights = nodes.ravel(), weights.ravel()
         self.size = len(self.nodes)
         self.innermost = float(self.edges[1])
-        self.plane = self._plane()
-        self.abel = self._abel()
+        self.plane, self.abel = self._matrices()
 
     @cached_property
     def finer(self) -> Mesh:
@@ -89,15 +90,6 @@ class Mesh:
         return matrix.reshape(len(points), self.size)
 
     # -- the matrices -------------------------------------------------------------------------------------------------
-    def _pairs(self, above: bool) -> tuple[Indices, Indices]:
-        """(node, panel) pairs whose kernel needs its substitution; `above`: panels that reach beyond the node."""
-        left, right = self.edges[:-1], self.edges[1:]
-        x = self.nodes[:, None]
-        touched = (right > x) if above else (left < x)
-        distance = np.maximum(0.0, np.maximum(left - x, x - right))
-        node, panel = np.nonzero(touched & (distance < NEAR * (right - left)))
-        return node, panel
-
     def arcs(self, rho: Array, panel: Indices, count: int) -> tuple[Array, Array]:
         """Nodes tau = rho sin(theta) on panels below targets rho, and weights of ∫ dtheta; (pairs, count) each."""
         end = np.arcsin(np.minimum(1.0, self.edges[panel + 1] / rho))
@@ -116,39 +108,58 @@ class Mesh:
         values = legendre_values(self.order, local)
         return np.asarray(np.einsum("kpm,pm->pk", values, factors) @ self.rule.to_legendre)
 
-    def _fill(self, matrix: Array, node: Indices, panel: Indices, rows: Array) -> None:
-        matrix.reshape(self.size, self.panels, self.order)[node, panel] = rows
+    def _matrices(self) -> tuple[Array, Array]:
+        """Both Abel integrals: the kernels at the nodes, and blocks for panels close to each other."""
+        squares = self.nodes**2
+        kernel = np.abs(squares[:, None] - squares)
+        kernel.flat[:: self.size + 1] = np.inf
+        np.sqrt(kernel, out=kernel)
+        np.divide(1.0, kernel, out=kernel)
+        plane = np.tril(kernel) * ((2 / np.pi) * self.weights)
+        abel = np.triu(kernel) * (2 * self.weights * self.nodes)
+        left, right = self.edges[:-1], self.edges[1:]
+        near = NEAR * (right - left)
+        below, above = np.tril(left[:, None] - right < near), np.triu(left - right[:, None] < near)
+        for matrix, pairs, upwards in ((plane, below, False), (abel, above, True)):
+            target, source = np.nonzero(pairs)
+            blocks = matrix.reshape(self.panels, self.order, self.panels, self.order)
+            blocks[target, :, source, :] = self._near(target, source, upwards)
+        return plane, abel
 
-    def _plane(self) -> Array:
-        x = self.nodes
-        difference = x[:, None] ** 2 - x[None, :] ** 2
-        with np.errstate(invalid="ignore", divide="ignore"):
-            matrix = np.where(difference > 0, (2 / np.pi) * self.weights / np.sqrt(difference), 0.0)
-        node, panel = self._pairs(above=False)
-        # tau = rho sin(theta) removes the half-order weight and leaves a polynomial in sin(theta).
-        tau, weights = self.arcs(x[node], panel, self.order + 6)
-        self._fill(matrix, node, panel, self.moments(tau, panel, (2 / np.pi) * weights))
-        matrix.reshape(self.size, self.panels, self.order)[self.edges[None, :-1] >= x[:, None]] = 0.0
-        return matrix
+    def _near(self, target: Indices, source: Indices, upwards: bool) -> Array:
+        """The blocks of either integral for pairs of panels, (pairs, order, order); most of them are known."""
+        edges, known = self.edges, _blocks(self.order, upwards)
+        # Lengths in a power of two: the blocks of panels that differ by one are the same.
+        unit = np.exp2(np.floor(np.log2(edges[source + 1])))
+        sides = np.stack([edges[target], edges[target + 1], edges[source], edges[source + 1]], axis=1) / unit[:, None]
+        keys = [tuple(row) for row in sides.tolist()]
+        if len(known) > MOST:
+            known.clear()
+        missing = np.array([k for k, key in enumerate(keys) if key not in known], dtype=np.intp)
+        if len(missing):
+            nodes = self.nodes.reshape(self.panels, -1)[target[missing]].ravel()
+            rows = (self._up if upwards else self._down)(nodes, np.repeat(source[missing], self.order))
+            own = rows.reshape(-1, self.order, self.order) / (unit[missing, None, None] if upwards else 1.0)
+            known.update(zip((keys[k] for k in missing), own, strict=True))
+        found = np.stack([known[key] for key in keys])
+        return found * unit[:, None, None] if upwards else found
 
-    def _abel(self) -> Array:
-        x = self.nodes
-        difference = x[None, :] ** 2 - x[:, None] ** 2
-        with np.errstate(invalid="ignore", divide="ignore"):
-            matrix = np.where(difference > 0, 2 * self.weights * x / np.sqrt(difference), 0.0)
-        node, panel = self._pairs(above=True)
+    def _down(self, rho: Array, panel: Indices) -> Array:
+        """Rows of `plane`: tau = rho sin(theta) removes the weight and leaves a polynomial in sin(theta)."""
+        tau, weights = self.arcs(rho, panel, self.order + 6)
+        return self.moments(tau, panel, (2 / np.pi) * weights)
+
+    def _up(self, tau: Array, panel: Indices) -> Array:
+        """Rows of `abel`: sigma = tau cosh(y) removes the weight; from the innermost nodes the range of y is long."""
+        start = np.arccosh(np.maximum(1.0, self.edges[panel] / tau))
+        end = np.arccosh(self.edges[panel + 1] / tau)
+        rows = np.empty((len(tau), self.order))
         for inner, count in ((True, 2 * self.order + 16), (False, self.order + 10)):
-            # sigma = tau cosh(y) removes the weight; seen from the innermost nodes the range of y is long.
             pick = (panel == 0) == inner
-            rows, cols = node[pick], panel[pick]
-            tau = x[rows]
-            start = np.arccosh(np.maximum(1.0, self.edges[cols] / tau))
-            end = np.arccosh(self.edges[cols + 1] / tau)
-            y, weights = gauss_between(start, end, count)
-            sigma = tau[:, None] * np.cosh(y)
-            self._fill(matrix, rows, cols, self.moments(sigma, cols, 2 * weights * sigma))
-        matrix.reshape(self.size, self.panels, self.order)[self.edges[None, 1:] <= x[:, None]] = 0.0
-        return matrix
+            y, weights = gauss_between(start[pick], end[pick], count)
+            sigma = tau[pick, None] * np.cosh(y)
+            rows[pick] = self.moments(sigma, panel[pick], 2 * weights * sigma)
+        return rows
 
     # -- fields on the mesh -------------------------------------------------------------------------------------------
     def interpolate(self, values: Array, points: Array) -> Array:
@@ -167,3 +178,9 @@ class Mesh:
         """Panel of each point and its place there, in [−1, 1]; points beyond the mesh belong to the last panel."""
         panel = np.clip(np.searchsorted(self.edges, points, side="right") - 1, 0, self.panels - 1)
         return panel, (points - self.edges[panel]) / self.half[panel] - 1.0
+
+
+@cache
+def _blocks(order: int, upwards: bool) -> dict[tuple[float, ...], Array]:
+    """The blocks of either integral met so far, by the edges of target and source."""
+    return {}

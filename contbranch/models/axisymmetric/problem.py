@@ -78,8 +78,6 @@ FEWER, COARSENINGS = 0.8, 4
 TINY, MOVING = 1e-2, 0.1
 # The panels' guide is believed where, scaled to the error found last, it leaves so much room.
 ROOM = 4.0
-# ... and never below this share of itself: an error may be small by cancellation.
-LUCK = 0.02
 # Rounds of meshing, solving and judging until a mesh satisfies its own error estimate.
 ROUNDS = 6
 
@@ -611,7 +609,7 @@ class ContactProblem(EquilibriumProblem):
     def calibrated(self, fields: Fields) -> float:
         """The relative error of a solution, which scales the panels' guide from now on."""
         error = self.relative_error(fields)
-        self.guided = max(error / max(self._guide(fields), 1e-300), LUCK)
+        self.guided = error / max(self._guide(fields), 1e-300)
         return error
 
     def _guide(self, fields: Fields) -> float:

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.polynomial import chebyshev
 
 from contbranch.arrays import Array
-from contbranch.models.quadrature import chebyshev_slopes, chebyshev_values, gauss_between
+from contbranch.models.quadrature import chebyshev_values, gauss_between
 
 from .mesh import Mesh
 
@@ -87,8 +88,8 @@ class Rim:
     def _fit(self, values: Array, local: Array) -> tuple[Array, float]:
         """d/d(tau²) of the even fit to the innermost panel's nodal values at local places, and the fit at its end."""
         coefficients = self.mesh.rule.to_even @ values
-        slopes = chebyshev_slopes(chebyshev_values(self.mesh.rule.even_order, local), local)
-        return np.tensordot(coefficients, slopes, 1) * (2 / self.mesh.innermost**2), float(coefficients.sum())
+        slopes = chebyshev.chebval(local, chebyshev.chebder(coefficients))
+        return np.asarray(slopes, dtype=np.float64) * (2 / self.mesh.innermost**2), float(coefficients.sum())
 
 
 def make_rim(mesh: Mesh, radius: float) -> Rim:

@@ -18,7 +18,6 @@ import numpy as np
 
 from contbranch.curve.outcome import RawCurve
 from contbranch.curve.trace import Request
-from contbranch.results.diagram import Cost
 
 from .arrays import Array
 from .setup import Setup
@@ -28,7 +27,7 @@ from .trace import Traced, followed
 from .transforms import EVEN
 from .walk import Point, quietly
 
-__all__ = ["POINTS", "follow_branch", "follow_branches", "with_branches"]
+__all__ = ["POINTS", "follow_branch", "with_branches"]
 
 
 # Points of a branch at most.
@@ -82,64 +81,47 @@ def follow_branch(setup: Setup, event: Breaking, request: Request, points: int |
     if switched is None:
         return f"No states of the branch {what} were found."
     whole = setup.whole()
-    heights = setup.problem.heights
-    swapped = bool(np.allclose(heights, heights.T, rtol=1e-12, atol=0.0))
-    kept = kept_symmetry(whole.lattice, sector, swapped)
+    kept = kept_symmetry(whole.lattice, sector, setup.problem.swapped)
     ending = _Ending(switched, POINTS if points is None else points)
     return followed(whole, request, switched.states, ending, kept)
 
 
-def follow_branches(
-    setup: Setup, traced: Traced, request: Request, points: int | None = None
-) -> tuple[list[Traced], list[str]]:
-    """Every branch that leaves a traced curve, and why some were not followed.
+def with_branches(setup: Setup, traced: Traced, request: Request) -> RawCurve:
+    """The raw result of a traced curve together with every branch that leaves it.
 
     A branch that comes back to the curve at another event is not followed again from there.
     """
-    events = distinct(traced.breakings) if setup.contact.tip.is_axisymmetric else list(traced.breakings)
-    branches: list[Traced] = []
-    origins: list[Breaking] = []
-    notes: list[str] = []
-    if request.target is None and len(traced.curve.load):
-        request = replace(request, target=traced.curve.load.max())
-    for event in events:
-        if any(_ends_at(branch, origin, event) for branch, origin in zip(branches, origins, strict=True)):
+    began, curve = time.perf_counter(), traced.curve
+    known: list[tuple[Breaking, Traced]] = []
+    notes = [curve.message] if curve.message else []
+    missing = []
+    if request.target is None and len(curve.load):
+        request = replace(request, target=float(curve.load.max()))
+    for event in distinct(traced.breakings) if setup.contact.tip.is_axisymmetric else traced.breakings:
+        if any(_ends_at(branch, origin, event) for origin, branch in known):
             continue
-        found = follow_branch(setup, event, request, points)
+        found = follow_branch(setup, event, request)
         if isinstance(found, str):
-            notes.append(found)
+            missing.append(found)
         else:
-            branches.append(found)
-            origins.append(event)
-    return branches, notes
+            known.append((event, found))
+    others = tuple(branch.curve for _, branch in known)
+    missing += [f"Branch {number}: {one.message}" for number, one in enumerate(others, start=1) if one.message]
+    return replace(
+        curve,
+        others=others,
+        complete=curve.complete and not missing,
+        message=" ".join(notes + missing),
+        cost=setup.counter.cost(curve.cost.wall_s + time.perf_counter() - began),
+    )
 
 
 def _ends_at(branch: Traced, origin: Breaking, event: Breaking) -> bool:
     """Whether a branch that left at one event has come back at another."""
     if event.kind.sector != origin.kind.sector or event.mode != origin.mode:
         return False
-    fields = [row.u for row in branch.rows if row.u is not None]
     lattice, sector = branch.setup.lattice, origin.kind.sector
-    sizes = [np.abs(u - mirrored(lattice, u, sector)).max() for u in fields]
-    last, state = branch.rows[-1].reading, event.equilibrium
-    pairs = ((last.load, state.load), (last.displacement, state.displacement))
-    close = all(abs(one - other) <= SAME * max(1.0, abs(other)) for one, other in pairs)
-    return close and bool(sizes) and sizes[-1] < BACK * max(sizes)
-
-
-def with_branches(setup: Setup, traced: Traced, request: Request) -> RawCurve:
-    """The raw result of a traced curve together with the branches that leave it."""
-    began = time.perf_counter()
-    found, notes = follow_branches(setup, traced, request)
-    counter, curve = setup.counter, traced.curve
-    curves = tuple(branch.curve for branch in found)
-    for number, branch in enumerate(curves, start=1):
-        notes += [f"Branch {number}: {branch.message}"] if branch.message else []
-    wall = curve.cost.wall_s + time.perf_counter() - began
-    return replace(
-        curve,
-        others=curves,
-        complete=curve.complete and len(notes) == 0,
-        message=" ".join([*([curve.message] if curve.message else []), *notes]),
-        cost=Cost(wall, counter.newton, counter.equilibrium, counter.stability),
-    )
+    sizes = [np.abs(row.u - mirrored(lattice, row.u, sector)).max() for row in branch.rows if row.u is not None]
+    there = np.array([event.equilibrium.load, event.equilibrium.displacement])
+    close = np.abs(there - branch.rows[-1].reading[:2]) <= SAME * np.maximum(1.0, np.abs(there))
+    return bool(close.all() and sizes and sizes[-1] < BACK * max(sizes))

@@ -21,8 +21,7 @@ from .accuracy import compared, held
 from .arrays import Array, Integers
 from .landing import land
 from .newton import Equilibrium, Hold, control_held, newton, settings_for
-from .rows import Reading, read
-from .solve import crossing, state_at
+from .rows import Reading, crossing, read, state_at
 from .trace import Traced
 from .walk import Direction, Track, quietly
 

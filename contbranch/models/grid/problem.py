@@ -90,6 +90,11 @@ class GridProblem:
         """Gap beyond which the law's energy is below 1e-16 of its reference: there nothing needs to be evaluated."""
         return 0.0 if self.law is None else self.law.reach(1e-16)
 
+    @cached_property
+    def swapped(self) -> bool:
+        """Whether the tip is the same with x and y exchanged."""
+        return bool(np.allclose(self.heights, self.heights.T, rtol=1e-12, atol=0.0))
+
     @property
     def shape(self) -> tuple[int, int]:
         """Shape of a field."""

@@ -69,11 +69,10 @@ class Resolution:
         )
 
     @staticmethod
-    def of(lattice: Lattice, law: Interaction | None) -> Resolution:
-        """Compare a law with a lattice."""
-        softest = concavity(law)
-        stiffness = math.pi / (WAVE * lattice.spacing)
-        return Resolution(softest, stiffness, needed_grid(lattice.edge, law))
+    def of(setup: Setup) -> Resolution:
+        """Compare the law with the lattice."""
+        stiffness = math.pi / (WAVE * setup.lattice.spacing)
+        return Resolution(concavity(setup.law), stiffness, needed_grid(setup.edge, setup.law))
 
 
 def concavity(law: Interaction | None) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -12,19 +12,20 @@ import numpy as np
 from contbranch.contact.height_map import HeightMap
 from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.curve.angle import Hodograph, Turning, in_passing
-from contbranch.errors import InputError
+from contbranch.errors import InputError, ModelError
 from contbranch.results.diagram import Profile
 
 from .arrays import Array, Mask
 from .contact_area import contact_area
 from .folds import Refined
-from .newton import Equilibrium
+from .newton import Equilibrium, Settings, control_held, newton
 from .observables import central_gap, far_field, profile, smallest_gap
 from .problem import GridProblem
 from .resolution import tail_force
 from .setup import Setup
+from .walk import Direction, Track
 
-__all__ = ["Mark", "Reading", "Row", "deferred_profile", "difference", "morse_indices", "read"]
+__all__ = ["Mark", "Reading", "Row", "crossing", "deferred_profile", "difference", "morse_indices", "read", "state_at"]
 
 
 class Reading(NamedTuple):
@@ -180,3 +181,46 @@ def deferred_profile(setup: Setup, row: Row) -> Callable[[], Profile]:
         return profile(setup.problem, state)
 
     return made
+
+
+def crossing(
+    setup: Setup, rows: tuple[Row, Row], control: Control, value: float, settings: Settings
+) -> Equilibrium | None:
+    """The equilibrium between two rows at a value of the control: from the nearer end, within the bracket."""
+    problem = setup.problem
+    hold = control_held(problem, control, value)
+    begin, end = (state_at(problem, row) for row in rows)
+    values = [control.value(state.load, state.displacement) for state in (begin, end)]
+    share = (value - values[0]) / (values[1] - values[0])
+    u, load = begin.u + share * (end.u - begin.u), begin.load + share * (end.load - begin.load)
+    contact = begin.contact if share < 0.5 else end.contact
+    found = newton(problem, np.where(contact, -problem.heights, u), load, hold, contact, settings)
+    way = Direction.between(begin, end, setup.length)
+    bounds = way.of(begin), way.of(end)
+    if found.converged and min(bounds) <= way.of(found) <= max(bounds):
+        return found
+    # Next to a fold Newton's method leaves the bracket: the curve is followed within it.
+    track = Track(problem, [begin, end], way, settings)
+    # Soft there, it is known less well than the residual says.
+    sharp = replace(settings, tolerance=0.1 * settings.tolerance)
+    for part in (1e-2, 1e-9):
+        near = track.zero(lambda state: control.value(state.load, state.displacement) - value, *bounds, part)
+        if near is not None:
+            found = newton(problem, near.u, near.load, hold, near.contact, sharp)
+            if found.converged and min(bounds) <= way.of(found) <= max(bounds):
+                return found
+    return None
+
+
+def state_at(problem: GridProblem, row: Row) -> Equilibrium:
+    """The equilibrium of a row whose fields were kept.
+
+    Raises
+    ------
+    ModelError
+        If they were not.
+    """
+    state = row.state(problem)
+    if state is None:
+        raise ModelError("the fields of a row were given up to save memory")
+    return state

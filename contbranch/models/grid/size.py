@@ -5,10 +5,14 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+<<<<<<< HEAD
+=======
 import numpy as np
-from scipy.optimize import brentq
+import scipy
 
+>>>>>>> wt-k
 from contbranch.contact.contact import Contact
+from contbranch.contact.tip_shape import inverse
 from contbranch.contact.tips import Parabola
 from contbranch.curve.curves import FollowedCurves
 from contbranch.curve.trace import Request
@@ -30,6 +34,8 @@ LEAST, MOST = 64, 512
 COARSE_ERROR, ORDER = 0.02, 1.5
 # Accuracy of the curve that tells how much room a trace takes.
 COARSE_CURVE = 1e-4
+# A tip is flat whose height is not reached at this distance.
+FLAT = 1e8
 
 
 def chosen_size(
@@ -70,17 +76,24 @@ def _reach(contact: Contact) -> float:
 def _radius_at(contact: Contact, height: float) -> float:
     """The largest distance from the apex at which the tip is no higher than that, along the axes."""
     surface = contact.tip.surface
-    high = contact.tip.natural_length
-    along = ((1.0, 0.0), (0.0, 1.0))
 
     def height_at(distance: float) -> float:
-        return min(float(np.asarray(surface(np.array(distance * x), np.array(distance * y)))) for x, y in along)
+        return min(float(surface(distance, 0.0)), float(surface(0.0, distance)))
 
+<<<<<<< HEAD
+    radius = inverse(height_at, height, contact.tip.natural_length, FLAT)
+    if radius >= FLAT:
+        raise InputError("cell: the tip is flat; give the edge of the cell")
+    return radius
+=======
     while height_at(high) < height:
         high *= 2.0
         if high > 1e8:
             raise InputError("cell: the tip is flat; give the edge of the cell")
-    return float(brentq(lambda distance: height_at(distance) - height, 0.0, high)) if height > 0.0 else 0.0
+    return (
+        float(scipy.optimize.brentq(lambda distance: height_at(distance) - height, 0.0, high)) if height > 0.0 else 0.0
+    )
+>>>>>>> wt-k
 
 
 def _extent(contact: Contact, field: str | None, value: float | None) -> tuple[float, float]:

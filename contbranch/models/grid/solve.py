@@ -20,17 +20,16 @@ from contbranch.results.record import OBSERVABLES
 from .accuracy import held
 from .newton import Equilibrium, Hold, Settings, Sketch, control_held, newton, settings_for
 from .observables import cell_fields, mean_gap, profile
-from .problem import GridProblem
 from .resolution import Resolution, border_message, fills, rounded_up, warn
-from .rows import Row, read
+from .rows import crossing, read
 from .setup import Setup
 from .size import chosen_size
 from .sketch import copied, drawn, relatives
 from .stability import morse
 from .trace import trace
-from .walk import Direction, Track, quietly
+from .walk import quietly
 
-__all__ = ["Asked", "crossing", "find_all", "solve_all", "state_at"]
+__all__ = ["Asked", "find_all", "solve_all"]
 
 # Two states are one if their fields differ by less than this part of the law's range.
 SAME = 1e-3
@@ -99,7 +98,7 @@ def solve_all(setup: Setup, request: Request, field: str, value: float, near: St
             raise _unreached(setup, field, value, bool(related))
         states = [state_of(asked, found) for found in equilibria]
     border = "" if setup.crowded else _border(asked, equilibria[0])
-    notes = [Resolution.of(setup.lattice, setup.law).message, border]
+    notes = [Resolution.of(setup).message, border]
     for note in notes:
         warn(note)
     if own and related:
@@ -225,42 +224,3 @@ def find_all(
         window=used,
         searched="others were not looked for off the curve",
     )
-
-
-def crossing(
-    setup: Setup, rows: tuple[Row, Row], control: Control, value: float, settings: Settings
-) -> Equilibrium | None:
-    """The equilibrium between two rows at a value of the control: from the nearer end, within the bracket."""
-    problem = setup.problem
-    hold = control_held(problem, control, value)
-    begin, end = (state_at(problem, row) for row in rows)
-    values = [control.value(state.load, state.displacement) for state in (begin, end)]
-    share = (value - values[0]) / (values[1] - values[0])
-    u, load = begin.u + share * (end.u - begin.u), begin.load + share * (end.load - begin.load)
-    contact = begin.contact if share < 0.5 else end.contact
-    found = newton(problem, np.where(contact, -problem.heights, u), load, hold, contact, settings)
-    way = Direction.between(begin, end, setup.length)
-    bounds = way.of(begin), way.of(end)
-    if found.converged and min(bounds) <= way.of(found) <= max(bounds):
-        return found
-    # Next to a fold Newton's method leaves the bracket: the curve is followed within it.
-    track = Track(problem, [begin, end], way, settings)
-    near = track.zero(lambda state: control.value(state.load, state.displacement) - value, *bounds)
-    if near is None:
-        return None
-    found = newton(problem, near.u, near.load, hold, near.contact, settings)
-    return found if found.converged else None
-
-
-def state_at(problem: GridProblem, row: Row) -> Equilibrium:
-    """The equilibrium of a row whose fields were kept.
-
-    Raises
-    ------
-    ModelError
-        If they were not.
-    """
-    state = row.state(problem)
-    if state is None:
-        raise ModelError("the fields of a row were given up to save memory")
-    return state

@@ -169,8 +169,7 @@ class Stability:
     previous: dict[Sector | None, Array] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        heights = self.problem.heights
-        self.swapped = bool(np.allclose(heights, heights.T, rtol=1e-12, atol=0.0))
+        self.swapped = self.problem.swapped
         self._transforms: dict[Sector | None, tuple[Transform, Array]] = {}
 
     @property

@@ -10,7 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from contbranch.control import Control
+from contbranch.control import LOAD, Control
 from contbranch.curve.angle import Hodograph
 from contbranch.curve.outcome import RawCurve
 from contbranch.curve.symmetry import merged
@@ -19,17 +19,17 @@ from contbranch.curve.trace import Request
 from .accuracy import compared, no_comparison, touched
 from .arrays import Array
 from .folds import coarser_touch, locate_fold, locate_touch, touches
-from .newton import Equilibrium, Hold, Settings, hold_control, newton
+from .newton import Equilibrium, Settings, hold_control, newton
 from .observables import interpolate
 from .ramp import jump_message
 from .resolution import Resolution, border_energy, border_message, fills, warn
-from .rows import Mark, Row, deferred_profile, difference, morse_indices, read
+from .rows import Mark, Row, crossing, deferred_profile, difference, morse_indices, read
 from .setup import Setup
 from .switching import first_index
 from .symmetry import Breaking
 from .symmetry_events import symmetry_events
 from .verdicts import LARGEST_REFINED, MOST_REFINED, judge, raw_event
-from .verification import too_coarse, verify_curve
+from .verification import verify_curve
 from .walk import Measure, Point, Walker, WalkOptions, following, quietly
 
 __all__ = ["Traced", "followed", "trace"]
@@ -87,8 +87,8 @@ class _Tracer:
         period = self.setup.lattice.spacing / self.setup.length
         self.options = WalkOptions(tolerance=tolerance, period=period, noise=max(1e-3, 0.05 * period))
         self.settings = following(tolerance)
-        fine = Resolution.of(self.setup.lattice, self.setup.law).ratio <= 1.0
-        if self.setup.crowded and fine:
+        self.resolution = Resolution.of(self.setup)
+        if self.setup.crowded and self.resolution.ratio <= 1.0:
             # Contacts of single asperities are small parts of the surface: what happens to one of them is a short part
             # of the curve, over which a step that moves all contacts by a node would leap.
             self.options = replace(self.options, hops=False, noise=CLOSE)
@@ -177,15 +177,14 @@ class _Tracer:
             return False
         # A fold may lie within the last step: the nearest row before the end is on the same side of it.
         near = max((row for row in self.rows if row.arc < last.arc), key=lambda row: row.arc)
-        share = (goal - near.load) / (last.load - near.load) if last.load > near.load else 0.0
-        if self.beyond is None and near.u is not None and 0.0 < share < 1.0:
-            u = near.u + share * (last.state.u - near.u)
-            end = newton(self.problem, u, goal, Hold(goal), near.contact, self.settings)
-            low, high = sorted((near.reading.displacement, last.displacement))
-            if end.converged and low <= end.displacement <= high:
-                arc = near.arc + share * (last.arc - near.arc)
-                self.rows = [row for row in self.rows if row.arc < arc]
-                self._add(Point(arc, end))
+        end = None
+        ends = near, max(self.rows, key=lambda row: row.arc)
+        if self.beyond is None and near.load < goal <= last.load and all(row.u is not None for row in ends):
+            end = crossing(self.setup, ends, LOAD, goal, self.settings)
+        if end is not None:
+            arc = near.arc + (goal - near.load) / (last.load - near.load) * (last.arc - near.arc)
+            self.rows = [row for row in self.rows if row.arc < arc]
+            self._add(Point(arc, end))
         self._end()
         return True
 
@@ -205,9 +204,8 @@ class _Tracer:
         return ""
 
     def _stuck(self, message: str) -> str:
-        resolution = Resolution.of(self.setup.lattice, self.setup.law)
-        remedy = f"; the grid is too coarse for this interaction, use at least {resolution.grid}"
-        return message + (remedy if resolution.ratio > 1.0 else "; try a finer grid or a larger cell")
+        remedy = f"; the grid is too coarse for this interaction, use at least {self.resolution.grid}"
+        return message + (remedy if self.resolution.ratio > 1.0 else "; try a finer grid or a larger cell")
 
     def _report(self, point: Point) -> None:
         if self.request.progress is not None:
@@ -309,7 +307,7 @@ class _Tracer:
             profiles=[deferred_profile(setup, row) for row in rows],
             events=events,
             # What the lattice is too coarse for, the message names already.
-            complete=not message and (not checked.contradicted or too_coarse(setup)),
+            complete=not message and (not checked.contradicted or self.resolution.ratio > 1.0),
             message=" ".join([f"{message}." if message else "", *self.notes, *checked.notes]).strip(),
             cost=setup.counter.cost(time.perf_counter() - began),
             unknowns=setup.lattice.size**2,
@@ -354,8 +352,7 @@ def trace(setup: Setup, request: Request, verdicts: bool = True, beyond: float |
     began = time.perf_counter()
     tracer = _Tracer(setup, request, verdicts, beyond=beyond)
     with quietly():
-        tracer.notes += [Resolution.of(setup.lattice, setup.law).message]
-        tracer.notes += [jump_message(setup.law)]
+        tracer.notes = [tracer.resolution.message, jump_message(setup.law)]
         for note in tracer.notes:
             warn(note)
         message = tracer.run()

@@ -29,7 +29,7 @@ from contbranch.curve.angle import Hodograph
 
 from .arrays import Integers, Mask
 from .newton import Equilibrium
-from .resolution import Resolution, concavity
+from .resolution import concavity
 from .setup import Setup
 from .stability import ZERO, Morse, Sector, Spectrum, Stability, as_stability
 from .switching import Image, has_symmetry, lacking
@@ -385,11 +385,6 @@ class _Survey:
         if missed:
             self.notes.append(f"{missed} symmetry events could not be located.")
         return events
-
-
-def too_coarse(setup: Setup) -> bool:
-    """Whether the lattice's own folds may be what eigenvalues and folds disagree on; the diagram says so then."""
-    return Resolution.of(setup.lattice, setup.problem.law).ratio > 1.0
 
 
 def _inside(unresolved: Sequence[Sequence[int]]) -> frozenset[int]:

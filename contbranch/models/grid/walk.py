@@ -201,8 +201,10 @@ class Track:
         self.states.append(found)
         return found
 
-    def zero(self, function: Callable[[Equilibrium], float], low: float, high: float) -> Equilibrium | None:
-        """The state between two values of the progress where a function of the state is zero."""
+    def zero(
+        self, function: Callable[[Equilibrium], float], low: float, high: float, part: float = 1e-9
+    ) -> Equilibrium | None:
+        """The state between two values of the progress where a function of the state is zero, to a part of the way."""
 
         def value(progress: float) -> float:
             state = self.at(progress)
@@ -211,7 +213,7 @@ class Track:
             return function(state)
 
         try:
-            return self.at(scipy.optimize.brentq(value, low, high, xtol=1e-9 * (high - low)))
+            return self.at(scipy.optimize.brentq(value, low, high, xtol=part * abs(high - low)))
         except ValueError:
             return None
 
