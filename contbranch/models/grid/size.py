@@ -5,12 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-<<<<<<< HEAD
-=======
-import numpy as np
-import scipy
-
->>>>>>> wt-k
 from contbranch.contact.contact import Contact
 from contbranch.contact.tip_shape import inverse
 from contbranch.contact.tips import Parabola
@@ -80,20 +74,10 @@ def _radius_at(contact: Contact, height: float) -> float:
     def height_at(distance: float) -> float:
         return min(float(surface(distance, 0.0)), float(surface(0.0, distance)))
 
-<<<<<<< HEAD
     radius = inverse(height_at, height, contact.tip.natural_length, FLAT)
     if radius >= FLAT:
         raise InputError("cell: the tip is flat; give the edge of the cell")
     return radius
-=======
-    while height_at(high) < height:
-        high *= 2.0
-        if high > 1e8:
-            raise InputError("cell: the tip is flat; give the edge of the cell")
-    return (
-        float(scipy.optimize.brentq(lambda distance: height_at(distance) - height, 0.0, high)) if height > 0.0 else 0.0
-    )
->>>>>>> wt-k
 
 
 def _extent(contact: Contact, field: str | None, value: float | None) -> tuple[float, float]:
