@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -106,8 +106,23 @@ class CurveWalk:
         """
         key = piece, value
         if key not in self._crossings:
-            self._crossings[key] = self._stop(crossing(self.track, piece, self.control, value, self.accuracy))
+            there = crossing(self.track, piece, self.control, value, self.accuracy)
+            self._crossings[key] = self._stop(replace(there, found=self._uncertain(there.found, value)))
         return self._crossings[key]
+
+    def _uncertain(self, found: Found, value: float) -> Found:
+        """A state at the value of a fold, with what that value's own error adds to its error estimates."""
+        errors = [fold.state.error for fold in self._folds.values() if self.control.of(fold.state) == value]
+        missed = max((self.control.weighted(error["load"], error["displacement"]) for error in errors), default=0.0)
+        point = found.point
+        moves = equilibrium(point).rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
+        pace = abs(self.control.weighted(moves.load, moves.displacement))
+        if not missed or not pace:
+            return found
+        load, displacement, radius, gap = (
+            error + abs(move) * missed / pace for error, move in zip(found.error, moves, strict=True)
+        )
+        return replace(found, error=(load, displacement, radius, gap))
 
     def before(self, value: float) -> Stop | None:
         """The state farther away than the first row; None under load, which holds nothing out there.
