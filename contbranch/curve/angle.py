@@ -17,14 +17,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from contbranch.arrays import Array, Integers
 from contbranch.control import DISPLACEMENT, Control
 
 __all__ = ["Hodograph", "Turning", "alpha", "in_passing", "short_way"]
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 # A direction this close to a fold's is on neither side of it but for rounding.
 ON = 1e-9

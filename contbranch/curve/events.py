@@ -225,7 +225,7 @@ class Folds(Event):
             own = found[group.start : group.stop]
             place = sum(theta for theta, _, _ in own) / len(own)
             order = [control.kind for control in self._turned(segment, place, options)]
-            own.sort(key=lambda one: order.index(one[1].kind))
+            own.sort(key=lambda one: order.index(one[1].kind) if one[1].kind in order else len(order))
             found[group.start : group.stop] = [(place, control, point) for _, control, point in own]
         return [self._happening(segment, resolution, *one) for one in found]
 

@@ -8,7 +8,6 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from contbranch.continuation import Event, Point
 from contbranch.control import LOAD
@@ -24,8 +23,6 @@ from contbranch.results.diagram import Cost, Profile
 from contbranch.threads import one_thread
 
 __all__ = ["raw_curve"]
-
-Array = NDArray[np.float64]
 
 CONE = "Exactly at first touch admissible variations form a cone, not a space: the indices are those of both sides."
 # Neighbouring folds closer than this multiple of their error estimates are located more sharply, down to this accuracy.

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from contbranch.arrays import Array
 from contbranch.continuation import CorrectionError, Event, Outcome, Point, Segment, find_root
 from contbranch.continuation.walk import point_on
 from contbranch.control import DISPLACEMENT, LOAD, Control
@@ -17,8 +16,6 @@ from contbranch.curve.problem import EquilibriumProblem, Work, equilibrium
 from contbranch.curve.refine import OPTIONS, moved, settled
 
 __all__ = ["Mark", "Track", "between", "linked", "piece"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -87,11 +84,6 @@ class Track:
     def column(self, name: str) -> Array:
         """Load, displacement, contact radius, central gap or energy at the rows, (M,)."""
         return np.array([point.observables[name] for point in self.points])
-
-    @cached_property
-    def loads(self) -> Array:
-        """Loads of the rows."""
-        return self.column("load")
 
     def controlled(self, control: Control) -> Array:
         """What is controlled at the rows, (M,); monotone between neighbouring rows."""
