@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -17,14 +18,25 @@ import scipy
 from .arrays import Array, Integers, Mask
 from .lattice import Lattice
 
-__all__ = ["Clusters", "Influence", "gathered"]
+__all__ = ["Clusters", "Influence", "Squares"]
 
 # Nodes a side of the largest squares.
 LARGEST = 8
-# Squares of s nodes a side keep NEAR (s - 1) nodes away from the rim, and s h |v''| below RESOLVED there.
+# Squares of s nodes a side keep NEAR (s - 1) nodes away from the rim, and s h |v''| below RESOLVED.
 NEAR, RESOLVED = 3, 2.0
-# Clusters at most: beyond, they begin at twice the size.
+# Squares at most: with more they are made larger.
 MOST = 2000
+# Relative change of v'' up to which a factorisation serves on.
+STALE = 0.1
+
+
+class Squares(NamedTuple):
+    """Squares of nodes: their sizes and first nodes, (m,) each, and the square of every node of the zone."""
+
+    sizes: Integers
+    x: Integers
+    y: Integers
+    of_node: Integers
 
 
 @dataclass
@@ -58,66 +70,72 @@ class Influence:
             self._tables[rows, columns] = np.fft.irfft2(filtered, s=(m, m)).ravel()
         return self._tables[rows, columns]
 
-    def matrix(self, sizes: Integers, corners: tuple[Integers, Integers]) -> Array:
+    def matrix(self, squares: Squares) -> Array:
         """Mean displacements of all squares (rows) for unit pressures on each (columns)."""
-        m = self.period
-        found = np.empty((sizes.size, sizes.size))
-        groups = [(int(size), np.flatnonzero(sizes == size)) for size in np.unique(sizes)]
-        for rows, a in groups:
-            for columns, b in groups:
-                table = self.table(rows, columns)
-                x, y = (self._offsets(corner[a][:, None], corner[b], columns) for corner in corners)
-                block = sum(table[m * dx + dy] for dx in x for dy in y)
-                found[a[:, None], b] = block
+        m = squares.sizes.size
+        found = np.empty((m, m))
+        ends = np.flatnonzero(np.diff(squares.sizes, append=0))
+        begins = np.concatenate([[0], ends[:-1] + 1])
+        groups = [slice(int(a), int(b) + 1) for a, b in zip(begins, ends, strict=True)]
+        for k, a in enumerate(groups):
+            for b in groups[k:]:
+                found[a, b] = self._block(squares, a, b)
+                ratio = (squares.sizes[a.start] / squares.sizes[b.start]) ** 2
+                np.multiply(found[a, b].T, ratio, out=found[b, a])
         return found
+
+    def _block(self, squares: Squares, rows: slice, columns: slice) -> Array:
+        size = int(squares.sizes[columns.start])
+        table = self.table(int(squares.sizes[rows.start]), size)
+        x, y = (self._offsets(corner[rows][:, None], corner[columns], size) for corner in squares[1:3])
+        return np.asarray(sum(table.take(dx + dy) for dx in (self.period * dx for dx in x) for dy in y))
 
     def _offsets(self, rows: Integers, columns: Integers, size: int) -> list[Integers]:
         """Offsets of squares from squares, and from their mirror images."""
-        apart = [(rows - columns) % self.period]
-        return [*apart, (rows + columns + size) % self.period] if self.lattice.quarter else apart
+        apart = rows - columns
+        apart += self.period * (apart < 0)
+        if not self.lattice.quarter:
+            return [apart]
+        return [apart, (rows + columns + size) % self.period]
 
 
-def gathered(
-    contact: Mask, stiffness: Array, zone: Mask, spacing: float, most: int = MOST
-) -> tuple[Integers, tuple[Integers, Integers], Integers]:
-    """Gather the nodes of a zone into squares: sizes and first nodes of these, and the square of every node.
+def gathered(contact: Mask, stiffness: Array, zone: Mask, spacing: float, most: int = MOST) -> Squares:
+    """Gather the nodes of a zone into squares.
 
     Parameters
     ----------
     contact, stiffness, zone : array (n, n)
-        The numbers of the nodes' squares are in the order of the zone's nodes.
+        Stiffness is 0 in contact. The nodes' squares are in the order of the zone's nodes.
     """
     smallest, near, resolved = 1, NEAR, RESOLVED
-    n = -(-contact.shape[0] // LARGEST) * LARGEST
-    contact, stiffness, zone = (np.pad(a, (0, n - len(a))) for a in (contact, np.abs(stiffness), zone))
-    softness = np.where(contact, 0.0, stiffness) * spacing
+    # The nodes beyond the zone, on its far sides, do not matter.
+    used = max((int(np.flatnonzero(zone.any(axis)).max(initial=0)) for axis in (0, 1)), default=0) + 1
+    n = -(-used // LARGEST) * LARGEST
+    missing = max(0, n - len(zone))
+    contact, zone = (np.pad(a[:n, :n], (0, missing)) for a in (contact, zone))
+    softness = np.pad(spacing * np.abs(stiffness[:n, :n]), (0, missing))
     rim = np.zeros_like(zone)
-    for axis in (0, 1):
-        first, last = (np.s_[:-1], np.s_[1:]) if axis == 0 else (np.s_[:, :-1], np.s_[:, 1:])
+    for first, last in ((np.s_[:-1], np.s_[1:]), (np.s_[:, :-1], np.s_[:, 1:])):
         changes = contact[first] != contact[last]
         rim[first] |= changes
         rim[last] |= changes
-    far = n if not rim.any() else scipy.ndimage.distance_transform_cdt(~rim, metric="chessboard")
-    far = np.broadcast_to(far, rim.shape)
+    far = np.full((n, n), n)
+    if rim.any():
+        far[:] = scipy.ndimage.distance_transform_cdt(~rim, metric="chessboard")
     while True:
-        squares, label = _squares((contact, softness, zone, far), smallest, near, resolved)
-        if squares[0].size <= most:
-            return squares[0], (squares[1], squares[2]), label
+        squares = _squares((softness, zone, far), smallest, near, resolved)
+        if squares.sizes.size <= most or smallest == LARGEST:
+            return squares
         if near > 1:
             near -= 1
         elif resolved < 8.0:
             resolved *= 2.0
-        elif smallest < LARGEST:
-            smallest, resolved = 2 * smallest, RESOLVED
         else:
-            return squares[0], (squares[1], squares[2]), label
+            smallest, resolved = 2 * smallest, RESOLVED
 
 
-def _squares(
-    fields: tuple[Mask, Array, Mask, Integers], smallest: int, near: int, resolved: float
-) -> tuple[Integers, Integers]:
-    """Sizes and first nodes, (3, m), and the square of every node of the zone."""
-    contact, softness, zone, far = fields
+def _squares(fields: tuple[Array, Mask, Integers], smallest: int, near: int, resolved: float) -> Squares:
+    softness, zone, far = fields
     n = len(zone)
     left, number = zone.copy(), np.zeros((n, n), dtype=np.int64)
     found, count, size = [], 0, LARGEST
@@ -137,49 +155,94 @@ def _squares(
         left &= ~covered
         count += x.size
         size //= 2
-    return np.concatenate(found, axis=1), number[zone]
+    sizes, first, second = np.concatenate(found, axis=1)
+    return Squares(sizes, first, second, number[zone])
 
 
+@dataclass
 class Clusters:
-    """The bordered equations on clusters, factorised.
+    """The equations on clusters, factorised: on free nodes y + v″ (S y - δd), in contact α (S y - δd).
 
-    On free nodes y + v″ (S y - δd), in contact α (S y - δd), for changes y of the pressure and δd of the displacement.
-
-    Parameters
+    Attributes
     ----------
     influence : Influence
-    contact, stiffness, zone : array (n, n)
-        Where pressures change, and v″ there.
+    contact, zone : array of bool
+        Where the wall is, and where pressures change.
+    stiffness : array
+        v″ on the zone's nodes, 0 in contact.
     weight : float
         α.
-    border : array
-        The last row: its entries on the zone's nodes, and that of δd.
     """
 
-    def __init__(self, influence: Influence, fields: tuple[Mask, Array, Mask], weight: float, border: Array) -> None:
-        contact, stiffness, zone = fields
-        h = influence.lattice.spacing
-        sizes, corners, self.square = gathered(contact, stiffness, zone, h)
-        m, held = sizes.size, contact[zone]
-        self.nodes = np.bincount(self.square, minlength=m)
-        own = np.where(held, weight, stiffness[zone])
-        touching = np.bincount(self.square, held, m) > 0.5 * self.nodes
-        kept = held == touching[self.square]
-        scale = np.bincount(self.square, own * kept, m) / np.bincount(self.square, kept, m)
-        matrix = np.empty((m + 1, m + 1))
-        matrix[:m, :m] = scale[:, None] * influence.matrix(sizes, corners)
-        matrix[np.arange(m), np.arange(m)] += ~touching
-        matrix[:m, m] = -scale
-        matrix[m, :m] = np.bincount(self.square, border[:-1], m)
-        matrix[m, m] = border[-1]
-        self.factors = scipy.linalg.lu_factor(matrix, overwrite_a=True, check_finite=False)
-        # Within a square the pressure answers its own short waves, half of whose length is its edge.
-        wave = np.pi / (sizes[self.square] * h)
-        rest = np.where(held, 0.75 * wave / weight, 1.0 / (1.0 + np.maximum(own, 0.0) / wave))
-        self.rest = np.where((sizes[self.square] > 1), rest, 0.0)
+    influence: Influence
+    contact: Mask
+    zone: Mask
+    stiffness: Array
+    weight: float
 
-    def solve(self, vector: Array) -> Array:
-        """An approximate solution (y on the zone's nodes, δd)."""
+    def __post_init__(self) -> None:
+        h = self.influence.lattice.spacing
+        whole = np.zeros(self.zone.shape)
+        whole[self.zone] = self.stiffness
+        squares = gathered(self.contact, whole, self.zone, h)
+        self.square, m = squares.of_node, squares.sizes.size
+        self.nodes = np.bincount(self.square, minlength=m)
+        self.held = self.contact[self.zone]
+        self.touching = np.bincount(self.square, self.held, m) > 0.5 * self.nodes
+        # Where contact and free nodes are in one square, the square is what most of them are.
+        self.kept = self.held == self.touching[self.square]
+        self.single = squares.sizes[self.square] == 1
+        # Within a square the pressure answers its own short waves, half of whose length is its edge.
+        self.wave = np.pi / (squares.sizes[self.square] * h)
+        self.influences = self.influence.matrix(squares)
+        self._factorise()
+
+    def _factorise(self) -> None:
+        m = self.nodes.size
+        own = np.where(self.held, self.weight, self.stiffness)
+        scale = np.bincount(self.square, own * self.kept, m) / np.bincount(self.square, self.kept, m)
+        lattice = self.influence.lattice
+        matrix = np.empty((m + 1, m + 1))
+        np.multiply(scale[:, None], self.influences, out=matrix[:m, :m])
+        matrix[np.arange(m), np.arange(m)] += ~self.touching
+        matrix[:m, m] = -scale
+        # Any border will do that makes the matrix regular at folds.
+        matrix[m, :m] = lattice.compliance * lattice.node_area * self.nodes
+        matrix[m, m] = 1.0
+        self._factors = scipy.linalg.lu_factor(matrix.T, overwrite_a=True, check_finite=False)
+        self.aside = self._back(np.eye(1, m + 1, m)[0])
+        rest = np.where(self.held, 0.75 * self.wave / self.weight, 1.0 / (1.0 + np.maximum(own, 0.0) / self.wave))
+        self.rest = np.where(self.single, 0.0, rest)
+
+    def _back(self, vector: Array) -> Array:
+        return np.asarray(scipy.linalg.lu_solve(self._factors, vector, trans=1, check_finite=False))
+
+    def at(self, contact: Mask, stiffness: Array, zone: Mask) -> Clusters:
+        """The equations at another state: these where they serve.
+
+        Parameters
+        ----------
+        contact : array of bool
+        stiffness : array
+            v″ on all nodes, 0 in contact.
+        zone : array of bool
+            Where pressures change, at least.
+        """
+        if not (contact == self.contact).all() or (zone & ~self.zone).any():
+            return Clusters(self.influence, contact, zone, stiffness[zone], self.weight)
+        now = stiffness[self.zone]
+        if (np.abs(now - self.stiffness) > STALE * np.maximum(np.abs(now), self.wave)).any():
+            self.stiffness = now
+            self._factorise()
+        return self
+
+    def border(self, row: Array) -> Array:
+        """A row of the equations on the zone's nodes, and on δd, as one of those on clusters."""
+        return np.append(np.bincount(self.square, row[:-1], self.nodes.size), row[-1])
+
+    def solve(self, vector: Array, border: Array) -> Array:
+        """An approximate solution (y on the zone's nodes, δd) with a border."""
         mean = np.bincount(self.square, vector[:-1], self.nodes.size) / self.nodes
-        found = scipy.linalg.lu_solve(self.factors, np.append(mean, vector[-1]), check_finite=False)
+        found = self._back(np.append(mean, 0.0))
+        found += (vector[-1] - border @ found) / (border @ self.aside) * self.aside
         return np.append(found[self.square] + self.rest * (vector[:-1] - mean[self.square]), found[-1])

@@ -24,10 +24,9 @@ import numpy as np
 import scipy
 
 from .arrays import Array, Mask
-from .clusters import Clusters
 from .problem import GridProblem
 
-__all__ = ["Change", "Linear"]
+__all__ = ["Border", "Change", "Linear"]
 
 # v″ relative to the largest below which the law does not act.
 NOTHING = 1e-7
@@ -46,6 +45,42 @@ class Change(NamedTuple):
     residual: float
 
 
+class Border:
+    """What is held, ``c·δu + ω δF = g``, as an equation of the pressure: one pair where c is a field.
+
+    Parameters
+    ----------
+    problem : GridProblem
+    row : array, float or None
+        c, a field or one number for all nodes; None: zero.
+    load_weight : float
+        ω.
+    """
+
+    def __init__(self, problem: GridProblem, row: Array | float | None, load_weight: float) -> None:
+        self.row, self.load_weight = row, load_weight
+        lattice = problem.lattice
+        # S c + ω a on all nodes, and -Σ c
+        self.along: Array | float = load_weight * lattice.node_area
+        self.across = 0.0
+        if isinstance(row, float):
+            self.along += row * lattice.compliance * lattice.area
+            self.across = -row * lattice.size**2
+        elif row is not None:
+            self.along += problem.displaced(row)
+            self.across = -float(row.sum())
+
+    def product(self, pressure: Array) -> float:
+        """The part of a pressure in what is held."""
+        if isinstance(self.along, float):
+            return self.along * float(pressure.sum())
+        return float(np.vdot(self.along, pressure))
+
+    def on(self, zone: Mask) -> Array:
+        """The entries on the nodes of a zone, and that of δd."""
+        return np.append(np.broadcast_to(self.along, zone.shape)[zone], self.across)
+
+
 class Linear:
     """The bordered matrix at a state, with its preconditioner and the directions found so far.
 
@@ -55,41 +90,21 @@ class Linear:
     stiffness : array
         v″.
     contact : array of bool
-    row : array, float or None
-        c, a field or one number for all nodes; None: zero.
-    load_weight : float
-        ω.
+    border : Border
     """
 
-    def __init__(
-        self, problem: GridProblem, stiffness: Array, contact: Mask, row: Array | float | None, load_weight: float
-    ) -> None:
-        self.problem = problem
-        lattice = problem.lattice
-        self.contact, self.row, self.load_weight = contact, row, load_weight
+    def __init__(self, problem: GridProblem, stiffness: Array, contact: Mask, border: Border) -> None:
+        self.problem, self.held = problem, border
         stiffness = np.where(contact, 0.0, stiffness)
-        largest = float(np.abs(stiffness).max())
-        self.zone = contact | (np.abs(stiffness) > NOTHING * largest)
-        self.held, self.stiffness = contact[self.zone], stiffness[self.zone]
-        self.weight = 0.5 / lattice.spacing
-        self.along, self.across = self._border()
-        border = np.append(self.along if isinstance(self.along, float) else self.along[self.zone], self.across)
-        if isinstance(self.along, float):
-            border = np.append(np.full(self.stiffness.size, self.along), self.across)
-        self.scale = 1.0 / (float(np.linalg.norm(border)) or 1.0)
-        self.border = self.scale * border
-        self.clusters = Clusters(problem.influence, (contact, stiffness, self.zone), self.weight, self.border)
+        size = np.abs(stiffness)
+        self.clusters = problem.clusters(contact, stiffness, contact | (size > NOTHING * size.max()))
+        self.zone = self.clusters.zone
+        self.contact, self.stiffness = contact[self.zone], stiffness[self.zone]
+        entries = border.on(self.zone)
+        self.scale = 1.0 / (float(np.linalg.norm(entries)) or 1.0)
+        self.border = self.scale * entries
+        self.coarse_border = self.clusters.border(self.border)
         self._forget()
-
-    def _border(self) -> tuple[Array | float, float]:
-        """The last row: S c + ω a on all nodes, and -Σ c."""
-        lattice = self.problem.lattice
-        own = self.load_weight * lattice.node_area
-        if self.row is None:
-            return own, 0.0
-        if isinstance(self.row, float):
-            return own + self.row * lattice.compliance * lattice.area, -self.row * self.contact.size
-        return own + self.problem.displaced(self.row), -float(self.row.sum())
 
     def _forget(self) -> None:
         size = self.border.size
@@ -101,7 +116,7 @@ class Linear:
     def product(self, y: Array, displacement: float) -> Array:
         """The equations' left sides on the zone for a pressure on all nodes; one pair."""
         moved = self.problem.displaced(y)[self.zone] - displacement
-        rows = np.where(self.held, self.weight * moved, y[self.zone] + self.stiffness * moved)
+        rows = np.where(self.contact, self.clusters.weight * moved, y[self.zone] + self.stiffness * moved)
         return np.append(rows, self.border[:-1] @ y[self.zone] + self.border[-1] * displacement)
 
     def solve(self, f: Array, g: float, tolerance: float = 1e-9, limit: int = 200) -> Change:
@@ -118,13 +133,13 @@ class Linear:
         """
         zone, problem = self.zone, self.problem
         y = np.where(zone, 0.0, f)
-        outside = self.along * float(y.sum()) if isinstance(self.along, float) else float(np.vdot(self.along, y))
-        right = np.append(np.where(self.held, self.weight, 1.0) * f[zone], self.scale * (g - outside))
+        outside = self.held.product(y)
+        right = np.append(np.where(self.contact, self.clusters.weight, 1.0) * f[zone], self.scale * (g - outside))
         size = float(np.hypot(np.linalg.norm(right), np.linalg.norm(y)))
         goal = tolerance * size
         solution = np.zeros_like(right)
         if np.linalg.norm(y) > 0.1 * goal:
-            solution = self.clusters.solve(right)
+            solution = self._approximate(right)
             y[zone] = solution[:-1]
             right -= self.product(y, solution[-1])
             limit -= 1
@@ -133,14 +148,18 @@ class Linear:
         y[zone] = solution[:-1]
         change = problem.displaced(y) - solution[-1]
         load = problem.lattice.node_area * float(y.sum())
-        if self.row is None:
+        row, weight = self.held.row, self.held.load_weight
+        if row is None:
             # Exactly: a uniform pressure moves the far field alone.
-            wanted = g / self.load_weight
+            wanted = g / weight
             y += (wanted - load) / problem.lattice.area
             load = wanted
-        elif isinstance(self.row, float):
-            change += (g - self.load_weight * load - self.row * float(change.sum())) / (self.row * change.size)
+        elif isinstance(row, float):
+            change += (g - weight * load - row * float(change.sum())) / (row * change.size)
         return Change(change, load, y, left / size if size > 0.0 else 0.0)
+
+    def _approximate(self, vector: Array) -> Array:
+        return self.clusters.solve(vector, self.coarse_border)
 
     def _reduced(self, residual: Array, goal: float, limit: int) -> tuple[Array, float]:
         """The solution with a small residual, and that residual's norm."""
@@ -178,7 +197,7 @@ class Linear:
             self.directions, self.images = (
                 np.concatenate([a, np.empty_like(a)]) for a in (self.directions, self.images)
             )
-        direction = self.clusters.solve(vector)
+        direction = self._approximate(vector)
         y = np.zeros(self.zone.shape)
         y[self.zone] = direction[:-1]
         image = self.product(y, direction[-1])

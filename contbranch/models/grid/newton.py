@@ -21,7 +21,7 @@ import numpy as np
 from contbranch.control import Control
 
 from .arrays import Array, Mask
-from .linear import Change, Linear
+from .linear import Border, Change, Linear
 from .problem import Fields, GridProblem
 
 # Shortest part of a step that is tried when the residual grows.
@@ -201,6 +201,7 @@ def newton(
     if hold.row is None:
         load = hold.value / hold.load_weight
     trial = _Trial.at(problem, problem.fields(u, load, contact), contact)
+    border = Border(problem, hold.row, hold.load_weight)
     best = trial.residual
     steady, waited, step = False, 0, 0
     while True:
@@ -214,7 +215,7 @@ def newton(
             pairs = problem.counter.equilibrium - before
             return Equilibrium(touching, trial.contact, trial.residual, displacement, done, step, pairs)
         older, kept = trial, trial.kept
-        linear = Linear(problem, fields.stiffness, kept, hold.row, hold.load_weight)
+        linear = Linear(problem, fields.stiffness, kept, border)
         right = np.where(kept, -(problem.heights + fields.u), -fields.excess)
         change = linear.solve(right, -held, _forcing(trial.residual, steady, settings), settings.inner)
         length = 1.0

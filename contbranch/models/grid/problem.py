@@ -17,7 +17,7 @@ import numpy as np
 from contbranch.contact.interactions import Interaction
 
 from .arrays import Array, Mask
-from .clusters import Influence
+from .clusters import Clusters, Influence
 from .lattice import Lattice
 from .transforms import Counter, Transform
 
@@ -72,6 +72,7 @@ class GridProblem:
     law: Interaction | None
     threads: int = 1
     counter: Counter = field(default_factory=Counter)
+    _clusters: Clusters | None = field(default=None, init=False, repr=False)
 
     @cached_property
     def transform(self) -> Transform:
@@ -111,10 +112,14 @@ class GridProblem:
         """K̂ of the shortest wave of the lattice."""
         return float(np.pi / math.sqrt(2.0) / self.lattice.spacing)
 
-    @cached_property
-    def influence(self) -> Influence:
-        """Displacements of squares of nodes by pressures on squares of nodes."""
-        return Influence(self.lattice)
+    def clusters(self, contact: Mask, stiffness: Array, zone: Mask) -> Clusters:
+        """The linearised equations on clusters of nodes (`Clusters.at`): those used last, where they serve."""
+        if self._clusters is None:
+            weight = 0.5 / self.lattice.spacing
+            self._clusters = Clusters(Influence(self.lattice), contact, zone, stiffness[zone], weight)
+        else:
+            self._clusters = self._clusters.at(contact, stiffness, zone)
+        return self._clusters
 
     @cached_property
     def _compliance_filter(self) -> Array:
