@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -74,9 +75,8 @@ class Influence:
         """Mean displacements of all squares (rows) for unit pressures on each (columns)."""
         m = squares.sizes.size
         found = np.empty((m, m))
-        ends = np.flatnonzero(np.diff(squares.sizes, append=0))
-        begins = np.concatenate([[0], ends[:-1] + 1])
-        groups = [slice(int(a), int(b) + 1) for a, b in zip(begins, ends, strict=True)]
+        edges = np.flatnonzero(np.diff(squares.sizes, prepend=0, append=0))
+        groups = [slice(int(begin), int(end)) for begin, end in pairwise(edges)]
         for k, a in enumerate(groups):
             for b in groups[k:]:
                 found[a, b] = self._block(squares, a, b)
