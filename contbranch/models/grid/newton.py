@@ -27,7 +27,7 @@ from .problem import Fields, GridProblem
 # Shortest part of a step that is tried when the residual grows.
 SHORTEST = 0.125
 
-__all__ = ["Equilibrium", "Hold", "Settings", "Sketch", "control_held", "hold_control", "newton", "settings_for"]
+__all__ = ["Equilibrium", "Hold", "Settings", "Sketch", "control_held", "hold_control", "newton", "settings_for", "tangent"]
 
 
 @dataclass(frozen=True)
@@ -102,6 +102,8 @@ class Settings:
         Steps after which the residual must have fallen to half of what it was, or the iteration has failed.
     wall : bool
         Whether gaps must not be negative; without the wall there is no contact.
+    frozen : bool
+        Whether the contact stays as it is given, whatever its pressures and the gaps outside are.
     """
 
     tolerance: float = 1e-8
@@ -111,6 +113,7 @@ class Settings:
     growth: float = 1e3
     patience: int = 30
     wall: bool = True
+    frozen: bool = False
 
 
 @dataclass(frozen=True)
@@ -200,7 +203,7 @@ def newton(
         contact = (problem.heights + u <= 0.0) & settings.wall
     if hold.row is None:
         load = hold.value / hold.load_weight
-    trial = _Trial.at(problem, problem.fields(u, load, contact), contact)
+    trial = _Trial.at(problem, problem.fields(u, load, contact), contact, settings.frozen)
     border = Border(problem, hold.row, hold.load_weight)
     best = trial.residual
     steady, waited, step = False, 0, 0
@@ -247,24 +250,33 @@ class _Trial:
     residual: float
     rounding: float
     kept: Mask
+    frozen: bool = False
 
     @staticmethod
-    def at(problem: GridProblem, fields: Fields, contact: Mask) -> _Trial:
+    def at(problem: GridProblem, fields: Fields, contact: Mask, frozen: bool = False) -> _Trial:
         excess, stiffest = fields.excess, problem.stiffest
         missed = np.where(contact, problem.heights + fields.u, 0.0) * stiffest
         pushed = excess - missed
-        violated = np.where(contact, np.maximum(np.abs(missed), -pushed), excess)
+        violated = np.where(contact, np.maximum(np.abs(missed), 0.0 if frozen else -pushed), excess)
         size = _rms(fields.elastic) or 1.0
         rounding = problem.rounding(fields.u) / size
-        return _Trial(fields, contact, _rms(violated) / size, rounding, contact & (pushed > 0.0))
+        return _Trial(fields, contact, _rms(violated) / size, rounding, contact & ((pushed > 0.0) | frozen), frozen)
 
     def moved(self, problem: GridProblem, change: Change, length: float, kept: Mask, wall: bool) -> _Trial:
         """The trial state after a part of a step; what overlaps then joins the contact."""
         before = self.fields
         u, load = before.u + length * change.field, before.load + length * change.load
-        contact = kept | (problem.heights + u < 0.0) if wall else kept
+        contact = kept | (problem.heights + u < 0.0) if wall and not self.frozen else kept
         elastic = before.elastic + length * change.pressure
-        return _Trial.at(problem, problem.evaluated(u, load, elastic, contact), contact)
+        return _Trial.at(problem, problem.evaluated(u, load, elastic, contact), contact, self.frozen)
+
+
+def tangent(problem: GridProblem, state: Equilibrium, hold: Hold, tolerance: float = 1e-3) -> Change:
+    """The direction of the curve at an equilibrium while its contact stays, with unit progress in what is held."""
+    border = Border(problem, hold.row, hold.load_weight)
+    return Linear(problem, state.fields.stiffness, state.contact, border).solve(
+        np.zeros(problem.shape), 1.0, tolerance
+    )
 
 
 def _forcing(residual: float, steady: bool, settings: Settings) -> float:

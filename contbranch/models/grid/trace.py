@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import pairwise
+from operator import itemgetter
 
 import numpy as np
 
@@ -17,7 +18,9 @@ from contbranch.curve.symmetry import merged
 from contbranch.curve.trace import Request
 
 from .accuracy import compared, no_comparison, touched
+from .arcs import arcs
 from .arrays import Array
+from .averaging import Average, Fold, Samples, half_width
 from .folds import coarser_touch, locate_fold, locate_touch, touches
 from .newton import Equilibrium, Settings, hold_control, newton
 from .observables import interpolate
@@ -49,6 +52,10 @@ MOST_POINTS = 2000
 SPACING = 6
 # Distance by which predictions may miss where much happens on short parts of the curve.
 CLOSE = 3e-3
+# Arcs at most of one average, and rows of nodes for which they are followed where steps lead nowhere.
+MOST_ARCS, STUCK = 3000, 2.0
+# Rows of an average, a row of nodes.
+AVERAGED_ROWS = 2
 # So many points in a row that lie on known parts of the curve end it; the last rows are no known part.
 RETURNS, RECENT = 4, 6
 
@@ -80,6 +87,8 @@ class _Tracer:
     kept: float = 0.0
     notes: list[str] = field(default_factory=list)
     returns: int = 0
+    samples: Samples | None = None
+    stretch: tuple[float, float] = (np.inf, -np.inf)
 
     def __post_init__(self) -> None:
         self.problem = self.setup.problem
@@ -107,6 +116,8 @@ class _Tracer:
             self._add(point)
         while True:
             if not walker.step():
+                if self._average(walker):
+                    continue
                 return self._stuck(walker.message)
             points = walker.points
             ended = None if self.ending is None else self.ending(points)
@@ -114,6 +125,8 @@ class _Tracer:
                 return self._end(ended[0])
             self._add(points[-1])
             if len(points) > 2:
+                if self._averages(points) and self._average(walker):
+                    continue
                 self._events(points)
             if (len(self.rows) - 1) % SPACING == 0:
                 found = compared(self.setup, points[-2].state, points[-1].state, self.settings)
@@ -211,6 +224,99 @@ class _Tracer:
         if self.request.progress is not None:
             done = min(0.98, max(0.0, point.load / self._goal()))
             self.request.progress(done, f"load {point.load * self.setup.units.load:.4g}, {len(self.rows)} points")
+
+    # Averages
+
+    def _averages(self, points: Sequence[Point]) -> bool:
+        """Whether a control turns round in contact: at a fold, or on the lattice."""
+        if not points[-2].state.contact.any():
+            return False
+        for control in self.request.controls:
+            rise, fall = np.diff([control.value(point.load, point.displacement) for point in points[-3:]])
+            if rise * fall < 0.0 and max(abs(rise), abs(fall)) > 1e-9 * max(1.0, abs(points[-2].load)):
+                return True
+        return False
+
+    def _average(self, walker: Walker) -> bool:
+        """Follow the curve arc by arc around the present point, and go on behind; whether that could be done."""
+        last = max(row.arc for row in self.rows)
+        if not self.setup.averaging or self.setup.crowded or (self.stretch[1] == last and not walker.message):
+            return False
+        rows = sorted(self.rows, key=lambda row: row.arc)
+        spacing = self.setup.lattice.spacing
+        radius = max((row.reading.contact_radius for row in rows[-3:-1]), default=0.0)
+        wide = half_width(radius, spacing)
+        samples, start = self.samples, self.stretch[0]
+        if samples is None or not samples.radius or samples.radius[-1] < radius - 1.5 * wide:
+            kept = [row for row in rows[:-1] if row.u is not None and not row.averaged]
+            below = [row for row in kept if row.reading.contact_radius <= max(radius - 1.3 * wide, 0.0)]
+            if not below:
+                return False
+            following = next((row for row in rows if row.arc > below[-1].arc and row.u is not None), None)
+            if following is None:  # the very last row
+                following, below = below[-1], below[:-1]
+            begin, ahead = (row.state(self.problem) for row in (below[-1], following))
+            samples, start = Samples.none(), below[-1].arc
+        else:
+            begin, ahead = samples.arcs[-1].middle, samples.arcs[-1].end
+            begin, ahead = ahead, replace(ahead, fields=ahead.fields._replace(u=2 * ahead.u - begin.u))
+        if begin is None or ahead is None:
+            return False
+        reach = radius + (STUCK * spacing if walker.message else 0.0)
+        known = len(samples.arcs)
+        for arc in arcs(self.problem, self.setup.length, (begin, ahead), self.settings):
+            end = samples.add(self.setup, arc)[-1].contact_radius
+            if end >= reach + 1.3 * half_width(reach, spacing):
+                folds = [fold for fold in self._average_folds(samples) if fold.radius > reach]
+                if not folds or folds[-1].radius + 1.1 * half_width(folds[-1].radius, spacing) < end:
+                    break
+                reach = folds[-1].radius
+            if len(samples.arcs) - known > MOST_ARCS or end > 0.49 * self.setup.edge:
+                break
+        if len(samples.arcs) - known < 3 or samples.radius[-1] <= radius:
+            return False
+        self._replaced(samples, start)
+        tail = samples.arcs[-1]
+        arc = self.stretch[1]
+        way = Measure.at(tail.begin, self.setup.length).apart(tail.end, tail.begin)
+        walker.points = [Point(arc - way, tail.begin), Point(arc, tail.end)]
+        walker.step_size, walker.message = self.options.period, ""
+        return True
+
+    def _average_folds(self, samples: Samples) -> list[Fold]:
+        average = Average(samples, self.setup.lattice.spacing)
+        return sorted((fold for control in self.request.controls for fold in average.folds(control)), key=itemgetter(0))
+
+    def _replaced(self, samples: Samples, start: float) -> None:
+        """Put rows of the average in the place of those that it spans."""
+        spacing, units = self.setup.lattice.spacing, self.setup.units
+        average = Average(samples, spacing)
+        ends = [arc.end for arc in samples.arcs]
+        steps = [Measure.at(arc.begin, self.setup.length).apart(arc.end, arc.begin) for arc in samples.arcs]
+        places = start + np.cumsum(steps)
+        radii = np.maximum.accumulate([0.0, *(area.contact_radius for area in (read(self.setup, e, False) for e in ends))])[1:]
+        touching = any(row.mark is not None and row.mark.kind == "touch" for row in self.rows)
+        free = [row for row in self.rows if row.arc <= start]
+        self.rows = [row for row in self.rows if row.arc <= start or (row.mark is not None and row.mark.kind == "touch")]
+        if not touching and not samples.arcs[0].begin.contact.any():
+            before = [Point(row.arc, state) for row in free[-3:] if (state := row.state(self.problem)) is not None]
+            self._touch([*before, Point(float(places[0]), ends[0])])
+        wanted = np.linspace(average.first, average.last, max(3, int(AVERAGED_ROWS * (average.last - average.first) / spacing)))
+        marks: list[tuple[float, Mark | None]] = [(float(radius), None) for radius in wanted[1:]]
+        for control in self.request.controls:
+            for fold in average.folds(control):
+                mark = Mark("fold", control, fold.maximum, errors=np.append(fold.errors[[1, 2, 0]], 0.0))
+                mark.message = f"The average over {fold.arcs} changes of the contact on the lattice."
+                marks.append((fold.radius, mark))
+        for radius, mark in sorted(marks, key=itemgetter(0)):
+            k = min(int(np.searchsorted(radii, radius)), len(ends) - 1)
+            place = float(np.interp(radius, np.append(average.first, radii), np.append(start, places)))
+            (load, displacement, energy), state = average.at(radius)[0].tolist(), samples.arcs[k].middle
+            own = read(self.setup, state)
+            seen = own._replace(load=load, displacement=displacement, energy=energy, contact_radius=radius, central_gap=0.0)
+            row = Row(place, seen, state.pairs, state.load, state.u, state.contact, mark, averaged=True)
+            self.rows.append(row)
+        self.samples, self.stretch = samples, (start, float(places[-1]))
 
     # Events
 
