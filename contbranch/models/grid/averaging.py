@@ -44,6 +44,8 @@ _LAGRANGE = np.stack([(1 - _NODES) * (1 - 2 * _NODES), 4 * _NODES * (1 - _NODES)
 _SLOPES = np.stack([4 * _NODES - 3, 4 - 8 * _NODES, 4 * _NODES - 1])
 # Scatter that counts in the error of an average of so many arcs, and the factor of what other windows give.
 SCATTER, OTHER = 1.0, 1.5
+# Error of the contact radius itself, in rows of nodes.
+MEASURED = 0.03
 
 
 def half_width(radius: float, spacing: float) -> float:
@@ -171,7 +173,7 @@ class Average:
             differences = np.maximum(
                 differences, np.abs(np.append(place - radius, self.at(place, width, degree)[0] - values))
             )
-        errors = OTHER * differences + np.append(0.0, SCATTER * left / np.sqrt(count))
+        errors = OTHER * differences + np.append(MEASURED * self.spacing, SCATTER * left / np.sqrt(count))
         return Fold(radius, values, errors, maximum, count)
 
     @staticmethod

@@ -225,6 +225,11 @@ class _Tracer:
             done = min(0.98, max(0.0, point.load / self._goal()))
             self.request.progress(done, f"load {point.load * self.setup.units.load:.4g}, {len(self.rows)} points")
 
+    @property
+    def finer(self) -> bool:
+        """Whether the curve may well be complete on the lattice with twice the nodes a side, which is not too large."""
+        return 1.0 < self.resolution.ratio <= 3.0 and 2 * self.setup.lattice.size <= LARGEST_REFINED
+
     # Averages
 
     def _averages(self, points: Sequence[Point]) -> bool:
@@ -462,6 +467,10 @@ def trace(setup: Setup, request: Request, verdicts: bool = True, beyond: float |
         for note in tracer.notes:
             warn(note)
         message = tracer.run()
+        if message and setup.averaging and not setup.crowded and tracer.finer:
+            finer = trace(setup.fine, request, verdicts, beyond)
+            note = f"On the grid asked for, {setup.grid}, the curve ends early: {message}. This is the grid of twice as many."
+            return replace(finer, curve=replace(finer.curve, message=f"{note} {finer.curve.message}".strip()))
         worst = _reaching(tracer)
         warn(worst)
         tracer.notes = [note for note in (*tracer.notes, worst, no_comparison(setup)) if note]
