@@ -244,5 +244,6 @@ class Clusters:
         """An approximate solution (y on the zone's nodes, δd) with a border."""
         mean = np.bincount(self.square, vector[:-1], self.nodes.size) / self.nodes
         found = self._back(np.append(mean, 0.0))
-        found += (vector[-1] - border @ found) / (border @ self.aside) * self.aside
+        # A border may be empty, where there is no way from one state to another.
+        found += (vector[-1] - border @ found) / (border @ self.aside or np.inf) * self.aside
         return np.append(found[self.square] + self.rest * (vector[:-1] - mean[self.square]), found[-1])

@@ -107,7 +107,7 @@ class Settings:
     tolerance: float = 1e-8
     steps: int = 30
     inner: int = 200
-    forcing: float = 0.03
+    forcing: float = 0.005
     growth: float = 1e3
     patience: int = 30
     wall: bool = True
@@ -270,7 +270,7 @@ class _Trial:
 def _forcing(residual: float, steady: bool, settings: Settings) -> float:
     """Inner tolerance: no tighter than a step can use while the contact set changes, nor than is asked for at last."""
     wanted = min(settings.forcing, 0.3 * math.sqrt(residual)) if steady else settings.forcing
-    return min(max(wanted, 0.3 * settings.tolerance / max(residual, settings.tolerance)), settings.forcing)
+    return min(max(wanted, 0.1 * settings.tolerance / max(residual, settings.tolerance)), settings.forcing)
 
 
 def _rms(values: Array) -> float:
