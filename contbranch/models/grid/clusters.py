@@ -24,9 +24,9 @@ __all__ = ["Clusters", "Influence", "Squares"]
 # Nodes a side of the largest squares.
 LARGEST = 8
 # Squares of s nodes a side keep NEAR (s - 1) nodes away from the rim, and s h |v''| below RESOLVED.
-NEAR, RESOLVED = 3, 2.0
+NEAR, RESOLVED = 2, 2.0
 # Squares at most: with more they are made larger.
-MOST = 2000
+MOST = 1400
 # Relative change of v'' up to which a factorisation serves on.
 STALE = 0.1
 
