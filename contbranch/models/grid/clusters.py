@@ -24,11 +24,13 @@ __all__ = ["Clusters", "Influence", "Squares"]
 # Nodes a side of the largest squares.
 LARGEST = 8
 # Squares of s nodes a side keep NEAR (s - 1) nodes away from the rim, and s h |v''| below RESOLVED.
-NEAR, RESOLVED = 3, 2.0
+NEAR, RESOLVED = 2, 2.0
 # Squares at most: with more they are made larger.
-MOST = 2000
+MOST = 1400
 # Relative change of v'' up to which a factorisation serves on.
 STALE = 0.1
+# Nodes by which tables of influence reach farther at least than they did.
+SLACK = 64
 
 
 class Squares(NamedTuple):
@@ -50,53 +52,51 @@ class Influence:
     """
 
     lattice: Lattice
+    _reach: int = 0
     _tables: dict[tuple[int, int], Array] = field(default_factory=dict)
-
-    @property
-    def period(self) -> int:
-        """Nodes after which a field repeats itself."""
-        return self.lattice.size * (2 if self.lattice.quarter else 1)
 
     @cached_property
     def _response(self) -> Array:
         return 1.0 / self.lattice.whole().held_symbol(None)
 
-    def table(self, rows: int, columns: int) -> Array:
-        """Mean displacement of a square for unit pressure on another, by the offset of their first nodes; flat."""
+    def _table(self, rows: int, columns: int) -> Array:
+        """Mean displacement of a square for unit pressure on another, by the offset of their first nodes."""
         if (rows, columns) not in self._tables:
-            m = self.period
+            m = self.lattice.whole().size
             turn = np.exp(-2j * np.pi * np.fft.fftfreq(m))
             box = np.conj(sum(turn**k for k in range(rows))) / rows * sum(turn**k for k in range(columns))
             filtered = self._response * box[:, None] * box[: m // 2 + 1]
-            self._tables[rows, columns] = np.fft.irfft2(filtered, s=(m, m)).ravel()
+            offsets = np.arange(-self._reach, self._width - self._reach) % m
+            self._tables[rows, columns] = np.fft.irfft2(filtered, s=(m, m))[np.ix_(offsets, offsets)]
         return self._tables[rows, columns]
+
+    @property
+    def _width(self) -> int:
+        """Offsets of squares from squares and, where there are any, from their mirror images."""
+        return (3 if self.lattice.quarter else 2) * self._reach + 1
 
     def matrix(self, squares: Squares) -> Array:
         """Mean displacements of all squares (rows) for unit pressures on each (columns)."""
-        m = squares.sizes.size
+        sizes, x, y, _ = squares
+        m, reach = sizes.size, int(max((x + sizes).max(initial=0), (y + sizes).max(initial=0)))
+        if reach > self._reach:
+            self._reach = -(-reach // SLACK) * SLACK
+            self._tables.clear()
+        width = self._width
+        rows = width * (x + self._reach) + y + self._reach
+        sources = [width * x + y]
+        if self.lattice.quarter:
+            sources += [width * x - y - sizes, width * (-x - sizes) + y, width * (-x - sizes) - y - sizes]
         found = np.empty((m, m))
-        edges = np.flatnonzero(np.diff(squares.sizes, prepend=0, append=0))
+        edges = np.flatnonzero(np.diff(sizes, prepend=0, append=0))
         groups = [slice(int(begin), int(end)) for begin, end in pairwise(edges)]
         for k, a in enumerate(groups):
             for b in groups[k:]:
-                found[a, b] = self._block(squares, a, b)
-                ratio = (squares.sizes[a.start] / squares.sizes[b.start]) ** 2
+                table = self._table(int(sizes[a.start]), int(sizes[b.start]))
+                found[a, b] = sum(table.take(rows[a][:, None] - source[b]) for source in sources)
+                ratio = (sizes[a.start] / sizes[b.start]) ** 2
                 np.multiply(found[a, b].T, ratio, out=found[b, a])
         return found
-
-    def _block(self, squares: Squares, rows: slice, columns: slice) -> Array:
-        size = int(squares.sizes[columns.start])
-        table = self.table(int(squares.sizes[rows.start]), size)
-        x, y = (self._offsets(corner[rows][:, None], corner[columns], size) for corner in squares[1:3])
-        return np.asarray(sum(table.take(dx + dy) for dx in (self.period * dx for dx in x) for dy in y))
-
-    def _offsets(self, rows: Integers, columns: Integers, size: int) -> list[Integers]:
-        """Offsets of squares from squares, and from their mirror images."""
-        apart = rows - columns
-        apart += self.period * (apart < 0)
-        if not self.lattice.quarter:
-            return [apart]
-        return [apart, (rows + columns + size) % self.period]
 
 
 def gathered(contact: Mask, stiffness: Array, zone: Mask, spacing: float, most: int = MOST) -> Squares:
@@ -244,5 +244,6 @@ class Clusters:
         """An approximate solution (y on the zone's nodes, δd) with a border."""
         mean = np.bincount(self.square, vector[:-1], self.nodes.size) / self.nodes
         found = self._back(np.append(mean, 0.0))
-        found += (vector[-1] - border @ found) / (border @ self.aside) * self.aside
+        # A border may be empty, where there is no way from one state to another.
+        found += (vector[-1] - border @ found) / (border @ self.aside or np.inf) * self.aside
         return np.append(found[self.square] + self.rest * (vector[:-1] - mean[self.square]), found[-1])

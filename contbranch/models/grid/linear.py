@@ -101,7 +101,7 @@ class Linear:
         self.zone = self.clusters.zone
         self.contact, self.stiffness = contact[self.zone], stiffness[self.zone]
         entries = border.on(self.zone)
-        self.scale = 1.0 / (float(np.linalg.norm(entries)) or 1.0)
+        self.scale = 10.0 / (float(np.linalg.norm(entries)) or 1.0)
         self.border = self.scale * entries
         self.coarse_border = self.clusters.border(self.border)
         self._forget()

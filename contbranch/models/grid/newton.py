@@ -26,8 +26,20 @@ from .problem import Fields, GridProblem
 
 # Shortest part of a step that is tried when the residual grows.
 SHORTEST = 0.125
+# How much softer than the stiffest wave of the lattice those are that an overlap excites.
+LONGER = 1.0 / 16.0
 
-__all__ = ["Equilibrium", "Hold", "Settings", "Sketch", "control_held", "hold_control", "newton", "settings_for", "tangent"]
+__all__ = [
+    "Equilibrium",
+    "Hold",
+    "Settings",
+    "Sketch",
+    "control_held",
+    "hold_control",
+    "newton",
+    "settings_for",
+    "tangent",
+]
 
 
 @dataclass(frozen=True)
@@ -109,7 +121,7 @@ class Settings:
     tolerance: float = 1e-8
     steps: int = 30
     inner: int = 200
-    forcing: float = 0.03
+    forcing: float = 0.005
     growth: float = 1e3
     patience: int = 30
     wall: bool = True
@@ -205,13 +217,13 @@ def newton(
         load = hold.value / hold.load_weight
     trial = _Trial.at(problem, problem.fields(u, load, contact), contact, settings.frozen)
     border = Border(problem, hold.row, hold.load_weight)
-    best = trial.residual
+    best = trial.merit
     steady, waited, step = False, 0, 0
     while True:
         fields = trial.fields
         held = hold.excess(fields.u, fields.load)
         done = trial.residual <= max(settings.tolerance, trial.rounding) and abs(held) <= hold.allowed
-        failed = not math.isfinite(trial.residual) or trial.residual > settings.growth * max(best, 1e-3)
+        failed = not math.isfinite(trial.merit) or trial.merit > settings.growth * max(best, 1e-3)
         if done or failed or step == settings.steps or waited > settings.patience:
             touching = fields._replace(u=np.where(trial.contact, -problem.heights, fields.u))
             displacement = problem.displacement(touching.u, fields.load)
@@ -220,47 +232,49 @@ def newton(
         older, kept = trial, trial.kept
         linear = Linear(problem, fields.stiffness, kept, border)
         right = np.where(kept, -(problem.heights + fields.u), -fields.excess)
-        change = linear.solve(right, -held, _forcing(trial.residual, steady, settings), settings.inner)
+        change = linear.solve(right, -held, _forcing(trial.merit, steady, settings), settings.inner)
         length = 1.0
         while True:
             trial = older.moved(problem, change, length, kept, settings.wall)
             # Where the law softens, nodes that leave the wall together can overshoot. The first step may well come from
             # an equilibrium that is not where it is to be held.
-            if step == 0 or trial.residual <= max(1.2 * older.residual, settings.tolerance) or length <= SHORTEST:
+            if step == 0 or trial.merit <= max(1.2 * older.merit, settings.tolerance) or length <= SHORTEST:
                 break
             length *= 0.5
         steady = length == 1.0 and bool((trial.contact == older.contact).all())
         step += 1
         problem.counter.newton += 1
         waited += 1
-        if trial.residual <= 0.5 * best:
-            best, waited = trial.residual, 0
+        if trial.merit <= 0.5 * best:
+            best, waited = trial.merit, 0
 
 
 @dataclass(frozen=True)
 class _Trial:
     """A trial state, with its residual and what rounding leaves in that.
 
-    Nodes in contact may miss the wall until the end: what the wall then changes is at most the stiffest wave of the
-    lattice times the distance, and belongs to the residual.
+    Nodes in contact may miss the wall until the end. What the wall then changes is at most the stiffest wave of the
+    lattice times the distance, which belongs to the residual; by how much longer waves make of it steps are judged.
     """
 
     fields: Fields
     contact: Mask
     residual: float
+    merit: float
     rounding: float
     kept: Mask
     frozen: bool = False
 
     @staticmethod
     def at(problem: GridProblem, fields: Fields, contact: Mask, frozen: bool = False) -> _Trial:
-        excess, stiffest = fields.excess, problem.stiffest
-        missed = np.where(contact, problem.heights + fields.u, 0.0) * stiffest
-        pushed = excess - missed
-        violated = np.where(contact, np.maximum(np.abs(missed), 0.0 if frozen else -pushed), excess)
+        excess = fields.excess
+        missed = problem.stiffest * np.where(contact, problem.heights + fields.u, 0.0)
+        kept = contact & ((excess > missed) | frozen)
+        violated = np.where(contact, 0.0 if frozen else np.minimum(excess - missed, 0.0), excess)
         size = _rms(fields.elastic) or 1.0
+        own, wall = _rms(violated) / size, _rms(missed) / size
         rounding = problem.rounding(fields.u) / size
-        return _Trial(fields, contact, _rms(violated) / size, rounding, contact & ((pushed > 0.0) | frozen), frozen)
+        return _Trial(fields, contact, own + wall, own + LONGER * wall, rounding, kept, frozen)
 
     def moved(self, problem: GridProblem, change: Change, length: float, kept: Mask, wall: bool) -> _Trial:
         """The trial state after a part of a step; what overlaps then joins the contact."""
@@ -282,7 +296,7 @@ def tangent(problem: GridProblem, state: Equilibrium, hold: Hold, tolerance: flo
 def _forcing(residual: float, steady: bool, settings: Settings) -> float:
     """Inner tolerance: no tighter than a step can use while the contact set changes, nor than is asked for at last."""
     wanted = min(settings.forcing, 0.3 * math.sqrt(residual)) if steady else settings.forcing
-    return min(max(wanted, 0.3 * settings.tolerance / max(residual, settings.tolerance)), settings.forcing)
+    return max(wanted, 0.1 * settings.tolerance / max(residual, settings.tolerance))
 
 
 def _rms(values: Array) -> float:
