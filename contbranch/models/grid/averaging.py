@@ -30,8 +30,9 @@ from .setup import Setup
 
 __all__ = ["Average", "Fold", "Samples", "half_width"]
 
-# Half of a window in rows of nodes, the share of the contact radius that it may take up, and its least.
-ROWS, SHARE, LEAST = 3.5, 0.6, 1.6
+# Half of a window in rows of nodes, the share of the contact radius that it may take up, and its least; where a row
+# has many nodes, fewer rows are enough.
+ROWS, SHARE, LEAST, MANY = 3.5, 0.6, 1.6, 60.0
 DEGREE = 3
 # Other windows (relative) and degrees, of which a fold's error is made.
 OTHERS = ((0.7, 3), (1.3, 3), (1.0, 4), (1.0, 2))
@@ -50,7 +51,8 @@ MEASURED = 0.03
 
 def half_width(radius: float, spacing: float) -> float:
     """Half of the window around a contact radius."""
-    return max(LEAST * spacing, min(ROWS * spacing, SHARE * radius))
+    rows = radius / spacing
+    return spacing * max(LEAST, min(ROWS, SHARE * rows, MANY / max(rows, 1.0)))
 
 
 class Fold(NamedTuple):

@@ -54,6 +54,8 @@ SPACING = 6
 CLOSE = 3e-3
 # Arcs at most of one average, and rows of nodes for which they are followed where steps lead nowhere.
 MOST_ARCS, STUCK = 3000, 2.0
+# Where the law is stiffer than the lattice by this factor, a contact of many nodes cannot be followed.
+COARSE, SMALL = 1.6, 128
 # Rows of an average, a row of nodes.
 AVERAGED_ROWS = 2
 # So many points in a row that lie on known parts of the curve end it; the last rows are no known part.
@@ -89,6 +91,8 @@ class _Tracer:
     returns: int = 0
     samples: Samples | None = None
     stretch: tuple[float, float] = (np.inf, -np.inf)
+    centre: float = 0.0
+    checked: float = 0.0
 
     def __post_init__(self) -> None:
         self.problem = self.setup.problem
@@ -112,6 +116,7 @@ class _Tracer:
             return began
         walker = Walker(self.problem, self.setup.length, self.options, units=self.setup.units)
         walker.begin(*began)
+        averaging = self.setup.averaging and not self.setup.crowded
         for point in walker.points:
             self._add(point)
         while True:
@@ -125,7 +130,7 @@ class _Tracer:
                 return self._end(ended[0])
             self._add(points[-1])
             if len(points) > 2:
-                if self._averages(points) and self._average(walker):
+                if averaging and self._averages() and self._average(walker):
                     continue
                 self._events(points)
             if (len(self.rows) - 1) % SPACING == 0:
@@ -232,24 +237,35 @@ class _Tracer:
 
     # Averages
 
-    def _averages(self, points: Sequence[Point]) -> bool:
-        """Whether a control turns round in contact: at a fold, or on the lattice."""
-        if not points[-2].state.contact.any():
-            return False
-        for control in self.request.controls:
-            rise, fall = np.diff([control.value(point.load, point.displacement) for point in points[-3:]])
-            if rise * fall < 0.0 and max(abs(rise), abs(fall)) > 1e-9 * max(1.0, abs(points[-2].load)):
-                return True
+    def _averages(self) -> bool:
+        """Whether a control has turned round in contact, over more than what single nodes can do."""
+        spacing = self.setup.lattice.spacing
+        rows = [row for row in sorted(self.rows, key=lambda row: row.arc) if row.arc > self.stretch[1]]
+        radii = np.array([row.reading.contact_radius for row in rows])
+        inner = np.flatnonzero((radii > max(self.checked, 0.0)))
+        for k in inner[:-1].tolist():
+            half = half_width(radii[k], spacing)
+            if k == 0 or radii[-1] < radii[k] + half:
+                continue
+            self.checked = max(self.checked, radii[k])
+            near = slice(int(np.argmax(radii > radii[k] - half)), None)
+            near = slice(max(near.start - 1, 0) if near.start else 0, len(rows))
+            for control in self.request.controls:
+                values = np.array([control.value(*row.reading[:2]) for row in rows[near]])
+                here = values[k - near.start]
+                others = np.delete(values, k - near.start)
+                if 0 < k - near.start and (here >= others.max() or here <= others.min()):
+                    self.centre = float(radii[k])
+                    return True
         return False
 
     def _average(self, walker: Walker) -> bool:
         """Follow the curve arc by arc around the present point, and go on behind; whether that could be done."""
-        last = max(row.arc for row in self.rows)
-        if not self.setup.averaging or self.setup.crowded or (self.stretch[1] == last and not walker.message):
+        if not self.setup.averaging or self.setup.crowded:
             return False
         rows = sorted(self.rows, key=lambda row: row.arc)
         spacing = self.setup.lattice.spacing
-        radius = max((row.reading.contact_radius for row in rows[-3:-1]), default=0.0)
+        radius = rows[-1].reading.contact_radius if walker.message else self.centre
         wide = half_width(radius, spacing)
         samples, start = self.samples, self.stretch[0]
         if samples is None or not samples.radius or samples.radius[-1] < radius - 1.5 * wide:
@@ -276,9 +292,11 @@ class _Tracer:
                 if not folds or folds[-1].radius + 1.1 * half_width(folds[-1].radius, spacing) < end:
                     break
                 reach = folds[-1].radius
+            if end < max(samples.radius, default=0.0) - STUCK * spacing:
+                break
             if len(samples.arcs) - known > MOST_ARCS or end > 0.49 * self.setup.edge:
                 break
-        if len(samples.arcs) - known < 3 or samples.radius[-1] <= radius:
+        if len(samples.arcs) - known < 3 or not samples.radius or samples.radius[-1] <= radius:
             return False
         self._replaced(samples, start)
         tail = samples.arcs[-1]
@@ -321,13 +339,15 @@ class _Tracer:
             seen = own._replace(load=load, displacement=displacement, energy=energy, contact_radius=radius, central_gap=0.0)
             row = Row(place, seen, state.pairs, state.load, state.u, state.contact, mark, averaged=True)
             self.rows.append(row)
-        self.samples, self.stretch = samples, (start, float(places[-1]))
+        self.samples, self.stretch, self.checked = samples, (start, float(places[-1])), average.last
 
     # Events
 
     def _events(self, points: Sequence[Point]) -> None:
         for control in self.request.controls:
             values = np.array([control.value(point.load, point.displacement) for point in points[-3:]])
+            if self.setup.averaging and not self.setup.crowded and points[-2].state.contact.any():
+                continue
             rise, fall = np.diff(values)
             if rise * fall < 0.0 and max(abs(rise), abs(fall)) > 1e-9 * max(1.0, abs(values[1])):
                 self._fold(points, control, values)
@@ -466,10 +486,11 @@ def trace(setup: Setup, request: Request, verdicts: bool = True, beyond: float |
         tracer.notes = [tracer.resolution.message, jump_message(setup.law)]
         for note in tracer.notes:
             warn(note)
-        message = tracer.run()
-        if message and setup.averaging and not setup.crowded and tracer.finer:
+        coarse = tracer.finer and tracer.resolution.ratio > COARSE and setup.lattice.size > SMALL
+        message = "" if coarse else tracer.run()
+        if (message or coarse) and setup.averaging and not setup.crowded and tracer.finer:
             finer = trace(setup.fine, request, verdicts, beyond)
-            note = f"On the grid asked for, {setup.grid}, the curve ends early: {message}. This is the grid of twice as many."
+            note = f"On a grid of {setup.grid} nodes the curve cannot be followed: this is that on twice as many."
             return replace(finer, curve=replace(finer.curve, message=f"{note} {finer.curve.message}".strip()))
         worst = _reaching(tracer)
         warn(worst)
