@@ -13,8 +13,7 @@ the window or the degree is another one, and by how much the states scatter abou
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
 
@@ -25,10 +24,12 @@ from contbranch.control import Control
 
 from .arcs import Arc
 from .arrays import Array
-from .rows import Reading, read
+from .newton import Equilibrium
+from .rows import read
 from .setup import Setup
+from .walk import Measure
 
-__all__ = ["Average", "Fold", "Samples", "half_width"]
+__all__ = ["MEASURED", "Average", "Fold", "Samples", "half_width"]
 
 # Half of a window in rows of nodes, the share of the contact radius that it may take up, and its least; where a row
 # has many nodes, fewer rows are enough.
@@ -38,6 +39,8 @@ DEGREE = 3
 OTHERS = ((0.7, 3), (1.3, 3), (1.0, 4), (1.0, 2))
 # Centres of windows a row of nodes where folds are looked for.
 CENTRES = 4
+# States a row of nodes of which the fields are kept.
+STATES = 3
 # Gauss-Legendre rule for the product of two parabolas.
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)
 _NODES, _WEIGHTS = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS
@@ -67,22 +70,33 @@ class Fold(NamedTuple):
 
 @dataclass
 class Samples:
-    """What was read off the arcs, in order; columns are load, displacement and energy."""
+    """What was read off the arcs, in order.
 
-    radius: list[float]
-    values: list[tuple[float, float, float]]
-    weight: list[float]
-    arcs: list[Arc]
+    Attributes
+    ----------
+    radius, values, weight : list
+        Of three states an arc: contact radius; load, displacement and energy; share of the integral over the radius.
+    ends, lengths : list
+        Contact radius at the end of every arc, and its length.
+    states : list of (float, Equilibrium)
+        States with fields, some in every row of nodes, and their contact radii.
+    last : Arc or None
+    """
 
-    @staticmethod
-    def none() -> Samples:
-        """No arc yet."""
-        return Samples([], [], [], [])
+    radius: list[float] = field(default_factory=list)
+    values: list[tuple[float, float, float]] = field(default_factory=list)
+    weight: list[float] = field(default_factory=list)
+    ends: list[float] = field(default_factory=list)
+    lengths: list[float] = field(default_factory=list)
+    states: list[tuple[float, Equilibrium]] = field(default_factory=list)
+    last: Arc | None = None
 
-    def add(self, setup: Setup, arc: Arc) -> tuple[Reading, ...]:
-        """Read off an arc."""
+    def add(self, setup: Setup, arc: Arc) -> float:
+        """Read off an arc; the contact radius at its end."""
         seen = tuple(read(setup, state, cell=False) for state in (arc.begin, arc.middle, arc.end))
-        self.arcs.append(arc)
+        self.last = arc
+        self.ends.append(seen[2].contact_radius)
+        self.lengths.append(Measure.at(arc.begin, setup.length).apart(arc.end, arc.begin))
         if seen[0].contact_radius > 0.0:
             radii = np.array([one.contact_radius for one in seen])
             own = np.maximum(_LAGRANGE @ (_WEIGHTS * (radii @ _SLOPES)), 0.0)
@@ -90,7 +104,13 @@ class Samples:
             self.weight += (own * (length / own.sum() if own.sum() > 0.0 else 0.0)).tolist()
             self.radius += radii.tolist()
             self.values += [(one.load, one.displacement, one.energy) for one in seen]
-        return seen
+            if not self.states or radii[1] > self.states[-1][0] + setup.lattice.spacing / STATES:
+                self.states.append((float(radii[1]), arc.middle.slim()))
+        return seen[2].contact_radius
+
+    def state(self, radius: float) -> Equilibrium:
+        """A state with fields near a contact radius; of these u, load and contact only."""
+        return min(self.states, key=lambda one: abs(one[0] - radius))[1]
 
 
 class Average:

@@ -93,7 +93,11 @@ class _Cell:
             cell, grid = chosen_size(contact, self.name, (cell, grid), (field, value), accuracy)
         from .setup import Setup
 
-        return Setup(contact, self.name, cell, grid, threads=self.threads, units=self.units, averaging=self.averaging)
+        found = Setup(contact, self.name, cell, grid, threads=self.threads, units=self.units, averaging=self.averaging)
+        from .resolution import refuse_too_large
+
+        refuse_too_large(found)
+        return found
 
 
 @dataclass(frozen=True)

@@ -20,13 +20,13 @@ from contbranch.curve.trace import Request
 from .accuracy import compared, no_comparison, touched
 from .arcs import arcs
 from .arrays import Array
-from .averaging import Average, Fold, Samples, half_width
+from .averaging import MEASURED, Average, Fold, Samples, half_width
 from .folds import coarser_touch, locate_fold, locate_touch, touches
 from .newton import Equilibrium, Settings, hold_control, newton
 from .observables import interpolate
 from .ramp import jump_message
 from .resolution import Resolution, border_energy, border_message, fills, warn
-from .rows import Mark, Row, crossing, deferred_profile, difference, morse_indices, read
+from .rows import Mark, Reading, Row, crossing, deferred_profile, difference, morse_indices, read, state_at
 from .setup import Setup
 from .switching import first_index
 from .symmetry import Breaking
@@ -89,7 +89,7 @@ class _Tracer:
     kept: float = 0.0
     notes: list[str] = field(default_factory=list)
     returns: int = 0
-    samples: Samples | None = None
+    samples: Samples = field(default_factory=Samples)
     stretch: tuple[float, float] = (np.inf, -np.inf)
     centre: float = 0.0
     checked: float = 0.0
@@ -222,7 +222,7 @@ class _Tracer:
         return ""
 
     def _stuck(self, message: str) -> str:
-        remedy = f"; the grid is too coarse for this interaction, use at least {self.resolution.grid}"
+        remedy = f"; the grid is too coarse for this interaction, {self.resolution.remedy}"
         return message + (remedy if self.resolution.ratio > 1.0 else "; try a finer grid or a larger cell")
 
     def _report(self, point: Point) -> None:
@@ -268,77 +268,73 @@ class _Tracer:
         radius = rows[-1].reading.contact_radius if walker.message else self.centre
         wide = half_width(radius, spacing)
         samples, start = self.samples, self.stretch[0]
-        if samples is None or not samples.radius or samples.radius[-1] < radius - 1.5 * wide:
-            kept = [row for row in rows[:-1] if row.u is not None and not row.averaged]
-            below = [row for row in kept if row.reading.contact_radius <= max(radius - 1.3 * wide, 0.0)]
-            if not below:
-                return False
-            following = next((row for row in rows if row.arc > below[-1].arc and row.u is not None), None)
-            if following is None:  # the very last row
-                following, below = below[-1], below[:-1]
-            begin, ahead = (row.state(self.problem) for row in (below[-1], following))
-            samples, start = Samples.none(), below[-1].arc
+        if samples.last is not None and samples.ends[-1] >= radius - 1.5 * wide:
+            begin, end = samples.last.middle, samples.last.end
+            way = end, replace(end, fields=end.fields._replace(u=2.0 * end.u - begin.u, load=2.0 * end.load - begin.load))
         else:
-            begin, ahead = samples.arcs[-1].middle, samples.arcs[-1].end
-            begin, ahead = ahead, replace(ahead, fields=ahead.fields._replace(u=2 * ahead.u - begin.u))
-        if begin is None or ahead is None:
+            kept = [k for k, row in enumerate(rows[:-1]) if row.u is not None and not row.averaged]
+            below = [k for k in kept if rows[k].reading.contact_radius <= max(radius - 1.3 * wide, 0.0)]
+            if not below or rows[below[-1] + 1].u is None:
+                return False
+            way = state_at(self.problem, rows[below[-1]]), state_at(self.problem, rows[below[-1] + 1])
+            samples, start = Samples(), rows[below[-1]].arc
+        touching = bool(way[0].contact.any())
+        if not self._sampled(samples, way, radius + (STUCK * spacing if walker.message else 0.0)):
             return False
-        reach = radius + (STUCK * spacing if walker.message else 0.0)
-        known = len(samples.arcs)
-        for arc in arcs(self.problem, self.setup.length, (begin, ahead), self.settings):
-            end = samples.add(self.setup, arc)[-1].contact_radius
-            if end >= reach + 1.3 * half_width(reach, spacing):
-                folds = [fold for fold in self._average_folds(samples) if fold.radius > reach]
-                if not folds or folds[-1].radius + 1.1 * half_width(folds[-1].radius, spacing) < end:
-                    break
-                reach = folds[-1].radius
-            if end < max(samples.radius, default=0.0) - STUCK * spacing:
-                break
-            if len(samples.arcs) - known > MOST_ARCS or end > 0.49 * self.setup.edge:
-                break
-        if len(samples.arcs) - known < 3 or not samples.radius or samples.radius[-1] <= radius:
+        self._replaced(samples, start, touching)
+        last = samples.last
+        if last is None:
             return False
-        self._replaced(samples, start)
-        tail = samples.arcs[-1]
-        arc = self.stretch[1]
-        way = Measure.at(tail.begin, self.setup.length).apart(tail.end, tail.begin)
-        walker.points = [Point(arc - way, tail.begin), Point(arc, tail.end)]
+        walker.points = [Point(self.stretch[1] - samples.lengths[-1], last.begin), Point(self.stretch[1], last.end)]
         walker.step_size, walker.message = self.options.period, ""
         return True
 
-    def _average_folds(self, samples: Samples) -> list[Fold]:
-        average = Average(samples, self.setup.lattice.spacing)
-        return sorted((fold for control in self.request.controls for fold in average.folds(control)), key=itemgetter(0))
+    def _sampled(self, samples: Samples, way: tuple[Equilibrium, Equilibrium], reach: float) -> bool:
+        """Follow arcs until a contact radius, and every fold behind it, lies well inside; whether it was reached."""
+        spacing, wanted, known = self.setup.lattice.spacing, reach, len(samples.ends)
+        for arc in arcs(self.problem, self.setup.length, way, self.settings):
+            end = samples.add(self.setup, arc)
+            if end >= reach + 1.3 * half_width(reach, spacing):
+                folds = [fold.radius for _, fold in self._folds(samples) if fold.radius > reach]
+                reach = max(folds, default=reach)
+                if reach + 1.1 * half_width(reach, spacing) < end:
+                    break
+            if end < max(samples.ends) - STUCK * spacing or end > 0.49 * self.setup.edge:
+                break
+            if len(samples.ends) - known > MOST_ARCS:
+                break
+        return len(samples.ends) > known + 2 and bool(samples.radius) and samples.radius[-1] > wanted
 
-    def _replaced(self, samples: Samples, start: float) -> None:
+    def _folds(self, samples: Samples) -> list[tuple[Control, Fold]]:
+        average = Average(samples, self.setup.lattice.spacing)
+        return [(control, fold) for control in self.request.controls for fold in average.folds(control)]
+
+    def _replaced(self, samples: Samples, start: float, touching: bool) -> None:
         """Put rows of the average in the place of those that it spans."""
-        spacing, units = self.setup.lattice.spacing, self.setup.units
-        average = Average(samples, spacing)
-        ends = [arc.end for arc in samples.arcs]
-        steps = [Measure.at(arc.begin, self.setup.length).apart(arc.end, arc.begin) for arc in samples.arcs]
-        places = start + np.cumsum(steps)
-        radii = np.maximum.accumulate([0.0, *(area.contact_radius for area in (read(self.setup, e, False) for e in ends))])[1:]
-        touching = any(row.mark is not None and row.mark.kind == "touch" for row in self.rows)
-        free = [row for row in self.rows if row.arc <= start]
-        self.rows = [row for row in self.rows if row.arc <= start or (row.mark is not None and row.mark.kind == "touch")]
-        if not touching and not samples.arcs[0].begin.contact.any():
-            before = [Point(row.arc, state) for row in free[-3:] if (state := row.state(self.problem)) is not None]
-            self._touch([*before, Point(float(places[0]), ends[0])])
-        wanted = np.linspace(average.first, average.last, max(3, int(AVERAGED_ROWS * (average.last - average.first) / spacing)))
-        marks: list[tuple[float, Mark | None]] = [(float(radius), None) for radius in wanted[1:]]
-        for control in self.request.controls:
-            for fold in average.folds(control):
-                mark = Mark("fold", control, fold.maximum, errors=np.append(fold.errors[[1, 2, 0]], 0.0))
-                mark.message = f"The average over {fold.arcs} changes of the contact on the lattice."
-                marks.append((fold.radius, mark))
+        average = Average(samples, self.setup.lattice.spacing)
+        places = start + np.cumsum(samples.lengths)
+        radii = np.maximum.accumulate(samples.ends)
+        kept = [row for row in self.rows if row.arc <= start or (row.mark is not None and row.mark.kind == "touch")]
+        touched = any(row.mark is not None and row.mark.kind == "touch" for row in kept)
+        self.rows = kept
+        if not (touching or touched):
+            before = [Point(row.arc, state_at(self.problem, row)) for row in kept[-3:] if row.u is not None]
+            first = samples.state(0.0)
+            fields = self.problem.fields(first.u, first.load)
+            self._touch([*before, Point(float(places[-1]), replace(first, fields=fields))])
+        count = max(3, int(AVERAGED_ROWS * (average.last - average.first) / average.spacing))
+        marks: list[tuple[float, Mark | None]] = [
+            (radius, None) for radius in np.linspace(average.first, average.last, count)[1:].tolist()
+        ]
+        for control, fold in self._folds(samples):
+            mark = Mark("fold", control, fold.maximum, errors=np.append(fold.errors[[1, 2, 0]], 0.0))
+            mark.message = f"The average over {fold.arcs} changes of the contact on the lattice."
+            marks.append((fold.radius, mark))
         for radius, mark in sorted(marks, key=itemgetter(0)):
-            k = min(int(np.searchsorted(radii, radius)), len(ends) - 1)
             place = float(np.interp(radius, np.append(average.first, radii), np.append(start, places)))
-            (load, displacement, energy), state = average.at(radius)[0].tolist(), samples.arcs[k].middle
-            own = read(self.setup, state)
-            seen = own._replace(load=load, displacement=displacement, energy=energy, contact_radius=radius, central_gap=0.0)
-            row = Row(place, seen, state.pairs, state.load, state.u, state.contact, mark, averaged=True)
-            self.rows.append(row)
+            (load, displacement, energy), state = average.at(radius)[0].tolist(), samples.state(radius)
+            seen = Reading(load, displacement, radius, 0.0, energy, MEASURED * average.spacing)
+            self.rows.append(Row(place, seen, state.pairs, state.load, state.u, state.contact, mark, averaged=True))
         self.samples, self.stretch, self.checked = samples, (start, float(places[-1])), average.last
 
     # Events
