@@ -29,7 +29,7 @@ from .rows import read
 from .setup import Setup
 from .walk import Measure
 
-__all__ = ["MEASURED", "Average", "Fold", "Samples", "half_width"]
+__all__ = ["LEAST", "MEASURED", "Average", "Fold", "Samples", "half_width"]
 
 # Half of a window in rows of nodes, the share of the contact radius that it may take up, and its least; where a row
 # has many nodes, fewer rows are enough.

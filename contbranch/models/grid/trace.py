@@ -20,7 +20,7 @@ from contbranch.curve.trace import Request
 from .accuracy import compared, no_comparison, touched
 from .arcs import arcs
 from .arrays import Array
-from .averaging import MEASURED, Average, Fold, Samples, half_width
+from .averaging import LEAST, MEASURED, Average, Fold, Samples, half_width
 from .folds import coarser_touch, locate_fold, locate_touch, touches
 from .newton import Equilibrium, Settings, hold_control, newton
 from .observables import interpolate
@@ -56,6 +56,8 @@ CLOSE = 3e-3
 MOST_ARCS, STUCK = 3000, 2.0
 # Where the law is stiffer than the lattice by this factor, a contact of many nodes cannot be followed.
 COARSE, SMALL = 1.6, 128
+# Contact radius, in rows of nodes, below which a fold of the lattice may be the same as one of the average.
+NEAR = 2.5
 # Rows of an average, a row of nodes.
 AVERAGED_ROWS = 2
 # So many points in a row that lie on known parts of the curve end it; the last rows are no known part.
@@ -116,7 +118,6 @@ class _Tracer:
             return began
         walker = Walker(self.problem, self.setup.length, self.options, units=self.setup.units)
         walker.begin(*began)
-        averaging = self.setup.averaging and not self.setup.crowded
         for point in walker.points:
             self._add(point)
         while True:
@@ -130,9 +131,9 @@ class _Tracer:
                 return self._end(ended[0])
             self._add(points[-1])
             if len(points) > 2:
-                if averaging and self._averages() and self._average(walker):
-                    continue
                 self._events(points)
+                if self.averaging and self._averages() and self._average(walker):
+                    continue
             if (len(self.rows) - 1) % SPACING == 0:
                 found = compared(self.setup, points[-2].state, points[-1].state, self.settings)
                 self.comparisons += [] if found is None else [(points[-1].arc, found.four)]
@@ -237,31 +238,35 @@ class _Tracer:
 
     # Averages
 
+    @property
+    def averaging(self) -> bool:
+        """Whether folds in contact are those of averages."""
+        return self.setup.averaging and not self.setup.crowded
+
     def _averages(self) -> bool:
         """Whether a control has turned round in contact, over more than what single nodes can do."""
         spacing = self.setup.lattice.spacing
-        rows = [row for row in sorted(self.rows, key=lambda row: row.arc) if row.arc > self.stretch[1]]
+        rows = sorted(self.rows, key=lambda row: row.arc)
         radii = np.array([row.reading.contact_radius for row in rows])
-        inner = np.flatnonzero((radii > max(self.checked, 0.0)))
+        inner = np.flatnonzero(radii > self.checked)
         for k in inner[:-1].tolist():
             half = half_width(radii[k], spacing)
             if k == 0 or radii[-1] < radii[k] + half:
                 continue
             self.checked = max(self.checked, radii[k])
-            near = slice(int(np.argmax(radii > radii[k] - half)), None)
-            near = slice(max(near.start - 1, 0) if near.start else 0, len(rows))
+            # one row without contact, or beyond the window
+            first = max(int(np.argmax(radii > max(radii[k] - half, 0.0))) - 1, 0)
             for control in self.request.controls:
-                values = np.array([control.value(*row.reading[:2]) for row in rows[near]])
-                here = values[k - near.start]
-                others = np.delete(values, k - near.start)
-                if 0 < k - near.start and (here >= others.max() or here <= others.min()):
+                values = np.array([control.value(*row.reading[:2]) for row in rows[first:]])
+                others = np.delete(values, k - first)
+                if k > first and not others.min() < values[k - first] < others.max():
                     self.centre = float(radii[k])
                     return True
         return False
 
     def _average(self, walker: Walker) -> bool:
         """Follow the curve arc by arc around the present point, and go on behind; whether that could be done."""
-        if not self.setup.averaging or self.setup.crowded:
+        if not self.averaging:
             return False
         rows = sorted(self.rows, key=lambda row: row.arc)
         spacing = self.setup.lattice.spacing
@@ -314,7 +319,8 @@ class _Tracer:
         average = Average(samples, self.setup.lattice.spacing)
         places = start + np.cumsum(samples.lengths)
         radii = np.maximum.accumulate(samples.ends)
-        kept = [row for row in self.rows if row.arc <= start or (row.mark is not None and row.mark.kind == "touch")]
+        folds = [one for one in self._folds(samples) if one[1].radius > LEAST * average.spacing]
+        kept = [row for row in self.rows if row.arc <= start or self._stays(row, folds)]
         touched = any(row.mark is not None and row.mark.kind == "touch" for row in kept)
         self.rows = kept
         if not (touching or touched):
@@ -326,7 +332,7 @@ class _Tracer:
         marks: list[tuple[float, Mark | None]] = [
             (radius, None) for radius in np.linspace(average.first, average.last, count)[1:].tolist()
         ]
-        for control, fold in self._folds(samples):
+        for control, fold in folds:
             mark = Mark("fold", control, fold.maximum, errors=np.append(fold.errors[[1, 2, 0]], 0.0))
             mark.message = f"The average over {fold.arcs} changes of the contact on the lattice."
             marks.append((fold.radius, mark))
@@ -335,14 +341,26 @@ class _Tracer:
             (load, displacement, energy), state = average.at(radius)[0].tolist(), samples.state(radius)
             seen = Reading(load, displacement, radius, 0.0, energy, MEASURED * average.spacing)
             self.rows.append(Row(place, seen, state.pairs, state.load, state.u, state.contact, mark, averaged=True))
-        self.samples, self.stretch, self.checked = samples, (start, float(places[-1])), average.last
+        self.samples, self.stretch = samples, (start, float(places[-1]))
+        self.checked = average.last - 0.7 * half_width(average.last, average.spacing)
+
+    def _stays(self, row: Row, folds: Sequence[tuple[Control, Fold]]) -> bool:
+        """Whether a row stays where an average takes the place of others: an event of a contact of few nodes."""
+        mark, spacing = row.mark, self.setup.lattice.spacing
+        if mark is None or mark.kind != "fold":
+            return mark is not None and mark.kind == "touch"
+        again = any(
+            mark.control == control and mark.maximum == fold.maximum and fold.radius < NEAR * spacing
+            for control, fold in folds
+        )
+        return row.reading.contact_radius < LEAST * spacing and not again
 
     # Events
 
     def _events(self, points: Sequence[Point]) -> None:
         for control in self.request.controls:
             values = np.array([control.value(point.load, point.displacement) for point in points[-3:]])
-            if self.setup.averaging and not self.setup.crowded and points[-2].state.contact.any():
+            if self._left_to_averages(points[-2]):
                 continue
             rise, fall = np.diff(values)
             if rise * fall < 0.0 and max(abs(rise), abs(fall)) > 1e-9 * max(1.0, abs(values[1])):
@@ -350,6 +368,13 @@ class _Tracer:
         closed = [touches(point.state, self.clearance) for point in points[-2:]]
         if closed[0] != closed[1]:
             self._touch(points)
+
+    def _left_to_averages(self, point: Point) -> bool:
+        """Whether a fold at a point is sought by averages: not where the contact has too few nodes for them."""
+        if not self.averaging or not point.state.contact.any():
+            return False
+        few = read(self.setup, point.state, cell=False).contact_radius < LEAST * self.setup.lattice.spacing
+        return not few or self.resolution.ratio > 1.0
 
     def _fold(self, points: Sequence[Point], control: Control, values: Array) -> None:
         before, middle, after = points[-3:]
