@@ -25,7 +25,7 @@ from contbranch.control import Control
 from .arcs import Arc
 from .arrays import Array
 from .newton import Equilibrium
-from .rows import read
+from .rows import Reading, read
 from .setup import Setup
 from .walk import Measure
 
@@ -41,6 +41,8 @@ OTHERS = ((0.7, 3), (1.3, 3), (1.0, 4), (1.0, 2))
 CENTRES = 4
 # States a row of nodes of which the fields are kept.
 STATES = 3
+# Weight of first touch, in rows of nodes.
+TOUCH = 0.5
 # Gauss-Legendre rule for the product of two parabolas.
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)
 _NODES, _WEIGHTS = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS
@@ -97,7 +99,7 @@ class Samples:
         self.last = arc
         self.ends.append(seen[2].contact_radius)
         self.lengths.append(Measure.at(arc.begin, setup.length).apart(arc.end, arc.begin))
-        if seen[0].contact_radius > 0.0:
+        if seen[0].contact_radius > 0.0 and np.isfinite([one.four for one in seen]).all():
             radii = np.array([one.contact_radius for one in seen])
             own = np.maximum(_LAGRANGE @ (_WEIGHTS * (radii @ _SLOPES)), 0.0)
             length = max(radii[2] - radii[0], 0.0)
@@ -107,6 +109,12 @@ class Samples:
             if not self.states or radii[1] > self.states[-1][0] + setup.lattice.spacing / STATES:
                 self.states.append((float(radii[1]), arc.middle.slim()))
         return seen[2].contact_radius
+
+    def begin(self, touch: Reading, spacing: float) -> None:
+        """First touch, known by itself: with it the average reaches to a contact of no size."""
+        self.radius.append(0.0)
+        self.values.append((touch.load, touch.displacement, touch.energy))
+        self.weight.append(TOUCH * spacing)
 
     def state(self, radius: float) -> Equilibrium:
         """A state with fields near a contact radius; of these u, load and contact only."""

@@ -56,6 +56,8 @@ CLOSE = 3e-3
 MOST_ARCS, STUCK = 3000, 2.0
 # Where the law is stiffer than the lattice by this factor, a contact of many nodes cannot be followed.
 COARSE, SMALL = 1.6, 128
+# ... and one of few; by this factor averages mean nothing.
+FEW, HOPELESS = 2.2, 3.5
 # Contact radius, in rows of nodes, below which a fold of the lattice may be the same as one of the average.
 NEAR = 2.5
 # Rows of an average, a row of nodes.
@@ -94,7 +96,7 @@ class _Tracer:
     samples: Samples = field(default_factory=Samples)
     stretch: tuple[float, float] = (np.inf, -np.inf)
     centre: float = 0.0
-    checked: float = 0.0
+    checked: float = -1.0
 
     def __post_init__(self) -> None:
         self.problem = self.setup.problem
@@ -234,14 +236,14 @@ class _Tracer:
     @property
     def finer(self) -> bool:
         """Whether the curve may well be complete on the lattice with twice the nodes a side, which is not too large."""
-        return 1.0 < self.resolution.ratio <= 3.0 and 2 * self.setup.lattice.size <= LARGEST_REFINED
+        return 1.0 < self.resolution.ratio <= HOPELESS and 2 * self.setup.lattice.size <= LARGEST_REFINED
 
     # Averages
 
     @property
     def averaging(self) -> bool:
         """Whether folds in contact are those of averages."""
-        return self.setup.averaging and not self.setup.crowded
+        return self.setup.averaging and not self.setup.crowded and self.resolution.ratio <= HOPELESS
 
     def _averages(self) -> bool:
         """Whether a control has turned round in contact, over more than what single nodes can do."""
@@ -249,13 +251,15 @@ class _Tracer:
         rows = sorted(self.rows, key=lambda row: row.arc)
         radii = np.array([row.reading.contact_radius for row in rows])
         inner = np.flatnonzero(radii > self.checked)
+        if self.checked < 0.0 and inner.size:
+            inner = inner[max(int(np.argmax(radii[inner] > 0.0)) - 1, 0) :]  # from the last row without contact on
         for k in inner[:-1].tolist():
             half = half_width(radii[k], spacing)
             if k == 0 or radii[-1] < radii[k] + half:
                 continue
             self.checked = max(self.checked, radii[k])
             # one row without contact, or beyond the window
-            first = max(int(np.argmax(radii > max(radii[k] - half, 0.0))) - 1, 0)
+            first = max(min(int(np.argmax(radii > max(radii[k] - half, 0.0))), k) - 1, 0)
             for control in self.request.controls:
                 values = np.array([control.value(*row.reading[:2]) for row in rows[first:]])
                 others = np.delete(values, k - first)
@@ -283,6 +287,9 @@ class _Tracer:
                 return False
             way = state_at(self.problem, rows[below[-1]]), state_at(self.problem, rows[below[-1] + 1])
             samples, start = Samples(), rows[below[-1]].arc
+            touch = next((row for row in rows if row.mark is not None and row.mark.kind == "touch"), None)
+            if touch is not None and not way[0].contact.any():
+                samples.begin(touch.reading, spacing)
         touching = bool(way[0].contact.any())
         if not self._sampled(samples, way, radius + (STUCK * spacing if walker.message else 0.0)):
             return False
@@ -319,7 +326,7 @@ class _Tracer:
         average = Average(samples, self.setup.lattice.spacing)
         places = start + np.cumsum(samples.lengths)
         radii = np.maximum.accumulate(samples.ends)
-        folds = [one for one in self._folds(samples) if one[1].radius > LEAST * average.spacing]
+        folds = [one for one in self._folds(samples) if not self._known(*one)]
         kept = [row for row in self.rows if row.arc <= start or self._stays(row, folds)]
         touched = any(row.mark is not None and row.mark.kind == "touch" for row in kept)
         self.rows = kept
@@ -333,7 +340,11 @@ class _Tracer:
             (radius, None) for radius in np.linspace(average.first, average.last, count)[1:].tolist()
         ]
         for control, fold in folds:
-            mark = Mark("fold", control, fold.maximum, errors=np.append(fold.errors[[1, 2, 0]], 0.0))
+            own = samples.state(fold.radius)
+            seen = read(self.setup, replace(own, fields=self.problem.fields(own.u, own.load)))
+            errors = max(1.0, self.resolution.ratio) * np.append(fold.errors[[1, 2, 0]], 0.0)
+            errors += [seen.load_error, seen.displacement_error, 0.0, 0.0]
+            mark = Mark("fold", control, fold.maximum, errors=errors)
             mark.message = f"The average over {fold.arcs} changes of the contact on the lattice."
             marks.append((fold.radius, mark))
         for radius, mark in sorted(marks, key=itemgetter(0)):
@@ -343,6 +354,14 @@ class _Tracer:
             self.rows.append(Row(place, seen, state.pairs, state.load, state.u, state.contact, mark, averaged=True))
         self.samples, self.stretch = samples, (start, float(places[-1]))
         self.checked = average.last - 0.7 * half_width(average.last, average.spacing)
+
+    def _known(self, control: Control, fold: Fold) -> bool:
+        """Whether a fold of an average is one of a contact of few nodes, located on the lattice itself."""
+        least = LEAST * self.setup.lattice.spacing
+        if fold.radius > least:
+            return False
+        marks = [row.mark for row in self.rows if row.mark is not None and 0.0 < row.reading.contact_radius < least]
+        return any(mark.control == control and mark.maximum == fold.maximum for mark in marks)
 
     def _stays(self, row: Row, folds: Sequence[tuple[Control, Fold]]) -> bool:
         """Whether a row stays where an average takes the place of others: an event of a contact of few nodes."""
@@ -507,7 +526,7 @@ def trace(setup: Setup, request: Request, verdicts: bool = True, beyond: float |
         tracer.notes = [tracer.resolution.message, jump_message(setup.law)]
         for note in tracer.notes:
             warn(note)
-        coarse = tracer.finer and tracer.resolution.ratio > COARSE and setup.lattice.size > SMALL
+        coarse = tracer.finer and tracer.resolution.ratio > (COARSE if setup.lattice.size > SMALL else FEW)
         message = "" if coarse else tracer.run()
         if (message or coarse) and setup.averaging and not setup.crowded and tracer.finer:
             finer = trace(setup.fine, request, verdicts, beyond)

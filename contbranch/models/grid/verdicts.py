@@ -23,7 +23,7 @@ __all__ = ["LARGEST_REFINED", "MOST_REFINED", "judge", "raw_event"]
 # Folds that are looked for on a finer lattice, and the largest array on which they are.
 MOST_REFINED, LARGEST_REFINED = 12, 1024
 # Least error of an event, relative to max(1, |value|).
-FLOOR = 1e-7
+FLOOR = 3e-7
 # A fold that moves by less, relative to max(1, |value|), is said to stay.
 STAYS = 1e-3
 
