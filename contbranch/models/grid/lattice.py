@@ -118,6 +118,13 @@ class Lattice:
         stiffness[nowhere] = 0.0
         return stiffness
 
+    def held_symbol(self, parity: tuple[Parity, Parity] | None) -> Array:
+        """K̂ with the stiffness 1/(C A) of the mean, which is that of the far field where its displacement is held."""
+        symbol = self.symbol(parity)
+        if parity in (None, EVEN):
+            symbol[0, 0] = 1.0 / (self.compliance * self.area)
+        return symbol
+
     def transform(self, counter: Counter, threads: int = 1, parity: tuple[Parity, Parity] = EVEN) -> Transform:
         """Plans for fields on this lattice."""
         return Transform(self.size, parity if self.quarter else None, threads, counter)

@@ -1,14 +1,13 @@
 """Semismooth Newton (primal-dual active set) for an equilibrium on a lattice.
 
-One step, at a trial state with contact nodes A and free nodes I: u = -z on A, and on I
+One step, at a trial state with contact nodes A and free nodes I, brings the nodes of A to the wall and on I solves
 
-    [ K + v''    b ] [ δu ]     [ -p_c - K_IA δu_A ]
-    [   cᵀ       ω ] [ δF ]  =  [ -(what is held)  ]        b = 1/A (the load, spread over the area),
+    [ K + v''    b ] [ δu ]     [ -p_c               ]
+    [   cᵀ       ω ] [ δF ]  =  [ -(what is held)    ]        b = 1/A (the load, spread over the area),
 
-where ``c·u + ω F = value`` is what is held: a load (then δF is known and the border is absent), a displacement, a
-spring, or the progress along a curve. Then nodes of I that overlap join the contact, and nodes of A with negative
-wall pressure leave it. The inner systems are solved by GMRES to a tolerance tied to the residual, with (K + constant)⁻¹
-restricted to I as preconditioner: indefinite on unstable branches, and not symmetric along a curve.
+where ``c·u + ω F = value`` is what is held: a load, a displacement, a spring, or the progress along a curve
+(`linear`). Then nodes of I that overlap join the contact, and nodes of A with negative wall pressure leave it. The
+pressure K u + F/A changes by what the linear system says it does, so that a step needs no transform besides.
 """
 
 from __future__ import annotations
@@ -20,17 +19,27 @@ from typing import NamedTuple
 import numpy as np
 
 from contbranch.control import Control
-from contbranch.models.grid.solvers.gmres import gmres
 
 from .arrays import Array, Mask
+from .linear import Border, Change, Linear
 from .problem import Fields, GridProblem
 
-# Memory for the basis of the inner iteration.
-BASIS_BYTES = 1e9
 # Shortest part of a step that is tried when the residual grows.
 SHORTEST = 0.125
+# How much softer than the stiffest wave of the lattice those are that an overlap excites.
+LONGER = 1.0 / 16.0
 
-__all__ = ["Equilibrium", "Hold", "Settings", "Sketch", "control_held", "hold_control", "newton", "settings_for"]
+__all__ = [
+    "Equilibrium",
+    "Hold",
+    "Settings",
+    "Sketch",
+    "control_held",
+    "hold_control",
+    "newton",
+    "settings_for",
+    "tangent",
+]
 
 
 @dataclass(frozen=True)
@@ -105,15 +114,18 @@ class Settings:
         Steps after which the residual must have fallen to half of what it was, or the iteration has failed.
     wall : bool
         Whether gaps must not be negative; without the wall there is no contact.
+    frozen : bool
+        Whether the contact stays as it is given, whatever its pressures and the gaps outside are.
     """
 
     tolerance: float = 1e-8
     steps: int = 30
     inner: int = 200
-    forcing: float = 0.03
+    forcing: float = 0.005
     growth: float = 1e3
     patience: int = 30
     wall: bool = True
+    frozen: bool = False
 
 
 @dataclass(frozen=True)
@@ -173,54 +185,6 @@ class Sketch(NamedTuple):
     contact: Mask
 
 
-class Linearised:
-    """The operator A of one step with its preconditioner M⁻¹, bordered unless the load is held.
-
-    Vectors are fields, flat, with δF as last entry. With S = (K + shift)⁻¹ and z = S y, K z = y - shift z costs no
-    transform; only what the contact takes away from z does.
-    """
-
-    def __init__(self, problem: GridProblem, stiffness: Array, free: Mask, hold: Hold) -> None:
-        self.problem = problem
-        self.mask = free.astype(np.float64)
-        self.diagonal = stiffness * self.mask
-        self.nodes = self.mask.size
-        self.shift = 0.8 / problem.lattice.edge
-        self.smoother = problem.smoother(self.shift)
-        self.unrestricted = bool(free.all())
-        self.bordered = hold.row is not None
-        if hold.row is not None:
-            # Row and column are scaled to the size of the field's entries.
-            row, column = (hold.row * self.mask).ravel(), self.mask.ravel() / problem.lattice.area
-            # all nodes may be in contact in a trial state
-            self.column_scale = 1.0 / (float(np.linalg.norm(column)) or 1.0)
-            norm = max(float(np.linalg.norm(row)), 1e-6 * abs(hold.load_weight) * self.column_scale) or 1.0
-            self.row_scale = 1.0 / norm
-            self.row, self.column = row * self.row_scale, column * self.column_scale
-            self.corner = hold.load_weight * self.row_scale * self.column_scale
-
-    def product(self, y: Array) -> tuple[Array, Array]:
-        """A M⁻¹ y and M⁻¹ y."""
-        shape = self.mask.shape
-        given = y[: self.nodes].reshape(shape)
-        image, smoothed = np.empty_like(y), np.empty_like(y)
-        field, smooth = (vector[: self.nodes].reshape(shape) for vector in (image, smoothed))
-        self.problem.transform.filter(self.smoother, given, smooth)
-        if self.unrestricted:
-            np.multiply(self.diagonal - self.shift, smooth, out=field)
-            field += given
-        else:
-            smooth *= self.mask
-            self.problem.stiffness(smooth, field)
-            field *= self.mask
-            field += self.diagonal * smooth
-        if self.bordered:
-            smoothed[-1] = y[-1]
-            image[:-1] += y[-1] * self.column
-            image[-1] = self.row @ smoothed[:-1] + self.corner * y[-1]
-        return image, smoothed
-
-
 def newton(
     problem: GridProblem,
     u: Array,
@@ -251,87 +215,88 @@ def newton(
         contact = (problem.heights + u <= 0.0) & settings.wall
     if hold.row is None:
         load = hold.value / hold.load_weight
-    trial = _Trial.at(problem, np.where(contact, -problem.heights, u), load, contact)
-    best = trial.residual
+    trial = _Trial.at(problem, problem.fields(u, load, contact), contact, settings.frozen)
+    border = Border(problem, hold.row, hold.load_weight)
+    best = trial.merit
     steady, waited, step = False, 0, 0
     while True:
-        held = hold.excess(trial.fields.u, trial.fields.load)
+        fields = trial.fields
+        held = hold.excess(fields.u, fields.load)
         done = trial.residual <= max(settings.tolerance, trial.rounding) and abs(held) <= hold.allowed
-        failed = not math.isfinite(trial.residual) or trial.residual > settings.growth * max(best, 1e-3)
+        failed = not math.isfinite(trial.merit) or trial.merit > settings.growth * max(best, 1e-3)
         if done or failed or step == settings.steps or waited > settings.patience:
-            displacement = problem.displacement(trial.fields.u, trial.fields.load)
+            touching = fields._replace(u=np.where(trial.contact, -problem.heights, fields.u))
+            displacement = problem.displacement(touching.u, fields.load)
             pairs = problem.counter.equilibrium - before
-            return Equilibrium(trial.fields, trial.contact, trial.residual, displacement, done, step, pairs)
-        older = trial
-        kept = older.contact & (older.fields.excess > 0.0)
-        change, load_change = _newton_step(problem, older, kept, hold, held, steady, settings)
+            return Equilibrium(touching, trial.contact, trial.residual, displacement, done, step, pairs)
+        older, kept = trial, trial.kept
+        linear = Linear(problem, fields.stiffness, kept, border)
+        right = np.where(kept, -(problem.heights + fields.u), -fields.excess)
+        change = linear.solve(right, -held, _forcing(trial.merit, steady, settings), settings.inner)
         length = 1.0
         while True:
-            trial = older.moved(problem, length * change, length * load_change, kept, settings.wall)
+            trial = older.moved(problem, change, length, kept, settings.wall)
             # Where the law softens, nodes that leave the wall together can overshoot. The first step may well come from
             # an equilibrium that is not where it is to be held.
-            if step == 0 or trial.residual <= max(1.2 * older.residual, settings.tolerance) or length <= SHORTEST:
+            if step == 0 or trial.merit <= max(1.2 * older.merit, settings.tolerance) or length <= SHORTEST:
                 break
             length *= 0.5
         steady = length == 1.0 and bool((trial.contact == older.contact).all())
         step += 1
         problem.counter.newton += 1
         waited += 1
-        if trial.residual <= 0.5 * best:
-            best, waited = trial.residual, 0
+        if trial.merit <= 0.5 * best:
+            best, waited = trial.merit, 0
 
 
 @dataclass(frozen=True)
 class _Trial:
-    """A trial state, with its residual and what rounding leaves in that."""
+    """A trial state, with its residual and what rounding leaves in that.
+
+    Nodes in contact may miss the wall until the end. What the wall then changes is at most the stiffest wave of the
+    lattice times the distance, which belongs to the residual; by how much longer waves make of it steps are judged.
+    """
 
     fields: Fields
     contact: Mask
     residual: float
+    merit: float
     rounding: float
+    kept: Mask
+    frozen: bool = False
 
     @staticmethod
-    def at(problem: GridProblem, u: Array, load: float, contact: Mask) -> _Trial:
-        fields = problem.fields(u, load)
+    def at(problem: GridProblem, fields: Fields, contact: Mask, frozen: bool = False) -> _Trial:
         excess = fields.excess
-        violated = np.where(contact, np.minimum(excess, 0.0), excess)
+        missed = problem.stiffest * np.where(contact, problem.heights + fields.u, 0.0)
+        kept = contact & ((excess > missed) | frozen)
+        violated = np.where(contact, 0.0 if frozen else np.minimum(excess - missed, 0.0), excess)
         size = _rms(fields.elastic) or 1.0
-        return _Trial(fields, contact, _rms(violated) / size, problem.rounding(u) / size)
+        own, wall = _rms(violated) / size, _rms(missed) / size
+        rounding = problem.rounding(fields.u) / size
+        return _Trial(fields, contact, own + wall, own + LONGER * wall, rounding, kept, frozen)
 
-    def moved(self, problem: GridProblem, change: Array, load_change: float, kept: Mask, wall: bool) -> _Trial:
-        """The trial state after a step; what overlaps then joins the contact at once."""
-        u = self.fields.u + change
-        contact = kept | (problem.heights + u < 0.0) if wall else kept
-        np.copyto(u, -problem.heights, where=contact)
-        return _Trial.at(problem, u, self.fields.load + load_change, contact)
+    def moved(self, problem: GridProblem, change: Change, length: float, kept: Mask, wall: bool) -> _Trial:
+        """The trial state after a part of a step; what overlaps then joins the contact."""
+        before = self.fields
+        u, load = before.u + length * change.field, before.load + length * change.load
+        contact = kept | (problem.heights + u < 0.0) if wall and not self.frozen else kept
+        elastic = before.elastic + length * change.pressure
+        return _Trial.at(problem, problem.evaluated(u, load, elastic, contact), contact, self.frozen)
 
 
-def _newton_step(
-    problem: GridProblem,
-    trial: _Trial,
-    contact: Mask,
-    hold: Hold,
-    held: float,
-    steady: bool,
-    settings: Settings,
-) -> tuple[Array, float]:
-    """Newton's step for a contact set: the changes of the field and of the load."""
-    free = ~contact
-    operator = Linearised(problem, trial.fields.stiffness, free, hold)
-    vector = (-trial.fields.excess * free).ravel()
-    if operator.bordered:
-        vector = np.append(vector, -operator.row_scale * held)
-    restart = int(min(60, max(10, BASIS_BYTES / (2 * vector.nbytes))))
-    forcing = _forcing(trial.residual, steady, settings)
-    found = gmres(operator.product, vector, forcing, settings.inner, restart)
-    change = found[: free.size].reshape(free.shape)
-    return change, operator.column_scale * float(found[-1]) if operator.bordered else 0.0
+def tangent(problem: GridProblem, state: Equilibrium, hold: Hold, tolerance: float = 1e-3) -> Change:
+    """The direction of the curve at an equilibrium while its contact stays, with unit progress in what is held."""
+    border = Border(problem, hold.row, hold.load_weight)
+    return Linear(problem, state.fields.stiffness, state.contact, border).solve(
+        np.zeros(problem.shape), 1.0, tolerance
+    )
 
 
 def _forcing(residual: float, steady: bool, settings: Settings) -> float:
     """Inner tolerance: no tighter than a step can use while the contact set changes, nor than is asked for at last."""
     wanted = min(settings.forcing, 0.3 * math.sqrt(residual)) if steady else settings.forcing
-    return min(max(wanted, 0.3 * settings.tolerance / max(residual, settings.tolerance)), settings.forcing)
+    return max(wanted, 0.1 * settings.tolerance / max(residual, settings.tolerance))
 
 
 def _rms(values: Array) -> float:

@@ -7,6 +7,7 @@ Unknowns are u = w - d on the nodes (`lattice`) and the load F; the gap is g = z
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
@@ -15,7 +16,8 @@ import numpy as np
 
 from contbranch.contact.interactions import Interaction
 
-from .arrays import Array
+from .arrays import Array, Mask
+from .clusters import Clusters, Influence
 from .lattice import Lattice
 from .transforms import Counter, Transform
 
@@ -70,6 +72,7 @@ class GridProblem:
     law: Interaction | None
     threads: int = 1
     counter: Counter = field(default_factory=Counter)
+    _clusters: Clusters | None = field(default=None, init=False, repr=False)
 
     @cached_property
     def transform(self) -> Transform:
@@ -104,6 +107,28 @@ class GridProblem:
         """K u, into an array if one is given; one pair."""
         return self.transform.filter(self._stiffness_filter, u, out)
 
+    @property
+    def stiffest(self) -> float:
+        """K̂ of the shortest wave of the lattice."""
+        return float(np.pi / math.sqrt(2.0) / self.lattice.spacing)
+
+    def clusters(self, contact: Mask, stiffness: Array, zone: Mask) -> Clusters:
+        """The linearised equations on clusters of nodes (`Clusters.at`): those used last, where they serve."""
+        if self._clusters is None:
+            weight = 0.5 / self.lattice.spacing
+            self._clusters = Clusters(Influence(self.lattice), contact, zone, stiffness[zone], weight)
+        else:
+            self._clusters = self._clusters.at(contact, stiffness, zone)
+        return self._clusters
+
+    @cached_property
+    def _compliance_filter(self) -> Array:
+        return self.transform.normalisation / self.lattice.held_symbol(self.transform.parity)
+
+    def displaced(self, pressure: Array) -> Array:
+        """S p = u + d, the displacement by a pressure; one pair."""
+        return self.transform.filter(self._compliance_filter, pressure)
+
     def rounding(self, u: Array) -> float:
         """What the rounding of u to double precision may leave in K u: far away it is more than the pressures."""
         return float(np.spacing(np.abs(u).max())) * 0.5 * np.pi / self.lattice.spacing
@@ -126,12 +151,16 @@ class GridProblem:
         energy[near], pressure[near], stiffness[near] = response.energy, response.pressure, response.stiffness
         return energy, pressure, stiffness
 
-    def fields(self, u: Array, load: float) -> Fields:
-        """Evaluate everything at a trial state; one pair."""
+    def fields(self, u: Array, load: float, contact: Mask | None = None) -> Fields:
+        """Evaluate everything at a trial state, with the law at the wall where it is in contact; one pair."""
         # K does not see the mean: without it rounding is that of the deformation, however far away the tip is.
-        elastic = self.stiffness(u - u.mean())
-        elastic += load / self.lattice.area
+        return self.evaluated(u, load, self.stiffness(u - u.mean()) + load / self.lattice.area, contact)
+
+    def evaluated(self, u: Array, load: float, elastic: Array, contact: Mask | None) -> Fields:
+        """Everything at a trial state whose pressure K u + F/A is known."""
         gap = self.heights + u
+        if contact is not None:
+            gap[contact] = 0.0
         return Fields(u, load, elastic, gap, *self.respond(gap))
 
     def displacement(self, u: Array, load: float) -> float:

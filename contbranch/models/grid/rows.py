@@ -99,6 +99,7 @@ class Row:
     u: Array | None = field(default=None, repr=False)
     contact: Mask | None = field(default=None, repr=False)
     mark: Mark | None = None
+    averaged: bool = False
 
     def state(self, problem: GridProblem) -> Equilibrium | None:
         """The equilibrium, if its fields were kept."""
@@ -119,6 +120,7 @@ class Mark:
     message: str = ""
     around: tuple[Equilibrium, Equilibrium, Equilibrium] | None = field(default=None, repr=False)
     unresolved: bool = False
+    errors: Array | None = None
 
 
 def difference(one: Reading, other: Reading) -> Array:

@@ -1,0 +1,249 @@
+"""The linearised problem on few clusters of nodes: what preconditions its solution on all of them.
+
+Nodes are single at the rim of the contact and where the law is stiff, and gathered into squares of 2, 4 and 8 nodes a
+side as the solution becomes smooth. With the influence of a square on another, from the lattice's own response to a
+pressure (summed over the mirror images where fields are symmetric), the equations on the squares are a small dense
+matrix. It knows what no filter does: the contact, the localised softening next to its rim, the film.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+import scipy
+
+from .arrays import Array, Integers, Mask
+from .lattice import Lattice
+
+__all__ = ["Clusters", "Influence", "Squares"]
+
+# Nodes a side of the largest squares.
+LARGEST = 8
+# Squares of s nodes a side keep NEAR (s - 1) nodes away from the rim, and s h |v''| below RESOLVED.
+NEAR, RESOLVED = 2, 2.0
+# Squares at most: with more they are made larger.
+MOST = 1400
+# Relative change of v'' up to which a factorisation serves on.
+STALE = 0.1
+# Nodes by which tables of influence reach farther at least than they did.
+SLACK = 64
+
+
+class Squares(NamedTuple):
+    """Squares of nodes: their sizes and first nodes, (m,) each, and the square of every node of the zone."""
+
+    sizes: Integers
+    x: Integers
+    y: Integers
+    of_node: Integers
+
+
+@dataclass
+class Influence:
+    """Displacements of squares of nodes by pressures on squares of nodes, at fixed displacement of the far field.
+
+    Attributes
+    ----------
+    lattice : Lattice
+    """
+
+    lattice: Lattice
+    _reach: int = 0
+    _tables: dict[tuple[int, int], Array] = field(default_factory=dict)
+
+    @cached_property
+    def _response(self) -> Array:
+        return 1.0 / self.lattice.whole().held_symbol(None)
+
+    def _table(self, rows: int, columns: int) -> Array:
+        """Mean displacement of a square for unit pressure on another, by the offset of their first nodes."""
+        if (rows, columns) not in self._tables:
+            m = self.lattice.whole().size
+            turn = np.exp(-2j * np.pi * np.fft.fftfreq(m))
+            box = np.conj(sum(turn**k for k in range(rows))) / rows * sum(turn**k for k in range(columns))
+            filtered = self._response * box[:, None] * box[: m // 2 + 1]
+            offsets = np.arange(-self._reach, self._width - self._reach) % m
+            self._tables[rows, columns] = np.fft.irfft2(filtered, s=(m, m))[np.ix_(offsets, offsets)]
+        return self._tables[rows, columns]
+
+    @property
+    def _width(self) -> int:
+        """Offsets of squares from squares and, where there are any, from their mirror images."""
+        return (3 if self.lattice.quarter else 2) * self._reach + 1
+
+    def matrix(self, squares: Squares) -> Array:
+        """Mean displacements of all squares (rows) for unit pressures on each (columns)."""
+        sizes, x, y, _ = squares
+        m, reach = sizes.size, int(max((x + sizes).max(initial=0), (y + sizes).max(initial=0)))
+        if reach > self._reach:
+            self._reach = -(-reach // SLACK) * SLACK
+            self._tables.clear()
+        width = self._width
+        rows = width * (x + self._reach) + y + self._reach
+        sources = [width * x + y]
+        if self.lattice.quarter:
+            sources += [width * x - y - sizes, width * (-x - sizes) + y, width * (-x - sizes) - y - sizes]
+        found = np.empty((m, m))
+        edges = np.flatnonzero(np.diff(sizes, prepend=0, append=0))
+        groups = [slice(int(begin), int(end)) for begin, end in pairwise(edges)]
+        for k, a in enumerate(groups):
+            for b in groups[k:]:
+                table = self._table(int(sizes[a.start]), int(sizes[b.start]))
+                found[a, b] = sum(table.take(rows[a][:, None] - source[b]) for source in sources)
+                ratio = (sizes[a.start] / sizes[b.start]) ** 2
+                np.multiply(found[a, b].T, ratio, out=found[b, a])
+        return found
+
+
+def gathered(contact: Mask, stiffness: Array, zone: Mask, spacing: float, most: int = MOST) -> Squares:
+    """Gather the nodes of a zone into squares.
+
+    Parameters
+    ----------
+    contact, stiffness, zone : array (n, n)
+        Stiffness is 0 in contact. The nodes' squares are in the order of the zone's nodes.
+    """
+    smallest, near, resolved = 1, NEAR, RESOLVED
+    # The nodes beyond the zone, on its far sides, do not matter.
+    used = max((int(np.flatnonzero(zone.any(axis)).max(initial=0)) for axis in (0, 1)), default=0) + 1
+    n = -(-used // LARGEST) * LARGEST
+    missing = max(0, n - len(zone))
+    contact, zone = (np.pad(a[:n, :n], (0, missing)) for a in (contact, zone))
+    softness = np.pad(spacing * np.abs(stiffness[:n, :n]), (0, missing))
+    rim = np.zeros_like(zone)
+    for first, last in ((np.s_[:-1], np.s_[1:]), (np.s_[:, :-1], np.s_[:, 1:])):
+        changes = contact[first] != contact[last]
+        rim[first] |= changes
+        rim[last] |= changes
+    far = np.full((n, n), n)
+    if rim.any():
+        far[:] = scipy.ndimage.distance_transform_cdt(~rim, metric="chessboard")
+    while True:
+        squares = _squares((softness, zone, far), smallest, near, resolved)
+        if squares.sizes.size <= most or smallest == LARGEST:
+            return squares
+        if near > 1:
+            near -= 1
+        elif resolved < 8.0:
+            resolved *= 2.0
+        else:
+            smallest, resolved = 2 * smallest, RESOLVED
+
+
+def _squares(fields: tuple[Array, Mask, Integers], smallest: int, near: int, resolved: float) -> Squares:
+    softness, zone, far = fields
+    n = len(zone)
+    left, number = zone.copy(), np.zeros((n, n), dtype=np.int64)
+    found, count, size = [], 0, LARGEST
+    while size >= smallest:
+        m = n // size
+        blocks = (m, size, m, size)
+        fits = left.reshape(blocks).any((1, 3))
+        if size > smallest:
+            fits &= far.reshape(blocks).min((1, 3)) > near * (size - 1)
+            fits &= size * softness.reshape(blocks).max((1, 3)) < resolved
+        x, y = np.nonzero(fits)
+        found.append(np.array([np.full(x.size, size), size * x, size * y]))
+        labels = np.zeros((m, m), dtype=np.int64)
+        labels[x, y] = count + np.arange(x.size)
+        covered = np.repeat(np.repeat(fits, size, 0), size, 1) & left
+        number[covered] = np.repeat(np.repeat(labels, size, 0), size, 1)[covered]
+        left &= ~covered
+        count += x.size
+        size //= 2
+    sizes, first, second = np.concatenate(found, axis=1)
+    return Squares(sizes, first, second, number[zone])
+
+
+@dataclass
+class Clusters:
+    """The equations on clusters, factorised: on free nodes y + v″ (S y - δd), in contact α (S y - δd).
+
+    Attributes
+    ----------
+    influence : Influence
+    contact, zone : array of bool
+        Where the wall is, and where pressures change.
+    stiffness : array
+        v″ on the zone's nodes, 0 in contact.
+    weight : float
+        α.
+    """
+
+    influence: Influence
+    contact: Mask
+    zone: Mask
+    stiffness: Array
+    weight: float
+
+    def __post_init__(self) -> None:
+        h = self.influence.lattice.spacing
+        whole = np.zeros(self.zone.shape)
+        whole[self.zone] = self.stiffness
+        squares = gathered(self.contact, whole, self.zone, h)
+        self.square, m = squares.of_node, squares.sizes.size
+        self.nodes = np.bincount(self.square, minlength=m)
+        self.held = self.contact[self.zone]
+        self.touching = np.bincount(self.square, self.held, m) > 0.5 * self.nodes
+        # Where contact and free nodes are in one square, the square is what most of them are.
+        self.kept = self.held == self.touching[self.square]
+        self.single = squares.sizes[self.square] == 1
+        # Within a square the pressure answers its own short waves, half of whose length is its edge.
+        self.wave = np.pi / (squares.sizes[self.square] * h)
+        self.influences = self.influence.matrix(squares)
+        self._factorise()
+
+    def _factorise(self) -> None:
+        m = self.nodes.size
+        own = np.where(self.held, self.weight, self.stiffness)
+        scale = np.bincount(self.square, own * self.kept, m) / np.bincount(self.square, self.kept, m)
+        lattice = self.influence.lattice
+        matrix = np.empty((m + 1, m + 1))
+        np.multiply(scale[:, None], self.influences, out=matrix[:m, :m])
+        matrix[np.arange(m), np.arange(m)] += ~self.touching
+        matrix[:m, m] = -scale
+        # Any border will do that makes the matrix regular at folds.
+        matrix[m, :m] = lattice.compliance * lattice.node_area * self.nodes
+        matrix[m, m] = 1.0
+        self._factors = scipy.linalg.lu_factor(matrix.T, overwrite_a=True, check_finite=False)
+        self.aside = self._back(np.eye(1, m + 1, m)[0])
+        rest = np.where(self.held, 0.75 * self.wave / self.weight, 1.0 / (1.0 + np.maximum(own, 0.0) / self.wave))
+        self.rest = np.where(self.single, 0.0, rest)
+
+    def _back(self, vector: Array) -> Array:
+        return np.asarray(scipy.linalg.lu_solve(self._factors, vector, trans=1, check_finite=False))
+
+    def at(self, contact: Mask, stiffness: Array, zone: Mask) -> Clusters:
+        """The equations at another state: these where they serve.
+
+        Parameters
+        ----------
+        contact : array of bool
+        stiffness : array
+            v″ on all nodes, 0 in contact.
+        zone : array of bool
+            Where pressures change, at least.
+        """
+        if not (contact == self.contact).all() or (zone & ~self.zone).any():
+            return Clusters(self.influence, contact, zone, stiffness[zone], self.weight)
+        now = stiffness[self.zone]
+        if (np.abs(now - self.stiffness) > STALE * np.maximum(np.abs(now), self.wave)).any():
+            self.stiffness = now
+            self._factorise()
+        return self
+
+    def border(self, row: Array) -> Array:
+        """A row of the equations on the zone's nodes, and on δd, as one of those on clusters."""
+        return np.append(np.bincount(self.square, row[:-1], self.nodes.size), row[-1])
+
+    def solve(self, vector: Array, border: Array) -> Array:
+        """An approximate solution (y on the zone's nodes, δd) with a border."""
+        mean = np.bincount(self.square, vector[:-1], self.nodes.size) / self.nodes
+        found = self._back(np.append(mean, 0.0))
+        # A border may be empty, where there is no way from one state to another.
+        found += (vector[-1] - border @ found) / (border @ self.aside or np.inf) * self.aside
+        return np.append(found[self.square] + self.rest * (vector[:-1] - mean[self.square]), found[-1])

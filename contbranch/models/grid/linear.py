@@ -1,0 +1,215 @@
+"""Linear systems of an equilibrium on a lattice: changes of the field and of the load, bordered by what is held.
+
+With the contact nodes A and the free nodes I of a state, the change (δu, δF) solves
+
+    I:  K δu + v″ δu + δF/A = f,      A:  δu = f,      c·δu + ω δF = g.
+
+The unknowns are the change of the pressure y = K δu + δF/A and that of the displacement of the far field δd: with K_d,
+which is K but for K̂_d(0) = 1/(C A) (`lattice`), and S = K_d⁻¹, δu = S y - δd, and
+
+    I:  y + v″ (S y - δd) = f,      A:  α (S y - δd) = α f,      (S c + ω a)·y - (Σ c) δd = g      (a: area of a node).
+
+One product costs one pair of transforms. Where the law does not act y = f: the vectors live on the contact and where
+v″ ≠ 0, the zone. The equations on clusters of nodes (`clusters`) precondition, and a generalised conjugate residual
+method (S. C. Eisenstat, H. C. Elman and M. H. Schultz, SIAM J. Numer. Anal. 20, 345 (1983)) keeps its directions, so
+that a second right-hand side begins with the best solution in the space that the first one left behind. SciPy's GMRES
+forgets its space, and wants two products of which it makes one here.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import scipy
+
+from .arrays import Array, Mask
+from .problem import GridProblem
+
+__all__ = ["Border", "Change", "Linear"]
+
+# v″ relative to the largest below which the law does not act.
+NOTHING = 1e-7
+# Memory for the directions of one matrix.
+BASIS_BYTES = 5e8
+# Part of the residual by which a direction lowers it at least: otherwise the next one does not begin from it.
+STAGNANT = 0.1
+
+
+class Change(NamedTuple):
+    """A solution: δu, δF, the change of the pressure K δu + δF/A, and the relative residual that is left."""
+
+    field: Array
+    load: float
+    pressure: Array
+    residual: float
+
+
+class Border:
+    """What is held, ``c·δu + ω δF = g``, as an equation of the pressure: one pair where c is a field.
+
+    Parameters
+    ----------
+    problem : GridProblem
+    row : array, float or None
+        c, a field or one number for all nodes; None: zero.
+    load_weight : float
+        ω.
+    """
+
+    def __init__(self, problem: GridProblem, row: Array | float | None, load_weight: float) -> None:
+        self.row, self.load_weight = row, load_weight
+        lattice = problem.lattice
+        # S c + ω a on all nodes, and -Σ c
+        self.along: Array | float = load_weight * lattice.node_area
+        self.across = 0.0
+        if isinstance(row, float):
+            self.along += row * lattice.compliance * lattice.area
+            self.across = -row * lattice.size**2
+        elif row is not None:
+            self.along += problem.displaced(row)
+            self.across = -float(row.sum())
+
+    def product(self, pressure: Array) -> float:
+        """The part of a pressure in what is held."""
+        if isinstance(self.along, float):
+            return self.along * float(pressure.sum())
+        return float(np.vdot(self.along, pressure))
+
+    def on(self, zone: Mask) -> Array:
+        """The entries on the nodes of a zone, and that of δd."""
+        return np.append(np.broadcast_to(self.along, zone.shape)[zone], self.across)
+
+
+class Linear:
+    """The bordered matrix at a state, with its preconditioner and the directions found so far.
+
+    Parameters
+    ----------
+    problem : GridProblem
+    stiffness : array
+        v″.
+    contact : array of bool
+    border : Border
+    """
+
+    def __init__(self, problem: GridProblem, stiffness: Array, contact: Mask, border: Border) -> None:
+        self.problem, self.held = problem, border
+        stiffness = np.where(contact, 0.0, stiffness)
+        size = np.abs(stiffness)
+        self.clusters = problem.clusters(contact, stiffness, contact | (size > NOTHING * size.max()))
+        self.zone = self.clusters.zone
+        self.contact, self.stiffness = contact[self.zone], stiffness[self.zone]
+        entries = border.on(self.zone)
+        self.scale = 10.0 / (float(np.linalg.norm(entries)) or 1.0)
+        self.border = self.scale * entries
+        self.coarse_border = self.clusters.border(self.border)
+        self._forget()
+
+    def _forget(self) -> None:
+        size = self.border.size
+        self.most = int(max(10, min(200, BASIS_BYTES / (16 * size))))
+        self.count = 0
+        self.directions, self.images = np.empty((2, 8, size))
+        self.triangle = np.zeros((self.most, self.most))
+
+    def product(self, y: Array, displacement: float) -> Array:
+        """The equations' left sides on the zone for a pressure on all nodes; one pair."""
+        moved = self.problem.displaced(y)[self.zone] - displacement
+        rows = np.where(self.contact, self.clusters.weight * moved, y[self.zone] + self.stiffness * moved)
+        return np.append(rows, self.border[:-1] @ y[self.zone] + self.border[-1] * displacement)
+
+    def solve(self, f: Array, g: float, tolerance: float = 1e-9, limit: int = 200) -> Change:
+        """Solve for a right-hand side, to a residual relative to it.
+
+        Parameters
+        ----------
+        f : array
+            On all nodes.
+        g : float
+        tolerance : float
+        limit : int
+            Products at most.
+        """
+        zone, problem = self.zone, self.problem
+        y = np.where(zone, 0.0, f)
+        outside = self.held.product(y)
+        right = np.append(np.where(self.contact, self.clusters.weight, 1.0) * f[zone], self.scale * (g - outside))
+        size = float(np.hypot(np.linalg.norm(right), np.linalg.norm(y)))
+        goal = tolerance * size
+        solution = np.zeros_like(right)
+        if np.linalg.norm(y) > 0.1 * goal:
+            solution = self._approximate(right)
+            y[zone] = solution[:-1]
+            right -= self.product(y, solution[-1])
+            limit -= 1
+        found, left = self._reduced(right, goal, limit)
+        solution += found
+        y[zone] = solution[:-1]
+        change = problem.displaced(y) - solution[-1]
+        load = problem.lattice.node_area * float(y.sum())
+        row, weight = self.held.row, self.held.load_weight
+        if row is None:
+            # Exactly: a uniform pressure moves the far field alone.
+            wanted = g / weight
+            y += (wanted - load) / problem.lattice.area
+            load = wanted
+        elif isinstance(row, float):
+            change += (g - weight * load - row * float(change.sum())) / (row * change.size)
+        return Change(change, load, y, left / size if size > 0.0 else 0.0)
+
+    def _approximate(self, vector: Array) -> Array:
+        return self.clusters.solve(vector, self.coarse_border)
+
+    def _reduced(self, residual: Array, goal: float, limit: int) -> tuple[Array, float]:
+        """The solution with a small residual, and that residual's norm."""
+        solution = np.zeros_like(residual)
+        parts = self.images[: self.count] @ residual
+        residual = residual - parts @ self.images[: self.count]
+        norm, used = float(np.linalg.norm(residual)), 0
+        begin = residual
+        while norm > goal and np.isfinite(norm) and used < limit:
+            if self.count == self.most:
+                solution += self._combined(parts)
+                self._forget()
+                parts = np.zeros(0)
+            if not self._extend(begin):
+                break
+            used += 1
+            image = self.images[self.count - 1]
+            part = float(image @ residual)
+            residual -= part * image
+            parts = np.append(parts, part)
+            # Where a direction does nothing, the next one is that of a Krylov space.
+            begin = residual if abs(part) > STAGNANT * norm else image
+            norm = float(np.linalg.norm(residual))
+        return solution + self._combined(parts), norm
+
+    def _combined(self, parts: Array) -> Array:
+        k = len(parts)
+        weights = scipy.linalg.solve_triangular(self.triangle[:k, :k], parts) if k else parts
+        return np.asarray(weights @ self.directions[:k])
+
+    def _extend(self, vector: Array) -> bool:
+        """One more direction, preconditioned; False if it adds nothing."""
+        k = self.count
+        if k == len(self.images):
+            self.directions, self.images = (
+                np.concatenate([a, np.empty_like(a)]) for a in (self.directions, self.images)
+            )
+        direction = self._approximate(vector)
+        y = np.zeros(self.zone.shape)
+        y[self.zone] = direction[:-1]
+        image = self.product(y, direction[-1])
+        before = length = float(np.linalg.norm(image))
+        for _ in range(2):
+            parts = self.images[:k] @ image
+            image -= parts @ self.images[:k]
+            self.triangle[:k, k] += parts
+            length = float(np.linalg.norm(image))
+        if not length > 1e-13 * before:
+            return False
+        self.triangle[k, k] = length
+        self.directions[k], self.images[k] = direction, image / length
+        self.count = k + 1
+        return True
