@@ -39,6 +39,7 @@ _DIMENSIONS: Final[dict[str, tuple[str, str, str]]] = {
     "energy per area": ("nN/nm", "nN/nm", "'-40 mN/m'"),
     "stiffness": ("nN/nm", "nN/nm", "'0.1 N/m'"),
     "energy": ("nN·nm", "nN*nm", "'2 aJ'"),
+    "area": ("nm²", "nm**2", "'3 um^2'"),
     "dimensionless": ("", "dimensionless", "0.5"),
 }
 
@@ -205,6 +206,7 @@ class Units:
             return {}
         lengths = ("displacement", "contact_radius", "central_gap", "mean_gap", "gap", "radius")
         names = {"load": "force", **dict.fromkeys(lengths, "length"), "energy": "energy"}
+        names |= {"contact_area": "area", "contact_perimeter": "length"}
         names |= {"pressure": "pressure", "stiffness": "stiffness", "crossover_load": "force", "dissipated": "energy"}
         return {name: _DIMENSIONS[dimension][0] for name, dimension in names.items()}
 
@@ -282,7 +284,8 @@ class Scales:
             "load": self.load,
             "energy": self.energy,
             **dict.fromkeys(("pressure", "wall_pressure"), self.pressure),
-            **dict.fromkeys(("contact_radius", "r", "x", "y"), self.in_plane),
+            "contact_area": self.in_plane**2,
+            **dict.fromkeys(("contact_radius", "contact_perimeter", "r", "x", "y"), self.in_plane),
             **dict.fromkeys(("displacement", "central_gap", "mean_gap", "gap"), self.normal),
         }
 

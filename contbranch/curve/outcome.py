@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import operator
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any, TypeVar
 
@@ -116,7 +116,8 @@ class RawCurve:
     unstable_azimuthal: Integers | None = None
     critical: Callable[[], Array] | None = None
     fft_pairs: Integers | None = None
-    extra: Mapping[str, Any] = field(default_factory=dict)
+    contact_area: Array | None = None
+    contact_perimeter: Array | None = None
     others: Sequence[RawCurve] = ()
 
     @cached_property
@@ -203,7 +204,8 @@ def _event(contact: Contact, raw: RawEvent, name: str | None, model: str) -> Eve
 
 def _branch(scales: Scales, curve: RawCurve) -> Branch:
     units = scales.of_fields
-    observed: dict[str, Any] = {name: getattr(curve, name) * units[name] for name in (*OBSERVABLES, "energy")}
+    seen = {name: getattr(curve, name) for name in (*OBSERVABLES, "energy", "contact_area", "contact_perimeter")}
+    observed: dict[str, Any] = {name: value * units[name] for name, value in seen.items() if value is not None}
     return Branch(
         **observed,
         unstable_load=curve.unstable_load,

@@ -283,6 +283,8 @@ class Branch(Record):
         The critical eigenvalue, or what computes it: ask for it as ``branch.critical_eigenvalue``.
     fft_pairs : integer array (M,) or None
         Pairs of transforms spent on each point by a grid model.
+    contact_area, contact_perimeter : array (M,) or None
+        Area of the contact and length of its rim, of grid models; `contact_radius` is there √(area/π).
     """
 
     load: Array
@@ -305,6 +307,8 @@ class Branch(Record):
         key="critical_eigenvalue", written=False, computed=lambda branch: branch.critical_eigenvalue, default=None
     )
     fft_pairs: Integers | None = described(written="if known", default=None)
+    contact_area: Array | None = described(written="if known", default=None)
+    contact_perimeter: Array | None = described(written="if known", default=None)
 
     def __len__(self) -> int:
         return len(self.load)

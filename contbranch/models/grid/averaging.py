@@ -76,8 +76,9 @@ class Samples:
 
     Attributes
     ----------
-    radius, values, weight : list
-        Of three states an arc: contact radius; load, displacement and energy; share of the integral over the radius.
+    radius, values, perimeters, weight : list
+        Of three states an arc: contact radius; load, displacement and energy; length of the rim; share of the integral
+        over the radius.
     ends, lengths : list
         Contact radius at the end of every arc, and its length.
     states : list of (float, Equilibrium)
@@ -87,6 +88,7 @@ class Samples:
 
     radius: list[float] = field(default_factory=list)
     values: list[tuple[float, float, float]] = field(default_factory=list)
+    perimeters: list[float] = field(default_factory=list)
     weight: list[float] = field(default_factory=list)
     ends: list[float] = field(default_factory=list)
     lengths: list[float] = field(default_factory=list)
@@ -105,6 +107,7 @@ class Samples:
             length = max(radii[2] - radii[0], 0.0)
             self.weight += (own * (length / own.sum() if own.sum() > 0.0 else 0.0)).tolist()
             self.radius += radii.tolist()
+            self.perimeters += [one.perimeter for one in seen]
             self.values += [(one.load, one.displacement, one.energy) for one in seen]
             if not self.states or radii[1] > self.states[-1][0] + setup.lattice.spacing / STATES:
                 self.states.append((float(radii[1]), arc.middle.slim()))
@@ -113,6 +116,7 @@ class Samples:
     def begin(self, touch: Reading, spacing: float) -> None:
         """First touch, known by itself: with it the average reaches to a contact of no size."""
         self.radius.append(0.0)
+        self.perimeters.append(0.0)
         self.values.append((touch.load, touch.displacement, touch.energy))
         self.weight.append(TOUCH * spacing)
 

@@ -76,6 +76,8 @@ class ContactArea:
         A by each of the three estimates; the latter two are `from_pairs` where the contact is too small for them.
     nodes : int
         Nodes of the whole lattice in contact.
+    perimeter : float
+        Length of the rim.
     """
 
     radius: float = 0.0
@@ -86,6 +88,7 @@ class ContactArea:
     from_pressure: float = 0.0
     from_gap: float = 0.0
     nodes: int = 0
+    perimeter: float = 0.0
 
 
 def contact_area(problem: GridProblem, equilibrium: Equilibrium) -> ContactArea:
@@ -146,6 +149,8 @@ def _measured(crossings: Crossings, multiplicity: int) -> ContactArea:
         from_pressure=pairs + pressure * strip,
         from_gap=pairs + gap * strip,
         nodes=nodes,
+        # the rim of the nodes' squares, shrunk to the area
+        perimeter=crossings.length * math.sqrt(area / (crossings.node_area * crossings.nodes)),
     )
 
 

@@ -80,6 +80,11 @@ class Crossings:
         steepness = np.maximum(self.cosine, 0.3)
         return self.node_area / self.spacing * np.sum(self.weight / steepness)
 
+    @property
+    def length(self) -> float:
+        """Length of a rim halfway between the pairs: lines along x and y count a piece of it |cos| and |sin| times."""
+        return self.node_area / self.spacing * float(self.cosine.sum())
+
     def shift(self, side: Side, count: int, degree: int) -> tuple[float, float]:
         """How much a fit of the profile enlarges the area against `area`, and for which share of the rim it exists.
 

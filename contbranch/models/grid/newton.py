@@ -288,9 +288,7 @@ class _Trial:
 def tangent(problem: GridProblem, state: Equilibrium, hold: Hold, tolerance: float = 1e-3) -> Change:
     """The direction of the curve at an equilibrium while its contact stays, with unit progress in what is held."""
     border = Border(problem, hold.row, hold.load_weight)
-    return Linear(problem, state.fields.stiffness, state.contact, border).solve(
-        np.zeros(problem.shape), 1.0, tolerance
-    )
+    return Linear(problem, state.fields.stiffness, state.contact, border).solve(np.zeros(problem.shape), 1.0, tolerance)
 
 
 def _forcing(residual: float, steady: bool, settings: Settings) -> float:

@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from contbranch.contact.height_map import HeightMap
 from contbranch.contact.interactions import Interaction
 from contbranch.errors import InputError
 from contbranch.grid_size import nearest_fast
@@ -33,6 +34,7 @@ __all__ = [
     "border_message",
     "needed_grid",
     "refuse_too_large",
+    "repetition",
     "tail_force",
     "warn",
 ]
@@ -43,6 +45,8 @@ WAVE = 8.0
 FIELDS = 40
 # What the law may still have at the border of the cell, as a part of its reference work.
 DECAYED = 1e-3
+# Heights that change by this factor more across the edge of the cell than elsewhere belong to no periodic map.
+STEP = 4.0
 
 
 class GridWarning(UserWarning):
@@ -99,6 +103,18 @@ class Resolution:
         stiffness = math.pi / (WAVE * setup.lattice.spacing)
         grid = needed_grid(setup.edge, setup.law)
         return Resolution(concavity(setup.law), stiffness, grid, memory_of(replace(setup, grid=grid)))
+
+
+def repetition(setup: Setup) -> str:
+    """A sentence if a periodic cell repeats a height map with a step; empty otherwise."""
+    tip = setup.contact.tip
+    if not isinstance(tip, HeightMap) or setup.lattice.kind != "periodic" or tip.edge_step < STEP:
+        return ""
+    return (
+        f"The height map is not periodic: across the edges of the cell its heights change {tip.edge_step:.3g} times as "
+        "much as between other neighbouring nodes, and the cell repeats it with that step; use window='hann', or a map "
+        "that is periodic."
+    )
 
 
 def memory_of(setup: Setup) -> float:

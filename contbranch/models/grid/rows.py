@@ -43,6 +43,7 @@ class Reading(NamedTuple):
     gap_error: float = 0.0
     load_error: float = 0.0
     displacement_error: float = 0.0
+    perimeter: float = 0.0
 
     @property
     def four(self) -> tuple[float, float, float, float]:
@@ -73,10 +74,10 @@ def read(setup: Setup, state: Equilibrium, cell: bool = True) -> Reading:
         displacement_error = 4.0 * load_error / (math.pi * setup.edge)
     elif cell and not setup.crowded:
         displacement_error = far_field(problem, state).error
-    radius = gap = radius_error = gap_error = 0.0
+    radius = gap = radius_error = gap_error = perimeter = 0.0
     if state.contact.any():
         area = contact_area(problem, state)
-        radius, radius_error = area.radius, area.radius_error
+        radius, radius_error, perimeter = area.radius, area.radius_error, area.perimeter
     elif isinstance(setup.contact.tip, HeightMap):
         gap = smallest_gap(state)
     else:
@@ -85,7 +86,7 @@ def read(setup: Setup, state: Equilibrium, cell: bool = True) -> Reading:
         if gap == 0.0:
             radius_error = setup.lattice.spacing  # a contact so small that it has no node
     seen = state.load, state.displacement, radius, gap, energy
-    return Reading(*seen, radius_error, gap_error, load_error, displacement_error)
+    return Reading(*seen, radius_error, gap_error, load_error, displacement_error, perimeter)
 
 
 @dataclass(eq=False)

@@ -20,7 +20,7 @@ from contbranch.results.record import OBSERVABLES
 from .accuracy import held
 from .newton import Equilibrium, Hold, Settings, Sketch, control_held, newton, settings_for
 from .observables import cell_fields, mean_gap, profile
-from .resolution import Resolution, border_message, fills, rounded_up, warn
+from .resolution import Resolution, border_message, fills, repetition, rounded_up, warn
 from .rows import crossing, read
 from .setup import Setup
 from .size import chosen_size
@@ -98,7 +98,7 @@ def solve_all(setup: Setup, request: Request, field: str, value: float, near: St
             raise _unreached(setup, field, value, bool(related))
         states = [state_of(asked, found) for found in equilibria]
     border = "" if setup.crowded else _border(asked, equilibria[0])
-    notes = [Resolution.of(setup).message, border]
+    notes = [Resolution.of(setup).message, repetition(setup), border]
     for note in notes:
         warn(note)
     if own and related:

@@ -25,7 +25,7 @@ from .folds import coarser_touch, locate_fold, locate_touch, touches
 from .newton import Equilibrium, Settings, hold_control, newton
 from .observables import interpolate
 from .ramp import jump_message
-from .resolution import Resolution, border_energy, border_message, fills, warn
+from .resolution import Resolution, border_energy, border_message, fills, repetition, warn
 from .rows import Mark, Reading, Row, crossing, deferred_profile, difference, morse_indices, read, state_at
 from .setup import Setup
 from .switching import first_index
@@ -279,7 +279,10 @@ class _Tracer:
         samples, start = self.samples, self.stretch[0]
         if samples.last is not None and samples.ends[-1] >= radius - 1.5 * wide:
             begin, end = samples.last.middle, samples.last.end
-            way = end, replace(end, fields=end.fields._replace(u=2.0 * end.u - begin.u, load=2.0 * end.load - begin.load))
+            way = (
+                end,
+                replace(end, fields=end.fields._replace(u=2.0 * end.u - begin.u, load=2.0 * end.load - begin.load)),
+            )
         else:
             kept = [k for k, row in enumerate(rows[:-1]) if row.u is not None and not row.averaged]
             below = [k for k in kept if rows[k].reading.contact_radius <= max(radius - 1.3 * wide, 0.0)]
@@ -350,7 +353,8 @@ class _Tracer:
         for radius, mark in sorted(marks, key=itemgetter(0)):
             place = float(np.interp(radius, np.append(average.first, radii), np.append(start, places)))
             (load, displacement, energy), state = average.at(radius)[0].tolist(), samples.state(radius)
-            seen = Reading(load, displacement, radius, 0.0, energy, MEASURED * average.spacing)
+            rim = float(np.interp(radius, samples.radius, samples.perimeters))
+            seen = Reading(load, displacement, radius, 0.0, energy, MEASURED * average.spacing, perimeter=rim)
             self.rows.append(Row(place, seen, state.pairs, state.load, state.u, state.contact, mark, averaged=True))
         self.samples, self.stretch = samples, (start, float(places[-1]))
         self.checked = average.last - 0.7 * half_width(average.last, average.spacing)
@@ -485,6 +489,8 @@ class _Tracer:
             unstable_spring=by_spring[0] if by_spring else None,
             unstable_azimuthal=checked.azimuthal,
             fft_pairs=np.array([row.pairs for row in rows], dtype=np.int64),
+            contact_area=np.pi * radius**2,
+            contact_perimeter=np.array([row.reading.perimeter for row in rows]),
         )
         return Traced(setup, tuple(rows), curve, indices, checked.breakings)
 
@@ -523,7 +529,7 @@ def trace(setup: Setup, request: Request, verdicts: bool = True, beyond: float |
     began = time.perf_counter()
     tracer = _Tracer(setup, request, verdicts, beyond=beyond)
     with quietly():
-        tracer.notes = [tracer.resolution.message, jump_message(setup.law)]
+        tracer.notes = [tracer.resolution.message, repetition(setup), jump_message(setup.law)]
         for note in tracer.notes:
             warn(note)
         coarse = tracer.finer and tracer.resolution.ratio > (COARSE if setup.lattice.size > SMALL else FEW)

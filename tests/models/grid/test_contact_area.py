@@ -12,6 +12,8 @@ from scipy.special import ellipe, ellipk
 
 import contbranch as cb
 from contbranch.models.grid.contact_area import contact_area
+from contbranch.models.grid.crossings import find_crossings
+from contbranch.models.grid.lattice import Lattice
 from contbranch.models.grid.newton import Equilibrium
 from contbranch.models.grid.observables import central_gap, image_curvature
 
@@ -162,3 +164,28 @@ def test_contact_between_the_nodes(quarter):
             assert math.sqrt(-2.0 * height) < measured.radius_error < spacing
         else:
             assert measured.radius_error == 0.0
+
+
+class TestPerimeter:
+    @pytest.mark.parametrize(
+        ("a", "b", "turn"), [(4.0, 4.0, 0.0), (16.0, 16.0, 0.3), (8.0, 4.0, 0.4), (20.0, 5.0, 0.0)]
+    )
+    def test_of_discs_and_ellipses_anywhere_on_the_nodes(self, a, b, turn):
+        """The perimeter 4 a E(1 - b²/a²) of an ellipse on whose nodes the contact is."""
+        lattice = Lattice("periodic", 64.0, 64, False)
+        nodes, random, found = np.arange(64.0), np.random.default_rng(0), []
+        for _ in range(20):
+            x, y = nodes[:, None] - 32.0 - random.uniform(), nodes - 32.0 - random.uniform()
+            along, across = x * np.cos(turn) + y * np.sin(turn), y * np.cos(turn) - x * np.sin(turn)
+            contact = (along / a) ** 2 + (across / b) ** 2 < 1.0
+            found.append(find_crossings(lattice, contact, 1.0 * contact, 1.0 * ~contact).length)
+        assert np.mean(found) == pytest.approx(4.0 * a * ellipe(1.0 - (b / a) ** 2), rel=0.01)
+
+    def test_of_a_round_contact(self):
+        branch = cb.trace(
+            cb.Contact.reduced(cb.Gauss, 1.0, -1), model=cb.FreeSpace(cell=8.0, grid=64), modes=0
+        ).branches[0]
+        radius = branch.contact_radius
+        touching = radius > 2.0 * 8.0 / 64
+        np.testing.assert_allclose(branch.contact_area, np.pi * radius**2)
+        np.testing.assert_allclose(branch.contact_perimeter[touching], 2.0 * np.pi * radius[touching], rtol=0.03)

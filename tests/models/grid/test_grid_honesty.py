@@ -101,3 +101,16 @@ def test_a_cell_that_is_not_that_of_the_map_is_named_in_the_units_of_the_contact
 
 def test_an_unknown_error_is_printed_as_one():
     assert with_error(8.03242666, math.inf) == "8.03242666(?)"
+
+
+def test_a_map_that_is_not_periodic_is_said_to_be_repeated():
+    """A measured map, here half of a periodic one, has a step where the cell repeats it; a window takes it away."""
+    cut = cb.HeightMap.self_affine(64, 2.0, 0.8, rms_slope=0.3, seed=3).heights[:32, :32]
+    law = cb.Gauss(0.02, 0.5)
+    with pytest.warns(cb.GridWarning, match=r"^The height map is not periodic: across the edges .* window='hann'"):
+        state = cb.solve(cb.Contact(cb.HeightMap(cut, 1.0), law), load=0.5, model=cb.Periodic())
+    assert "The height map is not periodic" in state.message
+    assert (
+        "periodic"
+        not in cb.solve(cb.Contact(cb.HeightMap(cut, 1.0, window="hann"), law), load=0.5, model=cb.Periodic()).message
+    )
