@@ -344,7 +344,7 @@ class _Tracer:
             seen = read(self.setup, replace(own, fields=self.problem.fields(own.u, own.load)))
             errors = max(1.0, self.resolution.ratio) * np.append(fold.errors[[1, 2, 0]], 0.0)
             errors += [seen.load_error, seen.displacement_error, 0.0, 0.0]
-            mark = Mark("fold", control, fold.maximum, errors=errors)
+            mark = Mark("fold", control, fold.maximum, errors=errors, potential=fold.potential)
             mark.message = f"The average over {fold.arcs} changes of the contact on the lattice."
             marks.append((fold.radius, mark))
         for radius, mark in sorted(marks, key=itemgetter(0)):
