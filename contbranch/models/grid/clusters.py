@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from functools import cached_property
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -57,30 +56,38 @@ class Influence:
     _reach: int = 0
     _tables: dict[tuple[int, int], Array] = field(default_factory=dict)
 
-    @cached_property
-    def _response(self) -> Array:
-        return 1.0 / self.lattice.whole().held_symbol(None)
-
     def _table(self, rows: int, columns: int) -> Array:
         """Mean displacement of a square for unit pressure on another, by the offset of their first nodes."""
         if (rows, columns) not in self._tables:
-            m = self.lattice.whole().size
-            turn = np.exp(-2j * np.pi * np.fft.fftfreq(m))
-            box = np.conj(sum(turn**k for k in range(rows))) / rows * sum(turn**k for k in range(columns))
-            filtered = self._response * box[:, None] * box[: m // 2 + 1]
-            offsets = np.arange(-self._reach, self._width - self._reach) % m
-            self._tables[rows, columns] = np.fft.irfft2(filtered, s=(m, m))[np.ix_(offsets, offsets)]
+            # Of twice a size: the mean (rows) or the sum (columns) of that of four squares, one size apart.
+            if rows > 1:
+                part, step, share = self._table(rows // 2, columns), -rows // 2, 0.5
+            elif columns > 1:
+                part, step, share = self._table(1, columns // 2), columns // 2, 1.0
+            else:
+                part, step, share = self._response(), 0, 0.5
+            for axis in (0, 1):
+                part = share * (part + np.roll(part, step, axis))
+            self._tables[rows, columns] = part
         return self._tables[rows, columns]
+
+    def _response(self) -> Array:
+        """Displacement by unit pressure on one node, as far as is needed."""
+        m = self.lattice.whole().size
+        offsets = np.arange(self._width) - self._reach
+        response = np.fft.irfft2(1.0 / self.lattice.whole().held_symbol(None), s=(m, m))
+        return np.asarray(response.take(offsets, 0, mode="wrap").take(offsets, 1, mode="wrap"))
 
     @property
     def _width(self) -> int:
-        """Offsets of squares from squares and, where there are any, from their mirror images."""
-        return (3 if self.lattice.quarter else 2) * self._reach + 1
+        """Number of offsets of squares from squares and, where there are any, from their mirror images."""
+        return (3 if self.lattice.quarter else 2) * self._reach
 
     def matrix(self, squares: Squares) -> Array:
         """Mean displacements of all squares (rows) for unit pressures on each (columns)."""
         sizes, x, y, _ = squares
-        m, reach = sizes.size, int(max((x + sizes).max(initial=0), (y + sizes).max(initial=0)))
+        # Tables of large squares are wrong at their borders, by the sizes of both.
+        m, reach = sizes.size, int(max(x.max(initial=0), y.max(initial=0)) + 3 * sizes.max(initial=0))
         if reach > self._reach:
             self._reach = -(-reach // SLACK) * SLACK
             self._tables.clear()
@@ -128,15 +135,15 @@ def gathered(lattice: Lattice, contact: Mask, stiffness: Array, zone: Mask) -> S
     # Of the squares of every size: whether they hold nodes of the zone, how far the rim is, and the largest h |v''|.
     levels = [(zone, far, softness)]
     while 1 << (len(levels) - 1) < largest:
-        occupied, least, most = (values.reshape(len(values) // 2, 2, -1, 2) for values in levels[-1])
-        levels.append((np.logical_or.reduce(occupied, (1, 3)), least.min((1, 3)), most.max((1, 3))))
+        some, least, stiffest = (values.reshape(len(values) // 2, 2, -1, 2) for values in levels[-1])
+        levels.append((np.logical_or.reduce(some, (1, 3)), least.min((1, 3)), stiffest.max((1, 3))))
     most = MOST * (lattice.size if lattice.quarter else lattice.size // 2)
     smallest, near, resolved = 0, NEAR, RESOLVED
     while True:
         squares = _squares(levels, smallest, near, resolved)
         if squares.sizes.size <= most or smallest + 1 == len(levels):
             return squares
-        if near > 1:
+        if near:
             near -= 1
         elif resolved < 8.0:
             resolved *= 2.0

@@ -18,6 +18,7 @@ forgets its space, and wants two products of which it makes one here.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -99,7 +100,8 @@ class Linear:
         size = np.abs(stiffness)
         self.clusters = problem.clusters(contact, stiffness, contact | (size > NOTHING * size.max()))
         self.zone = self.clusters.zone
-        self.contact, self.stiffness = contact[self.zone], stiffness[self.zone]
+        self.nodes = np.flatnonzero(self.zone)
+        self.contact, self.stiffness = contact.take(self.nodes), stiffness.take(self.nodes)
         entries = border.on(self.zone)
         self.scale = 10.0 / (float(np.linalg.norm(entries)) or 1.0)
         self.border = self.scale * entries
@@ -113,11 +115,18 @@ class Linear:
         self.directions, self.images = np.empty((2, 8, size))
         self.triangle = np.zeros((self.most, self.most))
 
-    def product(self, y: Array, displacement: float) -> Array:
-        """The equations' left sides on the zone for a pressure on all nodes; one pair."""
-        moved = self.problem.displaced(y)[self.zone] - displacement
-        rows = np.where(self.contact, self.clusters.weight * moved, y[self.zone] + self.stiffness * moved)
-        return np.append(rows, self.border[:-1] @ y[self.zone] + self.border[-1] * displacement)
+    def product(self, vector: Array, outside: Array | None = None) -> Array:
+        """The equations' left sides on the zone, for a pressure there (and outside) and δd; one pair."""
+        y, displacement = vector[:-1], vector[-1]
+        moved = self.problem.displaced(self._everywhere(y, outside)).take(self.nodes) - displacement
+        rows = np.where(self.contact, self.clusters.weight * moved, y + self.stiffness * moved)
+        return np.append(rows, self.border @ vector)
+
+    def _everywhere(self, y: Array, outside: Array | None = None) -> Array:
+        """A pressure on the zone as one on all nodes."""
+        whole = np.zeros(self.zone.shape) if outside is None else outside.copy()
+        whole.put(self.nodes, y)
+        return whole
 
     def solve(self, f: Array, g: float, tolerance: float = 1e-9, limit: int = 200) -> Change:
         """Solve for a right-hand side, to a residual relative to it.
@@ -131,21 +140,21 @@ class Linear:
         limit : int
             Products at most.
         """
-        zone, problem = self.zone, self.problem
-        y = np.where(zone, 0.0, f)
-        outside = self.held.product(y)
-        right = np.append(np.where(self.contact, self.clusters.weight, 1.0) * f[zone], self.scale * (g - outside))
-        size = float(np.hypot(np.linalg.norm(right), np.linalg.norm(y)))
+        problem = self.problem
+        outside = np.where(self.zone, 0.0, f)
+        right = np.append(f.take(self.nodes), self.scale * (g - self.held.product(outside)))
+        right[:-1][self.contact] *= self.clusters.weight
+        far = float(np.linalg.norm(outside))
+        size = math.hypot(float(np.linalg.norm(right)), far)
         goal = tolerance * size
         solution = np.zeros_like(right)
-        if np.linalg.norm(y) > 0.1 * goal:
+        if far > 0.1 * goal:
             solution = self._approximate(right)
-            y[zone] = solution[:-1]
-            right -= self.product(y, solution[-1])
+            right -= self.product(solution, outside)
             limit -= 1
         found, left = self._reduced(right, goal, limit)
         solution += found
-        y[zone] = solution[:-1]
+        y = self._everywhere(solution[:-1], outside)
         change = problem.displaced(y) - solution[-1]
         load = problem.lattice.node_area * float(y.sum())
         row, weight = self.held.row, self.held.load_weight
@@ -198,9 +207,7 @@ class Linear:
                 np.concatenate([a, np.empty_like(a)]) for a in (self.directions, self.images)
             )
         direction = self._approximate(vector)
-        y = np.zeros(self.zone.shape)
-        y[self.zone] = direction[:-1]
-        image = self.product(y, direction[-1])
+        image = self.product(direction)
         before = length = float(np.linalg.norm(image))
         for _ in range(2):
             parts = self.images[:k] @ image
