@@ -8,7 +8,6 @@ matrix. It knows what no filter does: the contact, the localised softening next 
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import NamedTuple
@@ -117,7 +116,7 @@ def gathered(lattice: Lattice, contact: Mask, stiffness: Array, zone: Mask) -> S
     contact, stiffness, zone : array (n, n)
         Stiffness is 0 in contact. The nodes' squares are in the order of the zone's nodes.
     """
-    largest = max(LARGEST, 1 << int(math.log2(lattice.grid / PARTS)))
+    largest = max(LARGEST, 1 << max(0, (lattice.grid // PARTS).bit_length() - 1))
     # The nodes beyond the zone, on its far sides, do not matter.
     used = max((int(np.flatnonzero(zone.any(axis)).max(initial=0)) for axis in (0, 1)), default=0) + 1
     n = -(-used // largest) * largest
