@@ -24,9 +24,9 @@ __all__ = ["Clusters", "Influence", "Squares"]
 LARGEST, PARTS = 8, 32
 # Squares of s nodes a side keep NEAR (s - 1) nodes away from the rim, and s h |v''| below RESOLVED.
 NEAR, RESOLVED = 2, 2.0
-# Squares at most, for every node along one side of what is transformed (a half of it without mirrors): the work for
-# a factorisation is then that of a dozen transforms or so.
-MOST = 3
+# Squares at most, for every node along one side of what is transformed (a half of it without mirrors): more
+# take longer to factorise than they save.
+MOST = 8
 # Relative change of v'' up to which a factorisation serves on.
 STALE = 0.1
 # Nodes by which tables of influence reach farther at least than they did.

@@ -33,6 +33,8 @@ __all__ = ["Border", "Change", "Linear"]
 NOTHING = 1e-7
 # Memory for the directions of one matrix.
 BASIS_BYTES = 5e8
+# Memory for their displacements on all nodes.
+FIELD_BYTES = 2e8
 # Part of the residual by which a direction lowers it at least: otherwise the next one does not begin from it.
 STAGNANT = 0.1
 
@@ -114,13 +116,16 @@ class Linear:
         self.count = 0
         self.directions, self.images = np.empty((2, 8, size))
         self.triangle = np.zeros((self.most, self.most))
+        # S y on all nodes for every direction, as long as there is room.
+        self.moved: list[Array] = []
 
-    def product(self, vector: Array, outside: Array | None = None) -> Array:
-        """The equations' left sides on the zone, for a pressure there (and outside) and δd; one pair."""
+    def product(self, vector: Array, outside: Array | None = None) -> tuple[Array, Array]:
+        """The equations' left sides on the zone, for a pressure there (and outside) and δd, and S y; one pair."""
         y, displacement = vector[:-1], vector[-1]
-        moved = self.problem.displaced(self._everywhere(y, outside)).take(self.nodes) - displacement
+        everywhere = self.problem.displaced(self._everywhere(y, outside))
+        moved = everywhere.take(self.nodes) - displacement
         rows = np.where(self.contact, self.clusters.weight * moved, y + self.stiffness * moved)
-        return np.append(rows, self.border @ vector)
+        return np.append(rows, self.border @ vector), everywhere
 
     def _everywhere(self, y: Array, outside: Array | None = None) -> Array:
         """A pressure on the zone as one on all nodes."""
@@ -147,15 +152,16 @@ class Linear:
         far = float(np.linalg.norm(outside))
         size = math.hypot(float(np.linalg.norm(right)), far)
         goal = tolerance * size
-        solution = np.zeros_like(right)
+        solution, moved = np.zeros_like(right), np.zeros_like(outside)
         if far > 0.1 * goal:
             solution = self._approximate(right)
-            right -= self.product(solution, outside)
+            rows, moved = self.product(solution, outside)
+            right -= rows
             limit -= 1
-        found, left = self._reduced(right, goal, limit)
+        found, more, left = self._reduced(right, goal, limit)
         solution += found
         y = self._everywhere(solution[:-1], outside)
-        change = problem.displaced(y) - solution[-1]
+        change = (problem.displaced(y) if more is None else moved + more) - solution[-1]
         load = problem.lattice.node_area * float(y.sum())
         row, weight = self.held.row, self.held.load_weight
         if row is None:
@@ -170,18 +176,18 @@ class Linear:
     def _approximate(self, vector: Array) -> Array:
         return self.clusters.solve(vector, self.coarse_border)
 
-    def _reduced(self, residual: Array, goal: float, limit: int) -> tuple[Array, float]:
-        """The solution with a small residual, and that residual's norm."""
-        solution = np.zeros_like(residual)
+    def _reduced(self, residual: Array, goal: float, limit: int) -> tuple[Array, Array | None, float]:
+        """The solution with a small residual, S y for it where that is known, and the residual's norm."""
+        solution, forgotten = np.zeros_like(residual), False
         parts = self.images[: self.count] @ residual
         residual = residual - parts @ self.images[: self.count]
         norm, used = float(np.linalg.norm(residual)), 0
         begin = residual
         while norm > goal and np.isfinite(norm) and used < limit:
             if self.count == self.most:
-                solution += self._combined(parts)
+                solution += self._weights(parts) @ self.directions[: self.count]
                 self._forget()
-                parts = np.zeros(0)
+                parts, forgotten = np.zeros(0), True
             if not self._extend(begin):
                 break
             used += 1
@@ -192,12 +198,19 @@ class Linear:
             # Where a direction does nothing, the next one is that of a Krylov space.
             begin = residual if abs(part) > STAGNANT * norm else image
             norm = float(np.linalg.norm(residual))
-        return solution + self._combined(parts), norm
+        weights = self._weights(parts)
+        known = len(self.moved) == self.count and not forgotten
+        moved = (
+            sum((w * one for w, one in zip(weights, self.moved, strict=True)), np.zeros(self.zone.shape))
+            if known
+            else None
+        )
+        return solution + weights @ self.directions[: self.count], moved, norm
 
-    def _combined(self, parts: Array) -> Array:
+    def _weights(self, parts: Array) -> Array:
+        """Of the directions, from those of their images."""
         k = len(parts)
-        weights = scipy.linalg.solve_triangular(self.triangle[:k, :k], parts) if k else parts
-        return np.asarray(weights @ self.directions[:k])
+        return np.asarray(scipy.linalg.solve_triangular(self.triangle[:k, :k], parts) if k else parts)
 
     def _extend(self, vector: Array) -> bool:
         """One more direction, preconditioned; False if it adds nothing."""
@@ -207,7 +220,7 @@ class Linear:
                 np.concatenate([a, np.empty_like(a)]) for a in (self.directions, self.images)
             )
         direction = self._approximate(vector)
-        image = self.product(direction)
+        image, moved = self.product(direction)
         before = length = float(np.linalg.norm(image))
         for _ in range(2):
             parts = self.images[:k] @ image
@@ -219,4 +232,6 @@ class Linear:
         self.triangle[k, k] = length
         self.directions[k], self.images[k] = direction, image / length
         self.count = k + 1
+        if moved.nbytes * self.count <= FIELD_BYTES:
+            self.moved.append(moved)
         return True
