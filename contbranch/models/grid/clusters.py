@@ -24,9 +24,9 @@ __all__ = ["Clusters", "Influence", "Squares"]
 LARGEST, PARTS = 8, 32
 # Squares of s nodes a side keep NEAR (s - 1) nodes away from the rim, and s h |v''| below RESOLVED.
 NEAR, RESOLVED = 2, 2.0
-# Squares at most, for every node along one side of what is transformed (a half of it without mirrors): more
-# take longer to factorise than they save.
-MOST = 8
+# Squares at most, for every node along one side of what is transformed (a half of it without mirrors) and at all: with
+# more the factorisation takes longer than what it saves. Fewer are found by making them larger, at the rim last.
+PER_SIDE, MOST = 8, 2000
 # Relative change of v'' up to which a factorisation serves on.
 STALE = 0.1
 # Nodes by which tables of influence reach farther at least than they did.
@@ -136,7 +136,7 @@ def gathered(lattice: Lattice, contact: Mask, stiffness: Array, zone: Mask) -> S
     while 1 << (len(levels) - 1) < largest:
         some, least, stiffest = (values.reshape(len(values) // 2, 2, -1, 2) for values in levels[-1])
         levels.append((np.logical_or.reduce(some, (1, 3)), least.min((1, 3)), stiffest.max((1, 3))))
-    most = MOST * (lattice.size if lattice.quarter else lattice.size // 2)
+    most = min(MOST, PER_SIDE * (lattice.size if lattice.quarter else lattice.size // 2))
     smallest, near, resolved = 0, NEAR, RESOLVED
     while True:
         squares = _squares(levels, smallest, near, resolved)

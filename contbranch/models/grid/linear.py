@@ -199,12 +199,11 @@ class Linear:
             begin = residual if abs(part) > STAGNANT * norm else image
             norm = float(np.linalg.norm(residual))
         weights = self._weights(parts)
-        known = len(self.moved) == self.count and not forgotten
-        moved = (
-            sum((w * one for w, one in zip(weights, self.moved, strict=True)), np.zeros(self.zone.shape))
-            if known
-            else None
-        )
+        moved = None
+        if len(self.moved) == self.count and not forgotten:
+            moved = np.zeros(self.zone.shape)
+            for weight, one in zip(weights, self.moved, strict=True):
+                moved += weight * one
         return solution + weights @ self.directions[: self.count], moved, norm
 
     def _weights(self, parts: Array) -> Array:

