@@ -147,17 +147,21 @@ class Linear:
         """
         problem = self.problem
         outside = np.where(self.zone, 0.0, f)
-        right = np.append(f.take(self.nodes), self.scale * (g - self.held.product(outside)))
+        right = np.append(f.take(self.nodes), self.scale * g)
         right[:-1][self.contact] *= self.clusters.weight
         far = float(np.linalg.norm(outside))
         size = math.hypot(float(np.linalg.norm(right)), far)
         goal = tolerance * size
         solution, moved = np.zeros_like(right), np.zeros_like(outside)
         if far > 0.1 * goal:
+            right[-1] -= self.scale * self.held.product(outside)
             solution = self._approximate(right)
             rows, moved = self.product(solution, outside)
             right -= rows
             limit -= 1
+        else:
+            # Left as it is: u and the pressure have to stay those of one state.
+            outside[:] = 0.0
         found, more, left = self._reduced(right, goal, limit)
         solution += found
         y = self._everywhere(solution[:-1], outside)
