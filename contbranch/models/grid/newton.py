@@ -174,7 +174,7 @@ class Equilibrium:
 
 def settings_for(accuracy: float) -> Settings:
     """Tolerances for states of an accuracy."""
-    return Settings(tolerance=min(max(1e-2 * accuracy, 1e-10), 1e-8))
+    return Settings(tolerance=min(max(1e-3 * accuracy, 1e-10), 1e-9))
 
 
 class Sketch(NamedTuple):
@@ -288,15 +288,13 @@ class _Trial:
 def tangent(problem: GridProblem, state: Equilibrium, hold: Hold, tolerance: float = 1e-3) -> Change:
     """The direction of the curve at an equilibrium while its contact stays, with unit progress in what is held."""
     border = Border(problem, hold.row, hold.load_weight)
-    return Linear(problem, state.fields.stiffness, state.contact, border).solve(
-        np.zeros(problem.shape), 1.0, tolerance
-    )
+    return Linear(problem, state.fields.stiffness, state.contact, border).solve(np.zeros(problem.shape), 1.0, tolerance)
 
 
 def _forcing(residual: float, steady: bool, settings: Settings) -> float:
     """Inner tolerance: no tighter than a step can use while the contact set changes, nor than is asked for at last."""
     wanted = min(settings.forcing, 0.3 * math.sqrt(residual)) if steady else settings.forcing
-    return max(wanted, 0.1 * settings.tolerance / max(residual, settings.tolerance))
+    return max(wanted, 0.02 * settings.tolerance / max(residual, settings.tolerance))
 
 
 def _rms(values: Array) -> float:

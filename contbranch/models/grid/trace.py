@@ -279,7 +279,10 @@ class _Tracer:
         samples, start = self.samples, self.stretch[0]
         if samples.last is not None and samples.ends[-1] >= radius - 1.5 * wide:
             begin, end = samples.last.middle, samples.last.end
-            way = end, replace(end, fields=end.fields._replace(u=2.0 * end.u - begin.u, load=2.0 * end.load - begin.load))
+            way = (
+                end,
+                replace(end, fields=end.fields._replace(u=2.0 * end.u - begin.u, load=2.0 * end.load - begin.load)),
+            )
         else:
             kept = [k for k, row in enumerate(rows[:-1]) if row.u is not None and not row.averaged]
             below = [k for k in kept if rows[k].reading.contact_radius <= max(radius - 1.3 * wide, 0.0)]
