@@ -350,11 +350,11 @@ class _Tracer:
             mark = Mark("fold", control, fold.maximum, errors=errors, potential=fold.potential)
             mark.message = f"The average over {fold.arcs} changes of the contact on the lattice."
             marks.append((fold.radius, mark))
-        for radius, mark in sorted(marks, key=itemgetter(0)):
+        for radius, event in sorted(marks, key=itemgetter(0)):
             place = float(np.interp(radius, np.append(average.first, radii), np.append(start, places)))
             (load, displacement, energy), state = average.at(radius)[0].tolist(), samples.state(radius)
             seen = Reading(load, displacement, radius, 0.0, energy, MEASURED * average.spacing)
-            self.rows.append(Row(place, seen, state.pairs, state.load, state.u, state.contact, mark, averaged=True))
+            self.rows.append(Row(place, seen, state.pairs, state.load, state.u, state.contact, event, averaged=True))
         self.samples, self.stretch = samples, (start, float(places[-1]))
         self.checked = average.last - 0.7 * half_width(average.last, average.spacing)
 

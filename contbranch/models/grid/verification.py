@@ -217,7 +217,7 @@ class _Survey:
                 corners.append(tried[0])
         if wrong:
             self.contradicted = True
-            self.notes.append(f"{self._disagreement(wrong)}: a fold was missed, or is none.")
+            self.notes.append(f"{self._disagreement(wrong)}: a fold was missed, or is none; try a finer grid.")
         if corners:
             self.notes.append(f"{self._disagreement(corners)}: folds of the lattice's own, at single nodes.")
         if unknown:
