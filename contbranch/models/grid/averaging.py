@@ -13,6 +13,7 @@ the window or the degree is another one, and by how much the states scatter abou
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
@@ -25,11 +26,11 @@ from contbranch.control import Control
 from .arcs import Arc
 from .arrays import Array
 from .newton import Equilibrium
-from .rows import Reading, read
+from .rows import Reading, Row, read
 from .setup import Setup
 from .walk import Measure
 
-__all__ = ["LEAST", "MEASURED", "Average", "Fold", "Samples", "half_width"]
+__all__ = ["LEAST", "MEASURED", "Average", "Fold", "Samples", "half_width", "turned"]
 
 # Half of a window in rows of nodes, the share of the contact radius that it may take up, and its least; where a row
 # has many nodes, fewer rows are enough.
@@ -58,6 +59,46 @@ def half_width(radius: float, spacing: float) -> float:
     """Half of the window around a contact radius."""
     rows = radius / spacing
     return spacing * max(LEAST, min(ROWS, SHARE * rows, MANY / max(rows, 1.0)))
+
+
+def turned(
+    rows: Sequence[Row], controls: Sequence[Control], spacing: float, beyond: float
+) -> tuple[float, float | None]:
+    """Where a control has turned round, at a radius with rows on both sides over more than what single nodes do.
+
+    Parameters
+    ----------
+    rows : sequence of Row
+    controls : sequence of Control
+    spacing : float
+    beyond : float
+        Contact radius up to which this is known; negative: from the last row without contact on.
+
+    Returns
+    -------
+    beyond : float
+        Up to where it is known now.
+    centre : float or None
+        The radius.
+    """
+    rows = sorted(rows, key=lambda row: row.arc)
+    radii = np.array([row.reading.contact_radius for row in rows])
+    inner = np.flatnonzero(radii > beyond)
+    if beyond < 0.0 and inner.size:
+        inner = inner[max(int(np.argmax(radii > 0.0)) - 1, 0) :]
+    for k in inner[:-1].tolist():
+        half = half_width(radii[k], spacing)
+        if k == 0 or radii[-1] < radii[k] + half:
+            continue
+        beyond = max(beyond, float(radii[k]))
+        # one row without contact, or beyond the window
+        first = max(min(int(np.argmax(radii > max(radii[k] - half, 0.0))), k) - 1, 0)
+        for control in controls:
+            values = np.array([control.value(*row.reading[:2]) for row in rows[first:]])
+            others = np.delete(values, k - first)
+            if k > first and not others.min() < values[k - first] < others.max():
+                return beyond, float(radii[k])
+    return beyond, None
 
 
 class Fold(NamedTuple):

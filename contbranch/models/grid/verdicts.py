@@ -112,7 +112,9 @@ def raw_event(setup: Setup, rows: Sequence[Row], row: int, mark: Mark, error: Ar
     if control is None:
         return RawEvent(mark.kind, row, reading.four, _four(error), message=mark.message)
     pieces = indices.pieces(control)[0]
-    verdict, message = ("averaged", mark.message) if mark.errors is not None else _verdict(setup, mark, control, reading)
+    verdict, message = (
+        ("averaged", mark.message) if mark.errors is not None else _verdict(setup, mark, control, reading)
+    )
     if mark.shift is not None:
         # From N to 2N the error falls at least by half: it is at most twice the shift. In contact a shift can be small
         # by chance, and rows around know better.
