@@ -150,7 +150,7 @@ class _Follower:
                     state, last = there, onward
                     self.cap = cap = min(longer, LONGEST * self.period)
                     continue
-                target, trial = seen, there
+                target = seen
                 u, load = 0.5 * (state.u + there.u), 0.5 * (state.load + there.load)
             else:
                 u, load = state.u + step * last.u, state.load + step * last.load

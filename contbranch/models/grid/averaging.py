@@ -13,6 +13,7 @@ the window or the degree is another one, and by how much the states scatter abou
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
@@ -25,11 +26,11 @@ from contbranch.control import Control
 from .arcs import Arc
 from .arrays import Array
 from .newton import Equilibrium
-from .rows import Reading, read
+from .rows import Reading, Row, read
 from .setup import Setup
 from .walk import Measure
 
-__all__ = ["LEAST", "MEASURED", "Average", "Fold", "Samples", "half_width"]
+__all__ = ["LEAST", "MEASURED", "Average", "Fold", "Samples", "half_width", "turned"]
 
 # Half of a window in rows of nodes, the share of the contact radius that it may take up, and its least; where a row
 # has many nodes, fewer rows are enough.
@@ -49,7 +50,7 @@ _NODES, _WEIGHTS = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS
 _LAGRANGE = np.stack([(1 - _NODES) * (1 - 2 * _NODES), 4 * _NODES * (1 - _NODES), _NODES * (2 * _NODES - 1)])
 _SLOPES = np.stack([4 * _NODES - 3, 4 - 8 * _NODES, 4 * _NODES - 1])
 # Scatter that counts in the error of an average of so many arcs, and the factor of what other windows give.
-SCATTER, OTHER = 1.0, 1.5
+SCATTER, OTHER = 1.0, 1.0
 # Error of the contact radius itself, in rows of nodes.
 MEASURED = 0.03
 
@@ -60,14 +61,58 @@ def half_width(radius: float, spacing: float) -> float:
     return spacing * max(LEAST, min(ROWS, SHARE * rows, MANY / max(rows, 1.0)))
 
 
+def turned(
+    rows: Sequence[Row], controls: Sequence[Control], spacing: float, beyond: float
+) -> tuple[float, float | None]:
+    """Where a control has turned round, at a radius with rows on both sides over more than what single nodes do.
+
+    Parameters
+    ----------
+    rows : sequence of Row
+    controls : sequence of Control
+    spacing : float
+    beyond : float
+        Contact radius up to which this is known; negative: from the last row without contact on.
+
+    Returns
+    -------
+    beyond : float
+        Up to where it is known now.
+    centre : float or None
+        The radius.
+    """
+    rows = sorted(rows, key=lambda row: row.arc)
+    radii = np.array([row.reading.contact_radius for row in rows])
+    inner = np.flatnonzero(radii > beyond)
+    if beyond < 0.0 and inner.size:
+        inner = inner[max(int(np.argmax(radii > 0.0)) - 1, 0) :]
+    for k in inner[:-1].tolist():
+        half = half_width(radii[k], spacing)
+        if k == 0 or radii[-1] < radii[k] + half:
+            continue
+        beyond = max(beyond, float(radii[k]))
+        # one row without contact, or beyond the window
+        first = max(min(int(np.argmax(radii > max(radii[k] - half, 0.0))), k) - 1, 0)
+        for control in controls:
+            values = np.array([control.value(*row.reading[:2]) for row in rows[first:]])
+            others = np.delete(values, k - first)
+            if k > first and not others.min() < values[k - first] < others.max():
+                return beyond, float(radii[k])
+    return beyond, None
+
+
 class Fold(NamedTuple):
-    """A fold of the average: contact radius, load, displacement and energy there, errors, and arcs in its window."""
+    """A fold of the average: contact radius, load, displacement and energy there, errors, and arcs in its window.
+
+    The error of the potential V - F d, at the load of the fold, is smaller than those of its terms.
+    """
 
     radius: float
     values: Array
     errors: Array
     maximum: bool
     arcs: int
+    potential: float
 
 
 @dataclass
@@ -183,20 +228,31 @@ class Average:
         return np.linspace(low, high, max(2, int(CENTRES * (high - low) / self.spacing)))
 
     def folds(self, control: Control) -> list[Fold]:
-        """The folds of a control, in order of the contact radius."""
+        """The folds of a control in order of the contact radius, but for those that their errors swallow."""
         slopes = np.array([self._slope(control, radius) for radius in self.centres])
         found = []
         for k in np.flatnonzero(slopes[:-1] * slopes[1:] < 0.0):
             bracket = float(self.centres[k]), float(self.centres[k + 1])
             radius = float(scipy.optimize.brentq(lambda a: self._slope(control, a), *bracket))
             found.append(self._fold(control, radius, bool(slopes[k] > 0.0)))
+        while found:
+            # Between neighbours, and to the ends, what is controlled changes by more than the ripples leave.
+            heights = np.array([control.weighted(*fold.values[:2]) for fold in found])
+            errors = np.array([control.weighted(*fold.errors[1:3]) for fold in found])
+            ends = [control.weighted(*self.at(radius)[0][:2]) for radius in (self.first, self.last)]
+            changes = np.abs(np.diff([ends[0], *heights, ends[1]]))
+            shares = changes / np.maximum(np.append(errors[:1], errors), np.append(errors, errors[-1:]))
+            least = int(np.argmin(shares))
+            if shares[least] >= 1.0:
+                break
+            del found[max(least - 1, 0) : least + 1]
         return found
 
     def _fold(self, control: Control, radius: float, maximum: bool) -> Fold:
         values = self.at(radius)[0]
         left, count = self.scatter(radius)
         half = half_width(radius, self.spacing)
-        differences = np.zeros(4)
+        differences, potential = np.zeros(4), 0.0
         for width, degree in OTHERS:
             near = np.linspace(radius - 0.6 * half, radius + 0.6 * half, 26)
             near = near[(near > self.first) & (near < self.last)]
@@ -204,11 +260,12 @@ class Average:
             driven = np.array([control.weighted(*row[:2]) for row in heights])
             best = int(np.argmax(driven) if maximum else np.argmin(driven))
             place = self._vertex(near, driven, best)
-            differences = np.maximum(
-                differences, np.abs(np.append(place - radius, self.at(place, width, degree)[0] - values))
-            )
+            change = self.at(place, width, degree)[0] - values
+            differences = np.maximum(differences, np.abs(np.append(place - radius, change)))
+            along = (values[0] + 0.5 * change[0]) * change[1]
+            potential = max(potential, abs(float(change[2] - along)))
         errors = OTHER * differences + np.append(MEASURED * self.spacing, SCATTER * left / np.sqrt(count))
-        return Fold(radius, values, errors, maximum, count)
+        return Fold(radius, values, errors, maximum, count, OTHER * potential)
 
     @staticmethod
     def _vertex(places: Array, heights: Array, best: int) -> float:

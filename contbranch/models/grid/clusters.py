@@ -9,7 +9,6 @@ matrix. It knows what no filter does: the contact, the localised softening next 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import cached_property
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -21,12 +20,13 @@ from .lattice import Lattice
 
 __all__ = ["Clusters", "Influence", "Squares"]
 
-# Nodes a side of the largest squares.
-LARGEST = 8
+# Nodes a side of the largest squares, and how often these fit into a cell at least.
+LARGEST, PARTS = 8, 32
 # Squares of s nodes a side keep NEAR (s - 1) nodes away from the rim, and s h |v''| below RESOLVED.
 NEAR, RESOLVED = 2, 2.0
-# Squares at most: with more they are made larger.
-MOST = 1400
+# Squares at most, for every node along one side of what is transformed (a half of it without mirrors) and at all: with
+# more the factorisation takes longer than what it saves. Fewer are found by making them larger, at the rim last.
+PER_SIDE, MOST = 8, 2000
 # Relative change of v'' up to which a factorisation serves on.
 STALE = 0.1
 # Nodes by which tables of influence reach farther at least than they did.
@@ -55,30 +55,38 @@ class Influence:
     _reach: int = 0
     _tables: dict[tuple[int, int], Array] = field(default_factory=dict)
 
-    @cached_property
-    def _response(self) -> Array:
-        return 1.0 / self.lattice.whole().held_symbol(None)
-
     def _table(self, rows: int, columns: int) -> Array:
         """Mean displacement of a square for unit pressure on another, by the offset of their first nodes."""
         if (rows, columns) not in self._tables:
-            m = self.lattice.whole().size
-            turn = np.exp(-2j * np.pi * np.fft.fftfreq(m))
-            box = np.conj(sum(turn**k for k in range(rows))) / rows * sum(turn**k for k in range(columns))
-            filtered = self._response * box[:, None] * box[: m // 2 + 1]
-            offsets = np.arange(-self._reach, self._width - self._reach) % m
-            self._tables[rows, columns] = np.fft.irfft2(filtered, s=(m, m))[np.ix_(offsets, offsets)]
+            # Of twice a size: the mean (rows) or the sum (columns) of that of four squares, one size apart.
+            if rows > 1:
+                part, step, share = self._table(rows // 2, columns), -rows // 2, 0.5
+            elif columns > 1:
+                part, step, share = self._table(1, columns // 2), columns // 2, 1.0
+            else:
+                part, step, share = self._response(), 0, 0.5
+            for axis in (0, 1):
+                part = share * (part + np.roll(part, step, axis))
+            self._tables[rows, columns] = part
         return self._tables[rows, columns]
+
+    def _response(self) -> Array:
+        """Displacement by unit pressure on one node, as far as is needed."""
+        m = self.lattice.whole().size
+        offsets = np.arange(self._width) - self._reach
+        response = np.fft.irfft2(1.0 / self.lattice.whole().held_symbol(None), s=(m, m))
+        return np.asarray(response.take(offsets, 0, mode="wrap").take(offsets, 1, mode="wrap"))
 
     @property
     def _width(self) -> int:
-        """Offsets of squares from squares and, where there are any, from their mirror images."""
-        return (3 if self.lattice.quarter else 2) * self._reach + 1
+        """Number of offsets of squares from squares and, where there are any, from their mirror images."""
+        return (3 if self.lattice.quarter else 2) * self._reach
 
     def matrix(self, squares: Squares) -> Array:
         """Mean displacements of all squares (rows) for unit pressures on each (columns)."""
         sizes, x, y, _ = squares
-        m, reach = sizes.size, int(max((x + sizes).max(initial=0), (y + sizes).max(initial=0)))
+        # Tables of large squares are wrong at their borders, by the sizes of both.
+        m, reach = sizes.size, int(max(x.max(initial=0), y.max(initial=0)) + 3 * sizes.max(initial=0))
         if reach > self._reach:
             self._reach = -(-reach // SLACK) * SLACK
             self._tables.clear()
@@ -99,21 +107,22 @@ class Influence:
         return found
 
 
-def gathered(contact: Mask, stiffness: Array, zone: Mask, spacing: float, most: int = MOST) -> Squares:
+def gathered(lattice: Lattice, contact: Mask, stiffness: Array, zone: Mask) -> Squares:
     """Gather the nodes of a zone into squares.
 
     Parameters
     ----------
+    lattice : Lattice
     contact, stiffness, zone : array (n, n)
         Stiffness is 0 in contact. The nodes' squares are in the order of the zone's nodes.
     """
-    smallest, near, resolved = 1, NEAR, RESOLVED
+    largest = max(LARGEST, 1 << max(0, (lattice.grid // PARTS).bit_length() - 1))
     # The nodes beyond the zone, on its far sides, do not matter.
     used = max((int(np.flatnonzero(zone.any(axis)).max(initial=0)) for axis in (0, 1)), default=0) + 1
-    n = -(-used // LARGEST) * LARGEST
+    n = -(-used // largest) * largest
     missing = max(0, n - len(zone))
     contact, zone = (np.pad(a[:n, :n], (0, missing)) for a in (contact, zone))
-    softness = np.pad(spacing * np.abs(stiffness[:n, :n]), (0, missing))
+    softness = np.pad(lattice.spacing * np.abs(stiffness[:n, :n]), (0, missing))
     rim = np.zeros_like(zone)
     for first, last in ((np.s_[:-1], np.s_[1:]), (np.s_[:, :-1], np.s_[:, 1:])):
         changes = contact[first] != contact[last]
@@ -122,41 +131,44 @@ def gathered(contact: Mask, stiffness: Array, zone: Mask, spacing: float, most: 
     far = np.full((n, n), n)
     if rim.any():
         far[:] = scipy.ndimage.distance_transform_cdt(~rim, metric="chessboard")
+    # Of the squares of every size: whether they hold nodes of the zone, how far the rim is, and the largest h |v''|.
+    levels = [(zone, far, softness)]
+    while 1 << (len(levels) - 1) < largest:
+        some, least, stiffest = (values.reshape(len(values) // 2, 2, -1, 2) for values in levels[-1])
+        levels.append((np.logical_or.reduce(some, (1, 3)), least.min((1, 3)), stiffest.max((1, 3))))
+    most = min(MOST, PER_SIDE * (lattice.size if lattice.quarter else lattice.size // 2))
+    smallest, near, resolved = 0, NEAR, RESOLVED
     while True:
-        squares = _squares((softness, zone, far), smallest, near, resolved)
-        if squares.sizes.size <= most or smallest == LARGEST:
+        squares = _squares(levels, smallest, near, resolved)
+        if squares.sizes.size <= most or smallest + 1 == len(levels):
             return squares
-        if near > 1:
+        if near:
             near -= 1
         elif resolved < 8.0:
             resolved *= 2.0
         else:
-            smallest, resolved = 2 * smallest, RESOLVED
+            smallest, resolved = smallest + 1, RESOLVED
 
 
-def _squares(fields: tuple[Array, Mask, Integers], smallest: int, near: int, resolved: float) -> Squares:
-    softness, zone, far = fields
-    n = len(zone)
-    left, number = zone.copy(), np.zeros((n, n), dtype=np.int64)
-    found, count, size = [], 0, LARGEST
-    while size >= smallest:
-        m = n // size
-        blocks = (m, size, m, size)
-        fits = left.reshape(blocks).any((1, 3))
-        if size > smallest:
-            fits &= far.reshape(blocks).min((1, 3)) > near * (size - 1)
-            fits &= size * softness.reshape(blocks).max((1, 3)) < resolved
-        x, y = np.nonzero(fits)
-        found.append(np.array([np.full(x.size, size), size * x, size * y]))
-        labels = np.zeros((m, m), dtype=np.int64)
-        labels[x, y] = count + np.arange(x.size)
-        covered = np.repeat(np.repeat(fits, size, 0), size, 1) & left
-        number[covered] = np.repeat(np.repeat(labels, size, 0), size, 1)[covered]
-        left &= ~covered
-        count += x.size
-        size //= 2
+def _squares(levels: list[tuple[Mask, Integers, Array]], smallest: int, near: int, resolved: float) -> Squares:
+    """The largest squares that are fit, of 2^smallest nodes a side at least."""
+    number = np.full(levels[-1][0].shape, -1)
+    found, count = [], 0
+    for level in range(len(levels) - 1, -1, -1):
+        occupied, far, softness = levels[level]
+        size = 1 << level
+        if level >= smallest:
+            fits = occupied & (number < 0)
+            if level > smallest:
+                fits &= (far > near * (size - 1)) & (size * softness < resolved)
+            x, y = np.nonzero(fits)
+            number[fits] = count + np.arange(x.size)
+            found.append(np.array([np.full(x.size, size), size * x, size * y]))
+            count += x.size
+        if level:
+            number = number.repeat(2, 0).repeat(2, 1)
     sizes, first, second = np.concatenate(found, axis=1)
-    return Squares(sizes, first, second, number[zone])
+    return Squares(sizes, first, second, number[levels[0][0]])
 
 
 @dataclass
@@ -184,7 +196,7 @@ class Clusters:
         h = self.influence.lattice.spacing
         whole = np.zeros(self.zone.shape)
         whole[self.zone] = self.stiffness
-        squares = gathered(self.contact, whole, self.zone, h)
+        squares = gathered(self.influence.lattice, self.contact, whole, self.zone)
         self.square, m = squares.of_node, squares.sizes.size
         self.nodes = np.bincount(self.square, minlength=m)
         self.held = self.contact[self.zone]

@@ -18,6 +18,7 @@ forgets its space, and wants two products of which it makes one here.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -32,6 +33,8 @@ __all__ = ["Border", "Change", "Linear"]
 NOTHING = 1e-7
 # Memory for the directions of one matrix.
 BASIS_BYTES = 5e8
+# Memory for their displacements on all nodes.
+FIELD_BYTES = 2e8
 # Part of the residual by which a direction lowers it at least: otherwise the next one does not begin from it.
 STAGNANT = 0.1
 
@@ -99,7 +102,8 @@ class Linear:
         size = np.abs(stiffness)
         self.clusters = problem.clusters(contact, stiffness, contact | (size > NOTHING * size.max()))
         self.zone = self.clusters.zone
-        self.contact, self.stiffness = contact[self.zone], stiffness[self.zone]
+        self.nodes = np.flatnonzero(self.zone)
+        self.contact, self.stiffness = contact.take(self.nodes), stiffness.take(self.nodes)
         entries = border.on(self.zone)
         self.scale = 10.0 / (float(np.linalg.norm(entries)) or 1.0)
         self.border = self.scale * entries
@@ -112,12 +116,22 @@ class Linear:
         self.count = 0
         self.directions, self.images = np.empty((2, 8, size))
         self.triangle = np.zeros((self.most, self.most))
+        # S y on all nodes for every direction, as long as there is room.
+        self.moved: list[Array] = []
 
-    def product(self, y: Array, displacement: float) -> Array:
-        """The equations' left sides on the zone for a pressure on all nodes; one pair."""
-        moved = self.problem.displaced(y)[self.zone] - displacement
-        rows = np.where(self.contact, self.clusters.weight * moved, y[self.zone] + self.stiffness * moved)
-        return np.append(rows, self.border[:-1] @ y[self.zone] + self.border[-1] * displacement)
+    def product(self, vector: Array, outside: Array | None = None) -> tuple[Array, Array]:
+        """The equations' left sides on the zone, for a pressure there (and outside) and δd, and S y; one pair."""
+        y, displacement = vector[:-1], vector[-1]
+        everywhere = self.problem.displaced(self._everywhere(y, outside))
+        moved = everywhere.take(self.nodes) - displacement
+        rows = np.where(self.contact, self.clusters.weight * moved, y + self.stiffness * moved)
+        return np.append(rows, self.border @ vector), everywhere
+
+    def _everywhere(self, y: Array, outside: Array | None = None) -> Array:
+        """A pressure on the zone as one on all nodes."""
+        whole = np.zeros(self.zone.shape) if outside is None else outside.copy()
+        whole.put(self.nodes, y)
+        return whole
 
     def solve(self, f: Array, g: float, tolerance: float = 1e-9, limit: int = 200) -> Change:
         """Solve for a right-hand side, to a residual relative to it.
@@ -131,22 +145,27 @@ class Linear:
         limit : int
             Products at most.
         """
-        zone, problem = self.zone, self.problem
-        y = np.where(zone, 0.0, f)
-        outside = self.held.product(y)
-        right = np.append(np.where(self.contact, self.clusters.weight, 1.0) * f[zone], self.scale * (g - outside))
-        size = float(np.hypot(np.linalg.norm(right), np.linalg.norm(y)))
+        problem = self.problem
+        outside = np.where(self.zone, 0.0, f)
+        right = np.append(f.take(self.nodes), self.scale * g)
+        right[:-1][self.contact] *= self.clusters.weight
+        far = float(np.linalg.norm(outside))
+        size = math.hypot(float(np.linalg.norm(right)), far)
         goal = tolerance * size
-        solution = np.zeros_like(right)
-        if np.linalg.norm(y) > 0.1 * goal:
+        solution, moved = np.zeros_like(right), np.zeros_like(outside)
+        if far > 0.1 * goal:
+            right[-1] -= self.scale * self.held.product(outside)
             solution = self._approximate(right)
-            y[zone] = solution[:-1]
-            right -= self.product(y, solution[-1])
+            rows, moved = self.product(solution, outside)
+            right -= rows
             limit -= 1
-        found, left = self._reduced(right, goal, limit)
+        else:
+            # Left as it is: u and the pressure have to stay those of one state.
+            outside[:] = 0.0
+        found, more, left = self._reduced(right, goal, limit)
         solution += found
-        y[zone] = solution[:-1]
-        change = problem.displaced(y) - solution[-1]
+        y = self._everywhere(solution[:-1], outside)
+        change = (problem.displaced(y) if more is None else moved + more) - solution[-1]
         load = problem.lattice.node_area * float(y.sum())
         row, weight = self.held.row, self.held.load_weight
         if row is None:
@@ -161,18 +180,18 @@ class Linear:
     def _approximate(self, vector: Array) -> Array:
         return self.clusters.solve(vector, self.coarse_border)
 
-    def _reduced(self, residual: Array, goal: float, limit: int) -> tuple[Array, float]:
-        """The solution with a small residual, and that residual's norm."""
-        solution = np.zeros_like(residual)
+    def _reduced(self, residual: Array, goal: float, limit: int) -> tuple[Array, Array | None, float]:
+        """The solution with a small residual, S y for it where that is known, and the residual's norm."""
+        solution, forgotten = np.zeros_like(residual), False
         parts = self.images[: self.count] @ residual
         residual = residual - parts @ self.images[: self.count]
         norm, used = float(np.linalg.norm(residual)), 0
         begin = residual
         while norm > goal and np.isfinite(norm) and used < limit:
             if self.count == self.most:
-                solution += self._combined(parts)
+                solution += self._weights(parts) @ self.directions[: self.count]
                 self._forget()
-                parts = np.zeros(0)
+                parts, forgotten = np.zeros(0), True
             if not self._extend(begin):
                 break
             used += 1
@@ -183,12 +202,18 @@ class Linear:
             # Where a direction does nothing, the next one is that of a Krylov space.
             begin = residual if abs(part) > STAGNANT * norm else image
             norm = float(np.linalg.norm(residual))
-        return solution + self._combined(parts), norm
+        weights = self._weights(parts)
+        moved = None
+        if len(self.moved) == self.count and not forgotten:
+            moved = np.zeros(self.zone.shape)
+            for weight, one in zip(weights, self.moved, strict=True):
+                moved += weight * one
+        return solution + weights @ self.directions[: self.count], moved, norm
 
-    def _combined(self, parts: Array) -> Array:
+    def _weights(self, parts: Array) -> Array:
+        """Of the directions, from those of their images."""
         k = len(parts)
-        weights = scipy.linalg.solve_triangular(self.triangle[:k, :k], parts) if k else parts
-        return np.asarray(weights @ self.directions[:k])
+        return np.asarray(scipy.linalg.solve_triangular(self.triangle[:k, :k], parts) if k else parts)
 
     def _extend(self, vector: Array) -> bool:
         """One more direction, preconditioned; False if it adds nothing."""
@@ -198,9 +223,7 @@ class Linear:
                 np.concatenate([a, np.empty_like(a)]) for a in (self.directions, self.images)
             )
         direction = self._approximate(vector)
-        y = np.zeros(self.zone.shape)
-        y[self.zone] = direction[:-1]
-        image = self.product(y, direction[-1])
+        image, moved = self.product(direction)
         before = length = float(np.linalg.norm(image))
         for _ in range(2):
             parts = self.images[:k] @ image
@@ -212,4 +235,6 @@ class Linear:
         self.triangle[k, k] = length
         self.directions[k], self.images[k] = direction, image / length
         self.count = k + 1
+        if moved.nbytes * self.count <= FIELD_BYTES:
+            self.moved.append(moved)
         return True

@@ -174,7 +174,7 @@ class Equilibrium:
 
 def settings_for(accuracy: float) -> Settings:
     """Tolerances for states of an accuracy."""
-    return Settings(tolerance=min(max(1e-2 * accuracy, 1e-10), 1e-8))
+    return Settings(tolerance=min(max(1e-3 * accuracy, 1e-10), 1e-9))
 
 
 class Sketch(NamedTuple):
@@ -294,7 +294,7 @@ def tangent(problem: GridProblem, state: Equilibrium, hold: Hold, tolerance: flo
 def _forcing(residual: float, steady: bool, settings: Settings) -> float:
     """Inner tolerance: no tighter than a step can use while the contact set changes, nor than is asked for at last."""
     wanted = min(settings.forcing, 0.3 * math.sqrt(residual)) if steady else settings.forcing
-    return max(wanted, 0.1 * settings.tolerance / max(residual, settings.tolerance))
+    return max(wanted, 0.02 * settings.tolerance / max(residual, settings.tolerance))
 
 
 def _rms(values: Array) -> float:

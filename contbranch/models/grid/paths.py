@@ -310,6 +310,8 @@ class GridWalk:
                 return math.inf
             # out there, where rounding may be all that is left, energies are no larger than their errors
             return abs(stop.state.energy) if found is None else found.potential
+        if self._averaged(stop):
+            return max(row.mark.potential for row in self.traced.rows if row.mark is not None)
         row, count = self._row(stop), len(self.traced.rows)
         around = [self._at(other) for other in (row - 1, row + 1) if 0 <= other < count]
         compares = (compared(self.setup, before, stop.place, self.settings) for before in around)

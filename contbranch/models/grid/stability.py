@@ -29,10 +29,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from contbranch.models.grid.solvers.gmres import gmres
-
 from .arrays import Array
-from .newton import Equilibrium
+from .linear import Border, Linear
+from .newton import Equilibrium, hold_control
 from .problem import GridProblem
 from .transforms import EVEN, Parity, Transform
 from .variation import Precision, Variation, lowest
@@ -234,22 +233,13 @@ class Stability:
         random = np.random.default_rng(softening.size)
         return [*seeds, softening * random.standard_normal(softening.shape)]
 
-    def slope(self, equilibrium: Equilibrium, tolerance: float = 1e-4) -> float:
-        """dF/dd: with ``(K_d + v'')_II y = 1/(C A)`` it is (1 - mean(y))/C. Infinite at a fold of the displacement.
-
-        The error is of the order of the square of `tolerance`.
-        """
-        lattice = self.problem.lattice
-        variation = self.variation(equilibrium, EVEN if lattice.quarter else None)
-        column = variation.mask / (lattice.compliance * lattice.area)
+    def slope(self, equilibrium: Equilibrium, tolerance: float = 1e-9) -> float:
+        """dF/dd along the curve, from one linear solve; infinite at a fold of the displacement."""
+        hold = hold_control(self.problem, 0.0, 1.0, 0.0)
+        border = Border(self.problem, hold.row, hold.load_weight)
         with as_stability(self.problem):
-            # The product is that of an operator with its preconditioner inside: nothing is to be kept beside it.
-            found = gmres(lambda x: (variation.preconditioned(x), x), column, tolerance)
-            y, elastic = variation.response(found)
-        rest = column - elastic - variation.softening * y
-        # y·(column + rest) is the stationary value of 2 column·y - y·(K_d + v'')y up to rest², and mean(y) ∝ column·y.
-        mean = float(y @ (column + rest)) * lattice.compliance * lattice.area / variation.size
-        return (1.0 - mean) / lattice.compliance
+            linear = Linear(self.problem, equilibrium.fields.stiffness, equilibrium.contact, border)
+            return linear.solve(np.zeros(self.problem.shape), 1.0, tolerance).load
 
     def morse(
         self,

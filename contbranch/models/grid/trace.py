@@ -20,7 +20,7 @@ from contbranch.curve.trace import Request
 from .accuracy import compared, no_comparison, touched
 from .arcs import arcs
 from .arrays import Array
-from .averaging import LEAST, MEASURED, Average, Fold, Samples, half_width
+from .averaging import LEAST, MEASURED, Average, Fold, Samples, half_width, turned
 from .folds import coarser_touch, locate_fold, locate_touch, touches
 from .newton import Equilibrium, Settings, hold_control, newton
 from .observables import interpolate
@@ -134,7 +134,7 @@ class _Tracer:
             self._add(points[-1])
             if len(points) > 2:
                 self._events(points)
-                if self.averaging and self._averages() and self._average(walker):
+                if self.averaging and self._turned() and self._average(walker):
                     continue
             if (len(self.rows) - 1) % SPACING == 0:
                 found = compared(self.setup, points[-2].state, points[-1].state, self.settings)
@@ -245,28 +245,12 @@ class _Tracer:
         """Whether folds in contact are those of averages."""
         return self.setup.averaging and not self.setup.crowded and self.resolution.ratio <= HOPELESS
 
-    def _averages(self) -> bool:
-        """Whether a control has turned round in contact, over more than what single nodes can do."""
+    def _turned(self) -> bool:
+        """Whether a control has turned round in contact since this was last asked."""
         spacing = self.setup.lattice.spacing
-        rows = sorted(self.rows, key=lambda row: row.arc)
-        radii = np.array([row.reading.contact_radius for row in rows])
-        inner = np.flatnonzero(radii > self.checked)
-        if self.checked < 0.0 and inner.size:
-            inner = inner[max(int(np.argmax(radii[inner] > 0.0)) - 1, 0) :]  # from the last row without contact on
-        for k in inner[:-1].tolist():
-            half = half_width(radii[k], spacing)
-            if k == 0 or radii[-1] < radii[k] + half:
-                continue
-            self.checked = max(self.checked, radii[k])
-            # one row without contact, or beyond the window
-            first = max(min(int(np.argmax(radii > max(radii[k] - half, 0.0))), k) - 1, 0)
-            for control in self.request.controls:
-                values = np.array([control.value(*row.reading[:2]) for row in rows[first:]])
-                others = np.delete(values, k - first)
-                if k > first and not others.min() < values[k - first] < others.max():
-                    self.centre = float(radii[k])
-                    return True
-        return False
+        self.checked, centre = turned(self.rows, self.request.controls, spacing, self.checked)
+        self.centre = self.centre if centre is None else centre
+        return centre is not None
 
     def _average(self, walker: Walker) -> bool:
         """Follow the curve arc by arc around the present point, and go on behind; whether that could be done."""
@@ -347,15 +331,15 @@ class _Tracer:
             seen = read(self.setup, replace(own, fields=self.problem.fields(own.u, own.load)))
             errors = max(1.0, self.resolution.ratio) * np.append(fold.errors[[1, 2, 0]], 0.0)
             errors += [seen.load_error, seen.displacement_error, 0.0, 0.0]
-            mark = Mark("fold", control, fold.maximum, errors=errors)
+            mark = Mark("fold", control, fold.maximum, errors=errors, potential=fold.potential)
             mark.message = f"The average over {fold.arcs} changes of the contact on the lattice."
             marks.append((fold.radius, mark))
-        for radius, mark in sorted(marks, key=itemgetter(0)):
+        for radius, event in sorted(marks, key=itemgetter(0)):
             place = float(np.interp(radius, np.append(average.first, radii), np.append(start, places)))
             (load, displacement, energy), state = average.at(radius)[0].tolist(), samples.state(radius)
             rim = float(np.interp(radius, samples.radius, samples.perimeters))
             seen = Reading(load, displacement, radius, 0.0, energy, MEASURED * average.spacing, perimeter=rim)
-            self.rows.append(Row(place, seen, state.pairs, state.load, state.u, state.contact, mark, averaged=True))
+            self.rows.append(Row(place, seen, state.pairs, state.load, state.u, state.contact, event, averaged=True))
         self.samples, self.stretch = samples, (start, float(places[-1]))
         self.checked = average.last - 0.7 * half_width(average.last, average.spacing)
 

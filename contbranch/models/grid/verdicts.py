@@ -24,6 +24,8 @@ __all__ = ["LARGEST_REFINED", "MOST_REFINED", "judge", "raw_event"]
 MOST_REFINED, LARGEST_REFINED = 12, 1024
 # Least error of an event, relative to max(1, |value|).
 FLOOR = 3e-7
+# Folds that stay apart on the finer lattice may be as close as this, in units of their errors.
+MERGED = 0.25
 # A fold that moves by less, relative to max(1, |value|), is said to stay.
 STAYS = 1e-3
 
@@ -67,8 +69,9 @@ def _pair(rows: Sequence[Row], folds: Sequence[tuple[int, Mark]], controls: Sequ
         while len(own) > 1:
             heights = np.abs(np.diff([control.value(*rows[k].reading[:2]) for k, _ in own]))
             uncertain = np.array([_uncertainty(mark, control, errors[k]) for k, mark in own])
-            doubtful = heights < np.maximum(uncertain[1:], uncertain[:-1])
-            doubtful &= [not _steady(pair, rows[pair[1][0]].arc - rows[pair[0][0]].arc) for pair in pairwise(own)]
+            most = np.maximum(uncertain[1:], uncertain[:-1])
+            steady = [_steady(pair, rows[pair[1][0]].arc - rows[pair[0][0]].arc) for pair in pairwise(own)]
+            doubtful = heights < np.where(steady, MERGED, 1.0) * most
             if not doubtful.any():
                 break
             place = int(np.argmin(np.where(doubtful, heights, np.inf)))
@@ -109,7 +112,9 @@ def raw_event(setup: Setup, rows: Sequence[Row], row: int, mark: Mark, error: Ar
     if control is None:
         return RawEvent(mark.kind, row, reading.four, _four(error), message=mark.message)
     pieces = indices.pieces(control)[0]
-    verdict, message = (None, mark.message) if mark.errors is not None else _verdict(setup, mark, control, reading)
+    verdict, message = (
+        ("averaged", mark.message) if mark.errors is not None else _verdict(setup, mark, control, reading)
+    )
     if mark.shift is not None:
         # From N to 2N the error falls at least by half: it is at most twice the shift. In contact a shift can be small
         # by chance, and rows around know better.
