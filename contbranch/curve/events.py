@@ -17,7 +17,7 @@ from contbranch.curve.angle import in_passing, short_way
 from contbranch.curve.passages import BESIDES, Search, Seen
 from contbranch.curve.problem import equilibrium
 
-__all__ = ["Ceiling", "FoldEvent", "Folds", "Margin", "Reached", "rates"]
+__all__ = ["Ceiling", "FoldEvent", "Folds", "Margin", "Reached", "Slopes", "rates"]
 
 # Relative to their place in a step, folds are located so coarsely while tracing (they are refined afterwards); where
 # there are several, as sharply as it takes to tell them apart, down to the last.
@@ -32,6 +32,27 @@ def rates(point: Point) -> tuple[float, float]:
     """Rates of load and displacement along the unit tangent."""
     found = equilibrium(point).rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
     return found.load, found.displacement
+
+
+class Slopes:
+    """Rates of load and displacement along unit tangents, found once for every state of a curve."""
+
+    def __init__(self) -> None:
+        self._known: dict[tuple[int, int], tuple[Point, tuple[float, float]]] = {}
+
+    def __call__(self, point: Point) -> tuple[float, float]:
+        """Rates of load and displacement at a point."""
+        state = id(point.x), id(point.problem)
+        known, values = self._known.get(state, (None, (0.0, 0.0)))
+        if known is None:
+            values = rates(point)
+            self._known[state] = point, values
+        elif known.tangent_x is not point.tangent_x:  # which is scaled anew with every step
+            inner = point.problem.inner
+            along = inner(known.tangent_x, point.tangent_x) + known.tangent_parameter * point.tangent_parameter
+            factor = along / (inner(known.tangent_x, known.tangent_x) + known.tangent_parameter**2)
+            return values[0] * factor, values[1] * factor
+        return values
 
 
 @dataclass(frozen=True)
@@ -143,13 +164,13 @@ class Folds(Event):
     controls : sequence of Control
     told : callable
         Called with every fold found.
+    slopes : Slopes
     """
 
     name = "fold"
 
-    def __init__(self, controls: Sequence[Control], told: Callable[[Point], None]) -> None:
-        self.controls, self.told = controls, told
-        self._known: list[tuple[Point, tuple[float, float]]] = []
+    def __init__(self, controls: Sequence[Control], told: Callable[[Point], None], slopes: Slopes) -> None:
+        self.controls, self.told, self._rates = controls, told, slopes
         self._signs: dict[str, float] = {}
         self._past: list[Seen] = []
 
@@ -167,18 +188,6 @@ class Folds(Event):
             )
         for happening in found:
             self.told(happening.event.point)
-        return found
-
-    def _rates(self, point: Point) -> tuple[float, float]:
-        """Rates along the unit tangent, which is scaled anew with every step."""
-        for known, values in self._known:
-            if known.x is point.x and known.problem is point.problem:
-                inner = point.problem.inner
-                along = inner(known.tangent_x, point.tangent_x) + known.tangent_parameter * point.tangent_parameter
-                factor = along / (inner(known.tangent_x, known.tangent_x) + known.tangent_parameter**2)
-                return values[0] * factor, values[1] * factor
-        found = rates(point)
-        self._known = [(point, found), *self._known[:5]]
         return found
 
     def _rate(self, control: Control, point: Point) -> float:

@@ -13,7 +13,7 @@ from contbranch.continuation.edge import Range
 from contbranch.continuation.follow import Branch, follow
 from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.curve.angle import AMBIGUOUS, Hodograph, Turning, alpha, in_passing, short_way
-from contbranch.curve.events import Ceiling, Folds, Margin, rates
+from contbranch.curve.events import Ceiling, Folds, Margin, Slopes
 from contbranch.curve.problem import EquilibriumProblem, Succession, equilibrium
 from contbranch.curve.track import Mark, Track
 from contbranch.errors import InputError, ModelError
@@ -107,6 +107,7 @@ class _Tracing:
     largest: float = -math.inf
     complete: bool = False
     message: str = ""
+    slopes: Slopes = field(default_factory=Slopes)
 
     def __post_init__(self) -> None:
         asked, held = self.request.target, self.request.held
@@ -161,7 +162,7 @@ class _Tracing:
                 self.onward[len(self.points) - 1] = start
             problem = equilibrium(start)
             margins = [Margin(name) for name in problem.margins(start.x, start.parameter)]
-            events = [Folds(self.request.controls, self._met), *margins, self.end]
+            events = [Folds(self.request.controls, self._met, self.slopes), *margins, self.end]
             interval = Range(*problem.parameter_range)
             balance = problem.balance(start, joint.step)
             stop = StopAt(predicate=self._told)
@@ -223,14 +224,14 @@ class _Tracing:
             if mark.control is not None:
                 folds[mark.row] = mark.control
         start = self.points[0]
-        turning.begin(*rates(start))
+        turning.begin(*self.slopes(start))
         extra: list[Mark] = []
         for row in range(1, len(self.points)):
             point = self.points[row]
             if row in folds:
                 turning.fold(folds[row])
             else:
-                missed = turning.row(*rates(point))
+                missed = turning.row(*self.slopes(point))
                 extra += [Mark(row, "fold", point, control) for control in missed]
             if row in self.onward:
                 extra += self._corner(turning, row)
@@ -252,7 +253,7 @@ class _Tracing:
     def _corner(self, turning: Turning, row: int) -> list[Mark]:
         """The folds in the corner where one problem takes over from another."""
         ahead = self.onward[row]
-        load, displacement = rates(ahead)
+        load, displacement = self.slopes(ahead)
         begin = turning.present
         turn = short_way(math.atan2(load, displacement) - begin)
         if abs(turn) > AMBIGUOUS * math.pi:

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -21,10 +22,10 @@ from scipy.linalg import lapack
 
 from contbranch.contact.interactions import Interaction
 from contbranch.contact.tips import Tip
-from contbranch.models.quadrature import chebyshev_slopes, chebyshev_values, gauss
+from contbranch.models.quadrature import chebyshev_values, gauss
 
 from .mesh import Mesh
-from .rim import Rim, make_rim
+from .rim import Rim
 
 __all__ = ["ContactCoordinate", "Equations", "Fields"]
 
@@ -35,7 +36,7 @@ TAIL_NODES = 20
 # Below this size of the blocks a plain product is as fast.
 SMALLEST_SPLIT = 48
 # Solutions whose fields are kept: the ends of a step and what was tried between them.
-RECENT = 4
+RECENT = 6
 
 # Radii, in units of the contact's, at which the wall pressure is checked.
 PROBES = np.array([0.02, 0.3, 0.6, 0.8, 0.9])
@@ -136,6 +137,11 @@ class Equations:
         """The same contact on another mesh."""
         return Equations(self.tip, self.interaction, mesh, self.coordinate, self.contact)
 
+    @cached_property
+    def finer(self) -> Equations:
+        """The same contact on the finer mesh."""
+        return self.on(self.mesh.finer)
+
     def touching(self, contact: bool) -> Equations:
         """The same contact on the same mesh, with or without a disc."""
         return Equations(self.tip, self.interaction, self.mesh, self.coordinate, contact)
@@ -144,6 +150,7 @@ class Equations:
         """Drop what has been kept to save work, matrices mostly; it is made again when it is asked for."""
         self._recent = []
         self._rim = None
+        self.__dict__.pop("finer", None)
         self.mesh.forget()
 
     # -- fields -------------------------------------------------------------------------------------------------------
@@ -151,7 +158,7 @@ class Equations:
         """Operators for the rim of y (the last one is kept)."""
         a = self.coordinate.radius(y) if self.contact else 0.0
         if self._rim is None or self._rim.radius != a:
-            self._rim = make_rim(self.mesh, a)
+            self._rim = Rim(self.mesh, a)
         return self._rim
 
     def fields(self, h: Array, y: float) -> Fields:
@@ -162,7 +169,7 @@ class Equations:
         rim = self.rim(y)
         rim_value = float(self.rim_row @ h)
         shape, _ = self.tip.shape_gap(self.mesh.nodes, rim.radius)
-        gap = rim.plane @ (h - rim_value) + shape
+        gap = rim.bent(h - rim_value) + shape
         if not self.contact:
             gap = gap - y
         if self.interaction is None:
@@ -353,10 +360,9 @@ class Equations:
         start = np.sqrt(distance)[:, None]
         w = (end + start) / 2 + (end - start) / 2 * nodes
         local = 2 * (w * w - distance[:, None]) / mesh.innermost**2 - 1
-        slopes = chebyshev_slopes(chebyshev_values(mesh.rule.even_order, local), local)
-        coefficients = mesh.rule.to_even @ h[: mesh.order]
-        values = np.tensordot(coefficients, slopes, 1) * (2 / mesh.innermost**2)
-        return np.asarray(2 * ((end - start)[:, 0] / 2) * (values @ weights))
+        coefficients = mesh.rule.even_slopes @ (mesh.rule.to_even @ h[: mesh.order])
+        values = np.tensordot(coefficients, chebyshev_values(mesh.rule.even_order, local), 1) * (2 / mesh.innermost**2)
+        return np.asarray((end - start)[:, 0] * (values @ weights))
 
     def contact_pressure(self) -> float:
         """p_fr(0), the interaction's pressure where the surfaces touch."""
@@ -391,7 +397,7 @@ class Equations:
         plane, fine_mesh, fine_fields = fields.rim.plane, mesh, fields
         if finely:
             fine_mesh = mesh.finer
-            fine_fields = self.on(fine_mesh).fields(mesh.to_finer @ fields.h, fields.y)
+            fine_fields = self.finer.fields(mesh.to_finer @ fields.h, fields.y)
             plane = fine_fields.rim.plane @ mesh.to_finer
         # The congruence with W^(-1/2) leaves the inertia alone and makes the unit matrix the bulk of the spectrum.
         scaled = plane / np.sqrt(weights)

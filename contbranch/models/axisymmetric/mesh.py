@@ -8,6 +8,7 @@ moving rim only scales columns by ``tau/t``.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache, cached_property
 
 import numpy as np
@@ -70,11 +71,6 @@ class Mesh:
             np.concatenate([grading, self.edges[1:], [end]]), self.order + max(3, self.order // FINER_ORDER_SHARE)
         )
 
-    def forget(self) -> None:
-        """Drop the finer mesh, which is made again when it is asked for."""
-        for name in ("finer", "to_finer"):
-            self.__dict__.pop(name, None)
-
     def halved(self) -> Mesh:
         """A mesh with every panel cut in two, of the same order."""
         return Mesh(np.sort(np.concatenate([self.edges, (self.edges[:-1] + self.edges[1:]) / 2])), self.order)
@@ -83,11 +79,20 @@ class Mesh:
     def to_finer(self) -> Array:
         """Nodal values here -> values of the panels' polynomials at the nodes of `finer`; 0 beyond the last edge."""
         points = self.finer.nodes
-        panel, local = self._locate(points)
-        rows = legendre_values(self.order, local).T @ self.rule.to_legendre
+        panel, rows = self._lagrange(points)
         matrix = np.zeros((len(points), self.panels, self.order))
-        matrix[np.arange(len(points)), panel] = np.where(points <= self.edges[-1], 1.0, 0.0)[:, None] * rows
+        matrix[np.arange(len(points)), panel] = rows
         return matrix.reshape(len(points), self.size)
+
+    @cached_property
+    def from_finer(self) -> Callable[[Array], Array]:
+        """Nodal values on `finer` -> values of its panels' polynomials at the nodes here."""
+        return self.finer.sampler(self.nodes)
+
+    def forget(self) -> None:
+        """Drop what leads to the finer mesh, which is made again when it is asked for."""
+        for name in ("finer", "to_finer", "from_finer"):
+            self.__dict__.pop(name, None)
 
     # -- the matrices -------------------------------------------------------------------------------------------------
     def arcs(self, rho: Array, panel: Indices, count: int) -> tuple[Array, Array]:
@@ -164,20 +169,24 @@ class Mesh:
     # -- fields on the mesh -------------------------------------------------------------------------------------------
     def interpolate(self, values: Array, points: Array) -> Array:
         """Values at `points` of the panel polynomials through nodal `values`; 0 beyond the last edge."""
-        panel, local = self._locate(points)
-        coefficients = values.reshape(self.panels, self.order) @ self.rule.to_legendre.T
-        inside = np.einsum("kp,pk->p", legendre_values(self.order, local), coefficients[panel])
-        return np.where(points <= self.edges[-1], inside, 0.0)
+        return self.sampler(points)(values)
+
+    def sampler(self, points: Array) -> Callable[[Array], Array]:
+        """What `interpolate` does at `points`, for many functions."""
+        panel, rows = self._lagrange(points)
+        return lambda values: np.asarray(np.add.reduce(rows * values.reshape(self.panels, self.order)[panel], axis=1))
 
     def derivative(self, values: Array) -> Array:
         """Derivative with respect to tau, at the nodes, of the panel polynomials through nodal values; (N,)."""
         slopes = values.reshape(self.panels, self.order) @ self.rule.derivative.T
         return np.asarray((slopes / self.half[:, None]).ravel())
 
-    def _locate(self, points: Array) -> tuple[Indices, Array]:
-        """Panel of each point and its place there, in [−1, 1]; points beyond the mesh belong to the last panel."""
-        panel = np.clip(np.searchsorted(self.edges, points, side="right") - 1, 0, self.panels - 1)
-        return panel, (points - self.edges[panel]) / self.half[panel] - 1.0
+    def _lagrange(self, points: Array) -> tuple[Indices, Array]:
+        """Panel of each point, and what it takes of the panel's nodal values: (P,), (P, n); 0 beyond the last edge."""
+        panel = np.searchsorted(self.edges[1:-1], points, side="right")
+        rows = self.rule.lagrange((np.minimum(points, self.edges[-1]) - self.edges[panel]) / self.half[panel] - 1.0)
+        rows[points > self.edges[-1]] = 0.0
+        return panel, rows
 
 
 @cache

@@ -30,7 +30,7 @@ from contbranch.errors import ModelError
 from contbranch.models.quadrature import start_edges
 from contbranch.results.diagram import ModeShape, Profile
 
-from .adapt import adapted_edges, defect_error, needed_reach, panel_errors
+from .adapt import Solver, adapted_edges, defect_error, needed_reach, panel_errors
 from .azimuthal import counted, eigenvalues, mode_shape
 from .equations import ContactCoordinate, Equations, Fields
 from .mesh import Mesh
@@ -76,8 +76,6 @@ FEWER, COARSENINGS = 0.8, 4
 # From first touch up to this parameter the rate of the load comes from the slope dF/dd, which keeps its digits
 # there, unless the displacement all but stands still: its rate must be at least this share of its parts.
 TINY, MOVING = 1e-2, 0.1
-# The panels' guide is believed where, scaled to the error found last, it leaves so much room.
-ROOM = 4.0
 # Rounds of meshing, solving and judging until a mesh satisfies its own error estimate.
 ROUNDS = 6
 
@@ -147,7 +145,7 @@ class ContactProblem(EquilibriumProblem):
         self.sharpness = sharpness
         mesh = equations.mesh
         self._weights = mesh.weights
-        self.guided = math.inf  # error per guide of the panels, found last
+        self._corrected: tuple[Array, Solver] | None = None
         self.work = resolution.work
         self.work.unknowns = max(self.work.unknowns, mesh.size)
 
@@ -345,8 +343,7 @@ class ContactProblem(EquilibriumProblem):
 
     def observables(self, x: Array, p: float) -> Mapping[str, float]:
         """The values, by name, where the mesh resolves them."""
-        tolerance = self.resolution.tolerance
-        if self.expected_error(self.fields(x, p), tolerance) > UNRESOLVED * tolerance:
+        if self.relative_error(self.fields(x, p)) > UNRESOLVED * self.resolution.tolerance:
             raise ModelError("the mesh does not resolve the solution")  # which repeats the step shorter
         return self.values(x, p)._asdict()
 
@@ -374,8 +371,8 @@ class ContactProblem(EquilibriumProblem):
         return equations.unstable_modes(fields, finely=False) and equations.unstable_modes(fields)
 
     def azimuthal(self, x: Array, p: float, unstable: int, limit: int = 32, near: int = 1) -> Count | None:
-        """Numbers of unstable modes cos mθ."""
-        return counted(self.equations, self.fields(x, p), unstable, limit, near)
+        """Numbers of unstable modes cos mθ; none where no axisymmetric one is (see `azimuthal`, order in m)."""
+        return counted(self.equations, self.fields(x, p), unstable, limit, near) if unstable else Count()
 
     def mode_eigenvalue(self, x: Array, p: float, mode: int, index: int = 1) -> float:
         """An eigenvalue of T_m on the present mesh; 0 where the interaction stiffens everywhere."""
@@ -400,11 +397,16 @@ class ContactProblem(EquilibriumProblem):
     def error(self, fields: Fields) -> Defect:
         """Discretisation error of a solution."""
         if "error" not in fields.derived:
-            fields.derived["error"] = defect_error(self.equations, fields)
+            x, solve = self._corrected or (None, None)
+            fields.derived["error"] = defect_error(self.equations, fields, solve if x is fields.h else None)
         found: Defect = fields.derived["error"]
         return found
 
     # -- meshes -------------------------------------------------------------------------------------------------------
+    def corrected(self, x: Array, p: float, solve: Solver) -> None:
+        """Keep what the next error estimate is made with."""
+        self._corrected = x, solve
+
     def adapt(self, x: Array, p: float) -> Adaptation | None:
         """A better mesh where the error estimate exceeds the tolerance, or where far fewer panels would do."""
         fields = self.fields(x, p)
@@ -413,7 +415,7 @@ class ContactProblem(EquilibriumProblem):
         allowed = resolution.tolerance * scale
         reach = needed_reach(self.equations, fields, 0.1 * allowed)
         mesh = self.equations.mesh
-        error = self.calibrated(fields)
+        error = self.relative_error(fields)
         if error <= resolution.tolerance and reach <= mesh.edges[-1]:
             if error > 1e-3 * resolution.tolerance or mesh.panels <= 6:
                 return None
@@ -434,8 +436,9 @@ class ContactProblem(EquilibriumProblem):
         if problem is self:
             return None
         nodes = problem.equations.mesh.nodes
+        self._corrected = None
         self.equations.forget()  # its points stay, by the thousand in cascades of layers, but are seldom asked again
-        return Adaptation(problem, start, lambda vector: mesh.interpolate(vector, nodes))
+        return Adaptation(problem, start, mesh.sampler(nodes))
 
     def remeshed(
         self, x: Array, p: float, tolerance: float | None = None, solve: bool = True
@@ -454,7 +457,8 @@ class ContactProblem(EquilibriumProblem):
         else:
             error = self.relative_error(fields)
             if error > tolerance:
-                sharpness = min(max(sharpness, 2 * error / max(self._guide(fields), 1e-16)), 1e6)
+                guide = float(panel_errors(self.equations, fields).sum()) / max(1.0, abs(self.equations.load(fields)))
+                sharpness = min(max(sharpness, 2 * error / max(guide, 1e-16)), 1e6)
             edges = adapted_edges(self.equations, fields, SLACK * allowed / sharpness, reach)
         return self.on(Mesh(edges, self.resolution.order), x, p, sharpness, solve)
 
@@ -480,7 +484,7 @@ class ContactProblem(EquilibriumProblem):
 
     def finer(self) -> ContactProblem:
         """On panels of higher order."""
-        return self.on_mesh(self.equations.mesh.finer)
+        return ContactProblem(self.equations.finer, self.scale, self.resolution, self.sharpness)
 
     def halved(self) -> ContactProblem:
         """On halved panels."""
@@ -596,28 +600,6 @@ class ContactProblem(EquilibriumProblem):
             if change < 1e-13 * max(1.0, float(np.abs(x).max())):
                 return best
         return best
-
-    def expected_error(self, fields: Fields, tolerance: float) -> float:
-        """Discretisation error of a solution relative to max(1, |value|), roughly where it is below a tolerance.
-
-        There the panels' own guide serves, scaled to the error last found on this mesh, with some room: that is at the
-        row before, for the scale may change by orders along the curve. Otherwise the error is estimated anew.
-        """
-        rough = ROOM * self.guided * self._guide(fields)
-        return rough if rough <= tolerance else self.calibrated(fields)
-
-    def calibrated(self, fields: Fields) -> float:
-        """The relative error of a solution, which scales the panels' guide from now on."""
-        error = self.relative_error(fields)
-        self.guided = error / max(self._guide(fields), 1e-300)
-        return error
-
-    def _guide(self, fields: Fields) -> float:
-        if "guide" not in fields.derived:
-            missed = float(panel_errors(self.equations, fields).sum())
-            fields.derived["guide"] = missed / max(1.0, abs(self.equations.load(fields)))
-        found: float = fields.derived["guide"]
-        return found
 
     def relative_error(self, fields: Fields) -> float:
         """Discretisation error of a solution relative to max(1, |value|): the larger of load's and displacement's."""
