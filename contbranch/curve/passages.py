@@ -30,13 +30,13 @@ MOST, LEAST = 60, 2.0**-12
 
 
 class Seen(NamedTuple):
-    """A point at a place z along the curve: dq/ds for q = z^m, load and displacement, and their slopes over z."""
+    """A point at a place z along the curve: dq/ds for q = z^m, load and displacement as F + i d, and its slope dz."""
 
     point: Point
     place: float
     rate: float
-    held: Array
-    slopes: Array
+    held: complex
+    slope: complex
 
 
 class _Part(NamedTuple):
@@ -88,8 +88,8 @@ class Search:
             rate = max(rate, STEEPEST * size)
         place = math.copysign(abs(q) ** (1 / self.power), q)
         own = point.observables
-        slopes = np.array(self.rates(point)) * (self._stretch(place) / rate)
-        return Seen(point, place, rate, np.array([own["load"], own["displacement"]]), slopes)
+        slope = complex(*self.rates(point)) * (self._stretch(place) / rate)
+        return Seen(point, place, rate, complex(own["load"], own["displacement"]), slope)
 
     def brackets(self, past: Sequence[Seen]) -> tuple[list[tuple[Control, Bracket]], list[Seen]]:
         """Brackets of all zeros, and the points in order, the earlier ones included."""
@@ -148,10 +148,10 @@ class Search:
         besides = [away[far] for far in [far for far in order if far > APART * length] or order[-1:]][:BESIDES]
         nodes = [part.first, part.last, *besides]
         places = begin + shares[1:-1] * length
-        curve = Hermite([one.place for one in nodes], [one.held for one in nodes], [one.slopes for one in nodes])
-        weights = np.array([control.weights for control in self.probes])
-        found = [weights @ slope.T / self._stretch(places) for _, slope in curve.at(places[:, None])[1:]]
-        return found[-1], np.abs(found[-1] - found[-2]) if besides else UNTESTED * np.abs(found[0])
+        curve = Hermite([one.place for one in nodes], [one.held for one in nodes], [one.slope for one in nodes])
+        weights = np.array([[complex(*control.weights).conjugate()] for control in self.probes])
+        found = [(weights * (slope / self._stretch(places))).real for _, slope in curve.at(places)[-2:]]
+        return found[-1], np.abs(found[-1] - found[-2]) if besides else UNTESTED * np.abs(found[-1])
 
     def _divided(self, part: _Part, share: float) -> list[_Part]:
         """Both parts of a part, the first one last; the point between them is no zero."""

@@ -65,7 +65,7 @@ LONGEST_IN_LAYERS = 0.15
 STATE_FLOOR = 0.3
 # Below this radius parameter meshes are graded down to this share of the radius, each panel longer by this factor than
 # the one inside; if those are too many panels, by a larger one: the tinier the radius, the less its scale matters.
-SMALL, SHARE, GRADING, PANELS = 1e-6, 0.5, 4.0, 8
+SMALL, SHARE, GRADING, PANELS = 1e-2, 0.5, 4.0, 8
 # Estimates of the rows' errors are those of one Newton step on a finer mesh.
 ROW_SAFETY = 3.0
 # Rows, from the last admissible one backwards, from which free boundaries take over until one succeeds; the first step
