@@ -131,7 +131,7 @@ def correct(
         size = metric.norm(problem, dx, dp)
         if iteration == 1:
             first = size
-            done = size <= max(tolerance, floor)
+            done = size <= max(tolerance, floor, close * precise)  # the next one is about its square
         else:
             contraction = size / previous if previous > 0 else 0.0
             done = size <= max(close, floor) and contraction**2 * size <= max(tolerance, floor)

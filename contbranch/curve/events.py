@@ -15,7 +15,7 @@ from contbranch.continuation.walk import annotated, point_on
 from contbranch.control import LOAD, Control
 from contbranch.curve.angle import in_passing, short_way
 from contbranch.curve.passages import BESIDES, Search, Seen
-from contbranch.curve.problem import equilibrium
+from contbranch.curve.problem import Rates, equilibrium
 
 __all__ = ["Ceiling", "FoldEvent", "Folds", "Margin", "Reached", "Slopes", "rates"]
 
@@ -97,6 +97,10 @@ class Reached(Event):
             return values.contact_radius - self.target
         return self.control.weighted(values.load, values.displacement) - self.target
 
+    def rate(self, rates: Rates) -> float:
+        """The derivative of the value where the observables have these."""
+        return rates.contact_radius if self.control is None else self.control.weighted(rates.load, rates.displacement)
+
 
 class Ceiling(Event):
     """The end of a trace: in contact, a control comes up to a value, which events may raise.
@@ -132,12 +136,9 @@ class Ceiling(Event):
             return []
         if self.value(segment.begin) < 0.0:
             return super().happenings(segment, previous, options)[:1]
-        values = equilibrium(segment.end).rates(
-            segment.end.x, segment.end.parameter, segment.end.tangent_x, segment.end.tangent_parameter
-        )
-        control = self.control
-        rate = values.contact_radius if control is None else control.weighted(values.load, values.displacement)
-        if rate <= 0.0:
+        end = segment.end
+        rates = equilibrium(end).rates(end.x, end.parameter, end.tangent_x, end.tangent_parameter)
+        if Reached(self.control, self.target).rate(rates) <= 0.0:
             return []
         return [Happening(1.0, EventPoint(segment.end, 0.0, 0.0, name=self.name), terminal=True)]
 
