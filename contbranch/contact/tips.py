@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import ClassVar, Final
 
 import numpy as np
@@ -47,7 +48,7 @@ class _Monomial(Tip):
     def _amplitude(self) -> float:
         raise NotImplementedError
 
-    @property
+    @cached_property
     def _transformed(self) -> float:
         return 0.5 * self._amplitude * float(scipy.special.beta(0.5 * self.apex_exponent, 0.5))
 

@@ -9,9 +9,10 @@ from functools import partial
 from itertools import pairwise
 from typing import ClassVar
 
-from contbranch.continuation import Event, EventPoint, Happening, Options, Point, Segment
+from contbranch.continuation import CorrectionError, Event, EventPoint, Happening, Options, Point, Segment
 from contbranch.continuation.events import Bracket, Probe
-from contbranch.continuation.walk import annotated, point_on
+from contbranch.continuation.locate import find_root
+from contbranch.continuation.walk import annotated, corrected_point, point_on
 from contbranch.control import LOAD, Control
 from contbranch.curve.angle import in_passing, short_way
 from contbranch.curve.passages import BESIDES, Search, Seen
@@ -24,6 +25,8 @@ __all__ = ["Ceiling", "FoldEvent", "Folds", "Margin", "Reached", "Slopes", "rate
 SHARPER = (0.01, 1e-4, 1e-7, 1e-10)
 # ... and beyond that by what is seen so far aside, relative to their place.
 ASIDE = 1e-6
+# Newton steps by which the end of a trace is approached, and the share of the last step at which it is reached.
+APPROACHES, CLOSE = 6, 1e-6
 # A rate that is zero, with a sign.
 TINY = 1e-300
 
@@ -132,15 +135,50 @@ class Ceiling(Event):
 
     def happenings(self, segment: Segment, previous: Segment | None, options: Options) -> list[Happening]:
         """The first passage from below, in contact; beyond the value already, where it rises."""
-        if segment.end.observables["contact_radius"] == 0.0 or self.value(segment.end) < 0.0:
+        begin, end = segment.begin, segment.end
+        if end.observables["contact_radius"] == 0.0 or self.value(end) < 0.0:
             return []
-        if self.value(segment.begin) < 0.0:
+        arrive = self._rate(end)
+        if self.value(begin) >= 0.0:
+            return [Happening(1.0, EventPoint(end, 0.0, 0.0, name=self.name), terminal=True)] if arrive > 0.0 else []
+        try:
+            point = self._approached(segment, arrive * segment.scale_end, options)
+        except CorrectionError:
+            point = None
+        if point is None:
             return super().happenings(segment, previous, options)[:1]
-        end = segment.end
-        rates = equilibrium(end).rates(end.x, end.parameter, end.tangent_x, end.tangent_parameter)
-        if Reached(self.control, self.target).rate(rates) <= 0.0:
-            return []
-        return [Happening(1.0, EventPoint(segment.end, 0.0, 0.0, name=self.name), terminal=True)]
+        located = EventPoint(annotated(point, label=self.name), 0.0, 0.0, name=self.name)
+        return [Happening(segment.position(point.x, point.parameter), located, terminal=True)]
+
+    def _approached(self, segment: Segment, arrive: float, options: Options) -> Point | None:
+        """The end within a step by Newton's method from where it is foretold; None if that leads away."""
+        point = point_on(segment, self._foretold(segment, arrive), options)[0]
+        for _ in range(APPROACHES):
+            step = -self.value(point) / self._rate(point)
+            if not abs(step) < 0.5 * segment.length:
+                break
+            ahead = point.x + step * point.tangent_x, point.parameter + step * point.tangent_parameter
+            direction = point.tangent_x, point.tangent_parameter
+            point = corrected_point(point.problem, *ahead, direction, segment.metric, options)[0]
+            if abs(step) < CLOSE * segment.length:  # the next one would be about the square of that
+                return point
+        return None
+
+    def _rate(self, point: Point) -> float:
+        own = equilibrium(point).rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
+        return Reached(self.control, self.target).rate(own)
+
+    def _foretold(self, segment: Segment, arrive: float) -> float:
+        """Where the cubic through values and slopes at both ends of a step is zero."""
+        low, high = self.value(segment.begin), self.value(segment.end)
+        leave = self._rate(segment.begin) * segment.scale_begin
+
+        def cubic(theta: float) -> float:
+            rest = 1.0 - theta
+            bow = rest * (leave * rest - arrive * theta)
+            return low + theta * ((high - low) * theta * (3.0 - 2.0 * theta) + bow)
+
+        return find_root(cubic, (0.0, low), (1.0, high), 1e-3)
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from contbranch.continuation import CorrectionError, Outcome, Point, Segment
 from contbranch.continuation.events import UNTESTED, Bracket, Probe, division
 from contbranch.continuation.step import STEEPEST, Hermite
-from contbranch.continuation.walk import annotated, point_on
+from contbranch.continuation.walk import point_on
 from contbranch.control import Control
 from contbranch.curve.problem import equilibrium
 
@@ -159,10 +160,10 @@ class Search:
         probes = list(self.probes.values())
         for nudged in (share, share + 1e-3 * (1 - share)):
             theta = self._theta(part, segment, nudged)
-            point = annotated(point_on(segment, theta, probes[0].options, precise=False)[0])
+            point = point_on(segment, theta, probes[0].options, precise=False)[0]
             if all(probe.at(point) for probe in probes):
                 break
-        middle = self.seen(point)
+        middle = self.seen(replace(point, observables=self.problem.values(point.x, point.parameter)._asdict()))
         if middle is None:
             raise CorrectionError(Outcome.STEP_TOO_SMALL, "(The curve turns back within a step.)")
         return [

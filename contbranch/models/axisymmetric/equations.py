@@ -253,7 +253,7 @@ class Equations:
         rho = self.mesh.nodes
         surface = 2 * np.pi * float(self.mesh.weights @ (rho * fields.energy_density))
         if a > 0:
-            surface += np.pi * a * a * float(self.interaction.evaluate(np.zeros(1)).energy[0])
+            surface += np.pi * a * a * self._touching[0]
         return elastic + surface + beyond.energy
 
     def load_beyond(self, fields: Fields) -> Array:
@@ -366,7 +366,15 @@ class Equations:
 
     def contact_pressure(self) -> float:
         """p_fr(0), the interaction's pressure where the surfaces touch."""
-        return 0.0 if self.interaction is None else float(self.interaction.evaluate(np.zeros(1)).pressure[0])
+        return self._touching[1]
+
+    @cached_property
+    def _touching(self) -> tuple[float, float]:
+        """Energy per area and pressure of the interaction where the surfaces touch."""
+        if self.interaction is None:
+            return 0.0, 0.0
+        energy, pressure, _ = self.interaction.evaluate(np.zeros(1))
+        return float(energy[0]), float(pressure[0])
 
     def admissibility(self, fields: Fields, scale: float) -> float:
         """Smallest of gap/scale outside the disc and of the wall pressure inside relative to the interaction's largest.

@@ -9,20 +9,20 @@ moving rim only scales columns by ``tau/t``.
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache, cached_property
+from functools import cache, cached_property, lru_cache
 
 import numpy as np
 
 from contbranch.arrays import Array, Indices
 from contbranch.models.quadrature import gauss_between, legendre_values, panel_rule
 
-__all__ = ["Mesh"]
+__all__ = ["Mesh", "mesh_on"]
 
 # A source panel closer to the target than this many of its own lengths is integrated with the kernel's substitution;
 # farther away the kernel is analytic in a Bernstein ellipse of parameter > 5.8 and the panel's own nodes suffice.
 NEAR = 1.0
-# Blocks of the matrices that are kept, of one order.
-MOST = 4000
+# Blocks of the matrices that are kept, of one order, and whole meshes.
+MOST, MESHES = 4000, 16
 # How `Mesh.finer` is refined; with these, errors of the coarser mesh are measured to about a tenth of themselves.
 FINER_GRADING = 0.25
 FINER_ORDER_SHARE = 3
@@ -67,13 +67,12 @@ class Mesh:
         order."""
         grading = [0.0, FINER_GRADING * self.innermost]
         end = FINER_REACH * self.edges[-1]
-        return Mesh(
-            np.concatenate([grading, self.edges[1:], [end]]), self.order + max(3, self.order // FINER_ORDER_SHARE)
-        )
+        order = self.order + max(3, self.order // FINER_ORDER_SHARE)
+        return mesh_on(np.concatenate([grading, self.edges[1:], [end]]), order)
 
     def halved(self) -> Mesh:
         """A mesh with every panel cut in two, of the same order."""
-        return Mesh(np.sort(np.concatenate([self.edges, (self.edges[:-1] + self.edges[1:]) / 2])), self.order)
+        return mesh_on(np.sort(np.concatenate([self.edges, (self.edges[:-1] + self.edges[1:]) / 2])), self.order)
 
     @cached_property
     def to_finer(self) -> Array:
@@ -187,6 +186,16 @@ class Mesh:
         rows = self.rule.lagrange((np.minimum(points, self.edges[-1]) - self.edges[panel]) / self.half[panel] - 1.0)
         rows[points > self.edges[-1]] = 0.0
         return panel, rows
+
+
+def mesh_on(edges: Array, order: int) -> Mesh:
+    """The mesh of these edges, one of the last ones if it is known: neighbouring events ask for the same."""
+    return _mesh_on(tuple(edges.tolist()), order)
+
+
+@lru_cache(MESHES)
+def _mesh_on(edges: tuple[float, ...], order: int) -> Mesh:
+    return Mesh(np.array(edges), order)
 
 
 @cache

@@ -33,7 +33,7 @@ from contbranch.results.diagram import ModeShape, Profile
 from .adapt import Solver, adapted_edges, defect_error, needed_reach, panel_errors
 from .azimuthal import counted, eigenvalues, mode_shape
 from .equations import ContactCoordinate, Equations, Fields
-from .mesh import Mesh
+from .mesh import Mesh, mesh_on
 from .profile import profile_of
 from .relaxation import Release
 from .search import search_from
@@ -76,8 +76,9 @@ FEWER, COARSENINGS = 0.8, 4
 # From first touch up to this parameter the rate of the load comes from the slope dF/dd, which keeps its digits
 # there, unless the displacement all but stands still: its rate must be at least this share of its parts.
 TINY, MOVING = 1e-2, 0.1
-# Rounds of meshing, solving and judging until a mesh satisfies its own error estimate.
-ROUNDS = 6
+# Rounds of meshing, solving and judging until a mesh satisfies its own error estimate, and the change by Newton's
+# method after which the solution is good enough for that: the next one would be its square.
+ROUNDS, NEARLY = 6, 1e-5
 
 
 @dataclass
@@ -116,7 +117,7 @@ def first_problem(contact: Contact, accuracy: float, tolerance: float) -> Contac
     tip, law = contact.axisymmetric_tip, contact.interaction
     coordinate = ContactCoordinate(tip, min(tip.apex_exponent, 2.0))
     resolution = Resolution(tolerance, order_for(tolerance), contact, accuracy)
-    mesh = Mesh(np.array([0.0, 1.0]), resolution.order)
+    mesh = mesh_on(np.array([0.0, 1.0]), resolution.order)
     scale = 1.0 if law is None else min(term.range for term in law.terms)
     return ContactProblem(Equations(tip, law, mesh, coordinate, False), scale, resolution)
 
@@ -213,7 +214,7 @@ class ContactProblem(EquilibriumProblem):
             far = law.reach(max(negligible, np.finfo(float).tiny))
             width = contact.axisymmetric_tip.radius_at(min(far, 4 * max(term.range for term in law.terms)))
             edges = start_edges(width, max(contact.axisymmetric_tip.radius_at(far), 2 * width))
-            problem = self.on_mesh(Mesh(edges, self.resolution.order))
+            problem = self.on_mesh(mesh_on(edges, self.resolution.order))
             u = self.parameter(-max(far, self.scale))
         self.resolution.far = u
         none = np.zeros(problem.size)
@@ -426,8 +427,8 @@ class ContactProblem(EquilibriumProblem):
         start = x
         for _ in range(ROUNDS):
             expected = problem.error(problem.fields(start, p)).state
-            trial, found = problem.remeshed(start, p)
-            carried = problem.equations.mesh.interpolate(start, trial.equations.mesh.nodes)
+            trial, carried = problem.remeshed(start, p, solve=False)
+            found = trial.solve_at(carried, p, enough=NEARLY)  # it is corrected by who asked
             if not np.abs(found - carried).max() <= LEAP * expected + 1e-6 * self.scale:
                 break  # Newton's method has left for another solution
             problem, start = trial, found
@@ -460,7 +461,7 @@ class ContactProblem(EquilibriumProblem):
                 guide = float(panel_errors(self.equations, fields).sum()) / max(1.0, abs(self.equations.load(fields)))
                 sharpness = min(max(sharpness, 2 * error / max(guide, 1e-16)), 1e6)
             edges = adapted_edges(self.equations, fields, SLACK * allowed / sharpness, reach)
-        return self.on(Mesh(edges, self.resolution.order), x, p, sharpness, solve)
+        return self.on(mesh_on(edges, self.resolution.order), x, p, sharpness, solve)
 
     def on(
         self, mesh: Mesh, x: Array, p: float, sharpness: float | None = None, solve: bool = True
@@ -514,7 +515,7 @@ class ContactProblem(EquilibriumProblem):
             return self
         count = min(PANELS, math.ceil(math.log(mesh.innermost / length) / math.log(GRADING)))
         inner = mesh.innermost * (length / mesh.innermost) ** (np.arange(count, 0, -1) / count)
-        return self.on_mesh(Mesh(np.concatenate([[0.0], inner, mesh.edges[1:]]), mesh.order))
+        return self.on_mesh(mesh_on(np.concatenate([[0.0], inner, mesh.edges[1:]]), mesh.order))
 
     def coarser(self, point: Point, tolerance: float) -> ContactProblem:
         """A mesh with clearly fewer nodes that serves a tolerance."""
@@ -578,11 +579,11 @@ class ContactProblem(EquilibriumProblem):
             return []
         count = max(1, math.ceil(math.log(mesh.innermost / length) / math.log(4)))
         edges = np.concatenate([[0.0], mesh.innermost * 4.0 ** np.arange(-count, 0), mesh.edges[1:]])
-        problem, x = self.on(Mesh(edges, self.resolution.order), x, 0.0)
+        problem, x = self.on(mesh_on(edges, self.resolution.order), x, 0.0)
         return [problem.touching(x)]
 
-    def solve_at(self, x: Array, p: float, iterations: int = 12) -> Array:
-        """Newton's method at a fixed parameter; the best that was reached, whatever that is."""
+    def solve_at(self, x: Array, p: float, iterations: int = 12, enough: float = 1e-13) -> Array:
+        """Newton's method at a fixed parameter, up to a relative change that is enough; the best that was reached."""
         best, size = x, math.inf
         for _ in range(iterations):
             self.work.newton += 1
@@ -597,7 +598,7 @@ class ContactProblem(EquilibriumProblem):
             if not change < 1e3 * max(1.0, size):
                 return best
             best, size = x, change
-            if change < 1e-13 * max(1.0, float(np.abs(x).max())):
+            if change < enough * max(1.0, float(np.abs(x).max())):
                 return best
         return best
 
