@@ -32,25 +32,25 @@ class Hermite:
     def __init__(self, places: Sequence[float], values: Sequence[Any], slopes: Sequence[Any]) -> None:
         self._nodes = [place for place in places for _ in range(2)]
         # Divided differences with every place taken twice: the first differences at a double place are the slopes.
-        column = np.repeat(np.asarray(values), 2, axis=0)
-        self._coefficients = np.empty_like(column)
-        self._coefficients[0] = column[0]
-        nodes = np.reshape(self._nodes, (-1, *(1,) * (column.ndim - 1)))
-        for order in range(1, len(nodes)):
-            apart = nodes[order:] - nodes[:-order]
-            if order == 1:
-                apart[::2] = 1.0
-            column = (column[1:] - column[:-1]) / apart
-            if order == 1:
-                column[::2] = slopes
-            self._coefficients[order] = column[0]
+        column = [value for value in values for _ in range(2)]
+        coefficients = [column[0]]
+        for order in range(1, len(column)):
+            column = [
+                slopes[i // 2]
+                if order == 1 and i % 2 == 0
+                else (column[i + 1] - column[i]) / (self._nodes[i + order] - self._nodes[i])
+                for i in range(len(column) - 1)
+            ]
+            coefficients.append(column[0])
+        self._coefficients = np.array(coefficients)
 
     def at(self, s: float | npt.NDArray[np.float64]) -> list[tuple[Any, Any]]:
         """Return value and slope at s of the polynomials through one, two, ... places."""
         basis, slopes = [s * 0.0 + 1.0], [s * 0.0]
         for node in self._nodes[:-1]:
-            slopes.append(slopes[-1] * (s - node) + basis[-1])
-            basis.append(basis[-1] * (s - node))
+            away = s - node
+            slopes.append(slopes[-1] * away + basis[-1])
+            basis.append(basis[-1] * away)
         own, rate, coefficients = np.array(basis).T, np.array(slopes).T, self._coefficients
         counts = range(2, len(self._nodes) + 1, 2)
         return [(own[..., :k] @ coefficients[:k], rate[..., :k] @ coefficients[:k]) for k in counts]

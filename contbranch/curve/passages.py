@@ -119,7 +119,7 @@ class Search:
         for k, (control, probe) in enumerate(self.probes.items()):
             first, last = (probe.at(one.point) / one.rate for one in (part.first, part.last))
             sign = math.copysign(1.0, first)
-            values = sign * np.array([first, *inside[k], last])
+            values = sign * np.concatenate(((first,), inside[k], (last,)))
             share = division(values, doubt[k])
             if share is not None:
                 return share, crossing
@@ -128,7 +128,7 @@ class Search:
             i = int(np.argmax(values <= 0.0))  # once more between these two, where there may be two zeros more
             shares = np.linspace(EVENLY[i - 1], EVENLY[i], len(EVENLY))
             finer, unsure = self._inside(part, points, shares)
-            values = np.array([values[i - 1], *(sign * finer[k]), values[i]])
+            values = np.concatenate(((values[i - 1],), sign * finer[k], (values[i],)))
             share = division(values, unsure[k])
             if share is not None:
                 return float(shares[0] + share * (shares[-1] - shares[0])), crossing
@@ -139,7 +139,7 @@ class Search:
 
     def _stretch(self, place: Any) -> Any:
         """dq/dz."""
-        return self.power * np.abs(place) ** (self.power - 1)
+        return self.power * abs(place) ** (self.power - 1) if self.power != 1.0 else 1.0
 
     def _inside(self, part: _Part, points: Sequence[Seen], shares: Array) -> tuple[Array, Array]:
         """Rates by q of all controls inside a part, and their errors, (K, n) each; not at the first and last share."""
@@ -151,7 +151,8 @@ class Search:
         places = begin + shares[1:-1] * length
         curve = Hermite([one.place for one in nodes], [one.held for one in nodes], [one.slope for one in nodes])
         weights = np.array([[complex(*control.weights).conjugate()] for control in self.probes])
-        found = [(weights * (slope / self._stretch(places))).real for _, slope in curve.at(places)[-2:]]
+        stretched = weights / self._stretch(places)
+        found = [(stretched * slope).real for _, slope in curve.at(places)[-2:]]
         return found[-1], np.abs(found[-1] - found[-2]) if besides else UNTESTED * np.abs(found[-1])
 
     def _divided(self, part: _Part, share: float) -> list[_Part]:
