@@ -105,6 +105,34 @@ class _Beyond:
 NOTHING = _Beyond()
 
 
+class _Tail:
+    """Where what lies beyond the mesh is integrated, in end/r, for one rim.
+
+    Attributes
+    ----------
+    ends, last : float
+        Radius of the mesh's end, and the tip's height at its last node.
+    height, fading : array (K,)
+        Of the tip, and of the elastic displacement, which is 1 at the last node.
+    rings : array (2, K)
+        Weights of load and shift.
+    answers : array (4, K)
+        Weights with which the stiffness gives the last four numbers of `_Beyond`.
+    """
+
+    def __init__(self, tip: Tip, mesh: Mesh, radius: float) -> None:
+        self.radius, self.ends = radius, math.hypot(float(mesh.edges[-1]), radius)
+        node = math.hypot(float(mesh.nodes[-1]), radius)
+        nodes, weights = gauss(TAIL_NODES)
+        x = (nodes + 1) / 2
+        r = self.ends / x
+        self.last, self.height, self.fading = float(tip.height(node)), tip.height(r), node / r
+        ring = np.pi * weights * r * (self.ends / x**2)
+        self.rings = np.stack([ring, ring / (np.pi * np.sqrt(r * r - radius * radius))])
+        sharing = np.stack([1 - self.fading, self.fading])
+        self.answers: Array = (self.rings[:, None] * sharing).reshape(4, -1)
+
+
 class Equations:
     """Residual, linearisation and observables of one contact (reduced units) on one mesh.
 
@@ -131,6 +159,7 @@ class Equations:
         self.rim_row = np.zeros(mesh.size)
         self.rim_row[: mesh.order] = mesh.rule.rim
         self._rim: Rim | None = None
+        self._tail: _Tail | None = None
         self._recent: list[Fields] = []
 
     def on(self, mesh: Mesh) -> Equations:
@@ -276,30 +305,15 @@ class Equations:
         known = fields.derived.get("beyond")
         if isinstance(known, _Beyond):
             return known
-        a = fields.rim.radius
-        end = math.hypot(float(self.mesh.edges[-1]), a)
-        found = NOTHING
-        if self.interaction is not None and end < self.tip.extent:
-            last = math.hypot(float(self.mesh.nodes[-1]), a)
+        if self._tail is None or self._tail.radius != fields.rim.radius:
+            self._tail = _Tail(self.tip, self.mesh, fields.rim.radius)
+        tail, found = self._tail, NOTHING
+        if self.interaction is not None and tail.ends < self.tip.extent:
             displacement = self._own_displacement(fields)
-            lift = float(fields.gap[-1]) + displacement - float(self.tip.height(last))
-            nodes, weights = gauss(TAIL_NODES)
-            x = (nodes + 1) / 2
-            r = end / x
-            fading = last / r
-            gap = self.tip.height(r) - displacement + lift * fading
-            energy, pressure, stiffness = self.interaction.evaluate(gap)
-            ring = 2 * np.pi * weights / 2 * r * (end / x**2)
-            raised = ring / (np.pi * np.sqrt(r * r - a * a))
-            found = _Beyond(
-                float(ring @ pressure),
-                float(ring @ energy),
-                float(raised @ pressure),
-                float((ring * stiffness) @ (1 - fading)),
-                float((ring * stiffness) @ fading),
-                float((raised * stiffness) @ (1 - fading)),
-                float((raised * stiffness) @ fading),
-            )
+            lift = float(fields.gap[-1]) + displacement - tail.last
+            energy, pressure, stiffness = self.interaction.evaluate(tail.height - displacement + lift * tail.fading)
+            load, shift = (tail.rings @ pressure).tolist()
+            found = _Beyond(load, float(tail.rings[0] @ energy), shift, *(tail.answers @ stiffness).tolist())
         fields.derived["beyond"] = found
         return found
 
