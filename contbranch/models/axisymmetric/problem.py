@@ -79,6 +79,8 @@ TINY, MOVING = 1e-2, 0.1
 # Rounds of meshing, solving and judging until a mesh satisfies its own error estimate, and the change by Newton's
 # method after which the solution is good enough for that: the next one would be its square.
 ROUNDS, NEARLY = 6, 1e-5
+# At first touch a mesh aims at this share of the tolerance, since tiny contacts ask for more than the touch itself.
+AHEAD = 0.01
 
 
 @dataclass
@@ -295,11 +297,11 @@ class ContactProblem(EquilibriumProblem):
 
     def touching(self, x: Array) -> Point:
         """First touch as a point of the side in contact, towards larger contacts, on a mesh that resolves it."""
-        problem = self
+        problem, aim = self, AHEAD * self.resolution.tolerance
         for _ in range(ROUNDS):
-            if problem.relative_error(problem.fields(x, 0.0)) <= self.resolution.tolerance:
+            if problem.relative_error(problem.fields(x, 0.0)) <= aim:
                 break
-            problem, x = problem.remeshed(x, 0.0)
+            problem, x = problem.remeshed(x, 0.0, aim)
         rate, one = problem.direction(x, 0.0)
         return Point(problem, x, 0.0, rate, one, observables=problem.values(x, 0.0)._asdict(), label="start")
 
