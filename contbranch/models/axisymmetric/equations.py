@@ -118,6 +118,8 @@ class _Tail:
         Weights of load and shift.
     answers : array (4, K)
         Weights with which the stiffness gives the last four numbers of `_Beyond`.
+    pressed : array (N,)
+        2π r/z' at the mesh's nodes.
     """
 
     def __init__(self, tip: Tip, mesh: Mesh, radius: float) -> None:
@@ -128,9 +130,13 @@ class _Tail:
         r = self.ends / x
         self.last, self.height, self.fading = float(tip.height(node)), tip.height(r), node / r
         ring = np.pi * weights * r * (self.ends / x**2)
-        self.rings = np.stack([ring, ring / (np.pi * np.sqrt(r * r - radius * radius))])
-        sharing = np.stack([1 - self.fading, self.fading])
+        self.rings = np.array([ring, ring / (np.pi * np.sqrt(r * r - radius * radius))])
+        sharing = np.array([1 - self.fading, self.fading])
         self.answers: Array = (self.rings[:, None] * sharing).reshape(4, -1)
+        r = np.hypot(mesh.nodes, radius)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            pressed = 2 * np.pi * r / tip.height_derivative(r)
+        self.pressed = np.where(np.isfinite(pressed), pressed, 0.0)
 
 
 class Equations:
@@ -287,10 +293,7 @@ class Equations:
 
     def load_beyond(self, fields: Fields) -> Array:
         """Load of the interaction beyond each node, (N,), where the gap is the tip's own: ∫ p r dr = ∫ p (r/z') dg."""
-        r = np.hypot(self.mesh.nodes, fields.rim.radius)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            ring = np.nan_to_num(2 * np.pi * r / self.tip.height_derivative(r), posinf=0.0)
-        return ring * fields.energy_density
+        return np.asarray(self._tail_of(fields).pressed * fields.energy_density)
 
     def beyond(self, fields: Fields) -> _Beyond:
         """What the interaction beyond the mesh adds to load, energy and displacement.
@@ -305,9 +308,7 @@ class Equations:
         known = fields.derived.get("beyond")
         if isinstance(known, _Beyond):
             return known
-        if self._tail is None or self._tail.radius != fields.rim.radius:
-            self._tail = _Tail(self.tip, self.mesh, fields.rim.radius)
-        tail, found = self._tail, NOTHING
+        tail, found = self._tail_of(fields), NOTHING
         if self.interaction is not None and tail.ends < self.tip.extent:
             displacement = self._own_displacement(fields)
             lift = float(fields.gap[-1]) + displacement - tail.last
@@ -316,6 +317,11 @@ class Equations:
             found = _Beyond(load, float(tail.rings[0] @ energy), shift, *(tail.answers @ stiffness).tolist())
         fields.derived["beyond"] = found
         return found
+
+    def _tail_of(self, fields: Fields) -> _Tail:
+        if self._tail is None or self._tail.radius != fields.rim.radius:
+            self._tail = _Tail(self.tip, self.mesh, fields.rim.radius)
+        return self._tail
 
     def gradients(self, fields: Fields) -> tuple[Array, Array]:
         """Derivatives of load and displacement with respect to the nodal values of h at fixed y, (N,) each."""

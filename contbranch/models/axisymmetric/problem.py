@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import lapack
 
 from contbranch.contact.contact import Contact
 from contbranch.continuation import Adaptation, Linearisation, Options, Point
@@ -592,11 +594,13 @@ class ContactProblem(EquilibriumProblem):
             fields = self.fields(x, p)
             if not fields.finite:
                 return best
-            step = np.linalg.solve(self.equations.jacobian(fields), -fields.residual)
+            solve = partial(_solved, *lapack.dgetrf(self.equations.jacobian(fields))[:2])
+            step = solve(-fields.residual)
             change = float(np.abs(step).max())
             if change >= 0.7 * size and change < 1e-8 * max(1.0, float(np.abs(x).max())):
                 return best  # rounding
             x = x + step
+            self.corrected(x, p, solve)
             if not change < 1e3 * max(1.0, size):
                 return best
             best, size = x, change
@@ -606,8 +610,15 @@ class ContactProblem(EquilibriumProblem):
 
     def relative_error(self, fields: Fields) -> float:
         """Discretisation error of a solution relative to max(1, |value|): the larger of load's and displacement's."""
-        load, displacement = self.equations.load(fields), self.equations.displacement(fields)
-        return self.error(fields).relative(Values(load, displacement, 0.0, 0.0, 0.0))
+        if "relative" not in fields.derived:
+            load, displacement = self.equations.load(fields), self.equations.displacement(fields)
+            fields.derived["relative"] = self.error(fields).relative(Values(load, displacement, 0.0, 0.0, 0.0))
+        return float(fields.derived["relative"])
+
+
+def _solved(factors: Array, pivots: Array, f: Array) -> Array:
+    """Solve with a factorised matrix."""
+    return np.asarray(lapack.dgetrs(factors, pivots, f)[0])
 
 
 def _margin(point: Point) -> float:
