@@ -157,7 +157,8 @@ class _Tracing:
 
     def _leaving(self, joint: Succession) -> Branch:
         """The piece from the first start from which the curve leaves."""
-        for k, start in enumerate(joint.starts):
+        branch = None
+        for start in joint.tried():
             if joint.same and len(self.points) > 1:
                 self.onward[len(self.points) - 1] = start
             problem = equilibrium(start)
@@ -167,9 +168,11 @@ class _Tracing:
             balance = problem.balance(start, joint.step)
             stop = StopAt(predicate=self._told)
             branch = follow(start, balance, interval, problem.steps(start), events, stop)
-            if len(branch.points) > 1 or k + 1 == len(joint.starts):
-                return branch
-        raise ModelError("a problem without a start")
+            if len(branch.points) > 1:
+                break
+        if branch is None:
+            raise ModelError("a problem without a start")
+        return branch
 
     def _join(self, found: Succession, margin: str) -> None:
         """Append the event at which one problem takes over from another."""

@@ -82,7 +82,7 @@ TINY, MOVING = 1e-2, 0.1
 # method after which the solution is good enough for that: the next one would be its square.
 ROUNDS, NEARLY = 6, 1e-5
 # At first touch a mesh aims at this share of the tolerance, since tiny contacts ask for more than the touch itself.
-AHEAD = 0.01
+AHEAD = 0.1
 
 
 @dataclass
@@ -259,7 +259,13 @@ class ContactProblem(EquilibriumProblem):
             return self._freed(points)
         if last.parameter != 0.0 or self.equations.contact:
             return None
-        return Succession("touch", last, self.across(last.x, 0.0))
+        disc = self._behind()
+        return Succession("touch", last, (disc.touching(last.x),), others=lambda: disc.graded(last.x))
+
+    def _behind(self) -> ContactProblem:
+        """The problem on the other side of first touch."""
+        other = self.equations.touching(not self.equations.contact)
+        return ContactProblem(other, self.scale, self.resolution, self.sharpness)
 
     def across(self, x: Array, p: float) -> tuple[Point, ...]:
         """First touch on the other side.
@@ -268,9 +274,8 @@ class ContactProblem(EquilibriumProblem):
         """
         if p != 0.0:
             return ()
-        disc = not self.equations.contact
-        other = ContactProblem(self.equations.touching(disc), self.scale, self.resolution, self.sharpness)
-        if disc:
+        other = self._behind()
+        if other.equations.contact:
             return other.touching(x), *other.graded(x)
         return (other.touching(other.solve_at(x, 0.0)),)
 
