@@ -189,7 +189,8 @@ def _located(place: _Place, event: Event | None, accuracy: float) -> _Place:
     if event is None:
         return place if place.settled else replace(place, point=at_parameter(place.point), settled=True)
     line = _Line(place.point)
-    least = max(CLOSEST * line.problem.rounding, ENOUGH * accuracy) * line.unit
+    enough = ENOUGH * accuracy if line.problem.size > 1 else 0.0  # what is not discretised has all its digits
+    least = max(CLOSEST * line.problem.rounding, enough) * line.unit
     s, point = 0.0, place.point if place.settled else line.at(0.0, place.point)
     value = event.value(point)
     steepness, best = place.steepness, (abs(value), point)
