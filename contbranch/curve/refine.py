@@ -61,12 +61,14 @@ class Found:
 
 @dataclass(frozen=True)
 class _Place:
-    """A point near an event, the derivative of the event along the curve, and what rounding leaves open of the place.
+    """A point near an event, the derivative of the event along the curve, and what is left open of the place.
 
-    Both per unit of the coordinate along the curve, see `_Line`. Whether the point is a solution to rounding, too.
+    Both per unit of the coordinate along the curve, see `_Line`. Besides the accuracy asked, and whether the point is a
+    solution to rounding.
     """
 
     point: Point
+    accuracy: float
     steepness: float = 0.0
     uncertainty: float = 0.0
     settled: bool = False
@@ -176,7 +178,7 @@ class _Line:
         return Rates(*(rate * speed for rate in own))
 
 
-def _located(place: _Place, event: Event | None, accuracy: float) -> _Place:
+def _located(place: _Place, event: Event | None) -> _Place:
     """The zero of the event function near a place, by a secant iteration; the place itself without an event.
 
     How far it may still be away counts as its uncertainty, a small share of the accuracy.
@@ -189,7 +191,7 @@ def _located(place: _Place, event: Event | None, accuracy: float) -> _Place:
     if event is None:
         return place if place.settled else replace(place, point=at_parameter(place.point), settled=True)
     line = _Line(place.point)
-    enough = ENOUGH * accuracy if line.problem.size > 1 else 0.0  # what is not discretised has all its digits
+    enough = ENOUGH * place.accuracy if line.problem.size > 1 else 0.0  # what is not discretised has all its digits
     least = max(CLOSEST * line.problem.rounding, enough) * line.unit
     s, point = 0.0, place.point if place.settled else line.at(0.0, place.point)
     value = event.value(point)
@@ -212,7 +214,7 @@ def _located(place: _Place, event: Event | None, accuracy: float) -> _Place:
         if value == 0.0 or (stalled and abs(step) < 1e-8 * line.unit):
             break
     uncertainty = (best[0] + event.noise) / abs(steepness) if steepness else 0.0
-    return _Place(best[1], steepness, min(uncertainty, 1e-3 * line.unit), settled=True)
+    return _Place(best[1], place.accuracy, steepness, min(uncertainty, 1e-3 * line.unit), settled=True)
 
 
 def refine(point: Point, event: Event | None, accuracy: float) -> Found:
@@ -241,10 +243,10 @@ def refine(point: Point, event: Event | None, accuracy: float) -> Found:
             aimed = at_parameter(carried) if event is None else settled(carried)
     except CorrectionError:
         aimed = point
-    best = _best(_Place(aimed, settled=event is not None or aimed is not point), event, accuracy)
+    best = _best(_Place(aimed, accuracy, settled=event is not None or aimed is not point), event, accuracy)
     if aimed is not point and (best is None or best.relative_error() > accuracy):
         # A discretisation made for the state may turn out worse than the one it came from.
-        other = _best(_Place(point, settled=event is not None), event, accuracy)
+        other = _best(_Place(point, accuracy, settled=event is not None), event, accuracy)
         if best is None or (other is not None and other.relative_error() < best.relative_error()):
             best = other
     return best if best is not None else _by_defect(aimed, event)
@@ -255,7 +257,7 @@ def _best(place: _Place, event: Event | None, accuracy: float) -> Found | None:
     best: Found | None = None
     last = math.inf
     try:
-        place = _located(place, event, accuracy)
+        place = _located(place, event)
         for _ in range(ROUNDS):
             problem = equilibrium(place.point)
             finer = problem.finer()
@@ -264,7 +266,7 @@ def _best(place: _Place, event: Event | None, accuracy: float) -> Found | None:
             fine = replace(place, point=moved(place.point, finer), settled=False)
             there = None if event is None else _nudged(fine, event)
             if there is None:
-                fine = _located(fine, event, accuracy)
+                fine = _located(fine, event)
                 there = fine.point.parameter, numbers(fine.point)
             found = _compared(place, there, accuracy)
             error = found.relative_error()
@@ -276,7 +278,7 @@ def _best(place: _Place, event: Event | None, accuracy: float) -> Found | None:
                 # Higher order does not help where the law has kinks, as tables have: halve the panels.
                 fine = replace(place, point=moved(place.point, problem.halved()), settled=False)
             last = error
-            place = _located(fine, event, accuracy)
+            place = _located(fine, event)
     except (CorrectionError, ModelError):
         return best  # what has been reached stands, with its own error estimate
     return best
