@@ -222,6 +222,10 @@ class Equations:
         """``abel v'' plane``: change of −abel p with h at fixed displacement and rim; (N, N)."""
         return upper_times_lower(self.mesh.abel * fields.stiffness, fields.rim.plane, self.mesh.order)
 
+    def answered(self, fields: Fields, h: Array) -> Array:
+        """``response @ h``, without that matrix; (N,)."""
+        return np.asarray(self.mesh.abel @ (fields.stiffness * fields.rim.bent(h)))
+
     def jacobian(self, fields: Fields) -> Array:
         """dR/dh at fixed y, (N, N): I + response (I − 1 rimᵀ)."""
         matrix = self.response(fields)

@@ -366,7 +366,7 @@ class ContactProblem(EquilibriumProblem):
             parts = abs(float(equations.rim_row @ x_rate))
             if abs(displacement) > MOVING * parts:
                 if "slope" not in fields.derived:
-                    fields.derived["slope"] = load_per_displacement(equations, fields)
+                    fields.derived["slope"] = load_per_displacement(equations, fields, self._solver(fields))
                 load = fields.derived["slope"] * displacement
         if equations.contact:
             return Rates(load, displacement, equations.coordinate.slopes(fields.y)[0] * y_rate, 0.0)
@@ -407,10 +407,14 @@ class ContactProblem(EquilibriumProblem):
     def error(self, fields: Fields) -> Defect:
         """Discretisation error of a solution."""
         if "error" not in fields.derived:
-            x, solve = self._corrected or (None, None)
-            fields.derived["error"] = defect_error(self.equations, fields, solve if x is fields.h else None)
+            fields.derived["error"] = defect_error(self.equations, fields, self._solver(fields))
         found: Defect = fields.derived["error"]
         return found
+
+    def _solver(self, fields: Fields) -> Solver | None:
+        """What solves with the Jacobian at the point found last; None at any other."""
+        x, solve = self._corrected or (None, None)
+        return solve if x is fields.h else None
 
     # -- meshes -------------------------------------------------------------------------------------------------------
     def corrected(self, x: Array, p: float, solve: Solver) -> None:
