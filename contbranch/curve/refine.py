@@ -36,6 +36,8 @@ UPRIGHT = 0.3
 ITERATIONS = 14
 # What a rate of the parameter is taken to be at least.
 TINY = 1e-300
+# Events of one representation whose parameters differ by less (relative to 1) are neighbours.
+NEXT = 0.02
 # A first step, from which the steepness of an event follows.
 ASIDE = 1e-5
 # Steps towards an event below this multiple of rounding, or this share of the accuracy, are not taken.
@@ -217,7 +219,7 @@ def _located(place: _Place, event: Event | None) -> _Place:
     return _Place(best[1], place.accuracy, steepness, min(uncertainty, 1e-3 * line.unit), settled=True)
 
 
-def refine(point: Point, event: Event | None, accuracy: float) -> Found:
+def refine(point: Point, event: Event | None, accuracy: float, beside: Point | None = None) -> Found:
     """An event with error estimates within the accuracy if they can be had, and the point that gave its values.
 
     The estimate is the difference to the same event on the finer discretisation. The values are those of the coarser
@@ -232,9 +234,13 @@ def refine(point: Point, event: Event | None, accuracy: float) -> Found:
         None: the point at its own parameter.
     accuracy : float
         Error allowed to all four numbers, relative to max(1, |value|).
+    beside : Point, optional
+        Another event: next to it a discretisation made for it is likely to serve this one.
     """
     aimed = point
     try:
+        if beside is not None and event is not None and _close(point, beside):
+            aimed = settled(moved(point, equilibrium(beside)))
         for _ in range(ROUNDS_OF_AIM):
             problem = equilibrium(aimed).resolving(aimed, AIM * accuracy)
             if problem is aimed.problem:
@@ -250,6 +256,13 @@ def refine(point: Point, event: Event | None, accuracy: float) -> Found:
         if best is None or (other is not None and other.relative_error() < best.relative_error()):
             best = other
     return best if best is not None else _by_defect(aimed, event)
+
+
+def _close(point: Point, other: Point) -> bool:
+    """Whether what resolves one point will do for another without waste."""
+    here, there = equilibrium(point), equilibrium(other)
+    apart = abs(point.parameter - other.parameter) / max(1.0, abs(point.parameter))
+    return here.joins(there) and apart < NEXT and there.size <= 2 * here.size
 
 
 def _best(place: _Place, event: Event | None, accuracy: float) -> Found | None:
