@@ -105,6 +105,12 @@ class TestHeightMap:
         assert contact.units == PHYSICAL
         assert Contact.from_description(contact.describe()) == contact
 
+    def test_text_and_treatment(self, write, tmp_path):
+        np.savetxt(tmp_path / "h.txt", self.heights)
+        keys = 'file = "h.txt"\ncell = "1 um"\nunit = "um"\ndetrend = "plane"\nwindow = "hann"'
+        contact, _ = read_contact(write(self.head + keys + self.material))
+        assert contact.tip == HeightMap(self.heights, "1 um", unit="um", detrend="plane", window="hann")
+
     def test_hdf5_in_reduced_units(self, write, tmp_path):
         with h5py.File(tmp_path / "h.h5", "w") as file:
             file["a"] = self.heights[::-1]

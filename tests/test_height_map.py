@@ -332,3 +332,90 @@ def test_by_name():
     assert contact.tip == cb.HeightMap(RANDOM, 1000.0)
     with pytest.raises(cb.InputError, match=r"^heights: missing; HeightMap needs it"):
         cb.Contact.physical(tip="height-map", cell="1 um", modulus="1 GPa")
+
+
+class TestFilesOfOtherKinds:
+    @pytest.mark.parametrize("separator", [" ", ",", ";", "\t", ", "])
+    def test_text(self, tmp_path, separator):
+        path = tmp_path / "a.txt"
+        lines = [separator.join(f"{value:.17g}" for value in row) for row in RANDOM]
+        path.write_text("\n".join(["# heights in nm", *lines]))
+        assert cb.HeightMap.from_file(path, cell=CELL) == cb.HeightMap(RANDOM, CELL)
+
+    @pytest.mark.parametrize(("suffix", "white"), [("png", 255), ("tif", 65535)])
+    def test_images_by_the_heights_of_black_and_white(self, tmp_path, suffix, white):
+        from PIL import Image
+
+        shades = np.random.default_rng(2).integers(0, white, (N, N), endpoint=True)
+        path = tmp_path / f"a.{suffix}"
+        Image.fromarray(shades.astype(np.uint8 if white == 255 else np.uint16)).save(path)
+        tip = cb.HeightMap.from_file(path, cell=CELL, grey=(2.0, 14.0), unit="um")
+        expected = 12e3 / white * (shades - shades.min())
+        np.testing.assert_allclose(tip.heights, expected, rtol=1e-12, atol=1e-9)
+        again = cb.Contact.from_description(json.loads(json.dumps(cb.Contact(tip, cb.Gauss(1.0, 0.5)).describe())))
+        assert again.tip == tip
+        assert again.tip.source == tip.source
+        with pytest.raises(cb.InputError, match=r"^grey: missing; give the heights of black"):
+            cb.HeightMap.from_file(path, cell=CELL)
+
+    def test_colours_are_no_heights(self, tmp_path):
+        from PIL import Image
+
+        colours = np.random.default_rng(2).integers(0, 255, (N, N, 3)).astype(np.uint8)
+        Image.fromarray(colours).save(tmp_path / "a.png")
+        with pytest.raises(cb.InputError, match=r"^file: '.*a.png' is a coloured image"):
+            cb.HeightMap.from_file(tmp_path / "a.png", cell=CELL, grey=(0.0, 1.0))
+        grey = np.repeat(colours[..., :1], 3, axis=2)
+        Image.fromarray(grey).save(tmp_path / "b.png")
+        tip = cb.HeightMap.from_file(tmp_path / "b.png", cell=CELL, grey=(0.0, 255.0))
+        np.testing.assert_allclose(tip.heights, grey[..., 0] - float(grey[..., 0].min()))
+
+    @pytest.mark.parametrize(
+        ("keywords", "message"),
+        [
+            ({"grey": (0.0, 1.0)}, "grey: .* is not an image: leave it out"),
+            ({"grey": 3.0}, "grey: 3.0; must be the heights of black and of white"),
+            ({"unit": "kg"}, "unit: 'kg'; must be a number or a unit of length"),
+            ({"detrend": "cubic"}, "detrend: 'cubic'; must be one of plane, paraboloid"),
+            ({"window": "no such"}, "window: 'no such'; must be a window of scipy.signal"),
+        ],
+    )
+    def test_wrong_readings(self, tmp_path, keywords, message):
+        np.save(tmp_path / "a.npy", RANDOM)
+        with pytest.raises(cb.InputError, match=f"^{message}"):
+            cb.HeightMap.from_file(tmp_path / "a.npy", cell=CELL, **keywords)
+
+
+class TestTreatment:
+    @pytest.mark.parametrize(("detrend", "left"), [("plane", 1), ("paraboloid", 0)])
+    def test_trends(self, detrend, left):
+        x, y = NODES[:, None], NODES
+        bowl = 0.7 * x * x - 0.4 * x * y + 0.2 * y * y
+        tip = cb.HeightMap(3.0 * x - 2.0 * y + 5.0 + left * bowl, CELL, detrend=detrend)
+        if left:
+            terms = np.column_stack([np.ones(N * N), np.tile(x, N).ravel(), np.tile(y, (N, 1)).ravel()])
+            bowl = bowl - (terms @ np.linalg.lstsq(terms, bowl.ravel(), rcond=None)[0]).reshape(N, N)
+        np.testing.assert_allclose(tip.heights, left * (bowl - bowl.min()), atol=1e-12)
+
+    def test_a_window_makes_a_map_periodic(self):
+        n = 64
+        cut = cb.HeightMap.self_affine(2 * n, 2.0, 0.8, rms_slope=0.3, seed=3).heights[:n, :n]
+        given, windowed = cb.HeightMap(cut, 1.0), cb.HeightMap(cut, 1.0, window="hann")
+        assert given.edge_step > 5.0
+        assert windowed.edge_step < 1.0
+        assert cb.HeightMap.self_affine(n, 2.0, 0.8, rms_slope=0.3, seed=3).edge_step == pytest.approx(1.0, abs=0.5)
+        middle = n // 2
+        np.testing.assert_allclose(
+            windowed.heights[middle, middle] - windowed.heights[0, 0], cut[middle, middle] - cut.mean(), rtol=1e-12
+        )
+
+    def test_units_of_topographies(self):
+        given = topography(RANDOM, (CELL, CELL))
+        given.unit = "um"
+        tip = cb.HeightMap(given)
+        assert tip.cell == pytest.approx(1e3 * CELL)
+        assert tip.heights.max() == pytest.approx(1e3 * np.ptp(RANDOM))
+        assert cb.HeightMap(given, unit=1.0) == cb.HeightMap(RANDOM, CELL, peaks=True)
+        given.unit = "furlongs of old"
+        with pytest.raises(cb.InputError, match=r"^unit: 'furlongs of old'; .* it is the topography's"):
+            cb.HeightMap(given)

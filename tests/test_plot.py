@@ -13,8 +13,9 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.text import Annotation, Text
 
+import contbranch as cb
 from contbranch.errors import InputError
-from contbranch.output import plot, plot_view
+from contbranch.output import plot, plot_maps, plot_view
 from contbranch.output.plot_curve import pieces, smooth_line
 from contbranch.output.plot_view import Limits
 from contbranch.results.diagram import Branch, Diagram
@@ -231,3 +232,25 @@ def test_a_diagram_without_points_says_so_in_a_figure() -> None:
     assert len(diagram.branches[0]) == 0
     for figure in (plot.overview(diagram), plot.bifurcation_diagram(diagram)):
         assert "before the law has decayed" in " ".join(figure.texts[0].get_text().split())
+
+
+def test_states_of_tips_that_are_not_round_are_drawn_as_maps() -> None:
+    """Gap, pressure and contact on the nodes, as far as there is pressure; a round tip has a profile."""
+    law = cb.Exponential(1.0, 1.0)
+    ellipse = cb.solve(
+        cb.Contact(cb.EllipticParaboloid(2.0, 0.5), law), load=1.0, model=cb.FreeSpace(cell=16.0, grid=64)
+    )
+    maps = [axes for axes in plot.draw(ellipse).axes if axes.get_xlabel() == "$x$"]
+    gap, pressure, contact = (np.asarray(axes.collections[0].get_array()) for axes in maps)
+    assert gap.shape == pressure.shape == contact.shape
+    inside = contact.ravel() > 0
+    assert np.count_nonzero(inside) == np.count_nonzero(ellipse.cell.wall_pressure)
+    assert np.ptp(gap.ravel()[inside]) == 0.0
+    assert pressure.max() == ellipse.cell.pressure.max()
+    assert gap.size < ellipse.cell.gap.size
+    across, along = (np.count_nonzero(contact.reshape(gap.shape).any(axis=axis)) for axis in (1, 0))
+    assert along > across
+    (round_tip,) = {len(plot.draw(cb.solve(cb.Contact(cb.Parabola(1.0), law), load=1.0)).axes)}
+    assert round_tip == 2
+    with pytest.raises(InputError, match="state: it has no fields on a cell"):
+        plot_maps.cell_maps(cb.solve(cb.Contact(cb.Parabola(1.0), law), load=1.0))

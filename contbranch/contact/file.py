@@ -64,7 +64,15 @@ _UNITS: Final = {
     "energy_unit": "energy per area",
     "unit": "length",
 }
-_HEIGHT_MAP: Final = ("file", "dataset", "cell", "unit", "peaks", "radius")
+_HEIGHT_MAP: Final = ("file", "dataset", "cell", "unit", "peaks", "radius", "grey", "detrend", "window")
+_HEIGHT_MAP_KINDS: Final = (
+    ("file", str, '"heights.npy"'),
+    ("dataset", str, '"heights"'),
+    ("peaks", bool, "true"),
+    ("grey", list, "[0.0, 12.0]"),
+    ("detrend", str, '"plane"'),
+    ("window", str, '"hann"'),
+)
 
 
 def read_contact(path: str | Path) -> tuple[Contact, dict[str, Any]]:
@@ -189,10 +197,10 @@ class _Reader:
         for name in ("file", "cell"):
             if name not in table:
                 raise InputError(f"tip.{name}: missing; a height map needs a file with its heights and its cell")
-        for name, example in (("file", '"heights.npy"'), ("dataset", '"heights"'), ("peaks", "true")):
-            if name in table and not isinstance(table[name], bool if name == "peaks" else str):
+        for name, kind, example in _HEIGHT_MAP_KINDS:
+            if name in table and not isinstance(table[name], kind):
                 raise InputError(f"tip.{name}: {table[name]!r}; write for example {name} = {example}")
-        keywords: dict[str, Any] = {name: table[name] for name in ("dataset", "peaks") if name in table}
+        keywords: dict[str, Any] = {name: table[name] for name, *_ in _HEIGHT_MAP_KINDS[1:] if name in table}
         for name in ("cell", "radius"):
             if name in table:
                 keywords[name] = self.number(table[name], "length", f"tip.{name}")

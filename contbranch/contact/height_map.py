@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import math
-import os
 from collections.abc import Mapping
 from dataclasses import InitVar, asdict, dataclass, field
 from functools import cached_property
@@ -15,14 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from contbranch.arrays import Array
-from contbranch.contact.height_source import (
-    LEAST_POINTS,
-    Source,
-    checked,
-    is_topography,
-    read_heights,
-    read_topography,
-)
+from contbranch.contact.height_source import LEAST_POINTS, Source
 from contbranch.contact.self_affine import self_affine_heights
 from contbranch.contact.tip_shape import TipShape
 from contbranch.contact.units import positive_number
@@ -47,15 +39,15 @@ class HeightMap(TipShape):
     Attributes
     ----------
     heights
-        (N, N) the heights z ≥ 0, N ≥ 8, read-only. Given as an array, the path of a .npy or HDF5 file, or a topography
-        object with `heights()`, `physical_sizes` and `nb_grid_pts` like those of SurfaceTopography; the name of its
-        unit is not looked at.
+        (N, N) the heights z ≥ 0, N ≥ 8, read-only. Given as an array, the path of a file (.npy, HDF5, text with a
+        line for every row, a grey image), or a topography object with `heights()`, `physical_sizes` and `nb_grid_pts`
+        like those of SurfaceTopography.
     cell
-        Edge of the cell, a length > 0; only a topography brings its own.
+        Edge of the cell, a length > 0, or a text such as ``"1 um"`` for one in nm; only a topography brings its own.
     radius
         Radius of curvature R that sets the scales (23)-(26). By default it follows from the map: see `natural_length`.
     source
-        The file that the heights were read from, if they were.
+        The file that the heights were read from, and how, if they were.
 
     Parameters
     ----------
@@ -64,13 +56,21 @@ class HeightMap(TipShape):
     dataset
         Name of the data set in an HDF5 file; not needed if it holds a single array of two dimensions.
     unit
-        What a unit of the heights given (of a topography: also of its edge) is worth in the contact's unit of length.
+        What a unit of the heights given (of a topography: also of its edge) is worth in the contact's unit of length;
+        or its name, such as ``"um"``, for lengths in nm. By default 1, and for a topography that has a unit, that one.
+    grey
+        Heights of black and of white in an image.
+    detrend
+        ``"plane"`` or ``"paraboloid"``: subtracted from the heights as it fits them best.
+    window
+        Name of a window of `scipy.signal.get_window` with which the heights, about their mean, are multiplied along x
+        and along y: it makes a measured map periodic, and changes it next to the edges. See `edge_step`.
 
     Raises
     ------
     InputError
-        For heights that are not (N, N) finite real numbers with N ≥ 8, a file or data set that does not exist, and a
-        cell or radius that is not positive.
+        For heights that are not (N, N) finite real numbers with N ≥ 8, a file or data set that does not exist, a
+        unit, trend or window that is not known, and a cell or radius that is not positive.
     """
 
     name = "height-map"
@@ -82,46 +82,35 @@ class HeightMap(TipShape):
     source: Source | None = field(init=False, default=None)
     peaks: InitVar[bool | None] = None
     dataset: InitVar[str | None] = None
-    unit: InitVar[float] = 1.0
+    unit: InitVar[float | str | None] = None
+    grey: InitVar[tuple[float, float] | None] = None
+    detrend: InitVar[str | None] = None
+    window: InitVar[str | None] = None
 
-    def __post_init__(self, peaks: bool | None, dataset: str | None, unit: float) -> None:
-        given: Any = self.heights
-        cell: float | None = self.cell
-        factor = positive_number(unit, "unit")
-        downwards = is_topography(given) if peaks is None else bool(peaks)
-        if isinstance(given, str | Path):
-            values, found = read_heights(given, dataset)
-            object.__setattr__(self, "source", Source(os.path.abspath(given), found, factor, downwards))
-        elif dataset is not None:
-            raise InputError(f"dataset: {dataset!r}; only a file has data sets: leave it out")
-        elif is_topography(given):
-            values, cell = read_topography(given, factor, cell)
-        else:
-            values = given
-        heights = checked(values)
-        heights = heights.max() - heights if downwards else heights - heights.min()
-        if factor != 1.0:
-            heights *= factor
+    def __post_init__(self, peaks: Any, dataset: Any, unit: Any, *treatment: Any) -> None:
+        source, heights, cell = Source(None, dataset, unit, peaks, *treatment).read(self.heights, self.cell)
+        if source.file is not None:
+            object.__setattr__(self, "source", source)
         heights.setflags(write=False)
         if cell is None:
             raise InputError("cell: missing; give the edge of the cell on which the heights are, a length above zero")
         object.__setattr__(self, "heights", heights)
-        object.__setattr__(self, "cell", positive_number(cell, "cell"))
+        object.__setattr__(self, "cell", cell)
         if self.radius is not None:
             object.__setattr__(self, "radius", positive_number(self.radius, "radius"))
 
     @staticmethod
-    def from_file(
-        path: str | Path,
-        *,
-        cell: float,
-        dataset: str | None = None,
-        unit: float = 1.0,
-        radius: float | None = None,
-        peaks: bool = False,
-    ) -> HeightMap:
-        """Return the map of a .npy or HDF5 file; its path is what a description keeps of it."""
-        return HeightMap(path, cell, radius, peaks, dataset, unit)  # type: ignore[arg-type]
+    def from_file(path: str | Path, *, cell: float | str, radius: float | None = None, **reading: Any) -> HeightMap:
+        """Return the map of a file; its path is what a description keeps of it.
+
+        Parameters
+        ----------
+        path, cell, radius
+            As for any map.
+        **reading
+            ``dataset``, ``unit``, ``peaks``, ``grey``, ``detrend``, ``window``.
+        """
+        return HeightMap(path, cell, radius, **reading)  # type: ignore[arg-type]
 
     @staticmethod
     def self_affine(
@@ -178,6 +167,19 @@ class HeightMap(TipShape):
         z, allowed = self.heights, _ROUNDING * float(self.heights.max())
         mirrored = -np.arange(self.points)  # periodic: node -i is node N - i
         return bool(np.all(np.abs(z[mirrored] - z) <= allowed) and np.all(np.abs(z[:, mirrored] - z) <= allowed))
+
+    @property
+    def edge_step(self) -> float:
+        """How much more heights change across the edge of the cell than between other neighbouring nodes (rms).
+
+        About 1 for a periodic map. The periodic cell repeats a map that is not, and has a step there.
+        """
+        z = self.heights
+        steps = [
+            math.sqrt(float(np.mean((across[0] - across[-1]) ** 2) / (np.mean(np.diff(across, axis=0) ** 2) or 1.0)))
+            for across in (z, z.T)
+        ]
+        return max(steps)
 
     @property
     def rms_height(self) -> float:
@@ -283,7 +285,7 @@ class HeightMap(TipShape):
             "rms_height": self.rms_height,
             "rms_slope": self.rms_slope,
             "sha256": self.digest,
-            **({} if self.source is None else asdict(self.source)),
+            **({} if self.source is None else {k: v for k, v in asdict(self.source).items() if v is not None}),
         }
 
     @staticmethod
@@ -300,9 +302,10 @@ class HeightMap(TipShape):
         if "heights" in description:
             found = HeightMap(description["heights"], **values)
             if file is not None:
-                object.__setattr__(found, "source", Source(*(description.get(key) for key in _SOURCE)))  # type: ignore[arg-type]
+                how = {key: description[key] for key in _READING if key in description}
+                object.__setattr__(found, "source", Source(file, **how))
         elif file is not None:
-            values |= {name: description[name] for name in ("dataset", "peaks", "unit") if name in description}
+            values |= {name: description[name] for name in _READING if name in description}
             try:
                 found = HeightMap(file, **values)
             except InputError as error:
@@ -328,7 +331,7 @@ class HeightMap(TipShape):
         self.heights.setflags(write=False)  # which copies and pickles of an array forget
 
 
-_SOURCE: Final = ("file", "dataset", "unit", "peaks")
+_READING: Final = ("dataset", "unit", "peaks", "grey", "detrend", "window")
 
 
 def _power_of_two(number: int) -> bool:

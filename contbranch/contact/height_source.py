@@ -1,43 +1,140 @@
-"""Where heights come from: an array, a .npy or HDF5 file, a topography object; and what is refused of them."""
+"""Where heights come from: arrays, files, images, topography objects; what is made of them, and what is refused."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
 from contbranch.arrays import Array
-from contbranch.contact.units import positive_number
+from contbranch.contact.units import finite_number, parse, positive_number
 from contbranch.errors import InputError
 
-__all__ = ["LEAST_POINTS", "Source", "checked", "is_topography", "read_heights", "read_topography"]
+__all__ = ["LEAST_POINTS", "Source"]
 
 LEAST_POINTS: Final = 8
 _AGREE: Final = 1e-9  # relative; edges that differ by no more are the same
+# Degree of the polynomial that is subtracted.
+_TRENDS: Final = {"plane": 1, "paraboloid": 2}
+_IMAGES: Final = (".png", ".tif", ".tiff", ".bmp", ".gif", ".jpg", ".jpeg")
+_KINDS: Final = "a .npy, HDF5 or text file with real numbers, or a grey image"
 
 
 @dataclass(frozen=True)
 class Source:
-    """The file that heights were read from, and how, so that they can be read again.
+    """How heights are made from what is given, so that they can be made again.
 
     Attributes
     ----------
     file
-        Its absolute path.
+        The absolute path of the file they are read from; None for an array or an object.
     dataset
-        The data set of an HDF5 file; None for a .npy file.
+        The data set of an HDF5 file.
     unit
-        The number by which its numbers are multiplied.
+        The number by which the numbers are multiplied.
     peaks
-        Whether its peaks point to the wall.
+        Whether the peaks of what is given point to the wall.
+    grey
+        Heights of black and of white in an image, in `unit`.
+    detrend
+        ``"plane"`` or ``"paraboloid"``: what is subtracted from the heights, by least squares.
+    window
+        A window of `scipy.signal.get_window` along both axes, which makes the heights periodic.
     """
 
-    file: str
-    dataset: str | None
-    unit: float
-    peaks: bool
+    file: str | None = None
+    dataset: str | None = None
+    unit: float | str | None = None
+    peaks: bool | None = None
+    grey: tuple[float, float] | None = None
+    detrend: str | None = None
+    window: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.detrend is not None and self.detrend not in _TRENDS:
+            raise InputError(f"detrend: {self.detrend!r}; must be one of {', '.join(_TRENDS)}")
+        if self.grey is not None:
+            given: Any = self.grey
+            if not (isinstance(given, Sequence) and len(given) == 2) or isinstance(given, str):
+                raise InputError(f"grey: {given!r}; must be the heights of black and of white, for example (0.0, 12.0)")
+            low, high = (finite_number(value, "grey") for value in given)
+            object.__setattr__(self, "grey", (low, high))
+
+    def read(self, given: Any, cell: object) -> tuple[Source, Array, float | None]:
+        """What was done, the heights z ≥ 0 above the point that touches first, (N, N), and the edge of the cell.
+
+        Raises
+        ------
+        InputError
+            If what is given has no heights on a square; the message names the field.
+        """
+        edge = None if cell is None else positive_number(parse(cell, "length", "cell"), "cell")
+        topography = is_topography(given)
+        unit = _unit(getattr(given, "unit", None) if topography and self.unit is None else self.unit, topography)
+        done = replace(self, unit=unit, peaks=topography if self.peaks is None else bool(self.peaks))
+        if isinstance(given, str | Path):
+            values, dataset = _read_file(Path(given), self)
+            done = replace(done, file=os.path.abspath(given), dataset=dataset)
+        elif self.dataset is not None:
+            raise InputError(f"dataset: {self.dataset!r}; only a file has data sets: leave it out")
+        elif self.grey is not None:
+            raise InputError(f"grey: {self.grey}; only an image file has shades: leave it out")
+        elif topography:
+            values, edge = read_topography(given, unit, edge)
+        else:
+            values = given
+        heights = checked(values)
+        if done.peaks:
+            heights = -heights
+        if self.detrend is not None:
+            heights = _detrended(heights, _TRENDS[self.detrend])
+        if self.window is not None:
+            heights = _windowed(heights, self.window)
+        heights -= heights.min()
+        if unit != 1.0:
+            heights *= unit
+        return done, heights, edge
+
+
+def _unit(unit: object, topography: bool) -> float:
+    """What a unit of the heights is worth: a number, or the name of a unit of length, in nm."""
+    if unit is None:
+        return 1.0
+    if not isinstance(unit, str):
+        return positive_number(unit, "unit")
+    try:
+        return parse(f"1 {unit}", "length", "unit")
+    except InputError:
+        whose = "; it is the topography's: give what it is worth as unit=" if topography else ""
+        raise InputError(f"unit: {unit!r}; must be a number or a unit of length such as 'um'{whose}") from None
+
+
+def _detrended(heights: Array, degree: int) -> Array:
+    """Heights less the polynomial of a degree in x and y that fits them best."""
+    place = np.linspace(-1.0, 1.0, len(heights))
+    x, y = np.meshgrid(place, place, indexing="ij")
+    terms = [x**i * y**j for i in range(degree + 1) for j in range(degree + 1 - i)]
+    matrix = np.array(terms).reshape(len(terms), -1).T
+    return heights - (matrix @ np.linalg.lstsq(matrix, heights.ravel(), rcond=None)[0]).reshape(heights.shape)
+
+
+def _windowed(heights: Array, window: str) -> Array:
+    """Heights about their mean, times a periodic window along both axes."""
+    from scipy.signal import get_window  # slow to import, and seldom needed
+
+    try:
+        shape = np.asarray(get_window(window, len(heights)))
+    except (ValueError, TypeError) as error:
+        raise InputError(
+            f"window: {window!r}; must be a window of scipy.signal, for example 'hann' ({error})"
+        ) from None
+    mean = heights.mean()
+    windowed: Array = mean + shape[:, None] * shape * (heights - mean)
+    return windowed
 
 
 def checked(values: object) -> Array:
@@ -69,10 +166,8 @@ def checked(values: object) -> Array:
     return copied
 
 
-def read_heights(path: str | Path, dataset: str | None = None) -> tuple[object, str | None]:
-    """Return what a .npy file, or a data set of an HDF5 file, holds, and the data set's name (None for .npy).
-
-    Without `dataset`, an HDF5 file must hold one array of two dimensions.
+def _read_file(path: Path, source: Source) -> tuple[object, str | None]:
+    """What a file holds, and the data set of an HDF5 file.
 
     Raises
     ------
@@ -81,20 +176,51 @@ def read_heights(path: str | Path, dataset: str | None = None) -> tuple[object, 
     """
     import h5py  # takes a tenth of a second, and most contacts have no file
 
-    path = Path(path)
     if not path.is_file():
-        raise InputError(f"file: '{path}': no such file; give the path of a .npy or HDF5 file with heights")
-    hdf5 = h5py.is_hdf5(path)
-    if dataset is not None and not hdf5:
-        raise InputError(f"dataset: {dataset!r}; '{path}' is not an HDF5 file: leave it out")
+        raise InputError(f"file: '{path}': no such file; give the path of {_KINDS}")
+    hdf5, image = h5py.is_hdf5(path), path.suffix.lower() in _IMAGES
+    if source.dataset is not None and not hdf5:
+        raise InputError(f"dataset: {source.dataset!r}; '{path}' is not an HDF5 file: leave it out")
+    if source.grey is not None and not image:
+        raise InputError(f"grey: {source.grey}; '{path}' is not an image: leave it out")
     try:
         if hdf5:
-            return _read_dataset(path, dataset)
-        return np.load(path, allow_pickle=False), None
+            return _read_dataset(path, source.dataset)
+        if image:
+            return _read_image(path, source.grey), None
+        with path.open("rb") as file:
+            if path.suffix.lower() == ".npy" or file.read(6) == b"\x93NUMPY":
+                return np.load(path, allow_pickle=False), None
+        return _read_text(path), None
     except InputError:
         raise
     except (OSError, ValueError, EOFError):
-        raise InputError(f"file: '{path}' cannot be read; must be a .npy or HDF5 file with real numbers") from None
+        raise InputError(f"file: '{path}' cannot be read; must be {_KINDS}") from None
+
+
+def _read_text(path: Path) -> Array:
+    """A table of numbers: a line for every row, separated by blanks, commas, semicolons or tabs; # begins a comment."""
+    lines = path.read_text(encoding="utf-8-sig").splitlines()
+    return np.loadtxt([line.replace(";", " ").replace(",", " ") for line in lines], ndmin=2)
+
+
+def _read_image(path: Path, grey: tuple[float, float] | None) -> Array:
+    """An image by the heights of black and of white."""
+    from PIL import Image  # comes with matplotlib; slow to import, and seldom needed
+
+    with Image.open(path) as image:
+        if image.mode == "F":  # numbers, not shades
+            return np.asarray(image, dtype=np.float64)
+        values = np.asarray(image.convert() if image.mode == "P" else image)
+    if values.ndim == 3:
+        colours = values[..., : min(3, values.shape[2] - 1 + values.shape[2] % 2)]
+        if not (colours == colours[..., :1]).all():
+            raise InputError(f"file: '{path}' is a coloured image; shades of grey can be heights: convert it")
+        values = values[..., 0]
+    if grey is None:
+        raise InputError(f"grey: missing; give the heights of black and of white in '{path}', for example (0.0, 12.0)")
+    white = 1 if values.dtype == bool else 255 if values.dtype == np.uint8 else 65535
+    return grey[0] + (grey[1] - grey[0]) / white * values.astype(np.float64)
 
 
 def _read_dataset(path: Path, dataset: str | None) -> tuple[object, str]:

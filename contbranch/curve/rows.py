@@ -9,6 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from contbranch.arrays import Array
 from contbranch.continuation import Event, Point
 from contbranch.control import LOAD
 from contbranch.curve.events import FoldEvent, Margin, Reached
@@ -61,7 +62,7 @@ def raw_curve(track: Track, request: Request) -> RawCurve:
         track.column("energy"),
         track.hodograph.rows(LOAD),
         held,
-        one_thread(lambda: np.array([_row_error(point) for point in track.points])),
+        one_thread(lambda: _row_errors(track.points)),
         profiles=[_deferred_profile(point) for point in track.points],
         events=events,
         complete=complete,
@@ -160,6 +161,20 @@ def _event(track: Track, mark: Mark, found: Found) -> RawEvent:
 
 
 # -- rows -------------------------------------------------------------------------------------------------------------
+def _row_errors(points: Sequence[Point]) -> Array:
+    """Error estimates of load and displacement, (M, 2).
+
+    Differences between two discretisations have a sign, which changes along the curve: at its zeros they say nothing,
+    the neighbouring rows of the same discretisation do.
+    """
+    own = np.array([_row_error(point) for point in points])
+    found = own.copy()
+    for k, (first, second) in enumerate(pairwise(points)):
+        if first.problem is second.problem and np.isfinite(own[k : k + 2]).all():
+            found[k : k + 2] = np.maximum(found[k : k + 2], own[k : k + 2].max(axis=0))
+    return found
+
+
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def _row_error(point: Point) -> Sequence[float]:
     """Error estimates of load and displacement."""

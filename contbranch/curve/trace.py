@@ -15,6 +15,7 @@ from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.curve.angle import AMBIGUOUS, Hodograph, Turning, alpha, in_passing, short_way
 from contbranch.curve.events import Ceiling, Folds, Margin, Slopes
 from contbranch.curve.problem import EquilibriumProblem, Succession, equilibrium
+from contbranch.curve.spacing import Spacing
 from contbranch.curve.track import Mark, Track
 from contbranch.errors import InputError, ModelError
 
@@ -86,6 +87,7 @@ def trace(problem: EquilibriumProblem, request: Request) -> Track:
             return _nothing(problem, request, message)
         tracing = _Tracing(request)
         tracing.follow(start)
+        tracing.fill()
         return tracing.track(problem)
 
 
@@ -217,7 +219,18 @@ class _Tracing:
             )
         return False
 
-    # -- folds in corners, indices ------------------------------------------------------------------------------------
+    # -- rows between, folds in corners, indices ---------------------------------------------------------------------
+    def fill(self) -> None:
+        """Compute the rows that are missing for lines between rows to show the curve."""
+        missing = Spacing(self.points).missing(self.onward, self.points, self.gaps)
+        place = np.arange(len(self.points)) + np.cumsum([0, *map(len, missing)])
+        self.points = [
+            row for point, behind in zip(self.points, [*missing, []], strict=True) for row in (point, *behind)
+        ]
+        self.onward = {int(place[row]): point for row, point in self.onward.items()}
+        self.gaps = {int(place[row]) for row in self.gaps}
+        self.marks = [replace(mark, row=int(place[mark.row])) for mark in self.marks]
+
     def track(self, problem: EquilibriumProblem) -> Track:
         """The curve with its hodograph, and with the folds that lie in corners."""
         turning = Turning(self.request.controls)

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from contbranch.errors import InputError
 from contbranch.output.plot_curve import Line, Piece, fine_profile, pieces, smooth_line
 from contbranch.output.plot_labels import place_labels
+from contbranch.output.plot_maps import cell_maps
 from contbranch.output.plot_view import (
     BLUE,
     GREY,
@@ -63,11 +64,13 @@ _SERIES: Final = (_STABLE, _UNSTABLE, _TOUCH, _SYMMETRY, "#E69F00", "#56B4E9")
 
 
 def draw(result: Any) -> Figure:
-    """Draw a result as the command line does: a diagram as its `overview`, a solution as its `profiles`."""
+    """Draw a result as the command line does: a diagram as its `overview`, a solution as its `profiles` or maps."""
     if isinstance(result, Diagram):
         return overview(result)
     if isinstance(result, Solution):
-        return profiles(result, {} if result.contact is None else result.contact.units.names)
+        names = {} if result.contact is None else result.contact.units.names
+        flat = result.in_cell is not None and not (result.contact is not None and result.contact.tip.is_axisymmetric)
+        return cell_maps(result, names) if flat else profiles(result, names)
     figure: Figure = result.plot()
     return figure
 

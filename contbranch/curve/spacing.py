@@ -1,0 +1,77 @@
+"""Rows close enough for lines drawn between them to show the curve, however long the steps were."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence, Set
+
+import numpy as np
+
+from contbranch.arrays import Array
+from contbranch.continuation import CorrectionError, Point, Segment
+from contbranch.continuation.walk import adapted, annotated, point_on
+from contbranch.curve.problem import STEPS, equilibrium
+from contbranch.curve.track import linked, piece
+
+__all__ = ["Spacing"]
+
+SEEN = ("load", "displacement", "contact_radius")
+# A straight line between neighbouring rows strays at most about this far from the curve, in units of the curve's
+# extent in load, displacement and contact radius.
+STRAY = 0.002
+# How often a piece is halved for that.
+HALVINGS = 5
+
+
+class Spacing:
+    """How far straight lines between rows stray from a curve, and the rows that are missing between them.
+
+    Parameters
+    ----------
+    points : sequence of Point
+        The rows: their extent is the unit.
+    """
+
+    def __init__(self, points: Sequence[Point]) -> None:
+        seen = np.array([_seen(point) for point in points])
+        self.extent = np.maximum(np.ptp(seen, axis=0), 1e-9 * (1.0 + np.abs(seen).max(axis=0)))
+
+    def missing(self, onward: Mapping[int, Point], points: Sequence[Point], gaps: Set[int]) -> list[list[Point]]:
+        """The rows that are missing behind each row but the last; none where the curve is not followed."""
+        return [
+            [] if k in gaps else self._between(onward.get(k, points[k]), points[k + 1]) for k in range(len(points) - 1)
+        ]
+
+    def stray(self, begin: Point, end: Point) -> float:
+        """How far an arc with these ends and tangents is from its chord: |chord| tan(ψ/2)/2, ψ between both."""
+        chord = (_seen(end) - _seen(begin)) / self.extent
+        length = float(np.linalg.norm(chord))
+        widest = 0.0
+        for point in (begin, end):
+            rates = equilibrium(point).rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
+            along = np.array([getattr(rates, name) for name in SEEN]) / self.extent
+            across = float(np.linalg.norm(along - chord * (along @ chord) / length**2)) if length > 0.0 else 0.0
+            widest = max(widest, math.atan2(across * length, float(along @ chord)))
+        return 0.5 * length * math.tan(min(0.5 * widest, 0.25 * math.pi))
+
+    def _between(self, begin: Point, end: Point) -> list[Point]:
+        if not self.stray(begin, end) > STRAY:
+            return []
+        try:
+            segment = piece(*(point if point.observables else annotated(point) for point in linked(begin, end)))
+            return self._halved(segment, HALVINGS)
+        except CorrectionError:  # two rows that no piece of curve joins: nothing is known between them
+            return []
+
+    def _halved(self, segment: Segment, halvings: int) -> list[Point]:
+        middle = annotated(point_on(segment, 0.5, STEPS, precise=False)[0])
+        found = []
+        for begin, end in ((segment.begin, middle), (middle, segment.end)):
+            if halvings > 0 and self.stray(begin, end) > STRAY:
+                found += self._halved(Segment(begin, end, segment.metric), halvings - 1)
+            found += [adapted(middle, segment.metric, STEPS)[0]] if end is middle else []
+        return found
+
+
+def _seen(point: Point) -> Array:
+    return np.array([point.observables[name] for name in SEEN])
