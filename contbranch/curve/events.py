@@ -33,29 +33,35 @@ TINY = 1e-300
 
 def rates(point: Point) -> tuple[float, float]:
     """Rates of load and displacement along the unit tangent."""
-    found = equilibrium(point).rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
-    return found.load, found.displacement
+    return _along(point)[:2]
+
+
+def _along(point: Point) -> Rates:
+    return equilibrium(point).rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
 
 
 class Slopes:
-    """Rates of load and displacement along unit tangents, found once for every state of a curve."""
+    """Rates of the observables along unit tangents, found once for every state of a curve."""
 
     def __init__(self) -> None:
-        self._known: dict[tuple[int, int], tuple[Point, tuple[float, float]]] = {}
+        self._known: dict[tuple[int, int], tuple[Point, Rates]] = {}
 
     def __call__(self, point: Point) -> tuple[float, float]:
         """Rates of load and displacement at a point."""
+        return self.rates(point)[:2]
+
+    def rates(self, point: Point) -> Rates:
+        """All rates at a point."""
         state = id(point.x), id(point.problem)
-        known, values = self._known.get(state, (None, (0.0, 0.0)))
-        if known is None:
-            values = rates(point)
-            self._known[state] = point, values
-        elif known.tangent_x is not point.tangent_x:  # which is scaled anew with every step
-            inner = point.problem.inner
-            along = inner(known.tangent_x, point.tangent_x) + known.tangent_parameter * point.tangent_parameter
-            factor = along / (inner(known.tangent_x, known.tangent_x) + known.tangent_parameter**2)
-            return values[0] * factor, values[1] * factor
-        return values
+        if state not in self._known:
+            self._known[state] = point, _along(point)
+        known, found = self._known[state]
+        if known.tangent_x is point.tangent_x:
+            return found
+        inner = point.problem.inner  # the tangent is scaled anew with every step
+        along = inner(known.tangent_x, point.tangent_x) + known.tangent_parameter * point.tangent_parameter
+        factor = along / (inner(known.tangent_x, known.tangent_x) + known.tangent_parameter**2)
+        return Rates(*(rate * factor for rate in found))
 
 
 @dataclass(frozen=True)
@@ -165,8 +171,7 @@ class Ceiling(Event):
         return None
 
     def _rate(self, point: Point) -> float:
-        own = equilibrium(point).rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
-        return Reached(self.control, self.target).rate(own)
+        return Reached(self.control, self.target).rate(_along(point))
 
     def _foretold(self, segment: Segment, arrive: float) -> float:
         """Where the cubic through values and slopes at both ends of a step is zero."""
