@@ -118,8 +118,6 @@ class _Tail:
         Weights of load and shift.
     answers : array (4, K)
         Weights with which the stiffness gives the last four numbers of `_Beyond`.
-    pressed : array (N,)
-        2π r/z' at the mesh's nodes.
     """
 
     def __init__(self, tip: Tip, mesh: Mesh, radius: float) -> None:
@@ -133,10 +131,15 @@ class _Tail:
         self.rings = np.array([ring, ring / (np.pi * np.sqrt(r * r - radius * radius))])
         sharing = np.array([1 - self.fading, self.fading])
         self.answers: Array = (self.rings[:, None] * sharing).reshape(4, -1)
-        r = np.hypot(mesh.nodes, radius)
+        self._tip, self._rho = tip, mesh.nodes
+
+    @cached_property
+    def pressed(self) -> Array:
+        """2π r/z' at the mesh's nodes, (N,)."""
+        r = np.hypot(self._rho, self.radius)
         with np.errstate(invalid="ignore", divide="ignore"):
-            pressed = 2 * np.pi * r / tip.height_derivative(r)
-        self.pressed = np.where(np.isfinite(pressed), pressed, 0.0)
+            pressed = 2 * np.pi * r / self._tip.height_derivative(r)
+        return np.where(np.isfinite(pressed), pressed, 0.0)
 
 
 class Equations:
@@ -203,7 +206,7 @@ class Equations:
                 return known
         rim = self.rim(y)
         rim_value = float(self.rim_row @ h)
-        shape, _ = self.tip.shape_gap(self.mesh.nodes, rim.radius)
+        shape, shape_slope = self.tip.shape_gap(self.mesh.nodes, rim.radius)
         gap = rim.bent(h - rim_value) + shape
         if not self.contact:
             gap = gap - y
@@ -214,6 +217,7 @@ class Equations:
             energy, pressure, stiffness = self.interaction.evaluate(gap)
         residual = h - self.mesh.abel @ pressure
         fields = Fields(h, y, rim, rim_value, gap, energy, pressure, stiffness, residual)
+        fields.derived["shape_slope"] = shape_slope
         self._recent = [fields, *self._recent[: RECENT - 1]]
         return fields
 
@@ -249,9 +253,10 @@ class Equations:
         if not self.contact:
             return np.full(self.mesh.size, -1.0)
         da, dc, _ = self.coordinate.slopes(fields.y)
-        radius = max(fields.rim.radius, 1e-12)
-        _, shape_slope = self.tip.shape_gap(self.mesh.nodes, radius)
-        return fields.rim.plane_slope(fields.h - fields.rim_value) * dc + shape_slope * da
+        shape_slope: Array = fields.derived["shape_slope"]
+        if fields.rim.radius < 1e-12:  # right-hand derivatives
+            _, shape_slope = self.tip.shape_gap(self.mesh.nodes, 1e-12)
+        return np.asarray(fields.rim.plane_slope(fields.h - fields.rim_value) * dc + shape_slope * da)
 
     # -- observables --------------------------------------------------------------------------------------------------
     def displacement(self, fields: Fields) -> float:

@@ -603,7 +603,7 @@ class ContactProblem(EquilibriumProblem):
             fields = self.fields(x, p)
             if not fields.finite:
                 return best
-            solve = partial(_solved, *lapack.dgetrf(self.equations.jacobian(fields))[:2])
+            solve = partial(_solved, *lapack.dgetrf(self.equations.jacobian(fields).T, overwrite_a=1)[:2])
             step = solve(-fields.residual)
             change = float(np.abs(step).max())
             if change >= 0.7 * size and change < 1e-8 * max(1.0, float(np.abs(x).max())):
@@ -626,8 +626,8 @@ class ContactProblem(EquilibriumProblem):
 
 
 def _solved(factors: Array, pivots: Array, f: Array) -> Array:
-    """Solve with a factorised matrix."""
-    return np.asarray(lapack.dgetrs(factors, pivots, f)[0])
+    """Solve with a matrix whose transposed one is factorised: LAPACK stores by columns."""
+    return np.asarray(lapack.dgetrs(factors, pivots, f, trans=1)[0])
 
 
 def _margin(point: Point) -> float:
