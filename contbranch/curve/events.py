@@ -160,7 +160,8 @@ class Ceiling(Event):
         """The end within a step by Newton's method from where it is foretold; None if that leads away."""
         point = point_on(segment, self._foretold(segment, arrive), options)[0]
         for _ in range(APPROACHES):
-            step = -self.value(point) / self._rate(point)
+            rate = self._rate(point)
+            step = -self.value(point) / rate if rate else math.inf
             if not abs(step) < 0.5 * segment.length:
                 break
             ahead = point.x + step * point.tangent_x, point.parameter + step * point.tangent_parameter
