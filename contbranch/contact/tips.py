@@ -82,6 +82,10 @@ class _Monomial(Tip):
         """Return (y/c)^(1/n)."""
         return _power(1.0, np.asarray(y) / self._transformed, 1.0 / self.apex_exponent)
 
+    def radius_at(self, height: float) -> float:
+        """Return (n z/s)^(1/n)."""
+        return float((self.apex_exponent * height / self._amplitude) ** (1.0 / self.apex_exponent))
+
     def reduced_scales(self, adhesion_length: float) -> tuple[float, float]:
         """Return X with X^(2n-1) = L/s² and Z = s Xⁿ."""
         n, s = self.apex_exponent, self._amplitude
