@@ -21,8 +21,8 @@ __all__ = ["Mesh", "mesh_on"]
 # A source panel closer to the target than this many of its own lengths is integrated with the kernel's substitution;
 # farther away the kernel is analytic in a Bernstein ellipse of parameter > 5.8 and the panel's own nodes suffice.
 NEAR = 1.0
-# Blocks of the matrices that are kept, of one order, and whole meshes.
-MOST, MESHES = 4000, 16
+# Blocks of the matrices that are kept, of one order, and whole meshes; the digits by which blocks are told apart.
+MOST, MESHES, DIGITS = 4000, 16, 14
 # How `Mesh.finer` is refined; with these, errors of the coarser mesh are measured to about a tenth of themselves.
 FINER_GRADING = 0.25
 FINER_ORDER_SHARE = 3
@@ -133,18 +133,19 @@ class Mesh:
     def _near(self, target: Indices, source: Indices, upwards: bool) -> Array:
         """The blocks of either integral for pairs of panels, (pairs, order, order); most of them are known."""
         edges, known = self.edges, _blocks(self.order, upwards)
-        # Lengths in a power of two: the blocks of panels that differ by one are the same.
-        unit = np.exp2(np.floor(np.log2(edges[source + 1])))
-        sides = np.stack([edges[target], edges[target + 1], edges[source], edges[source + 1]], axis=1) / unit[:, None]
-        keys = [tuple(row) for row in sides.tolist()]
+        # In units of the source's outer end: the blocks of panels that differ by a scale are the same.
+        unit = edges[source + 1]
+        sides = np.stack([edges[target], edges[target + 1], edges[source]], axis=1) / unit[:, None]
+        keys = [tuple(row) for row in sides.round(DIGITS).tolist()]
         if len(known) > MOST:
             known.clear()
-        missing = np.array([k for k, key in enumerate(keys) if key not in known], dtype=np.intp)
+        first = {key: k for k, key in enumerate(keys) if key not in known}
+        missing = np.array(list(first.values()), dtype=np.intp)
         if len(missing):
             nodes = self.nodes.reshape(self.panels, -1)[target[missing]].ravel()
             rows = (self._up if upwards else self._down)(nodes, np.repeat(source[missing], self.order))
             own = rows.reshape(-1, self.order, self.order) / (unit[missing, None, None] if upwards else 1.0)
-            known.update(zip((keys[k] for k in missing), own, strict=True))
+            known.update(zip(first, own, strict=True))
         found = np.stack([known[key] for key in keys])
         return found * unit[:, None, None] if upwards else found
 
