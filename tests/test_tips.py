@@ -134,6 +134,13 @@ def test_contact_radius_inverts_the_transform(tip, height, transform):
 
 
 @shapes
+def test_radius_at_inverts_the_height(tip, height, transform):
+    r = np.array([1e-3, 0.5, 3.0, 55.0])
+    r = r[r < 0.5 * tip.extent]
+    np.testing.assert_allclose([tip.radius_at(float(tip.height(one))) for one in r], r, rtol=1e-12)
+
+
+@shapes
 def test_scaled_tip_is_the_same_tip(tip, height, transform):
     in_plane, normal = 3.7, 0.45
     other = tip.scaled(in_plane, normal)

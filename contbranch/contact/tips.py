@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import ClassVar, Final
 
 import numpy as np
@@ -47,7 +48,7 @@ class _Monomial(Tip):
     def _amplitude(self) -> float:
         raise NotImplementedError
 
-    @property
+    @cached_property
     def _transformed(self) -> float:
         return 0.5 * self._amplitude * float(scipy.special.beta(0.5 * self.apex_exponent, 0.5))
 
@@ -80,6 +81,10 @@ class _Monomial(Tip):
     def contact_radius(self, y: ArrayLike) -> Array:
         """Return (y/c)^(1/n)."""
         return _power(1.0, np.asarray(y) / self._transformed, 1.0 / self.apex_exponent)
+
+    def radius_at(self, height: float) -> float:
+        """Return (n z/s)^(1/n)."""
+        return float((self.apex_exponent * height / self._amplitude) ** (1.0 / self.apex_exponent))
 
     def reduced_scales(self, adhesion_length: float) -> tuple[float, float]:
         """Return X with X^(2n-1) = L/s² and Z = s Xⁿ."""

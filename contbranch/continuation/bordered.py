@@ -61,13 +61,14 @@ class DenseBordered:
 
     def __init__(self, jacobian: Array, b: Array, c: Array, d: float):
         n = b.size
-        matrix = np.empty((n + 1, n + 1), order="F")
+        matrix = np.empty((n + 1, n + 1))
         matrix[:n, :n] = jacobian
         matrix[:n, n] = b
         matrix[n, :n] = c
         matrix[n, n] = d
         self._n = n
-        self._lu, self._pivots, info = dgetrf(matrix, overwrite_a=1)
+        # LAPACK stores by columns, arrays are stored by rows: what is factorised is the transposed matrix.
+        self._lu, self._pivots, info = dgetrf(matrix.T, overwrite_a=1)
         if info != 0:
             raise SingularBorderedError("The bordered matrix is singular.")
 
@@ -81,14 +82,14 @@ class DenseBordered:
 
     def solve(self, f: Array, g: float) -> tuple[Array, float]:
         """Return (u, a) for the right-hand side (f, g)."""
-        return self._back_substitute(f, g, 0)
+        return self._back_substitute(f, g, 1)
 
     def solve_transposed(self, f: Array, g: float) -> tuple[Array, float] | None:
         """Return the solution with the transposed matrix."""
-        return self._back_substitute(f, g, 1)
+        return self._back_substitute(f, g, 0)
 
     def determinant_sign(self) -> int | None:
-        """Return the sign of the determinant: that of the pivots, times the parity of the row exchanges."""
+        """Return the sign of the determinant: that of the pivots, times the parity of the exchanges."""
         negative = np.count_nonzero(self._lu.diagonal() < 0)
         exchanges = np.count_nonzero(self._pivots != np.arange(self._n + 1))
         return -1 if (negative + exchanges) % 2 else 1

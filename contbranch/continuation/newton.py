@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -130,7 +131,7 @@ def correct(
         size = metric.norm(problem, dx, dp)
         if iteration == 1:
             first = size
-            done = size <= max(tolerance, floor)
+            done = size <= max(tolerance, floor, close * precise)  # the next one is about its square
         else:
             contraction = size / previous if previous > 0 else 0.0
             done = size <= max(close, floor) and contraction**2 * size <= max(tolerance, floor)
@@ -142,9 +143,16 @@ def correct(
                 worst = max(worst, contraction)
         if done:
             u, a = solve(bordered, np.zeros_like(x), 1.0, p)
+            problem.corrected(x, p, partial(_at_fixed_parameter, bordered, (u, a)))
             return Corrected(x, p, u, a, bordered, iteration, first, worst)
         previous = size
     raise CorrectionError(Outcome.STEP_TOO_SMALL, f"(The last correction was {previous:.2g} of the step's scale.)")
+
+
+def _at_fixed_parameter(bordered: Bordered, tangent: tuple[Array, float], f: Array) -> Array:
+    """Solve J v = f with a bordered matrix and its tangent, J u = −a Fp."""
+    v, b = bordered.solve(f, 0.0)
+    return v - b / tangent[1] * tangent[0]
 
 
 def _rounding_floor(problem: Problem, x: Array, p: float, metric: Metric) -> float:

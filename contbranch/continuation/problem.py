@@ -114,6 +114,13 @@ class Problem(ABC):
         """Return a function that applies an approximate inverse of dF/dx; only for Jacobians without matrix."""
         return None
 
+    def corrected(self, x: Array, p: float, solve: Callable[[Array], Array]) -> None:
+        """Take note of a point that was found; `solve` gives v with dF/dx v = f there, nearly, at little cost.
+
+        Default: nothing. For problems that estimate the errors of their discretisation in `observables` and `adapt`.
+        """
+        return
+
     def adapt(self, x: Array, p: float) -> Adaptation | Array | None:
         """Offer a better discretisation after an accepted point; None (the default) keeps the present one.
 

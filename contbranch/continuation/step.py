@@ -33,7 +33,7 @@ class Hermite:
         self._nodes = [place for place in places for _ in range(2)]
         # Divided differences with every place taken twice: the first differences at a double place are the slopes.
         column = [value for value in values for _ in range(2)]
-        self._coefficients = [column[0]]
+        coefficients = [column[0]]
         for order in range(1, len(column)):
             column = [
                 slopes[i // 2]
@@ -41,22 +41,19 @@ class Hermite:
                 else (column[i + 1] - column[i]) / (self._nodes[i + order] - self._nodes[i])
                 for i in range(len(column) - 1)
             ]
-            self._coefficients.append(column[0])
+            coefficients.append(column[0])
+        self._coefficients = np.array(coefficients)
 
     def at(self, s: float | npt.NDArray[np.float64]) -> list[tuple[Any, Any]]:
         """Return value and slope at s of the polynomials through one, two, ... places."""
-        basis: Any = 1.0
-        basis_slope: Any = 0.0
-        value: Any = 0.0
-        slope: Any = 0.0
-        found = []
-        for i, (coefficient, node) in enumerate(zip(self._coefficients, self._nodes, strict=True)):
-            value = value + coefficient * basis
-            slope = slope + coefficient * basis_slope
-            basis, basis_slope = basis * (s - node), basis_slope * (s - node) + basis
-            if i % 2:
-                found.append((value, slope))
-        return found
+        basis, slopes = [s * 0.0 + 1.0], [s * 0.0]
+        for node in self._nodes[:-1]:
+            away = s - node
+            slopes.append(slopes[-1] * away + basis[-1])
+            basis.append(basis[-1] * away)
+        own, rate, coefficients = np.array(basis).T, np.array(slopes).T, self._coefficients
+        counts = range(2, len(self._nodes) + 1, 2)
+        return [(own[..., :k] @ coefficients[:k], rate[..., :k] @ coefficients[:k]) for k in counts]
 
 
 # Points that the polynomial of highest degree goes through.

@@ -9,29 +9,59 @@ from functools import partial
 from itertools import pairwise
 from typing import ClassVar
 
-from contbranch.continuation import Event, EventPoint, Happening, Options, Point, Segment
+from contbranch.continuation import CorrectionError, Event, EventPoint, Happening, Options, Point, Segment
 from contbranch.continuation.events import Bracket, Probe
-from contbranch.continuation.walk import annotated, point_on
+from contbranch.continuation.locate import find_root
+from contbranch.continuation.walk import annotated, corrected_point, point_on
 from contbranch.control import LOAD, Control
 from contbranch.curve.angle import in_passing, short_way
 from contbranch.curve.passages import BESIDES, Search, Seen
-from contbranch.curve.problem import equilibrium
+from contbranch.curve.problem import Rates, equilibrium
 
-__all__ = ["Ceiling", "FoldEvent", "Folds", "Margin", "Reached", "rates"]
+__all__ = ["Ceiling", "FoldEvent", "Folds", "Margin", "Reached", "Slopes", "rates"]
 
 # Relative to their place in a step, folds are located so coarsely while tracing (they are refined afterwards); where
 # there are several, as sharply as it takes to tell them apart, down to the last.
 SHARPER = (0.01, 1e-4, 1e-7, 1e-10)
 # ... and beyond that by what is seen so far aside, relative to their place.
 ASIDE = 1e-6
+# Newton steps by which the end of a trace is approached, and the share of the last step at which it is reached.
+APPROACHES, CLOSE = 6, 1e-6
 # A rate that is zero, with a sign.
 TINY = 1e-300
 
 
 def rates(point: Point) -> tuple[float, float]:
     """Rates of load and displacement along the unit tangent."""
-    found = equilibrium(point).rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
-    return found.load, found.displacement
+    return _along(point)[:2]
+
+
+def _along(point: Point) -> Rates:
+    return equilibrium(point).rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
+
+
+class Slopes:
+    """Rates of the observables along unit tangents, found once for every state of a curve."""
+
+    def __init__(self) -> None:
+        self._known: dict[tuple[int, int], tuple[Point, Rates]] = {}
+
+    def __call__(self, point: Point) -> tuple[float, float]:
+        """Rates of load and displacement at a point."""
+        return self.rates(point)[:2]
+
+    def rates(self, point: Point) -> Rates:
+        """All rates at a point."""
+        state = id(point.x), id(point.problem)
+        if state not in self._known:
+            self._known[state] = point, _along(point)
+        known, found = self._known[state]
+        if known.tangent_x is point.tangent_x:
+            return found
+        inner = point.problem.inner  # the tangent is scaled anew with every step
+        along = inner(known.tangent_x, point.tangent_x) + known.tangent_parameter * point.tangent_parameter
+        factor = along / (inner(known.tangent_x, known.tangent_x) + known.tangent_parameter**2)
+        return Rates(*(rate * factor for rate in found))
 
 
 @dataclass(frozen=True)
@@ -76,6 +106,10 @@ class Reached(Event):
             return values.contact_radius - self.target
         return self.control.weighted(values.load, values.displacement) - self.target
 
+    def rate(self, rates: Rates) -> float:
+        """The derivative of the value where the observables have these."""
+        return rates.contact_radius if self.control is None else self.control.weighted(rates.load, rates.displacement)
+
 
 class Ceiling(Event):
     """The end of a trace: in contact, a control comes up to a value, which events may raise.
@@ -107,18 +141,50 @@ class Ceiling(Event):
 
     def happenings(self, segment: Segment, previous: Segment | None, options: Options) -> list[Happening]:
         """The first passage from below, in contact; beyond the value already, where it rises."""
-        if segment.end.observables["contact_radius"] == 0.0 or self.value(segment.end) < 0.0:
+        begin, end = segment.begin, segment.end
+        if end.observables["contact_radius"] == 0.0 or self.value(end) < 0.0:
             return []
-        if self.value(segment.begin) < 0.0:
+        arrive = self._rate(end)
+        if self.value(begin) >= 0.0:
+            return [Happening(1.0, EventPoint(end, 0.0, 0.0, name=self.name), terminal=True)] if arrive > 0.0 else []
+        try:
+            point = self._approached(segment, arrive * segment.scale_end, options)
+        except CorrectionError:
+            point = None
+        if point is None:
             return super().happenings(segment, previous, options)[:1]
-        values = equilibrium(segment.end).rates(
-            segment.end.x, segment.end.parameter, segment.end.tangent_x, segment.end.tangent_parameter
-        )
-        control = self.control
-        rate = values.contact_radius if control is None else control.weighted(values.load, values.displacement)
-        if rate <= 0.0:
-            return []
-        return [Happening(1.0, EventPoint(segment.end, 0.0, 0.0, name=self.name), terminal=True)]
+        located = EventPoint(annotated(point, label=self.name), 0.0, 0.0, name=self.name)
+        return [Happening(segment.position(point.x, point.parameter), located, terminal=True)]
+
+    def _approached(self, segment: Segment, arrive: float, options: Options) -> Point | None:
+        """The end within a step by Newton's method from where it is foretold; None if that leads away."""
+        point = point_on(segment, self._foretold(segment, arrive), options)[0]
+        for _ in range(APPROACHES):
+            rate = self._rate(point)
+            step = -self.value(point) / rate if rate else math.inf
+            if not abs(step) < 0.5 * segment.length:
+                break
+            ahead = point.x + step * point.tangent_x, point.parameter + step * point.tangent_parameter
+            direction = point.tangent_x, point.tangent_parameter
+            point = corrected_point(point.problem, *ahead, direction, segment.metric, options)[0]
+            if abs(step) < CLOSE * segment.length:  # the next one would be about the square of that
+                return point
+        return None
+
+    def _rate(self, point: Point) -> float:
+        return Reached(self.control, self.target).rate(_along(point))
+
+    def _foretold(self, segment: Segment, arrive: float) -> float:
+        """Where the cubic through values and slopes at both ends of a step is zero."""
+        low, high = self.value(segment.begin), self.value(segment.end)
+        leave = self._rate(segment.begin) * segment.scale_begin
+
+        def cubic(theta: float) -> float:
+            rest = 1.0 - theta
+            bow = rest * (leave * rest - arrive * theta)
+            return low + theta * ((high - low) * theta * (3.0 - 2.0 * theta) + bow)
+
+        return find_root(cubic, (0.0, low), (1.0, high), 1e-3)
 
 
 @dataclass(frozen=True)
@@ -143,13 +209,13 @@ class Folds(Event):
     controls : sequence of Control
     told : callable
         Called with every fold found.
+    slopes : Slopes
     """
 
     name = "fold"
 
-    def __init__(self, controls: Sequence[Control], told: Callable[[Point], None]) -> None:
-        self.controls, self.told = controls, told
-        self._known: list[tuple[Point, tuple[float, float]]] = []
+    def __init__(self, controls: Sequence[Control], told: Callable[[Point], None], slopes: Slopes) -> None:
+        self.controls, self.told, self._rates = controls, told, slopes
         self._signs: dict[str, float] = {}
         self._past: list[Seen] = []
 
@@ -167,18 +233,6 @@ class Folds(Event):
             )
         for happening in found:
             self.told(happening.event.point)
-        return found
-
-    def _rates(self, point: Point) -> tuple[float, float]:
-        """Rates along the unit tangent, which is scaled anew with every step."""
-        for known, values in self._known:
-            if known.x is point.x and known.problem is point.problem:
-                inner = point.problem.inner
-                along = inner(known.tangent_x, point.tangent_x) + known.tangent_parameter * point.tangent_parameter
-                factor = along / (inner(known.tangent_x, known.tangent_x) + known.tangent_parameter**2)
-                return values[0] * factor, values[1] * factor
-        found = rates(point)
-        self._known = [(point, found), *self._known[:5]]
         return found
 
     def _rate(self, control: Control, point: Point) -> float:

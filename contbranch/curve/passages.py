@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from contbranch.continuation import CorrectionError, Outcome, Point, Segment
 from contbranch.continuation.events import UNTESTED, Bracket, Probe, division
 from contbranch.continuation.step import STEEPEST, Hermite
-from contbranch.continuation.walk import annotated, point_on
+from contbranch.continuation.walk import point_on
 from contbranch.control import Control
 from contbranch.curve.problem import equilibrium
 
@@ -30,13 +31,13 @@ MOST, LEAST = 60, 2.0**-12
 
 
 class Seen(NamedTuple):
-    """A point at a place z along the curve: dq/ds for q = z^m, load and displacement, and their slopes over z."""
+    """A point at a place z along the curve: dq/ds for q = z^m, load and displacement as F + i d, and its slope dz."""
 
     point: Point
     place: float
     rate: float
-    held: Array
-    slopes: Array
+    held: complex
+    slope: complex
 
 
 class _Part(NamedTuple):
@@ -88,8 +89,8 @@ class Search:
             rate = max(rate, STEEPEST * size)
         place = math.copysign(abs(q) ** (1 / self.power), q)
         own = point.observables
-        slopes = np.array(self.rates(point)) * (self._stretch(place) / rate)
-        return Seen(point, place, rate, np.array([own["load"], own["displacement"]]), slopes)
+        slope = complex(*self.rates(point)) * (self._stretch(place) / rate)
+        return Seen(point, place, rate, complex(own["load"], own["displacement"]), slope)
 
     def brackets(self, past: Sequence[Seen]) -> tuple[list[tuple[Control, Bracket]], list[Seen]]:
         """Brackets of all zeros, and the points in order, the earlier ones included."""
@@ -118,7 +119,7 @@ class Search:
         for k, (control, probe) in enumerate(self.probes.items()):
             first, last = (probe.at(one.point) / one.rate for one in (part.first, part.last))
             sign = math.copysign(1.0, first)
-            values = sign * np.array([first, *inside[k], last])
+            values = sign * np.concatenate(((first,), inside[k], (last,)))
             share = division(values, doubt[k])
             if share is not None:
                 return share, crossing
@@ -127,7 +128,7 @@ class Search:
             i = int(np.argmax(values <= 0.0))  # once more between these two, where there may be two zeros more
             shares = np.linspace(EVENLY[i - 1], EVENLY[i], len(EVENLY))
             finer, unsure = self._inside(part, points, shares)
-            values = np.array([values[i - 1], *(sign * finer[k]), values[i]])
+            values = np.concatenate(((values[i - 1],), sign * finer[k], (values[i],)))
             share = division(values, unsure[k])
             if share is not None:
                 return float(shares[0] + share * (shares[-1] - shares[0])), crossing
@@ -138,7 +139,7 @@ class Search:
 
     def _stretch(self, place: Any) -> Any:
         """dq/dz."""
-        return self.power * np.abs(place) ** (self.power - 1)
+        return self.power * abs(place) ** (self.power - 1) if self.power != 1.0 else 1.0
 
     def _inside(self, part: _Part, points: Sequence[Seen], shares: Array) -> tuple[Array, Array]:
         """Rates by q of all controls inside a part, and their errors, (K, n) each; not at the first and last share."""
@@ -148,10 +149,11 @@ class Search:
         besides = [away[far] for far in [far for far in order if far > APART * length] or order[-1:]][:BESIDES]
         nodes = [part.first, part.last, *besides]
         places = begin + shares[1:-1] * length
-        curve = Hermite([one.place for one in nodes], [one.held for one in nodes], [one.slopes for one in nodes])
-        weights = np.array([control.weights for control in self.probes])
-        found = [weights @ slope.T / self._stretch(places) for _, slope in curve.at(places[:, None])[1:]]
-        return found[-1], np.abs(found[-1] - found[-2]) if besides else UNTESTED * np.abs(found[0])
+        curve = Hermite([one.place for one in nodes], [one.held for one in nodes], [one.slope for one in nodes])
+        weights = np.array([[complex(*control.weights).conjugate()] for control in self.probes])
+        stretched = weights / self._stretch(places)
+        found = [(stretched * slope).real for _, slope in curve.at(places)[-2:]]
+        return found[-1], np.abs(found[-1] - found[-2]) if besides else UNTESTED * np.abs(found[-1])
 
     def _divided(self, part: _Part, share: float) -> list[_Part]:
         """Both parts of a part, the first one last; the point between them is no zero."""
@@ -159,10 +161,10 @@ class Search:
         probes = list(self.probes.values())
         for nudged in (share, share + 1e-3 * (1 - share)):
             theta = self._theta(part, segment, nudged)
-            point = annotated(point_on(segment, theta, probes[0].options, precise=False)[0])
+            point = point_on(segment, theta, probes[0].options, precise=False)[0]
             if all(probe.at(point) for probe in probes):
                 break
-        middle = self.seen(point)
+        middle = self.seen(replace(point, observables=self.problem.values(point.x, point.parameter)._asdict()))
         if middle is None:
             raise CorrectionError(Outcome.STEP_TOO_SMALL, "(The curve turns back within a step.)")
         return [

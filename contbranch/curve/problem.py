@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, NamedTuple, Self
 
@@ -123,8 +123,7 @@ class Succession:
     event : Point
         Where: the last row of the problem that ends.
     starts : tuple of Point
-        First point of the next problem, with its tangent along the curve; further ones are tried where the curve does
-        not leave from it.
+        First point of the next problem, with its tangent along the curve.
     same : bool
         Whether event and start are one equilibrium, which then is one row; otherwise both are rows.
     dropped : int
@@ -134,6 +133,8 @@ class Succession:
     message : str
     margin : str
         What vanishes at the event, as a margin of the event's problem; empty: what ended the piece.
+    others : callable
+        Makes further starts, to be tried where the curve does not leave from the first.
     """
 
     kind: str
@@ -144,6 +145,12 @@ class Succession:
     step: float | None = None
     message: str = ""
     margin: str = ""
+    others: Callable[[], Iterable[Point]] = tuple
+
+    def tried(self) -> Iterator[Point]:
+        """The starts, and the others as long as they are asked for."""
+        yield from self.starts
+        yield from self.others()
 
 
 @dataclass(frozen=True)

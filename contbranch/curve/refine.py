@@ -9,7 +9,7 @@ import numpy as np
 
 from contbranch.continuation import CorrectionError, Event, Options, Point
 from contbranch.continuation.walk import corrected_point
-from contbranch.curve.events import FoldEvent
+from contbranch.curve.events import FoldEvent, Reached
 from contbranch.curve.problem import EquilibriumProblem, Rates, equilibrium
 from contbranch.errors import ModelError
 
@@ -36,8 +36,12 @@ UPRIGHT = 0.3
 ITERATIONS = 14
 # What a rate of the parameter is taken to be at least.
 TINY = 1e-300
-# Steps towards an event below this multiple of rounding are not taken.
-CLOSEST = 0.5
+# Events of one representation whose parameters differ by less (relative to 1) are neighbours.
+NEXT = 0.02
+# A first step, from which the steepness of an event follows.
+ASIDE = 1e-5
+# Steps towards an event below this multiple of rounding, or this share of the accuracy, are not taken.
+CLOSEST, ENOUGH = 0.5, 1e-4
 
 
 @dataclass(frozen=True)
@@ -59,14 +63,17 @@ class Found:
 
 @dataclass(frozen=True)
 class _Place:
-    """A point near an event, the derivative of the event along the curve, and what rounding leaves open of the place.
+    """A point near an event, the derivative of the event along the curve, and what is left open of the place.
 
-    Both per unit of the coordinate along the curve, see `_Line`.
+    Both per unit of the coordinate along the curve, see `_Line`. Besides the accuracy asked, and whether the point is a
+    solution to rounding.
     """
 
     point: Point
+    accuracy: float
     steepness: float = 0.0
     uncertainty: float = 0.0
+    settled: bool = False
 
 
 def numbers(point: Point) -> Four:
@@ -176,20 +183,25 @@ class _Line:
 def _located(place: _Place, event: Event | None) -> _Place:
     """The zero of the event function near a place, by a secant iteration; the place itself without an event.
 
+    How far it may still be away counts as its uncertainty, a small share of the accuracy.
+
     Raises
     ------
     CorrectionError
         If the curve cannot be followed there.
     """
     if event is None:
-        return replace(place, point=at_parameter(place.point))
+        return place if place.settled else replace(place, point=at_parameter(place.point), settled=True)
     line = _Line(place.point)
-    least = CLOSEST * line.problem.rounding * line.unit
-    s, point = 0.0, line.at(0.0, place.point)
+    enough = ENOUGH * place.accuracy if line.problem.size > 1 else 0.0  # what is not discretised has all its digits
+    least = max(CLOSEST * line.problem.rounding, enough) * line.unit
+    s, point = 0.0, place.point if place.settled else line.at(0.0, place.point)
     value = event.value(point)
     steepness, best = place.steepness, (abs(value), point)
+    if isinstance(event, Reached):
+        steepness = event.rate(line.rates(point))
     for iteration in range(ITERATIONS):
-        step = -value / steepness if steepness else 1e-4 * line.unit
+        step = -value / steepness if steepness else ASIDE * line.unit
         step = math.copysign(min(abs(step), 0.2 * line.unit), step)
         if iteration and abs(step) <= least:
             break
@@ -204,10 +216,10 @@ def _located(place: _Place, event: Event | None) -> _Place:
         if value == 0.0 or (stalled and abs(step) < 1e-8 * line.unit):
             break
     uncertainty = (best[0] + event.noise) / abs(steepness) if steepness else 0.0
-    return _Place(best[1], steepness, min(uncertainty, 1e-3 * line.unit))
+    return _Place(best[1], place.accuracy, steepness, min(uncertainty, 1e-3 * line.unit), settled=True)
 
 
-def refine(point: Point, event: Event | None, accuracy: float) -> Found:
+def refine(point: Point, event: Event | None, accuracy: float, beside: Point | None = None) -> Found:
     """An event with error estimates within the accuracy if they can be had, and the point that gave its values.
 
     The estimate is the difference to the same event on the finer discretisation. The values are those of the coarser
@@ -222,9 +234,13 @@ def refine(point: Point, event: Event | None, accuracy: float) -> Found:
         None: the point at its own parameter.
     accuracy : float
         Error allowed to all four numbers, relative to max(1, |value|).
+    beside : Point, optional
+        Another event: next to it a discretisation made for it is likely to serve this one.
     """
     aimed = point
     try:
+        if beside is not None and event is not None and _close(point, beside):
+            aimed = settled(moved(point, equilibrium(beside)))
         for _ in range(ROUNDS_OF_AIM):
             problem = equilibrium(aimed).resolving(aimed, AIM * accuracy)
             if problem is aimed.problem:
@@ -233,13 +249,20 @@ def refine(point: Point, event: Event | None, accuracy: float) -> Found:
             aimed = at_parameter(carried) if event is None else settled(carried)
     except CorrectionError:
         aimed = point
-    best = _best(_Place(aimed), event, accuracy)
+    best = _best(_Place(aimed, accuracy, settled=event is not None or aimed is not point), event, accuracy)
     if aimed is not point and (best is None or best.relative_error() > accuracy):
         # A discretisation made for the state may turn out worse than the one it came from.
-        other = _best(_Place(point), event, accuracy)
+        other = _best(_Place(point, accuracy, settled=event is not None), event, accuracy)
         if best is None or (other is not None and other.relative_error() < best.relative_error()):
             best = other
     return best if best is not None else _by_defect(aimed, event)
+
+
+def _close(point: Point, other: Point) -> bool:
+    """Whether what resolves one point will do for another without waste."""
+    here, there = equilibrium(point), equilibrium(other)
+    apart = abs(point.parameter - other.parameter) / max(1.0, abs(point.parameter))
+    return here.joins(there) and apart < NEXT and there.size <= 2 * here.size
 
 
 def _best(place: _Place, event: Event | None, accuracy: float) -> Found | None:
@@ -253,7 +276,7 @@ def _best(place: _Place, event: Event | None, accuracy: float) -> Found | None:
             finer = problem.finer()
             if finer is problem:
                 return _compared(place, None, accuracy)
-            fine = replace(place, point=moved(place.point, finer))
+            fine = replace(place, point=moved(place.point, finer), settled=False)
             there = None if event is None else _nudged(fine, event)
             if there is None:
                 fine = _located(fine, event)
@@ -266,7 +289,7 @@ def _best(place: _Place, event: Event | None, accuracy: float) -> Found | None:
                 break
             if error > GAIN * last:
                 # Higher order does not help where the law has kinks, as tables have: halve the panels.
-                fine = replace(place, point=moved(place.point, problem.halved()))
+                fine = replace(place, point=moved(place.point, problem.halved()), settled=False)
             last = error
             place = _located(fine, event)
     except (CorrectionError, ModelError):

@@ -93,11 +93,12 @@ def _end_agrees(track: Track) -> bool:
 # -- events -----------------------------------------------------------------------------------------------------------
 def _refined(track: Track, request: Request) -> list[Found]:
     """The marks made precise."""
-    found = []
+    found: list[Found] = []
     for k, mark in enumerate(track.marks):
         if request.progress is not None:
             request.progress(0.9 + 0.1 * k / len(track.marks), f"locating {mark.kind}")
-        found.append(refine(mark.point, _event_of(track, mark), request.accuracy))
+        beside = found[-1].point if found else None
+        found.append(refine(mark.point, _event_of(track, mark), request.accuracy, beside))
     _sharpen(track, found, request.accuracy)
     return found
 

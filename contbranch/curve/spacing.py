@@ -10,7 +10,8 @@ import numpy as np
 from contbranch.arrays import Array
 from contbranch.continuation import CorrectionError, Point, Segment
 from contbranch.continuation.walk import adapted, annotated, point_on
-from contbranch.curve.problem import STEPS, equilibrium
+from contbranch.curve.events import Slopes
+from contbranch.curve.problem import STEPS
 from contbranch.curve.track import linked, piece
 
 __all__ = ["Spacing"]
@@ -30,9 +31,12 @@ class Spacing:
     ----------
     points : sequence of Point
         The rows: their extent is the unit.
+    slopes : Slopes
+        What is known of the rates at the rows.
     """
 
-    def __init__(self, points: Sequence[Point]) -> None:
+    def __init__(self, points: Sequence[Point], slopes: Slopes) -> None:
+        self.slopes = slopes
         seen = np.array([_seen(point) for point in points])
         self.extent = np.maximum(np.ptp(seen, axis=0), 1e-9 * (1.0 + np.abs(seen).max(axis=0)))
 
@@ -48,7 +52,7 @@ class Spacing:
         length = float(np.linalg.norm(chord))
         widest = 0.0
         for point in (begin, end):
-            rates = equilibrium(point).rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
+            rates = self.slopes.rates(point)
             along = np.array([getattr(rates, name) for name in SEEN]) / self.extent
             across = float(np.linalg.norm(along - chord * (along @ chord) / length**2)) if length > 0.0 else 0.0
             widest = max(widest, math.atan2(across * length, float(along @ chord)))

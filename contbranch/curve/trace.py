@@ -13,7 +13,7 @@ from contbranch.continuation.edge import Range
 from contbranch.continuation.follow import Branch, follow
 from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.curve.angle import AMBIGUOUS, Hodograph, Turning, alpha, in_passing, short_way
-from contbranch.curve.events import Ceiling, Folds, Margin, rates
+from contbranch.curve.events import Ceiling, Folds, Margin, Slopes
 from contbranch.curve.problem import EquilibriumProblem, Succession, equilibrium
 from contbranch.curve.spacing import Spacing
 from contbranch.curve.track import Mark, Track
@@ -109,6 +109,7 @@ class _Tracing:
     largest: float = -math.inf
     complete: bool = False
     message: str = ""
+    slopes: Slopes = field(default_factory=Slopes)
 
     def __post_init__(self) -> None:
         asked, held = self.request.target, self.request.held
@@ -158,19 +159,22 @@ class _Tracing:
 
     def _leaving(self, joint: Succession) -> Branch:
         """The piece from the first start from which the curve leaves."""
-        for k, start in enumerate(joint.starts):
+        branch = None
+        for start in joint.tried():
             if joint.same and len(self.points) > 1:
                 self.onward[len(self.points) - 1] = start
             problem = equilibrium(start)
             margins = [Margin(name) for name in problem.margins(start.x, start.parameter)]
-            events = [Folds(self.request.controls, self._met), *margins, self.end]
+            events = [Folds(self.request.controls, self._met, self.slopes), *margins, self.end]
             interval = Range(*problem.parameter_range)
             balance = problem.balance(start, joint.step)
             stop = StopAt(predicate=self._told)
             branch = follow(start, balance, interval, problem.steps(start), events, stop)
-            if len(branch.points) > 1 or k + 1 == len(joint.starts):
-                return branch
-        raise ModelError("a problem without a start")
+            if len(branch.points) > 1:
+                break
+        if branch is None:
+            raise ModelError("a problem without a start")
+        return branch
 
     def _join(self, found: Succession, margin: str) -> None:
         """Append the event at which one problem takes over from another."""
@@ -218,7 +222,7 @@ class _Tracing:
     # -- rows between, folds in corners, indices ---------------------------------------------------------------------
     def fill(self) -> None:
         """Compute the rows that are missing for lines between rows to show the curve."""
-        missing = Spacing(self.points).missing(self.onward, self.points, self.gaps)
+        missing = Spacing(self.points, self.slopes).missing(self.onward, self.points, self.gaps)
         place = np.arange(len(self.points)) + np.cumsum([0, *map(len, missing)])
         self.points = [
             row for point, behind in zip(self.points, [*missing, []], strict=True) for row in (point, *behind)
@@ -236,14 +240,14 @@ class _Tracing:
             if mark.control is not None:
                 folds[mark.row] = mark.control
         start = self.points[0]
-        turning.begin(*rates(start))
+        turning.begin(*self.slopes(start))
         extra: list[Mark] = []
         for row in range(1, len(self.points)):
             point = self.points[row]
             if row in folds:
                 turning.fold(folds[row])
             else:
-                missed = turning.row(*rates(point))
+                missed = turning.row(*self.slopes(point))
                 extra += [Mark(row, "fold", point, control) for control in missed]
             if row in self.onward:
                 extra += self._corner(turning, row)
@@ -265,7 +269,7 @@ class _Tracing:
     def _corner(self, turning: Turning, row: int) -> list[Mark]:
         """The folds in the corner where one problem takes over from another."""
         ahead = self.onward[row]
-        load, displacement = rates(ahead)
+        load, displacement = self.slopes(ahead)
         begin = turning.present
         turn = short_way(math.atan2(load, displacement) - begin)
         if abs(turn) > AMBIGUOUS * math.pi:

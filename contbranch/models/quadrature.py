@@ -11,7 +11,6 @@ from contbranch.arrays import Array
 
 __all__ = [
     "PanelRule",
-    "chebyshev_slopes",
     "chebyshev_values",
     "gauss",
     "gauss_between",
@@ -31,9 +30,18 @@ class PanelRule:
     to_legendre: Array  # (n, n): nodal values -> Legendre coefficients
     even_order: int  # number of even polynomials in tau on the innermost panel
     to_even: Array  # (m, n): nodal values -> Chebyshev coefficients in (tau/L)²; least squares
+    even_slopes: Array  # (m, m): Chebyshev coefficients -> those of the derivative with respect to the argument
     project_even: Array  # (n, n): nodal values -> values of their even fit at the nodes
     rim: Array  # (n,): nodal values -> value of the even fit at tau = 0
     derivative: Array  # (n, n): nodal values -> derivative at the nodes, on [−1, 1]
+    barycentric: Array  # (n,): weights of Lagrange's polynomials in their barycentric form
+
+    def lagrange(self, local: Array) -> Array:
+        """The polynomials that are 1 at one node each, at places (P,) on [−1, 1]; (P, n)."""
+        away = local[:, None] - self.nodes
+        away[away == 0.0] = np.finfo(float).tiny  # on the node itself its own polynomial outweighs all others
+        terms = self.barycentric / away
+        return np.asarray(terms / np.add.reduce(terms, axis=1)[:, None])
 
 
 def legendre_values(count: int, x: Array) -> Array:
@@ -60,16 +68,6 @@ def chebyshev_values(count: int, x: Array) -> Array:
         np.multiply(twice, values[k], out=values[k + 1])
         values[k + 1] -= values[k - 1]
     return values
-
-
-def chebyshev_slopes(values: Array, x: Array) -> Array:
-    """Derivatives with respect to x of the Chebyshev polynomials whose `values` are given; same shape."""
-    slopes = np.zeros_like(values)
-    if len(values) > 1:
-        slopes[1] = 1.0
-    for k in range(1, len(values) - 1):
-        slopes[k + 1] = 2 * values[k] + 2 * x * slopes[k] - slopes[k - 1]
-    return slopes
 
 
 @cache
@@ -101,9 +99,21 @@ def panel_rule(order: int) -> PanelRule:
     squares = ((1 + nodes) / 2) ** 2
     vandermonde = chebyshev_values(even_order, 2 * squares - 1).T
     to_even = np.asarray(np.linalg.pinv(vandermonde), dtype=np.float64)
+    even_slopes = np.zeros((even_order, even_order))
+    even_slopes[:-1] = np.polynomial.chebyshev.chebder(np.eye(even_order))
     signs = (-1.0) ** np.arange(even_order)
     slopes = np.polynomial.legendre.legder(np.eye(order))
     derivative = np.asarray(np.polynomial.legendre.legval(nodes, slopes).T @ to_legendre, dtype=np.float64)
     return PanelRule(
-        order, nodes, weights, to_legendre, even_order, to_even, vandermonde @ to_even, signs @ to_even, derivative
+        order,
+        nodes,
+        weights,
+        to_legendre,
+        even_order,
+        to_even,
+        even_slopes,
+        vandermonde @ to_even,
+        signs @ to_even,
+        derivative,
+        np.asarray((-1.0) ** np.arange(order) * np.sqrt((1 - nodes**2) * weights), dtype=np.float64),
     )

@@ -11,7 +11,7 @@ from scipy.integrate import quad
 from scipy.special import i0e, j0
 
 from contbranch.models.axisymmetric.mesh import Mesh
-from contbranch.models.axisymmetric.rim import make_rim
+from contbranch.models.axisymmetric.rim import Rim
 
 EDGES = np.concatenate([[0.0], 0.015625 * 2.0 ** np.arange(7), [1.6, 2.2, 2.8, 3.4, 4.0]])
 END = EDGES[-1]
@@ -91,7 +91,7 @@ def test_interpolation_derivative_and_the_finer_mesh(mesh):
 @pytest.mark.parametrize("a", RADII)
 def test_rim_operators_of_polynomials(mesh, a):
     # Parabola and constant: theory (Sneddon) gives (2/π)[(r²/2 − a²) arccos(a/r) + aρ/2] and (2/π) arccos(a/r).
-    rim, rho = make_rim(mesh, a), mesh.nodes
+    rim, rho = Rim(mesh, a), mesh.nodes
     r2 = a * a + rho * rho
     angle = np.arctan2(rho, a)
     ones, square = np.ones_like(rho), rho**2
@@ -108,7 +108,7 @@ def test_rim_operators_of_polynomials(mesh, a):
 
 @pytest.mark.parametrize("a", RADII)
 def test_rim_operators_of_an_analytic_function(mesh, a):
-    rim = make_rim(mesh, a)
+    rim = Rim(mesh, a)
     values = np.exp(-mesh.nodes)  # not even: only the panels further out may see that it is not
     even = np.cos(mesh.nodes) * np.exp(-(mesh.nodes**2) / 4)
     result, total = rim.plane @ even, rim.weights @ even
@@ -136,7 +136,7 @@ def test_rim_operators_of_an_analytic_function(mesh, a):
 @pytest.mark.parametrize("a", [1e-6, 1e-3, 0.02, 0.031, 0.032, 0.3, 2.0, 40.0])
 def test_slopes_with_the_square_of_the_radius(mesh, a):
     # Derivatives, at fixed rho, of the closed forms for f = tau² by mpmath with 50 digits.
-    rim, rho = make_rim(mesh, a), mesh.nodes
+    rim, rho = Rim(mesh, a), mesh.nodes
     slope = rim.plane_slope(rho**2)
     with mpmath.workdps(50):
         for k in (0, 17, 18, 60, 215):
@@ -174,17 +174,17 @@ def test_slope_of_a_general_even_function_by_differences(mesh):
         c, step = a * a, 3e-3 * a * a
 
         def plane(c):
-            return make_rim(mesh, np.sqrt(c)).plane @ f
+            return Rim(mesh, np.sqrt(c)).plane @ f
 
         expected = (8 * (plane(c + step) - plane(c - step)) - (plane(c + 2 * step) - plane(c - 2 * step))) / (12 * step)
-        assert make_rim(mesh, a).plane_slope(f) == pytest.approx(expected, abs=3e-9 * np.abs(expected).max() + 2e-9)
+        assert Rim(mesh, a).plane_slope(f) == pytest.approx(expected, abs=3e-9 * np.abs(expected).max() + 2e-9)
 
 
 def test_first_touch_is_the_limit_of_small_contacts(mesh):
     even = np.exp(-(mesh.nodes**2))
-    apart = make_rim(mesh, 0.0)
+    apart = Rim(mesh, 0.0)
     for a in (1e-3, 1e-5, 1e-7):
-        near = make_rim(mesh, a)
+        near = Rim(mesh, a)
         assert near.weights @ even == pytest.approx(apart.weights @ even, abs=1.1 * a)
         far = mesh.nodes > 0.5
         assert (near.plane @ even)[far] == pytest.approx((apart.plane @ even)[far], abs=2 * a)

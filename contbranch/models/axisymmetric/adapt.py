@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from contbranch.arrays import Array, Indices
@@ -10,7 +12,9 @@ from contbranch.models.quadrature import gauss_between
 
 from .equations import Equations, Fields
 
-__all__ = ["adapted_edges", "defect_error", "needed_reach", "panel_errors"]
+__all__ = ["Solver", "adapted_edges", "defect_error", "needed_reach", "panel_errors"]
+
+Solver = Callable[[Array], Array]
 
 # Ratio of the innermost panel to the one it is split from: the solution has a tau⁴ log tau term at the rim, whose
 # error falls with the fourth power of the panel's length, so few strongly graded panels suffice.
@@ -24,17 +28,21 @@ SHORTEN = 0.9
 MERGE = 0.1
 
 
-def defect_error(equations: Equations, fields: Fields) -> Defect:
+def defect_error(equations: Equations, fields: Fields, solve: Solver | None = None) -> Defect:
     """One Newton step towards the solution on ``mesh.finer``, with the present mesh's linearisation.
 
     The solution is carried to the finer mesh, its residual there is brought back, and the correction it asks for
     changes load and displacement; so do the finer mesh's own integrals.
+
+    Parameters
+    ----------
+    solve : callable, optional
+        Solves linear systems with the Jacobian, if it is factorised already.
     """
-    mesh = equations.mesh
-    fine_equations = equations.on(mesh.finer)
+    mesh, fine_equations = equations.mesh, equations.finer
     fine = fine_equations.fields(mesh.to_finer @ fields.h, fields.y)
-    residual = mesh.finer.interpolate(fine.residual, mesh.nodes)
-    step = -np.linalg.solve(equations.jacobian(fields), residual)
+    residual = mesh.from_finer(fine.residual)
+    step = -solve(residual) if solve else -np.linalg.solve(equations.jacobian(fields), residual)
     shift = float(equations.rim_row @ step)
     displacement = fine_equations.displacement(fine) - equations.displacement(fields) + shift
     load = fine_equations.load(fine) - equations.load(fields)
@@ -64,7 +72,7 @@ def panel_errors(equations: Equations, fields: Fields, edges: Array | None = Non
         profile, pressure, stiffness = fields_here
     else:
         nodes = gauss_between(edges[:-1], edges[1:], n)[0].ravel()
-        profile, pressure, stiffness = (mesh.interpolate(values, nodes) for values in fields_here)
+        profile, pressure, stiffness = map(mesh.sampler(nodes), fields_here)
     a = fields.rim.radius
     weighted = profile * nodes / np.hypot(a, nodes) if a > 0 else profile
     length, rho = np.diff(edges), edges[1:]

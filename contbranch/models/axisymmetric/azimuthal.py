@@ -231,8 +231,7 @@ def _largest(space: ModeSpace, m: int, count: int) -> tuple[Array, Array]:
 
 def _finer(equations: Equations, fields: Fields) -> tuple[Equations, Fields]:
     """The state carried to the finer mesh."""
-    finer = equations.on(equations.mesh.finer)
-    return finer, finer.fields(equations.mesh.to_finer @ fields.h, fields.y)
+    return equations.finer, equations.finer.fields(equations.mesh.to_finer @ fields.h, fields.y)
 
 
 def _corrected(equations: Equations, fields: Fields) -> tuple[Equations, Fields]:

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -21,10 +22,10 @@ from scipy.linalg import lapack
 
 from contbranch.contact.interactions import Interaction
 from contbranch.contact.tips import Tip
-from contbranch.models.quadrature import chebyshev_slopes, chebyshev_values, gauss
+from contbranch.models.quadrature import chebyshev_values, gauss
 
 from .mesh import Mesh
-from .rim import Rim, make_rim
+from .rim import Rim
 
 __all__ = ["ContactCoordinate", "Equations", "Fields"]
 
@@ -35,7 +36,7 @@ TAIL_NODES = 20
 # Below this size of the blocks a plain product is as fast.
 SMALLEST_SPLIT = 48
 # Solutions whose fields are kept: the ends of a step and what was tried between them.
-RECENT = 4
+RECENT = 6
 
 # Radii, in units of the contact's, at which the wall pressure is checked.
 PROBES = np.array([0.02, 0.3, 0.6, 0.8, 0.9])
@@ -104,6 +105,43 @@ class _Beyond:
 NOTHING = _Beyond()
 
 
+class _Tail:
+    """Where what lies beyond the mesh is integrated, in end/r, for one rim.
+
+    Attributes
+    ----------
+    ends, last : float
+        Radius of the mesh's end, and the tip's height at its last node.
+    height, fading : array (K,)
+        Of the tip, and of the elastic displacement, which is 1 at the last node.
+    rings : array (2, K)
+        Weights of load and shift.
+    answers : array (4, K)
+        Weights with which the stiffness gives the last four numbers of `_Beyond`.
+    """
+
+    def __init__(self, tip: Tip, mesh: Mesh, radius: float) -> None:
+        self.radius, self.ends = radius, math.hypot(float(mesh.edges[-1]), radius)
+        node = math.hypot(float(mesh.nodes[-1]), radius)
+        nodes, weights = gauss(TAIL_NODES)
+        x = (nodes + 1) / 2
+        r = self.ends / x
+        self.last, self.height, self.fading = float(tip.height(node)), tip.height(r), node / r
+        ring = np.pi * weights * r * (self.ends / x**2)
+        self.rings = np.array([ring, ring / (np.pi * np.sqrt(r * r - radius * radius))])
+        sharing = np.array([1 - self.fading, self.fading])
+        self.answers: Array = (self.rings[:, None] * sharing).reshape(4, -1)
+        self._tip, self._rho = tip, mesh.nodes
+
+    @cached_property
+    def pressed(self) -> Array:
+        """2π r/z' at the mesh's nodes, (N,)."""
+        r = np.hypot(self._rho, self.radius)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            pressed = 2 * np.pi * r / self._tip.height_derivative(r)
+        return np.where(np.isfinite(pressed), pressed, 0.0)
+
+
 class Equations:
     """Residual, linearisation and observables of one contact (reduced units) on one mesh.
 
@@ -130,11 +168,17 @@ class Equations:
         self.rim_row = np.zeros(mesh.size)
         self.rim_row[: mesh.order] = mesh.rule.rim
         self._rim: Rim | None = None
+        self._tail: _Tail | None = None
         self._recent: list[Fields] = []
 
     def on(self, mesh: Mesh) -> Equations:
         """The same contact on another mesh."""
         return Equations(self.tip, self.interaction, mesh, self.coordinate, self.contact)
+
+    @cached_property
+    def finer(self) -> Equations:
+        """The same contact on the finer mesh."""
+        return self.on(self.mesh.finer)
 
     def touching(self, contact: bool) -> Equations:
         """The same contact on the same mesh, with or without a disc."""
@@ -144,6 +188,7 @@ class Equations:
         """Drop what has been kept to save work, matrices mostly; it is made again when it is asked for."""
         self._recent = []
         self._rim = None
+        self.__dict__.pop("finer", None)
         self.mesh.forget()
 
     # -- fields -------------------------------------------------------------------------------------------------------
@@ -151,7 +196,7 @@ class Equations:
         """Operators for the rim of y (the last one is kept)."""
         a = self.coordinate.radius(y) if self.contact else 0.0
         if self._rim is None or self._rim.radius != a:
-            self._rim = make_rim(self.mesh, a)
+            self._rim = Rim(self.mesh, a)
         return self._rim
 
     def fields(self, h: Array, y: float) -> Fields:
@@ -161,8 +206,8 @@ class Equations:
                 return known
         rim = self.rim(y)
         rim_value = float(self.rim_row @ h)
-        shape, _ = self.tip.shape_gap(self.mesh.nodes, rim.radius)
-        gap = rim.plane @ (h - rim_value) + shape
+        shape, shape_slope = self.tip.shape_gap(self.mesh.nodes, rim.radius)
+        gap = rim.bent(h - rim_value) + shape
         if not self.contact:
             gap = gap - y
         if self.interaction is None:
@@ -172,6 +217,7 @@ class Equations:
             energy, pressure, stiffness = self.interaction.evaluate(gap)
         residual = h - self.mesh.abel @ pressure
         fields = Fields(h, y, rim, rim_value, gap, energy, pressure, stiffness, residual)
+        fields.derived["shape_slope"] = shape_slope
         self._recent = [fields, *self._recent[: RECENT - 1]]
         return fields
 
@@ -179,6 +225,10 @@ class Equations:
     def response(self, fields: Fields) -> Array:
         """``abel v'' plane``: change of −abel p with h at fixed displacement and rim; (N, N)."""
         return upper_times_lower(self.mesh.abel * fields.stiffness, fields.rim.plane, self.mesh.order)
+
+    def answered(self, fields: Fields, h: Array) -> Array:
+        """``response @ h``, without that matrix; (N,)."""
+        return np.asarray(self.mesh.abel @ (fields.stiffness * fields.rim.bent(h)))
 
     def jacobian(self, fields: Fields) -> Array:
         """dR/dh at fixed y, (N, N): I + response (I − 1 rimᵀ)."""
@@ -203,9 +253,10 @@ class Equations:
         if not self.contact:
             return np.full(self.mesh.size, -1.0)
         da, dc, _ = self.coordinate.slopes(fields.y)
-        radius = max(fields.rim.radius, 1e-12)
-        _, shape_slope = self.tip.shape_gap(self.mesh.nodes, radius)
-        return fields.rim.plane_slope(fields.h - fields.rim_value) * dc + shape_slope * da
+        shape_slope: Array = fields.derived["shape_slope"]
+        if fields.rim.radius < 1e-12:  # right-hand derivatives
+            _, shape_slope = self.tip.shape_gap(self.mesh.nodes, 1e-12)
+        return np.asarray(fields.rim.plane_slope(fields.h - fields.rim_value) * dc + shape_slope * da)
 
     # -- observables --------------------------------------------------------------------------------------------------
     def displacement(self, fields: Fields) -> float:
@@ -246,15 +297,12 @@ class Equations:
         rho = self.mesh.nodes
         surface = 2 * np.pi * float(self.mesh.weights @ (rho * fields.energy_density))
         if a > 0:
-            surface += np.pi * a * a * float(self.interaction.evaluate(np.zeros(1)).energy[0])
+            surface += np.pi * a * a * self._touching[0]
         return elastic + surface + beyond.energy
 
     def load_beyond(self, fields: Fields) -> Array:
         """Load of the interaction beyond each node, (N,), where the gap is the tip's own: ∫ p r dr = ∫ p (r/z') dg."""
-        r = np.hypot(self.mesh.nodes, fields.rim.radius)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            ring = np.nan_to_num(2 * np.pi * r / self.tip.height_derivative(r), posinf=0.0)
-        return ring * fields.energy_density
+        return np.asarray(self._tail_of(fields).pressed * fields.energy_density)
 
     def beyond(self, fields: Fields) -> _Beyond:
         """What the interaction beyond the mesh adds to load, energy and displacement.
@@ -269,32 +317,20 @@ class Equations:
         known = fields.derived.get("beyond")
         if isinstance(known, _Beyond):
             return known
-        a = fields.rim.radius
-        end = math.hypot(float(self.mesh.edges[-1]), a)
-        found = NOTHING
-        if self.interaction is not None and end < self.tip.extent:
-            last = math.hypot(float(self.mesh.nodes[-1]), a)
+        tail, found = self._tail_of(fields), NOTHING
+        if self.interaction is not None and tail.ends < self.tip.extent:
             displacement = self._own_displacement(fields)
-            lift = float(fields.gap[-1]) + displacement - float(self.tip.height(last))
-            nodes, weights = gauss(TAIL_NODES)
-            x = (nodes + 1) / 2
-            r = end / x
-            fading = last / r
-            gap = self.tip.height(r) - displacement + lift * fading
-            energy, pressure, stiffness = self.interaction.evaluate(gap)
-            ring = 2 * np.pi * weights / 2 * r * (end / x**2)
-            raised = ring / (np.pi * np.sqrt(r * r - a * a))
-            found = _Beyond(
-                float(ring @ pressure),
-                float(ring @ energy),
-                float(raised @ pressure),
-                float((ring * stiffness) @ (1 - fading)),
-                float((ring * stiffness) @ fading),
-                float((raised * stiffness) @ (1 - fading)),
-                float((raised * stiffness) @ fading),
-            )
+            lift = float(fields.gap[-1]) + displacement - tail.last
+            energy, pressure, stiffness = self.interaction.evaluate(tail.height - displacement + lift * tail.fading)
+            load, shift = (tail.rings @ pressure).tolist()
+            found = _Beyond(load, float(tail.rings[0] @ energy), shift, *(tail.answers @ stiffness).tolist())
         fields.derived["beyond"] = found
         return found
+
+    def _tail_of(self, fields: Fields) -> _Tail:
+        if self._tail is None or self._tail.radius != fields.rim.radius:
+            self._tail = _Tail(self.tip, self.mesh, fields.rim.radius)
+        return self._tail
 
     def gradients(self, fields: Fields) -> tuple[Array, Array]:
         """Derivatives of load and displacement with respect to the nodal values of h at fixed y, (N,) each."""
@@ -353,14 +389,21 @@ class Equations:
         start = np.sqrt(distance)[:, None]
         w = (end + start) / 2 + (end - start) / 2 * nodes
         local = 2 * (w * w - distance[:, None]) / mesh.innermost**2 - 1
-        slopes = chebyshev_slopes(chebyshev_values(mesh.rule.even_order, local), local)
-        coefficients = mesh.rule.to_even @ h[: mesh.order]
-        values = np.tensordot(coefficients, slopes, 1) * (2 / mesh.innermost**2)
-        return np.asarray(2 * ((end - start)[:, 0] / 2) * (values @ weights))
+        coefficients = mesh.rule.even_slopes @ (mesh.rule.to_even @ h[: mesh.order])
+        values = np.tensordot(coefficients, chebyshev_values(mesh.rule.even_order, local), 1) * (2 / mesh.innermost**2)
+        return np.asarray((end - start)[:, 0] * (values @ weights))
 
     def contact_pressure(self) -> float:
         """p_fr(0), the interaction's pressure where the surfaces touch."""
-        return 0.0 if self.interaction is None else float(self.interaction.evaluate(np.zeros(1)).pressure[0])
+        return self._touching[1]
+
+    @cached_property
+    def _touching(self) -> tuple[float, float]:
+        """Energy per area and pressure of the interaction where the surfaces touch."""
+        if self.interaction is None:
+            return 0.0, 0.0
+        energy, pressure, _ = self.interaction.evaluate(np.zeros(1))
+        return float(energy[0]), float(pressure[0])
 
     def admissibility(self, fields: Fields, scale: float) -> float:
         """Smallest of gap/scale outside the disc and of the wall pressure inside relative to the interaction's largest.
@@ -391,7 +434,7 @@ class Equations:
         plane, fine_mesh, fine_fields = fields.rim.plane, mesh, fields
         if finely:
             fine_mesh = mesh.finer
-            fine_fields = self.on(fine_mesh).fields(mesh.to_finer @ fields.h, fields.y)
+            fine_fields = self.finer.fields(mesh.to_finer @ fields.h, fields.y)
             plane = fine_fields.rim.plane @ mesh.to_finer
         # The congruence with W^(-1/2) leaves the inertia alone and makes the unit matrix the bulk of the spectrum.
         scaled = plane / np.sqrt(weights)

@@ -8,20 +8,21 @@ moving rim only scales columns by ``tau/t``.
 
 from __future__ import annotations
 
-from functools import cache, cached_property
+from collections.abc import Callable
+from functools import cache, cached_property, lru_cache
 
 import numpy as np
 
 from contbranch.arrays import Array, Indices
 from contbranch.models.quadrature import gauss_between, legendre_values, panel_rule
 
-__all__ = ["Mesh"]
+__all__ = ["Mesh", "mesh_on"]
 
 # A source panel closer to the target than this many of its own lengths is integrated with the kernel's substitution;
 # farther away the kernel is analytic in a Bernstein ellipse of parameter > 5.8 and the panel's own nodes suffice.
 NEAR = 1.0
-# Blocks of the matrices that are kept, of one order.
-MOST = 4000
+# Blocks of the matrices that are kept, of one order, and whole meshes; the digits by which blocks are told apart.
+MOST, MESHES, DIGITS = 4000, 16, 14
 # How `Mesh.finer` is refined; with these, errors of the coarser mesh are measured to about a tenth of themselves.
 FINER_GRADING = 0.25
 FINER_ORDER_SHARE = 3
@@ -66,28 +67,31 @@ class Mesh:
         order."""
         grading = [0.0, FINER_GRADING * self.innermost]
         end = FINER_REACH * self.edges[-1]
-        return Mesh(
-            np.concatenate([grading, self.edges[1:], [end]]), self.order + max(3, self.order // FINER_ORDER_SHARE)
-        )
-
-    def forget(self) -> None:
-        """Drop the finer mesh, which is made again when it is asked for."""
-        for name in ("finer", "to_finer"):
-            self.__dict__.pop(name, None)
+        order = self.order + max(3, self.order // FINER_ORDER_SHARE)
+        return mesh_on(np.concatenate([grading, self.edges[1:], [end]]), order)
 
     def halved(self) -> Mesh:
         """A mesh with every panel cut in two, of the same order."""
-        return Mesh(np.sort(np.concatenate([self.edges, (self.edges[:-1] + self.edges[1:]) / 2])), self.order)
+        return mesh_on(np.sort(np.concatenate([self.edges, (self.edges[:-1] + self.edges[1:]) / 2])), self.order)
 
     @cached_property
     def to_finer(self) -> Array:
         """Nodal values here -> values of the panels' polynomials at the nodes of `finer`; 0 beyond the last edge."""
         points = self.finer.nodes
-        panel, local = self._locate(points)
-        rows = legendre_values(self.order, local).T @ self.rule.to_legendre
+        panel, rows = self._lagrange(points)
         matrix = np.zeros((len(points), self.panels, self.order))
-        matrix[np.arange(len(points)), panel] = np.where(points <= self.edges[-1], 1.0, 0.0)[:, None] * rows
+        matrix[np.arange(len(points)), panel] = rows
         return matrix.reshape(len(points), self.size)
+
+    @cached_property
+    def from_finer(self) -> Callable[[Array], Array]:
+        """Nodal values on `finer` -> values of its panels' polynomials at the nodes here."""
+        return self.finer.sampler(self.nodes)
+
+    def forget(self) -> None:
+        """Drop what leads to the finer mesh, which is made again when it is asked for."""
+        for name in ("finer", "to_finer", "from_finer"):
+            self.__dict__.pop(name, None)
 
     # -- the matrices -------------------------------------------------------------------------------------------------
     def arcs(self, rho: Array, panel: Indices, count: int) -> tuple[Array, Array]:
@@ -129,18 +133,19 @@ class Mesh:
     def _near(self, target: Indices, source: Indices, upwards: bool) -> Array:
         """The blocks of either integral for pairs of panels, (pairs, order, order); most of them are known."""
         edges, known = self.edges, _blocks(self.order, upwards)
-        # Lengths in a power of two: the blocks of panels that differ by one are the same.
-        unit = np.exp2(np.floor(np.log2(edges[source + 1])))
-        sides = np.stack([edges[target], edges[target + 1], edges[source], edges[source + 1]], axis=1) / unit[:, None]
-        keys = [tuple(row) for row in sides.tolist()]
+        # In units of the source's outer end: the blocks of panels that differ by a scale are the same.
+        unit = edges[source + 1]
+        sides = np.stack([edges[target], edges[target + 1], edges[source]], axis=1) / unit[:, None]
+        keys = [tuple(row) for row in sides.round(DIGITS).tolist()]
         if len(known) > MOST:
             known.clear()
-        missing = np.array([k for k, key in enumerate(keys) if key not in known], dtype=np.intp)
+        first = {key: k for k, key in enumerate(keys) if key not in known}
+        missing = np.array(list(first.values()), dtype=np.intp)
         if len(missing):
             nodes = self.nodes.reshape(self.panels, -1)[target[missing]].ravel()
             rows = (self._up if upwards else self._down)(nodes, np.repeat(source[missing], self.order))
             own = rows.reshape(-1, self.order, self.order) / (unit[missing, None, None] if upwards else 1.0)
-            known.update(zip((keys[k] for k in missing), own, strict=True))
+            known.update(zip(first, own, strict=True))
         found = np.stack([known[key] for key in keys])
         return found * unit[:, None, None] if upwards else found
 
@@ -164,20 +169,34 @@ class Mesh:
     # -- fields on the mesh -------------------------------------------------------------------------------------------
     def interpolate(self, values: Array, points: Array) -> Array:
         """Values at `points` of the panel polynomials through nodal `values`; 0 beyond the last edge."""
-        panel, local = self._locate(points)
-        coefficients = values.reshape(self.panels, self.order) @ self.rule.to_legendre.T
-        inside = np.einsum("kp,pk->p", legendre_values(self.order, local), coefficients[panel])
-        return np.where(points <= self.edges[-1], inside, 0.0)
+        return self.sampler(points)(values)
+
+    def sampler(self, points: Array) -> Callable[[Array], Array]:
+        """What `interpolate` does at `points`, for many functions."""
+        panel, rows = self._lagrange(points)
+        return lambda values: np.asarray(np.add.reduce(rows * values.reshape(self.panels, self.order)[panel], axis=1))
 
     def derivative(self, values: Array) -> Array:
         """Derivative with respect to tau, at the nodes, of the panel polynomials through nodal values; (N,)."""
         slopes = values.reshape(self.panels, self.order) @ self.rule.derivative.T
         return np.asarray((slopes / self.half[:, None]).ravel())
 
-    def _locate(self, points: Array) -> tuple[Indices, Array]:
-        """Panel of each point and its place there, in [−1, 1]; points beyond the mesh belong to the last panel."""
-        panel = np.clip(np.searchsorted(self.edges, points, side="right") - 1, 0, self.panels - 1)
-        return panel, (points - self.edges[panel]) / self.half[panel] - 1.0
+    def _lagrange(self, points: Array) -> tuple[Indices, Array]:
+        """Panel of each point, and what it takes of the panel's nodal values: (P,), (P, n); 0 beyond the last edge."""
+        panel = np.searchsorted(self.edges[1:-1], points, side="right")
+        rows = self.rule.lagrange((np.minimum(points, self.edges[-1]) - self.edges[panel]) / self.half[panel] - 1.0)
+        rows[points > self.edges[-1]] = 0.0
+        return panel, rows
+
+
+def mesh_on(edges: Array, order: int) -> Mesh:
+    """The mesh of these edges, one of the last ones if it is known: neighbouring events ask for the same."""
+    return _mesh_on(tuple(edges.tolist()), order)
+
+
+@lru_cache(MESHES)
+def _mesh_on(edges: tuple[float, ...], order: int) -> Mesh:
+    return Mesh(np.array(edges), order)
 
 
 @cache

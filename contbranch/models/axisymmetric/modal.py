@@ -12,7 +12,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from contbranch.arrays import Array, Indices
-from contbranch.models.quadrature import chebyshev_slopes, chebyshev_values, gauss, gauss_between
+from contbranch.models.quadrature import chebyshev_values, gauss, gauss_between
 
 from .equations import Equations, Fields
 from .mesh import NEAR, Mesh
@@ -180,7 +180,7 @@ def inner_mode_pressure(space: ModeSpace, m: int, vector: Array, r: Array) -> Ar
     local = 2 * squares / mesh.innermost**2 - 1
     values = chebyshev_values(even, local)
     plain = np.tensordot(inner, values, 1)
-    slope = np.tensordot(inner, chebyshev_slopes(values, local), 1) * (2 / mesh.innermost**2)
+    slope = np.tensordot(mesh.rule.even_slopes @ inner, values, 1) * (2 / mesh.innermost**2)
     power = (t / mesh.innermost) ** odd * (r[:, None] / t) ** m
     total = 2 * (power * (slope - (m - odd) / 2 * plain / t**2) * weights).sum(axis=1)
 

@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import lapack
 
 from contbranch.contact.contact import Contact
 from contbranch.continuation import Adaptation, Linearisation, Options, Point
@@ -30,10 +32,10 @@ from contbranch.errors import ModelError
 from contbranch.models.quadrature import start_edges
 from contbranch.results.diagram import ModeShape, Profile
 
-from .adapt import adapted_edges, defect_error, needed_reach, panel_errors
+from .adapt import Solver, adapted_edges, defect_error, needed_reach, panel_errors
 from .azimuthal import counted, eigenvalues, mode_shape
 from .equations import ContactCoordinate, Equations, Fields
-from .mesh import Mesh
+from .mesh import Mesh, mesh_on
 from .profile import profile_of
 from .relaxation import Release
 from .search import search_from
@@ -65,7 +67,7 @@ LONGEST_IN_LAYERS = 0.15
 STATE_FLOOR = 0.3
 # Below this radius parameter meshes are graded down to this share of the radius, each panel longer by this factor than
 # the one inside; if those are too many panels, by a larger one: the tinier the radius, the less its scale matters.
-SMALL, SHARE, GRADING, PANELS = 1e-6, 0.5, 4.0, 8
+SMALL, SHARE, GRADING, PANELS = 1e-2, 0.5, 4.0, 8
 # Estimates of the rows' errors are those of one Newton step on a finer mesh.
 ROW_SAFETY = 3.0
 # Rows, from the last admissible one backwards, from which free boundaries take over until one succeeds; the first step
@@ -76,10 +78,11 @@ FEWER, COARSENINGS = 0.8, 4
 # From first touch up to this parameter the rate of the load comes from the slope dF/dd, which keeps its digits
 # there, unless the displacement all but stands still: its rate must be at least this share of its parts.
 TINY, MOVING = 1e-2, 0.1
-# The panels' guide is believed where, scaled to the error found last, it leaves so much room.
-ROOM = 4.0
-# Rounds of meshing, solving and judging until a mesh satisfies its own error estimate.
-ROUNDS = 6
+# Rounds of meshing, solving and judging until a mesh satisfies its own error estimate, and the change by Newton's
+# method after which the solution is good enough for that: the next one would be its square.
+ROUNDS, NEARLY = 6, 1e-5
+# At first touch a mesh aims at this share of the tolerance, since tiny contacts ask for more than the touch itself.
+AHEAD = 0.1
 
 
 @dataclass
@@ -118,7 +121,7 @@ def first_problem(contact: Contact, accuracy: float, tolerance: float) -> Contac
     tip, law = contact.axisymmetric_tip, contact.interaction
     coordinate = ContactCoordinate(tip, min(tip.apex_exponent, 2.0))
     resolution = Resolution(tolerance, order_for(tolerance), contact, accuracy)
-    mesh = Mesh(np.array([0.0, 1.0]), resolution.order)
+    mesh = mesh_on(np.array([0.0, 1.0]), resolution.order)
     scale = 1.0 if law is None else min(term.range for term in law.terms)
     return ContactProblem(Equations(tip, law, mesh, coordinate, False), scale, resolution)
 
@@ -147,7 +150,7 @@ class ContactProblem(EquilibriumProblem):
         self.sharpness = sharpness
         mesh = equations.mesh
         self._weights = mesh.weights
-        self.guided = math.inf  # error per guide of the panels, found last
+        self._corrected: tuple[Array, Solver] | None = None
         self.work = resolution.work
         self.work.unknowns = max(self.work.unknowns, mesh.size)
 
@@ -215,7 +218,7 @@ class ContactProblem(EquilibriumProblem):
             far = law.reach(max(negligible, np.finfo(float).tiny))
             width = contact.axisymmetric_tip.radius_at(min(far, 4 * max(term.range for term in law.terms)))
             edges = start_edges(width, max(contact.axisymmetric_tip.radius_at(far), 2 * width))
-            problem = self.on_mesh(Mesh(edges, self.resolution.order))
+            problem = self.on_mesh(mesh_on(edges, self.resolution.order))
             u = self.parameter(-max(far, self.scale))
         self.resolution.far = u
         none = np.zeros(problem.size)
@@ -256,7 +259,13 @@ class ContactProblem(EquilibriumProblem):
             return self._freed(points)
         if last.parameter != 0.0 or self.equations.contact:
             return None
-        return Succession("touch", last, self.across(last.x, 0.0))
+        disc = self._behind()
+        return Succession("touch", last, (disc.touching(last.x),), others=lambda: disc.graded(last.x))
+
+    def _behind(self) -> ContactProblem:
+        """The problem on the other side of first touch."""
+        other = self.equations.touching(not self.equations.contact)
+        return ContactProblem(other, self.scale, self.resolution, self.sharpness)
 
     def across(self, x: Array, p: float) -> tuple[Point, ...]:
         """First touch on the other side.
@@ -265,9 +274,8 @@ class ContactProblem(EquilibriumProblem):
         """
         if p != 0.0:
             return ()
-        disc = not self.equations.contact
-        other = ContactProblem(self.equations.touching(disc), self.scale, self.resolution, self.sharpness)
-        if disc:
+        other = self._behind()
+        if other.equations.contact:
             return other.touching(x), *other.graded(x)
         return (other.touching(other.solve_at(x, 0.0)),)
 
@@ -296,11 +304,11 @@ class ContactProblem(EquilibriumProblem):
 
     def touching(self, x: Array) -> Point:
         """First touch as a point of the side in contact, towards larger contacts, on a mesh that resolves it."""
-        problem = self
+        problem, aim = self, AHEAD * self.resolution.tolerance
         for _ in range(ROUNDS):
-            if problem.relative_error(problem.fields(x, 0.0)) <= self.resolution.tolerance:
+            if problem.relative_error(problem.fields(x, 0.0)) <= aim:
                 break
-            problem, x = problem.remeshed(x, 0.0)
+            problem, x = problem.remeshed(x, 0.0, aim)
         rate, one = problem.direction(x, 0.0)
         return Point(problem, x, 0.0, rate, one, observables=problem.values(x, 0.0)._asdict(), label="start")
 
@@ -345,8 +353,7 @@ class ContactProblem(EquilibriumProblem):
 
     def observables(self, x: Array, p: float) -> Mapping[str, float]:
         """The values, by name, where the mesh resolves them."""
-        tolerance = self.resolution.tolerance
-        if self.expected_error(self.fields(x, p), tolerance) > UNRESOLVED * tolerance:
+        if self.relative_error(self.fields(x, p)) > UNRESOLVED * self.resolution.tolerance:
             raise ModelError("the mesh does not resolve the solution")  # which repeats the step shorter
         return self.values(x, p)._asdict()
 
@@ -359,7 +366,7 @@ class ContactProblem(EquilibriumProblem):
             parts = abs(float(equations.rim_row @ x_rate))
             if abs(displacement) > MOVING * parts:
                 if "slope" not in fields.derived:
-                    fields.derived["slope"] = load_per_displacement(equations, fields)
+                    fields.derived["slope"] = load_per_displacement(equations, fields, self._solver(fields))
                 load = fields.derived["slope"] * displacement
         if equations.contact:
             return Rates(load, displacement, equations.coordinate.slopes(fields.y)[0] * y_rate, 0.0)
@@ -374,8 +381,8 @@ class ContactProblem(EquilibriumProblem):
         return equations.unstable_modes(fields, finely=False) and equations.unstable_modes(fields)
 
     def azimuthal(self, x: Array, p: float, unstable: int, limit: int = 32, near: int = 1) -> Count | None:
-        """Numbers of unstable modes cos mθ."""
-        return counted(self.equations, self.fields(x, p), unstable, limit, near)
+        """Numbers of unstable modes cos mθ; none where no axisymmetric one is (see `azimuthal`, order in m)."""
+        return counted(self.equations, self.fields(x, p), unstable, limit, near) if unstable else Count()
 
     def mode_eigenvalue(self, x: Array, p: float, mode: int, index: int = 1) -> float:
         """An eigenvalue of T_m on the present mesh; 0 where the interaction stiffens everywhere."""
@@ -400,11 +407,20 @@ class ContactProblem(EquilibriumProblem):
     def error(self, fields: Fields) -> Defect:
         """Discretisation error of a solution."""
         if "error" not in fields.derived:
-            fields.derived["error"] = defect_error(self.equations, fields)
+            fields.derived["error"] = defect_error(self.equations, fields, self._solver(fields))
         found: Defect = fields.derived["error"]
         return found
 
+    def _solver(self, fields: Fields) -> Solver | None:
+        """What solves with the Jacobian at the point found last; None at any other."""
+        x, solve = self._corrected or (None, None)
+        return solve if x is fields.h else None
+
     # -- meshes -------------------------------------------------------------------------------------------------------
+    def corrected(self, x: Array, p: float, solve: Solver) -> None:
+        """Keep what the next error estimate is made with."""
+        self._corrected = x, solve
+
     def adapt(self, x: Array, p: float) -> Adaptation | None:
         """A better mesh where the error estimate exceeds the tolerance, or where far fewer panels would do."""
         fields = self.fields(x, p)
@@ -413,7 +429,7 @@ class ContactProblem(EquilibriumProblem):
         allowed = resolution.tolerance * scale
         reach = needed_reach(self.equations, fields, 0.1 * allowed)
         mesh = self.equations.mesh
-        error = self.calibrated(fields)
+        error = self.relative_error(fields)
         if error <= resolution.tolerance and reach <= mesh.edges[-1]:
             if error > 1e-3 * resolution.tolerance or mesh.panels <= 6:
                 return None
@@ -424,8 +440,8 @@ class ContactProblem(EquilibriumProblem):
         start = x
         for _ in range(ROUNDS):
             expected = problem.error(problem.fields(start, p)).state
-            trial, found = problem.remeshed(start, p)
-            carried = problem.equations.mesh.interpolate(start, trial.equations.mesh.nodes)
+            trial, carried = problem.remeshed(start, p, solve=False)
+            found = trial.solve_at(carried, p, enough=NEARLY)  # it is corrected by who asked
             if not np.abs(found - carried).max() <= LEAP * expected + 1e-6 * self.scale:
                 break  # Newton's method has left for another solution
             problem, start = trial, found
@@ -434,8 +450,9 @@ class ContactProblem(EquilibriumProblem):
         if problem is self:
             return None
         nodes = problem.equations.mesh.nodes
+        self._corrected = None
         self.equations.forget()  # its points stay, by the thousand in cascades of layers, but are seldom asked again
-        return Adaptation(problem, start, lambda vector: mesh.interpolate(vector, nodes))
+        return Adaptation(problem, start, mesh.sampler(nodes))
 
     def remeshed(
         self, x: Array, p: float, tolerance: float | None = None, solve: bool = True
@@ -454,9 +471,10 @@ class ContactProblem(EquilibriumProblem):
         else:
             error = self.relative_error(fields)
             if error > tolerance:
-                sharpness = min(max(sharpness, 2 * error / max(self._guide(fields), 1e-16)), 1e6)
+                guide = float(panel_errors(self.equations, fields).sum()) / max(1.0, abs(self.equations.load(fields)))
+                sharpness = min(max(sharpness, 2 * error / max(guide, 1e-16)), 1e6)
             edges = adapted_edges(self.equations, fields, SLACK * allowed / sharpness, reach)
-        return self.on(Mesh(edges, self.resolution.order), x, p, sharpness, solve)
+        return self.on(mesh_on(edges, self.resolution.order), x, p, sharpness, solve)
 
     def on(
         self, mesh: Mesh, x: Array, p: float, sharpness: float | None = None, solve: bool = True
@@ -480,7 +498,7 @@ class ContactProblem(EquilibriumProblem):
 
     def finer(self) -> ContactProblem:
         """On panels of higher order."""
-        return self.on_mesh(self.equations.mesh.finer)
+        return ContactProblem(self.equations.finer, self.scale, self.resolution, self.sharpness)
 
     def halved(self) -> ContactProblem:
         """On halved panels."""
@@ -510,7 +528,7 @@ class ContactProblem(EquilibriumProblem):
             return self
         count = min(PANELS, math.ceil(math.log(mesh.innermost / length) / math.log(GRADING)))
         inner = mesh.innermost * (length / mesh.innermost) ** (np.arange(count, 0, -1) / count)
-        return self.on_mesh(Mesh(np.concatenate([[0.0], inner, mesh.edges[1:]]), mesh.order))
+        return self.on_mesh(mesh_on(np.concatenate([[0.0], inner, mesh.edges[1:]]), mesh.order))
 
     def coarser(self, point: Point, tolerance: float) -> ContactProblem:
         """A mesh with clearly fewer nodes that serves a tolerance."""
@@ -574,55 +592,42 @@ class ContactProblem(EquilibriumProblem):
             return []
         count = max(1, math.ceil(math.log(mesh.innermost / length) / math.log(4)))
         edges = np.concatenate([[0.0], mesh.innermost * 4.0 ** np.arange(-count, 0), mesh.edges[1:]])
-        problem, x = self.on(Mesh(edges, self.resolution.order), x, 0.0)
+        problem, x = self.on(mesh_on(edges, self.resolution.order), x, 0.0)
         return [problem.touching(x)]
 
-    def solve_at(self, x: Array, p: float, iterations: int = 12) -> Array:
-        """Newton's method at a fixed parameter; the best that was reached, whatever that is."""
+    def solve_at(self, x: Array, p: float, iterations: int = 12, enough: float = 1e-13) -> Array:
+        """Newton's method at a fixed parameter, up to a relative change that is enough; the best that was reached."""
         best, size = x, math.inf
         for _ in range(iterations):
             self.work.newton += 1
             fields = self.fields(x, p)
             if not fields.finite:
                 return best
-            step = np.linalg.solve(self.equations.jacobian(fields), -fields.residual)
+            solve = partial(_solved, *lapack.dgetrf(self.equations.jacobian(fields).T, overwrite_a=1)[:2])
+            step = solve(-fields.residual)
             change = float(np.abs(step).max())
             if change >= 0.7 * size and change < 1e-8 * max(1.0, float(np.abs(x).max())):
                 return best  # rounding
             x = x + step
+            self.corrected(x, p, solve)
             if not change < 1e3 * max(1.0, size):
                 return best
             best, size = x, change
-            if change < 1e-13 * max(1.0, float(np.abs(x).max())):
+            if change < enough * max(1.0, float(np.abs(x).max())):
                 return best
         return best
 
-    def expected_error(self, fields: Fields, tolerance: float) -> float:
-        """Discretisation error of a solution relative to max(1, |value|), roughly where it is below a tolerance.
-
-        There the panels' own guide serves, scaled to the error last found on this mesh, with some room: that is at the
-        row before, for the scale may change by orders along the curve. Otherwise the error is estimated anew.
-        """
-        rough = ROOM * self.guided * self._guide(fields)
-        return rough if rough <= tolerance else self.calibrated(fields)
-
-    def calibrated(self, fields: Fields) -> float:
-        """The relative error of a solution, which scales the panels' guide from now on."""
-        error = self.relative_error(fields)
-        self.guided = error / max(self._guide(fields), 1e-300)
-        return error
-
-    def _guide(self, fields: Fields) -> float:
-        if "guide" not in fields.derived:
-            missed = float(panel_errors(self.equations, fields).sum())
-            fields.derived["guide"] = missed / max(1.0, abs(self.equations.load(fields)))
-        found: float = fields.derived["guide"]
-        return found
-
     def relative_error(self, fields: Fields) -> float:
         """Discretisation error of a solution relative to max(1, |value|): the larger of load's and displacement's."""
-        load, displacement = self.equations.load(fields), self.equations.displacement(fields)
-        return self.error(fields).relative(Values(load, displacement, 0.0, 0.0, 0.0))
+        if "relative" not in fields.derived:
+            load, displacement = self.equations.load(fields), self.equations.displacement(fields)
+            fields.derived["relative"] = self.error(fields).relative(Values(load, displacement, 0.0, 0.0, 0.0))
+        return float(fields.derived["relative"])
+
+
+def _solved(factors: Array, pivots: Array, f: Array) -> Array:
+    """Solve with a matrix whose transposed one is factorised: LAPACK stores by columns."""
+    return np.asarray(lapack.dgetrs(factors, pivots, f, trans=1)[0])
 
 
 def _margin(point: Point) -> float:

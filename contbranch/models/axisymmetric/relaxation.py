@@ -25,7 +25,7 @@ from contbranch.control import Control
 
 from .adapt import adapted_edges, needed_reach
 from .equations import Equations
-from .mesh import Mesh
+from .mesh import mesh_on
 
 __all__ = ["Relaxed", "Release"]
 
@@ -199,7 +199,7 @@ def _remeshed(state: _State, share: float) -> _State:
         edges = adapted_edges(equations, fields, 0.1 * allowed, max(reach, 0.5 * end))
         if len(edges) == len(equations.mesh.edges):
             return state
-    mesh = Mesh(edges, equations.mesh.order)
+    mesh = mesh_on(edges, equations.mesh.order)
     return _State(equations.on(mesh), equations.mesh.interpolate(state.h, mesh.nodes), state.y)
 
 

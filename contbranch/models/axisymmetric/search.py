@@ -10,7 +10,7 @@ import numpy as np
 from contbranch.continuation import Point
 from contbranch.curve.problem import Search
 
-from .mesh import Mesh
+from .mesh import mesh_on
 
 if TYPE_CHECKING:
     from .problem import ContactProblem
@@ -31,7 +31,7 @@ def search_from(problem: ContactProblem, points: Sequence[Point]) -> Search:
     for edge in edges[1:]:
         if edge > APART * kept[-1] or edge == edges[-1]:
             kept.append(float(edge))
-    coarse = problem.on_mesh(Mesh(np.array(kept), ORDER))
+    coarse = problem.on_mesh(mesh_on(np.array(kept), ORDER))
     first, last = points[0].parameter, points[-1].parameter
     starts = []
     for k in range(BARE):

@@ -4,23 +4,35 @@ from __future__ import annotations
 
 import numpy as np
 
+from .adapt import Solver
 from .equations import Equations, Fields
 
 __all__ = ["load_per_displacement"]
 
 
-def load_per_displacement(equations: Equations, fields: Fields) -> float:
+def load_per_displacement(equations: Equations, fields: Fields, solve: Solver | None = None) -> float:
     """dF/dd = 2 (a + ∫_a^∞ δh dt) with (1 − B k A) δh = −B k s, in units of E: rim and its motion do not enter.
 
     The gap answers a rigid motion by −s (s = 1 without contact), and phi(a) = 0 keeps the motion of the rim out.
     Algebraic tails of the law add what lies beyond the mesh. Exact at any equilibrium but displacement folds, where
     the slope is infinite; where it all but vanishes it is a small number with a small error, which the rate of the
     load along the curve is not.
+
+    Parameters
+    ----------
+    solve : callable, optional
+        Solves linear systems with the Jacobian, nearly, if it is factorised already.
     """
-    response = equations.response(fields)
-    pushed = response.sum(axis=1)
-    response.flat[:: len(response) + 1] += 1.0
-    answer = np.linalg.solve(response, pushed)
+    pushed = equations.answered(fields, np.ones_like(fields.h))
+    if solve is None:
+        response = equations.response(fields)
+        response.flat[:: len(response) + 1] += 1.0
+        answer = np.linalg.solve(response, pushed)
+    else:  # the Jacobian is that matrix less pushed rimᵀ (Sherman and Morrison); what is missed is made good
+        answer = solve(pushed)
+        moved = answer - equations.rim_row @ answer
+        answer += solve(pushed - answer - equations.answered(fields, moved))
+        answer /= 1.0 + equations.rim_row @ answer
     load = 2.0 * (fields.rim.radius + float(fields.rim.weights @ answer))
     beyond = equations.beyond(fields)
     last = float(fields.rim.plane[-1] @ (answer - 1.0))

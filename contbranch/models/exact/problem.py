@@ -40,6 +40,8 @@ __all__ = ["Apart", "Beyond", "ExactProblem", "Touching", "zone_of"]
 
 # Where the curve begins and where the interaction does, in ranges.
 START, EDGE = -1.5, -1.0
+# Corrections of a step that are small enough, as a share of its length scale.
+LOOSE = 1e-2
 CONSTANTS = "radius", "modulus", "work_of_adhesion", "interaction_range"
 
 
@@ -108,6 +110,10 @@ class ExactProblem(EquilibriumProblem):
         self.work.newton += 1
         return super().linearise(x, p)
 
+    def steps(self, start: Point) -> Options:
+        """Whatever the parameter, the values are exact: the corrector need only keep to the curve."""
+        return replace(STEPS, tolerance=LOOSE)
+
     def values(self, x: Array, p: float) -> Values:
         """Of the closed form."""
         load, displacement, contact_radius, _, _, central_gap, energy = map(float, self.curve(p))
@@ -173,7 +179,7 @@ class Beyond(ExactProblem):
 
     def steps(self, start: Point) -> Options:
         """One: there is nothing on the way."""
-        return replace(STEPS, first_step=1.0, largest_parameter_step=1.0)
+        return replace(STEPS, first_step=1e6, largest_parameter_step=1.0)
 
     def successor(self, name: str, points: Sequence[Point]) -> Succession:
         """The interaction begins: a corner of the curve."""
