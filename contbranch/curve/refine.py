@@ -58,7 +58,7 @@ class Found:
 
     def relative_error(self) -> float:
         """Largest error relative to max(1, |value|)."""
-        return max(e / max(1.0, abs(v)) for e, v in zip(self.error, self.numbers, strict=True))
+        return float(np.max(np.array(self.error) / np.maximum(1.0, np.abs(self.numbers))))
 
 
 @dataclass(frozen=True)

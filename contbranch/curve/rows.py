@@ -49,10 +49,11 @@ def raw_curve(track: Track, request: Request) -> RawCurve:
     if complete and not _end_agrees(track):
         complete = False
         messages.append("The inertia at the end disagrees with the folds counted: a fold was missed or doubled.")
-    worst = max((one.relative_error() / request.accuracy for one in found), default=0.0)
-    if worst > 1:
+    worst = float(np.max([one.relative_error() for one in found], initial=0.0)) / request.accuracy
+    if not worst <= 1.0:
         complete = False
-        messages.append(f"An event's error estimate is {worst:.3g} times the accuracy asked.")
+        much = f"is {worst:.3g} times the accuracy asked" if math.isfinite(worst) else "is not known"
+        messages.append(f"An event's error estimate {much}.")
     load, displacement = track.column("load"), track.column("displacement")
     return RawCurve(
         load,
