@@ -31,7 +31,7 @@ import numpy as np
 
 from .arrays import Array
 from .linear import Border, Linear
-from .newton import Equilibrium, hold_control
+from .newton import ALONE, Equilibrium, hold_control
 from .problem import GridProblem
 from .transforms import EVEN, Parity, Transform
 from .variation import Precision, Variation, lowest
@@ -238,7 +238,7 @@ class Stability:
         hold = hold_control(self.problem, 0.0, 1.0, 0.0)
         border = Border(self.problem, hold.row, hold.load_weight)
         with as_stability(self.problem):
-            linear = Linear(self.problem, equilibrium.fields.stiffness, equilibrium.contact, border)
+            linear = Linear(self.problem, equilibrium.fields.stiffness, equilibrium.contact, border, ALONE)
             return linear.solve(np.zeros(self.problem.shape), 1.0, tolerance).load
 
     def morse(
