@@ -233,7 +233,7 @@ class Stability:
         random = np.random.default_rng(softening.size)
         return [*seeds, softening * random.standard_normal(softening.shape)]
 
-    def slope(self, equilibrium: Equilibrium, tolerance: float = 1e-9) -> float:
+    def slope(self, equilibrium: Equilibrium, tolerance: float = 1e-8) -> float:
         """dF/dd along the curve, from one linear solve; infinite at a fold of the displacement."""
         hold = hold_control(self.problem, 0.0, 1.0, 0.0)
         border = Border(self.problem, hold.row, hold.load_weight)
