@@ -90,17 +90,20 @@ def test_images_of_hertz():
     assert row.corrected < 1e-3 < row.fitted + 5e-4
 
 
+FOLDS_OF_THE_PAGE = ("squeeze-out", 8.3770514, "stays"), ("wetting", 8.0065114, "averaged")
+
+
 def test_example_of_the_page(capsys):
     """docs/grid.md: its code runs, and its folds are those of the axisymmetric model (8.37705 and 8.00651)."""
     page = (ROOT / "docs" / "grid.md").read_text(encoding="utf-8")
     (example,) = re.findall(r"^```python\n(.*?)^```", page, flags=re.DOTALL | re.MULTILINE)
     exec(compile(example, "grid.md", "exec"), {"__name__": "__main__"})
     lines = capsys.readouterr().out.splitlines()
-    for line, (name, exact) in zip(lines[:2], (("squeeze-out", 8.3770514), ("wetting", 8.0065114)), strict=True):
+    for line, (name, exact, verdict) in zip(lines[:2], FOLDS_OF_THE_PAGE, strict=True):
         words = line.split()
         assert words[0] == name
         assert abs(float(words[1]) - exact) <= float(words[2]) < 5e-3
-        assert words[3] == "stays"
+        assert words[3] == verdict
 
 
 # Convergence, estimates and costs
@@ -128,7 +131,7 @@ def test_estimates_of_thresholds_are_honest(traces):
     for row in traces:
         for item in row.thresholds:
             assert item.ratio <= 1.0, item
-            assert item.ratio > 0.01 or item.estimate < 1e-6, item
+            assert item.ratio > 0.01 or item.estimate < 3e-6, item
 
 
 def test_report_of_traces(traces):

@@ -231,8 +231,9 @@ class Event(Record):
         Gap and pressure of that mode.
     verdict : str or None
         Of a fold on a grid: ``"stays"``, ``"moves"`` or ``"vanishes"`` on the grid with twice the nodes a side, where
-        that was examined, or ``"unresolved"`` if it differs from the next fold by less than the lattice's error. One
-        that vanishes or is unresolved is the lattice's own and bears no name.
+        that was examined, or ``"unresolved"`` if it differs from the next fold by less than the lattice's error;
+        ``"averaged"`` if it is a fold of the average over the nodes that join the contact. One that vanishes or is
+        unresolved is the lattice's own and bears no name.
     origin : object or None
         What `contbranch.follow` needs to follow the event; None for events read from a file.
     """

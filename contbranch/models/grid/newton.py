@@ -31,7 +31,17 @@ ALONE = 25
 # How much softer than the stiffest wave of the lattice those are that an overlap excites.
 LONGER = 1.0 / 16.0
 
-__all__ = ["Equilibrium", "Hold", "Settings", "Sketch", "control_held", "hold_control", "newton", "settings_for"]
+__all__ = [
+    "Equilibrium",
+    "Hold",
+    "Settings",
+    "Sketch",
+    "control_held",
+    "hold_control",
+    "newton",
+    "settings_for",
+    "tangent",
+]
 
 
 @dataclass(frozen=True)
@@ -108,6 +118,8 @@ class Settings:
         Whether gaps must not be negative; without the wall there is no contact.
     alone : int
         Krylov iterations in a step before clusters of nodes are made for its contact (`linear.Linear`).
+    frozen : bool
+        Whether the contact stays as it is given, whatever its pressures and the gaps outside are.
     """
 
     tolerance: float = 1e-8
@@ -118,6 +130,7 @@ class Settings:
     patience: int = 30
     wall: bool = True
     alone: int = 0
+    frozen: bool = False
 
 
 @dataclass(frozen=True)
@@ -207,7 +220,7 @@ def newton(
         contact = (problem.heights + u <= 0.0) & settings.wall
     if hold.row is None:
         load = hold.value / hold.load_weight
-    trial = _Trial.at(problem, problem.fields(u, load, contact), contact)
+    trial = _Trial.at(problem, problem.fields(u, load, contact), contact, settings.frozen)
     border = Border(problem, hold.row, hold.load_weight)
     best = trial.merit
     steady, waited, step = False, 0, 0
@@ -255,24 +268,32 @@ class _Trial:
     merit: float
     rounding: float
     kept: Mask
+    frozen: bool = False
 
     @staticmethod
-    def at(problem: GridProblem, fields: Fields, contact: Mask) -> _Trial:
+    def at(problem: GridProblem, fields: Fields, contact: Mask, frozen: bool = False) -> _Trial:
         excess = fields.excess
         missed = problem.stiffest * np.where(contact, problem.heights + fields.u, 0.0)
-        kept = contact & (excess > missed)
-        violated = np.where(contact, np.minimum(excess - missed, 0.0), excess)
+        kept = contact & ((excess > missed) | frozen)
+        violated = np.where(contact, 0.0 if frozen else np.minimum(excess - missed, 0.0), excess)
         size = _rms(fields.elastic) or 1.0
         own, wall = _rms(violated) / size, _rms(missed) / size
-        return _Trial(fields, contact, own + wall, own + LONGER * wall, problem.rounding(fields.u) / size, kept)
+        rounding = problem.rounding(fields.u) / size
+        return _Trial(fields, contact, own + wall, own + LONGER * wall, rounding, kept, frozen)
 
     def moved(self, problem: GridProblem, change: Change, length: float, kept: Mask, wall: bool) -> _Trial:
         """The trial state after a part of a step; what overlaps then joins the contact."""
         before = self.fields
         u, load = before.u + length * change.field, before.load + length * change.load
-        contact = kept | (problem.heights + u < 0.0) if wall else kept
+        contact = kept | (problem.heights + u < 0.0) if wall and not self.frozen else kept
         elastic = before.elastic + length * change.pressure
-        return _Trial.at(problem, problem.evaluated(u, load, elastic, contact), contact)
+        return _Trial.at(problem, problem.evaluated(u, load, elastic, contact), contact, self.frozen)
+
+
+def tangent(problem: GridProblem, state: Equilibrium, hold: Hold, tolerance: float = 1e-3) -> Change:
+    """The direction of the curve at an equilibrium while its contact stays, with unit progress in what is held."""
+    border = Border(problem, hold.row, hold.load_weight)
+    return Linear(problem, state.fields.stiffness, state.contact, border).solve(np.zeros(problem.shape), 1.0, tolerance)
 
 
 def _forcing(residual: float, steady: bool, settings: Settings) -> float:

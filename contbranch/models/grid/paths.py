@@ -253,12 +253,23 @@ class GridWalk:
         return float(np.abs(stop.place.u - state.u).max()) / self.setup.length
 
     def work(self, begin: Stop, end: Stop) -> float:
-        """∫ F dd along the curve from one stop to another, by quadrature of parabolas through states on it."""
+        """∫ F dd along the curve from one stop to another, by quadrature of parabolas through states on it.
+
+        Of the average it is the change of the energy: its states lie beside it.
+        """
         if _position(begin) > _position(end):
             return -self.work(end, begin)
-        stop = end.piece + 1 if end.row is None else end.row
-        states = [begin.place, *map(self._at, range(self._row(begin) + 1, stop)), end.place]
-        return math.fsum(self._piece(first, second, 0) for first, second in pairwise(states))
+        last = end.piece + 1 if end.row is None else end.row
+        stops = [begin, *map(self.stop, range(self._row(begin) + 1, last)), end]
+        return math.fsum(
+            two.state.energy - one.state.energy
+            if self._averaged(one) and self._averaged(two)
+            else self._piece(one.place, two.place, 0)
+            for one, two in pairwise(stops)
+        )
+
+    def _averaged(self, stop: Stop) -> bool:
+        return stop.row is not None and self.traced.rows[stop.row].averaged
 
     def _piece(self, begin: Equilibrium, end: Equilibrium, depth: int) -> float:
         straight = 0.5 * (begin.load + end.load) * (end.displacement - begin.displacement)
@@ -299,6 +310,8 @@ class GridWalk:
                 return math.inf
             # out there, where rounding may be all that is left, energies are no larger than their errors
             return abs(stop.state.energy) if found is None else found.potential
+        if self._averaged(stop):
+            return max(row.mark.potential for row in self.traced.rows if row.mark is not None)
         row, count = self._row(stop), len(self.traced.rows)
         around = [self._at(other) for other in (row - 1, row + 1) if 0 <= other < count]
         compares = (compared(self.setup, before, stop.place, self.settings) for before in around)

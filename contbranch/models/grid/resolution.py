@@ -10,12 +10,14 @@
 from __future__ import annotations
 
 import math
+import os
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from contbranch.contact.interactions import Interaction
+from contbranch.errors import InputError
 from contbranch.grid_size import nearest_fast
 
 from .arrays import Array
@@ -24,10 +26,21 @@ from .newton import Equilibrium
 from .problem import GridProblem
 from .setup import Setup
 
-__all__ = ["GridWarning", "Resolution", "border_energy", "border_message", "needed_grid", "tail_force", "warn"]
+__all__ = [
+    "GridWarning",
+    "Resolution",
+    "border_energy",
+    "border_message",
+    "needed_grid",
+    "refuse_too_large",
+    "tail_force",
+    "warn",
+]
 
 # Nodes in the shortest wave that must be stiffer than the law.
 WAVE = 8.0
+# Fields of the size of the lattice that a trace holds at a time, about.
+FIELDS = 40
 # What the law may still have at the border of the cell, as a part of its reference work.
 DECAYED = 1e-3
 
@@ -46,11 +59,14 @@ class Resolution:
         Largest -v'' of the law, and E q/2 of the wave over eight nodes.
     grid : int
         Nodes a side with which the two are equal in this cell.
+    memory : float
+        What these take, bytes.
     """
 
     law: float
     lattice: float
     grid: int
+    memory: float = 0.0
 
     @property
     def ratio(self) -> float:
@@ -64,15 +80,55 @@ class Resolution:
             return ""
         return (
             f"The grid is too coarse for the interaction: its stiffness |v''| = {self.law:.3g} exceeds "
-            f"{self.lattice:.3g} of a wave over {WAVE:.0f} nodes, and folds may be the lattice's own; use a grid of at "
-            f"least {self.grid}."
+            f"{self.lattice:.3g} of a wave over {WAVE:.0f} nodes, and folds may be the lattice's own; {self.remedy}."
+        )
+
+    @property
+    def remedy(self) -> str:
+        """What to change, if the lattice is too coarse."""
+        if self.memory <= memory_here():
+            return f"use a grid of at least {self.grid}"
+        return (
+            f"a grid of {self.grid} would take {self.memory / 2**30:.3g} GiB: use a smaller cell, or an interaction of "
+            "longer range or less work of adhesion"
         )
 
     @staticmethod
     def of(setup: Setup) -> Resolution:
         """Compare the law with the lattice."""
         stiffness = math.pi / (WAVE * setup.lattice.spacing)
-        return Resolution(concavity(setup.law), stiffness, needed_grid(setup.edge, setup.law))
+        grid = needed_grid(setup.edge, setup.law)
+        return Resolution(concavity(setup.law), stiffness, grid, memory_of(replace(setup, grid=grid)))
+
+
+def memory_of(setup: Setup) -> float:
+    """Bytes that a trace on a lattice takes, about."""
+    return 8.0 * FIELDS * setup.lattice.size**2
+
+
+def memory_here() -> float:
+    """Bytes of this machine's memory; infinite where that is not known."""
+    try:
+        return float(os.sysconf("SC_PAGE_SIZE")) * float(os.sysconf("SC_PHYS_PAGES"))
+    except (AttributeError, ValueError, OSError):
+        return math.inf
+
+
+def refuse_too_large(setup: Setup) -> None:
+    """Refuse a lattice that is larger than the memory.
+
+    Raises
+    ------
+    InputError
+        With the memory that it would take, and what fits.
+    """
+    wanted, here = memory_of(setup), memory_here()
+    if wanted > here:
+        fits = 2 * int(0.5 * setup.grid * math.sqrt(here / wanted))
+        raise InputError(
+            f"grid: {setup.grid}; it would take {wanted / 2**30:.3g} GiB of memory, and this machine has "
+            f"{here / 2**30:.3g} GiB: use at most {fits}, or a smaller cell with the same distance of nodes"
+        )
 
 
 def concavity(law: Interaction | None) -> float:

@@ -99,6 +99,7 @@ class Row:
     u: Array | None = field(default=None, repr=False)
     contact: Mask | None = field(default=None, repr=False)
     mark: Mark | None = None
+    averaged: bool = False
 
     def state(self, problem: GridProblem) -> Equilibrium | None:
         """The equilibrium, if its fields were kept."""
@@ -119,6 +120,8 @@ class Mark:
     message: str = ""
     around: tuple[Equilibrium, Equilibrium, Equilibrium] | None = field(default=None, repr=False)
     unresolved: bool = False
+    errors: Array | None = None
+    potential: float = 0.0
 
 
 def difference(one: Reading, other: Reading) -> Array:
@@ -190,11 +193,13 @@ def crossing(
     problem = setup.problem
     hold = control_held(problem, control, value)
     begin, end = (state_at(problem, row) for row in rows)
-    values = [control.value(state.load, state.displacement) for state in (begin, end)]
+    values = [control.value(*row.reading[:2]) for row in rows]
     share = (value - values[0]) / (values[1] - values[0])
     u, load = begin.u + share * (end.u - begin.u), begin.load + share * (end.load - begin.load)
     contact = begin.contact if share < 0.5 else end.contact
     found = newton(problem, np.where(contact, -problem.heights, u), load, hold, contact, settings)
+    if found.converged and all(row.averaged for row in rows):
+        return found  # the states of these rows lie beside the average
     way = Direction.between(begin, end, setup.length)
     bounds = way.of(begin), way.of(end)
     if found.converged and min(bounds) <= way.of(found) <= max(bounds):

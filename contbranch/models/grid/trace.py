@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import pairwise
+from operator import itemgetter
 
 import numpy as np
 
@@ -17,13 +18,15 @@ from contbranch.curve.symmetry import merged
 from contbranch.curve.trace import Request
 
 from .accuracy import compared, no_comparison, touched
+from .arcs import arcs
 from .arrays import Array
+from .averaging import LEAST, MEASURED, Average, Fold, Samples, half_width, turned
 from .folds import coarser_touch, locate_fold, locate_touch, touches
 from .newton import Equilibrium, Settings, hold_control, newton
 from .observables import interpolate
 from .ramp import jump_message
 from .resolution import Resolution, border_energy, border_message, fills, warn
-from .rows import Mark, Row, crossing, deferred_profile, difference, morse_indices, read
+from .rows import Mark, Reading, Row, crossing, deferred_profile, difference, morse_indices, read, state_at
 from .setup import Setup
 from .switching import first_index
 from .symmetry import Breaking
@@ -49,6 +52,16 @@ MOST_POINTS = 2000
 SPACING = 6
 # Distance by which predictions may miss where much happens on short parts of the curve.
 CLOSE = 3e-3
+# Arcs at most of one average, and rows of nodes for which they are followed where steps lead nowhere.
+MOST_ARCS, STUCK = 3000, 2.0
+# Where the law is stiffer than the lattice by this factor, a contact of many nodes cannot be followed.
+COARSE, SMALL = 1.6, 128
+# ... and one of few; by this factor averages mean nothing.
+FEW, HOPELESS = 2.2, 3.5
+# Contact radius, in rows of nodes, below which a fold of the lattice may be the same as one of the average.
+NEAR = 2.5
+# Rows of an average, a row of nodes.
+AVERAGED_ROWS = 2
 # So many points in a row that lie on known parts of the curve end it; the last rows are no known part.
 RETURNS, RECENT = 4, 6
 
@@ -80,6 +93,10 @@ class _Tracer:
     kept: float = 0.0
     notes: list[str] = field(default_factory=list)
     returns: int = 0
+    samples: Samples = field(default_factory=Samples)
+    stretch: tuple[float, float] = (np.inf, -np.inf)
+    centre: float = 0.0
+    checked: float = -1.0
 
     def __post_init__(self) -> None:
         self.problem = self.setup.problem
@@ -107,6 +124,8 @@ class _Tracer:
             self._add(point)
         while True:
             if not walker.step():
+                if self._average(walker):
+                    continue
                 return self._stuck(walker.message)
             points = walker.points
             ended = None if self.ending is None else self.ending(points)
@@ -115,6 +134,8 @@ class _Tracer:
             self._add(points[-1])
             if len(points) > 2:
                 self._events(points)
+                if self.averaging and self._turned() and self._average(walker):
+                    continue
             if (len(self.rows) - 1) % SPACING == 0:
                 found = compared(self.setup, points[-2].state, points[-1].state, self.settings)
                 self.comparisons += [] if found is None else [(points[-1].arc, found.four)]
@@ -204,7 +225,7 @@ class _Tracer:
         return ""
 
     def _stuck(self, message: str) -> str:
-        remedy = f"; the grid is too coarse for this interaction, use at least {self.resolution.grid}"
+        remedy = f"; the grid is too coarse for this interaction, {self.resolution.remedy}"
         return message + (remedy if self.resolution.ratio > 1.0 else "; try a finer grid or a larger cell")
 
     def _report(self, point: Point) -> None:
@@ -212,17 +233,154 @@ class _Tracer:
             done = min(0.98, max(0.0, point.load / self._goal()))
             self.request.progress(done, f"load {point.load * self.setup.units.load:.4g}, {len(self.rows)} points")
 
+    @property
+    def finer(self) -> bool:
+        """Whether the curve may well be complete on the lattice with twice the nodes a side, which is not too large."""
+        return 1.0 < self.resolution.ratio <= HOPELESS and 2 * self.setup.lattice.size <= LARGEST_REFINED
+
+    # Averages
+
+    @property
+    def averaging(self) -> bool:
+        """Whether folds in contact are those of averages."""
+        return self.setup.averaging and not self.setup.crowded and self.resolution.ratio <= HOPELESS
+
+    def _turned(self) -> bool:
+        """Whether a control has turned round in contact since this was last asked."""
+        spacing = self.setup.lattice.spacing
+        self.checked, centre = turned(self.rows, self.request.controls, spacing, self.checked)
+        self.centre = self.centre if centre is None else centre
+        return centre is not None
+
+    def _average(self, walker: Walker) -> bool:
+        """Follow the curve arc by arc around the present point, and go on behind; whether that could be done."""
+        if not self.averaging:
+            return False
+        rows = sorted(self.rows, key=lambda row: row.arc)
+        spacing = self.setup.lattice.spacing
+        radius = rows[-1].reading.contact_radius if walker.message else self.centre
+        wide = half_width(radius, spacing)
+        samples, start = self.samples, self.stretch[0]
+        if samples.last is not None and samples.ends[-1] >= radius - 1.5 * wide:
+            begin, end = samples.last.middle, samples.last.end
+            way = (
+                end,
+                replace(end, fields=end.fields._replace(u=2.0 * end.u - begin.u, load=2.0 * end.load - begin.load)),
+            )
+        else:
+            kept = [k for k, row in enumerate(rows[:-1]) if row.u is not None and not row.averaged]
+            below = [k for k in kept if rows[k].reading.contact_radius <= max(radius - 1.3 * wide, 0.0)]
+            if not below or rows[below[-1] + 1].u is None:
+                return False
+            way = state_at(self.problem, rows[below[-1]]), state_at(self.problem, rows[below[-1] + 1])
+            samples, start = Samples(), rows[below[-1]].arc
+            touch = next((row for row in rows if row.mark is not None and row.mark.kind == "touch"), None)
+            if touch is not None and not way[0].contact.any():
+                samples.begin(touch.reading, spacing)
+        touching = bool(way[0].contact.any())
+        if not self._sampled(samples, way, radius + (STUCK * spacing if walker.message else 0.0)):
+            return False
+        self._replaced(samples, start, touching)
+        last = samples.last
+        if last is None:
+            return False
+        walker.points = [Point(self.stretch[1] - samples.lengths[-1], last.begin), Point(self.stretch[1], last.end)]
+        walker.step_size, walker.message = self.options.period, ""
+        return True
+
+    def _sampled(self, samples: Samples, way: tuple[Equilibrium, Equilibrium], reach: float) -> bool:
+        """Follow arcs until a contact radius, and every fold behind it, lies well inside; whether it was reached."""
+        spacing, wanted, known = self.setup.lattice.spacing, reach, len(samples.ends)
+        for arc in arcs(self.problem, self.setup.length, way, self.settings):
+            end = samples.add(self.setup, arc)
+            if end >= reach + 1.3 * half_width(reach, spacing):
+                folds = [fold.radius for _, fold in self._folds(samples) if fold.radius > reach]
+                reach = max(folds, default=reach)
+                if reach + 1.1 * half_width(reach, spacing) < end:
+                    break
+            if end < max(samples.ends) - STUCK * spacing or end > 0.49 * self.setup.edge:
+                break
+            if len(samples.ends) - known > MOST_ARCS:
+                break
+        return len(samples.ends) > known + 2 and bool(samples.radius) and samples.radius[-1] > wanted
+
+    def _folds(self, samples: Samples) -> list[tuple[Control, Fold]]:
+        average = Average(samples, self.setup.lattice.spacing)
+        return [(control, fold) for control in self.request.controls for fold in average.folds(control)]
+
+    def _replaced(self, samples: Samples, start: float, touching: bool) -> None:
+        """Put rows of the average in the place of those that it spans."""
+        average = Average(samples, self.setup.lattice.spacing)
+        places = start + np.cumsum(samples.lengths)
+        radii = np.maximum.accumulate(samples.ends)
+        folds = [one for one in self._folds(samples) if not self._known(*one)]
+        kept = [row for row in self.rows if row.arc <= start or self._stays(row, folds)]
+        touched = any(row.mark is not None and row.mark.kind == "touch" for row in kept)
+        self.rows = kept
+        if not (touching or touched):
+            before = [Point(row.arc, state_at(self.problem, row)) for row in kept[-3:] if row.u is not None]
+            first = samples.state(0.0)
+            fields = self.problem.fields(first.u, first.load)
+            self._touch([*before, Point(float(places[-1]), replace(first, fields=fields))])
+        count = max(3, int(AVERAGED_ROWS * (average.last - average.first) / average.spacing))
+        marks: list[tuple[float, Mark | None]] = [
+            (radius, None) for radius in np.linspace(average.first, average.last, count)[1:].tolist()
+        ]
+        for control, fold in folds:
+            own = samples.state(fold.radius)
+            seen = read(self.setup, replace(own, fields=self.problem.fields(own.u, own.load)))
+            errors = max(1.0, self.resolution.ratio) * np.append(fold.errors[[1, 2, 0]], 0.0)
+            errors += [seen.load_error, seen.displacement_error, 0.0, 0.0]
+            mark = Mark("fold", control, fold.maximum, errors=errors, potential=fold.potential)
+            mark.message = f"The average over {fold.arcs} changes of the contact on the lattice."
+            marks.append((fold.radius, mark))
+        for radius, event in sorted(marks, key=itemgetter(0)):
+            place = float(np.interp(radius, np.append(average.first, radii), np.append(start, places)))
+            (load, displacement, energy), state = average.at(radius)[0].tolist(), samples.state(radius)
+            seen = Reading(load, displacement, radius, 0.0, energy, MEASURED * average.spacing)
+            self.rows.append(Row(place, seen, state.pairs, state.load, state.u, state.contact, event, averaged=True))
+        self.samples, self.stretch = samples, (start, float(places[-1]))
+        self.checked = average.last - 0.7 * half_width(average.last, average.spacing)
+
+    def _known(self, control: Control, fold: Fold) -> bool:
+        """Whether a fold of an average is one of a contact of few nodes, located on the lattice itself."""
+        least = LEAST * self.setup.lattice.spacing
+        if fold.radius > least:
+            return False
+        marks = [row.mark for row in self.rows if row.mark is not None and 0.0 < row.reading.contact_radius < least]
+        return any(mark.control == control and mark.maximum == fold.maximum for mark in marks)
+
+    def _stays(self, row: Row, folds: Sequence[tuple[Control, Fold]]) -> bool:
+        """Whether a row stays where an average takes the place of others: an event of a contact of few nodes."""
+        mark, spacing = row.mark, self.setup.lattice.spacing
+        if mark is None or mark.kind != "fold":
+            return mark is not None and mark.kind == "touch"
+        again = any(
+            mark.control == control and mark.maximum == fold.maximum and fold.radius < NEAR * spacing
+            for control, fold in folds
+        )
+        return row.reading.contact_radius < LEAST * spacing and not again
+
     # Events
 
     def _events(self, points: Sequence[Point]) -> None:
         for control in self.request.controls:
             values = np.array([control.value(point.load, point.displacement) for point in points[-3:]])
+            if self._left_to_averages(points[-2]):
+                continue
             rise, fall = np.diff(values)
             if rise * fall < 0.0 and max(abs(rise), abs(fall)) > 1e-9 * max(1.0, abs(values[1])):
                 self._fold(points, control, values)
         closed = [touches(point.state, self.clearance) for point in points[-2:]]
         if closed[0] != closed[1]:
             self._touch(points)
+
+    def _left_to_averages(self, point: Point) -> bool:
+        """Whether a fold at a point is sought by averages: not where the contact has too few nodes for them."""
+        if not self.averaging or not point.state.contact.any():
+            return False
+        few = read(self.setup, point.state, cell=False).contact_radius < LEAST * self.setup.lattice.spacing
+        return not few or self.resolution.ratio > 1.0
 
     def _fold(self, points: Sequence[Point], control: Control, values: Array) -> None:
         before, middle, after = points[-3:]
@@ -355,7 +513,12 @@ def trace(setup: Setup, request: Request, verdicts: bool = True, beyond: float |
         tracer.notes = [tracer.resolution.message, jump_message(setup.law)]
         for note in tracer.notes:
             warn(note)
-        message = tracer.run()
+        coarse = tracer.finer and tracer.resolution.ratio > (COARSE if setup.lattice.size > SMALL else FEW)
+        message = "" if coarse else tracer.run()
+        if (message or coarse) and setup.averaging and not setup.crowded and tracer.finer:
+            finer = trace(setup.fine, request, verdicts, beyond)
+            note = f"On a grid of {setup.grid} nodes the curve cannot be followed: this is that on twice as many."
+            return replace(finer, curve=replace(finer.curve, message=f"{note} {finer.curve.message}".strip()))
         worst = _reaching(tracer)
         warn(worst)
         tracer.notes = [note for note in (*tracer.notes, worst, no_comparison(setup)) if note]

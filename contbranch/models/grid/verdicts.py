@@ -23,7 +23,9 @@ __all__ = ["LARGEST_REFINED", "MOST_REFINED", "judge", "raw_event"]
 # Folds that are looked for on a finer lattice, and the largest array on which they are.
 MOST_REFINED, LARGEST_REFINED = 12, 1024
 # Least error of an event, relative to max(1, |value|).
-FLOOR = 2e-8
+FLOOR = 3e-7
+# Folds that stay apart on the finer lattice may be as close as this, in units of their errors.
+MERGED = 0.25
 # A fold that moves by less, relative to max(1, |value|), is said to stay.
 STAYS = 1e-3
 
@@ -42,7 +44,8 @@ def judge(setup: Setup, rows: Sequence[Row], controls: Sequence[Control], errors
         Error estimates of the rows' load, displacement, contact radius and central gap.
     settings : Settings
     """
-    folds = [(k, mark) for k, row in enumerate(rows) if (mark := row.mark) is not None and mark.kind == "fold"]
+    marked = [(k, row.mark) for k, row in enumerate(rows) if row.mark is not None]
+    folds = [(k, mark) for k, mark in marked if mark.kind == "fold" and mark.errors is None]
     if len(folds) > MOST_REFINED:
         _pair(rows, folds, controls, errors)
     for k, mark in folds:
@@ -66,8 +69,9 @@ def _pair(rows: Sequence[Row], folds: Sequence[tuple[int, Mark]], controls: Sequ
         while len(own) > 1:
             heights = np.abs(np.diff([control.value(*rows[k].reading[:2]) for k, _ in own]))
             uncertain = np.array([_uncertainty(mark, control, errors[k]) for k, mark in own])
-            doubtful = heights < np.maximum(uncertain[1:], uncertain[:-1])
-            doubtful &= [not _steady(pair, rows[pair[1][0]].arc - rows[pair[0][0]].arc) for pair in pairwise(own)]
+            most = np.maximum(uncertain[1:], uncertain[:-1])
+            steady = [_steady(pair, rows[pair[1][0]].arc - rows[pair[0][0]].arc) for pair in pairwise(own)]
+            doubtful = heights < np.where(steady, MERGED, 1.0) * most
             if not doubtful.any():
                 break
             place = int(np.argmin(np.where(doubtful, heights, np.inf)))
@@ -108,7 +112,9 @@ def raw_event(setup: Setup, rows: Sequence[Row], row: int, mark: Mark, error: Ar
     if control is None:
         return RawEvent(mark.kind, row, reading.four, _four(error), message=mark.message)
     pieces = indices.pieces(control)[0]
-    verdict, message = _verdict(setup, mark, control, reading)
+    verdict, message = (
+        ("averaged", mark.message) if mark.errors is not None else _verdict(setup, mark, control, reading)
+    )
     if mark.shift is not None:
         # From N to 2N the error falls at least by half: it is at most twice the shift. In contact a shift can be small
         # by chance, and rows around know better.
@@ -121,7 +127,7 @@ def raw_event(setup: Setup, rows: Sequence[Row], row: int, mark: Mark, error: Ar
         "fold",
         row,
         reading.four,
-        _four(_along(rows, row, control, error)),
+        _four(_along(rows, row, control, error) if mark.errors is None else mark.errors),
         control=control.kind,
         stiffness=control.spring_stiffness,
         before=int(pieces[max(row - 1, 0)]),

@@ -167,8 +167,8 @@ class _Survey:
         self.axisymmetric = self.setup.contact.tip.is_axisymmetric and not isinstance(self.setup.contact.tip, HeightMap)
 
     def state(self, row: int) -> Equilibrium | None:
-        """The equilibrium of a row, if its fields were kept."""
-        return self.rows[row].state(self.setup.problem)
+        """The equilibrium of a row, if its fields were kept; that of an average lies beside it, with ripples."""
+        return None if self.rows[row].averaged else self.rows[row].state(self.setup.problem)
 
     @property
     def spent(self) -> bool:
@@ -217,7 +217,7 @@ class _Survey:
                 corners.append(tried[0])
         if wrong:
             self.contradicted = True
-            self.notes.append(f"{self._disagreement(wrong)}: a fold was missed, or is none.")
+            self.notes.append(f"{self._disagreement(wrong)}: a fold was missed, or is none; try a finer grid.")
         if corners:
             self.notes.append(f"{self._disagreement(corners)}: folds of the lattice's own, at single nodes.")
         if unknown:
@@ -228,13 +228,16 @@ class _Survey:
         arcs = np.array([row.arc for row in self.rows])
         places = [[0]]
         for first, last in pieces(len(self.rows), folds):
-            inner = np.array([row for row in range(first + 1, last) if row not in self.between], dtype=np.int64)
+            inner = np.array([row for row in range(first + 1, last) if self._comparable(row)], dtype=np.int64)
             if self._tiny(first, last):
                 continue
             goals = arcs[first] + np.array([0.5, 0.3, 0.7]) * (arcs[last] - arcs[first])
             chosen = [int(inner[np.argmin(np.abs(arcs[inner] - goal))]) for goal in goals] if inner.size else []
             places += [list(dict.fromkeys(chosen))] if chosen else []
         return [*places, [len(self.rows) - 1]]
+
+    def _comparable(self, row: int) -> bool:
+        return row not in self.between and not self.rows[row].averaged
 
     def _tiny(self, first: int, last: int) -> bool:
         """Whether the rim of a contact hardly moves from one fold to the next."""
@@ -321,7 +324,7 @@ class _Survey:
             # Rows that were not examined lie between two that agree.
             column[row] = self.counts(int(all_known[np.argmin(np.abs(all_known - row))])).total()
         if unknown:
-            self.notes.append("What breaks the symmetry was not examined everywhere: memory was short.")
+            self.notes.append("What breaks the symmetry was not examined where the curve is an average.")
         return column
 
     def _between(self, one: int, other: int) -> None:

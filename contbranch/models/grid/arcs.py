@@ -1,0 +1,232 @@
+"""The curve on a lattice arc by arc: as long as the contact stays it is smooth, and it has a corner at every change.
+
+At a corner a node has neither gap nor wall pressure. That is an equation, and a corner is found with it: the node's gap
+is held at zero while the node counts as free. No corner, fold or reversal of the lattice's own can then be passed over,
+and none needs a small step: behind a corner the curve goes on along the arc of the new contact, in the direction in
+which the node is pressed, or opens.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .arrays import Array, Mask
+from .newton import Equilibrium, Hold, Settings, newton, tangent
+from .problem import GridProblem
+from .walk import Direction, Measure
+
+__all__ = ["Arc", "arcs"]
+
+# Violations of the inequalities that are rounding, relative to the largest gap in play and to the pressure.
+LOOSE = 1e-6
+# Targets tried for one corner, and steps along one arc.
+TARGETS, STEPS = 8, 40
+# The longest step along an arc, in rows of nodes.
+LONGEST = 1.0
+# Newton steps up to which the next one along an arc may be longer.
+EASY = 3
+
+
+@dataclass(frozen=True)
+class Arc:
+    """Three equilibria of one contact: where it begins, in the middle, and where it ends."""
+
+    begin: Equilibrium
+    middle: Equilibrium
+    end: Equilibrium
+
+
+@dataclass(frozen=True)
+class _Way:
+    """A direction of the curve at a state, of unit length, and the measure that says so."""
+
+    measure: Measure
+    u: Array
+    load: float
+
+    @property
+    def direction(self) -> Direction:
+        return Direction.along(self.measure, self.u, self.load)
+
+    def turned(self) -> _Way:
+        return _Way(self.measure, -self.u, -self.load)
+
+
+@dataclass
+class _Follower:
+    """Arcs of one problem."""
+
+    problem: GridProblem
+    length: float
+    period: float
+    settings: Settings
+
+    def __post_init__(self) -> None:
+        self.cap = LONGEST * self.period
+        self.settings = replace(self.settings, frozen=True, steps=12, inner=200, growth=1e3, patience=6, forcing=0.01)
+
+    def way(self, state: Equilibrium, towards: Direction) -> _Way | None:
+        """The tangent at a state, its progress in a direction positive."""
+        u, load = tangent(self.problem, state, towards.hold(0.0, 0.0))[:2]
+        measure = Measure.at(state, self.length)
+        size = measure.norm(u, load)
+        return _Way(measure, u / size, load / size) if np.isfinite(size) and size > 0.0 else None
+
+    def margins(self, state: Equilibrium) -> Array:
+        """What must not be negative: the wall's pressure in contact, the gap outside, each in its unit."""
+        own = np.where(state.contact, state.fields.excess / self._pressure, state.fields.gap / self.length)
+        return np.where(np.isfinite(own), own, np.inf)
+
+    @property
+    def _pressure(self) -> float:
+        return 0.5 / self.period
+
+    def events(self, state: Equilibrium, way: _Way) -> tuple[float, tuple[int, int]]:
+        """How far ahead the first node changes, by the tangent, and which."""
+        pressure = self.problem.stiffness(way.u - way.u.mean()) + way.load / self.problem.lattice.area
+        rate = np.where(state.contact, pressure / self._pressure, way.u / self.length)
+        margin = np.maximum(self.margins(state), 0.0)
+        ahead = np.where(rate < 0.0, margin / np.where(rate < 0.0, -rate, 1.0), np.inf)
+        node = np.unravel_index(int(np.argmin(ahead)), ahead.shape)
+        return float(ahead[node]), (int(node[0]), int(node[1]))
+
+    def orbit(self, node: tuple[int, int]) -> Mask:
+        """A node and its image where x and y can be exchanged."""
+        own = np.zeros(self.problem.shape, dtype=bool)
+        own[node] = True
+        return own | own.T if self.problem.swapped else own
+
+    def corner(self, state: Equilibrium, u: Array, load: float, node: tuple[int, int]) -> Equilibrium | None:
+        """The state near a trial state in which a node has neither gap nor pressure, with the node's new contact."""
+        row = np.zeros(self.problem.shape)
+        row[node] = 1.0
+        own = self.orbit(node)
+        free = state.contact & ~own
+        hold = Hold(-float(self.problem.heights[node]), 0.0, row, 1e-10 * self.length)
+        found = newton(self.problem, np.where(own, -self.problem.heights, u), load, hold, free, self.settings)
+        return replace(found, contact=found.contact if state.contact[node] else free | own) if found.converged else None
+
+    def beside(self, state: Equilibrium, u: Array, load: float, along: Direction) -> Equilibrium | None:
+        """The state of the same contact with the progress of a trial state."""
+        slack = 1e-4 * abs(along.value(u - state.u, load - state.load))
+        hold = along.hold(along.value(u, load), slack)
+        found = newton(self.problem, u, load, hold, state.contact, self.settings)
+        return found if found.converged else None
+
+    def first(self, state: Equilibrium, ahead: Equilibrium, known: tuple[int, int]) -> tuple[int, int]:
+        """The node that changes first between two states of one contact."""
+        begin, end = self.margins(state), self.margins(replace(ahead, contact=state.contact))
+        begin = np.maximum(begin, 0.0)
+        broken = end < -LOOSE
+        broken[known] = False
+        if not broken.any():
+            return known
+        share = np.where(broken, begin / np.where(broken, begin - end, 1.0), np.inf)
+        node = np.unravel_index(int(np.argmin(share)), share.shape)
+        return int(node[0]), int(node[1])
+
+    def arc(self, begin: Equilibrium, way: _Way) -> tuple[Arc, tuple[int, int], _Way] | None:
+        """From a state to the next corner: the arc, the node that changes there, and the way before it."""
+        state, last, cap = begin, way, self.cap
+        for _ in range(STEPS):
+            distance, node = self.events(state, last)
+            along = last.direction
+            step = min(distance, cap)
+            target: tuple[int, int] | None = node if distance <= cap else None
+            if target is None:
+                there = self.beside(state, state.u + step * last.u, state.load + step * last.load, along)
+                if there is None:
+                    cap = 0.5 * step
+                    continue
+                seen = self.first(state, there, (-1, -1))
+                if seen == (-1, -1):
+                    onward = self.way(there, along)
+                    if onward is None:
+                        return None
+                    longer = 2.0 * step if there.steps <= EASY else step
+                    state, last = there, onward
+                    self.cap = cap = min(longer, LONGEST * self.period)
+                    continue
+                target = seen
+                u, load = 0.5 * (state.u + there.u), 0.5 * (state.load + there.load)
+            else:
+                u, load = state.u + step * last.u, state.load + step * last.load
+            found = self._targeted(state, u, load, target, last, max(4.0 * step, 0.3 * self.period))
+            if found is not None:
+                end, node = found
+                middle = self._middle(begin, end, way)
+                return Arc(begin, middle, end), node, last
+            if step < 1e-6 * self.period:
+                return None
+            cap = 0.5 * step
+        return None
+
+    def _targeted(
+        self, state: Equilibrium, u: Array, load: float, target: tuple[int, int], way: _Way, most: float
+    ) -> tuple[Equilibrium, tuple[int, int]] | None:
+        """The first corner ahead of a state, sought at one node after the other."""
+        for _ in range(TARGETS):
+            end = self.corner(state, u, load, target)
+            if end is None or way.measure.apart(end, state) > most:
+                return None
+            if way.direction.value(end.u - state.u, end.load - state.load) < -1e-9:
+                return None
+            first = self.first(state, end, target)
+            if first == target:
+                return end, target
+            target, u, load = first, 0.5 * (state.u + end.u), 0.5 * (state.load + end.load)
+        return None
+
+    def _middle(self, begin: Equilibrium, end: Equilibrium, way: _Way) -> Equilibrium:
+        """The state half the way along an arc."""
+        change = end.u - begin.u, end.load - begin.load
+        size = way.measure.norm(*change)
+        if size < 1e-9:
+            return begin
+        bend = 0.25 * size
+        # a parabola through both ends with the tangent at the first
+        u = begin.u + bend * way.u + 0.25 * change[0]
+        load = begin.load + bend * way.load + 0.25 * change[1]
+        return self.beside(begin, u, load, Direction.along(way.measure, *change)) or begin
+
+    def onward(self, end: Equilibrium, node: tuple[int, int], way: _Way) -> _Way | None:
+        """The direction of the curve behind a corner: the node is pressed, or opens."""
+        found = self.way(end, way.direction)
+        if found is None:
+            return None
+        if end.contact[node]:
+            rate = float(self.problem.stiffness(found.u - found.u.mean())[node])
+            rate += found.load / self.problem.lattice.area
+        else:
+            rate = float(found.u[node])
+        return found if rate > 0.0 else found.turned()
+
+
+def arcs(
+    problem: GridProblem, length: float, start: tuple[Equilibrium, Equilibrium], settings: Settings
+) -> Iterator[Arc]:
+    """The arcs of the curve from a state on, until one is not found.
+
+    Parameters
+    ----------
+    length : float
+        The law's range.
+    start : two Equilibrium
+        The first, and one ahead of it that tells the sense in which to go.
+    settings : Settings
+        Of its tolerance.
+    """
+    follower = _Follower(problem, length, problem.lattice.spacing / length, settings)
+    state = start[0]
+    way = follower.way(state, Direction.between(*start, length))
+    while way is not None:
+        found = follower.arc(state, way)
+        if found is None:
+            return
+        arc, node, last = found
+        yield arc
+        state = arc.end
+        way = follower.onward(state, node, last)

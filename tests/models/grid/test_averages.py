@@ -1,0 +1,103 @@
+"""Folds of averages over the nodes that join a contact, against the axisymmetric model, which has no nodes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import contbranch as cb
+from contbranch.contact.contact import Contact
+from contbranch.control import LOAD
+from contbranch.curve.trace import Request
+from contbranch.models.grid.arcs import arcs
+from contbranch.models.grid.averaging import Average, Samples, half_width
+from contbranch.models.grid.newton import Equilibrium
+from contbranch.models.grid.rows import state_at
+from contbranch.models.grid.trace import trace
+from contbranch.models.grid.walk import following, quietly
+
+REPULSION = cb.Contact.reduced("gauss", tabor=2.0, sign=-1)
+ATTRACTION = cb.Contact.reduced("exponential", tabor=2.0)
+
+
+def folds(diagram: cb.Diagram) -> list[tuple[str | None, str | None]]:
+    return [(event.control, event.name) for event in diagram.events if event.kind == "fold"]
+
+
+@pytest.mark.filterwarnings("ignore::contbranch.GridWarning")
+@pytest.mark.parametrize(
+    ("contact", "cell", "grid", "name", "within"),
+    [
+        (REPULSION, 9.0, 48, "wetting_load", 0.1),
+        (REPULSION, 9.0, 64, "wetting_load", 0.05),
+        (REPULSION, 9.0, 96, "wetting_load", 0.01),
+        (ATTRACTION, 10.0, 64, "pull_off_load", 5e-3),
+        (ATTRACTION, 10.0, 96, "pull_off_load", 2e-3),
+    ],
+)
+def test_folds_are_the_contacts(contact: Contact, cell: float, grid: int, name: str, within: float) -> None:
+    """Where single nodes make folds by the dozen: those of the contact, no other, and errors that hold."""
+    found, exact = cb.trace(contact, model=cb.FreeSpace(cell=cell, grid=grid)), cb.trace(contact)
+    assert found.status == "complete"
+    assert folds(found) == folds(exact)
+    assert abs(found.thresholds[name] - exact.thresholds[name]) < within
+    for event in found.events:
+        if event.verdict == "averaged":
+            (other,) = (e for e in exact.events if (e.kind, e.control, e.name) == ("fold", event.control, event.name))
+            for field in ("load", "displacement", "contact_radius"):
+                assert abs(getattr(event, field) - getattr(other, field)) <= event.error[field]
+    assert {event.verdict for event in found.events if event.contact_radius > 0.0 and event.kind == "fold"} == {
+        "averaged"
+    }
+
+
+def test_the_lattices_own_curve_on_request() -> None:
+    found = cb.trace(REPULSION, model=cb.FreeSpace(cell=9.0, grid=96, averaging=False))
+    assert "averaged" not in {event.verdict for event in found.events}
+
+
+def test_a_loop_through_averages_dissipates_what_the_contact_does() -> None:
+    """Exponential attraction, μ_T = 1.5, under displacement control."""
+    contact = cb.Contact.reduced("exponential", tabor=1.5)
+    exact = cb.hysteresis(contact, control="displacement").dissipated
+    found = cb.hysteresis(contact, control="displacement", model=cb.FreeSpace(cell=12.0, grid=96))
+    assert exact is not None
+    assert found.dissipated is not None
+    assert abs(found.dissipated - exact) < min(3e-3, found.error)
+
+
+def test_arcs_join_where_a_node_has_neither_gap_nor_pressure() -> None:
+    model = cb.FreeSpace(cell=9.0, grid=96)
+    setup = model.scaled(REPULSION).setup(REPULSION.to_reduced(), None, None, 1e-6)
+    rows = trace(setup, Request(1e-6, modes=0), verdicts=False).rows
+    start = [row for row in rows if row.contact is not None and not row.contact.any()][-2:]
+    samples, ends = Samples(), list[Equilibrium]()
+    with quietly():
+        way = state_at(setup.problem, start[0]), state_at(setup.problem, start[1])
+        for arc in arcs(setup.problem, setup.length, way, following(1e-8)):
+            joined = arc.end.contact & ~arc.middle.contact
+            assert joined.any() or (arc.middle.contact & ~arc.end.contact).any()
+            assert np.abs(arc.end.fields.gap[joined]).max(initial=0.0) < 1e-8
+            assert np.abs(arc.end.fields.excess[joined]).max(initial=0.0) < 1e-4
+            assert arc.end.fields.gap.min() > -1e-6
+            assert arc.end.fields.excess[arc.end.contact].min() > -1e-4
+            ends.append(arc.end)
+            if samples.add(setup, arc) > 0.9:
+                break
+    assert len(ends) > 20
+    (fold,) = Average(samples, setup.lattice.spacing).folds(LOAD)
+    assert fold.values[0] == pytest.approx(13.8228886, abs=0.01)
+
+
+def test_windows_fit_the_contact() -> None:
+    """A part of the contact radius where that is small, some rows of nodes where it is not, few of many nodes."""
+    assert half_width(0.0, 0.1) == pytest.approx(0.16)
+    assert half_width(0.5, 0.1) == pytest.approx(0.3)
+    assert half_width(1.0, 0.1) == pytest.approx(0.35)
+    assert half_width(3.0, 0.1) == pytest.approx(0.2)
+
+
+@pytest.mark.parametrize("grid", [10**6, 10**9])
+def test_a_grid_larger_than_the_memory_is_refused(grid: int) -> None:
+    with pytest.raises(cb.InputError, match=r"grid: 10+; it would take \S+ GiB of memory, .* use at most \d+"):
+        cb.trace(REPULSION, model=cb.FreeSpace(cell=9.0, grid=grid))
