@@ -25,6 +25,7 @@ import numpy as np
 import scipy
 
 from .arrays import Array, Mask
+from .clusters import Separate
 from .problem import GridProblem
 
 __all__ = ["Border", "Change", "Linear"]
@@ -94,21 +95,32 @@ class Linear:
         v″.
     contact : array of bool
     border : Border
+    alone : int
+        Products after which clusters are made if there are none for the contact yet: a single state may do without.
     """
 
-    def __init__(self, problem: GridProblem, stiffness: Array, contact: Mask, border: Border) -> None:
-        self.problem, self.held = problem, border
+    def __init__(self, problem: GridProblem, stiffness: Array, contact: Mask, border: Border, alone: int = 0) -> None:
+        self.problem, self.held, self.alone = problem, border, alone
         stiffness = np.where(contact, 0.0, stiffness)
         size = np.abs(stiffness)
-        self.clusters = problem.clusters(contact, stiffness, contact | (size > NOTHING * size.max()))
+        self.clusters = problem.clusters(contact, stiffness, contact | (size > NOTHING * size.max()), alone > 0)
         self.zone = self.clusters.zone
         self.nodes = np.flatnonzero(self.zone)
         self.contact, self.stiffness = contact.take(self.nodes), stiffness.take(self.nodes)
         entries = border.on(self.zone)
+        # What is held is to be met ten times as well.
         self.scale = 10.0 / (float(np.linalg.norm(entries)) or 1.0)
         self.border = self.scale * entries
         self.coarse_border = self.clusters.border(self.border)
         self._forget()
+
+    def _gather(self) -> None:
+        """Go over to clusters."""
+        if isinstance(self.clusters, Separate):
+            stiffness = np.zeros(self.zone.shape)
+            stiffness.put(self.nodes, self.stiffness)
+            self.clusters = self.problem.clusters(self.clusters.contact, stiffness, self.zone)
+            self.coarse_border = self.clusters.border(self.border)
 
     def _forget(self) -> None:
         size = self.border.size
@@ -222,6 +234,8 @@ class Linear:
             self.directions, self.images = (
                 np.concatenate([a, np.empty_like(a)]) for a in (self.directions, self.images)
             )
+        if k == self.alone:
+            self._gather()
         direction = self._approximate(vector)
         image, moved = self.product(direction)
         before = length = float(np.linalg.norm(image))

@@ -17,7 +17,7 @@ import numpy as np
 from contbranch.contact.interactions import Interaction
 
 from .arrays import Array, Mask
-from .clusters import Clusters, Influence
+from .clusters import Clusters, Influence, Separate
 from .lattice import Lattice
 from .transforms import Counter, Transform
 
@@ -112,18 +112,34 @@ class GridProblem:
         """K̂ of the shortest wave of the lattice."""
         return float(np.pi / math.sqrt(2.0) / self.lattice.spacing)
 
-    def clusters(self, contact: Mask, stiffness: Array, zone: Mask) -> Clusters:
-        """The linearised equations on clusters of nodes (`Clusters.at`): those used last, where they serve."""
-        if self._clusters is None:
-            weight = 0.5 / self.lattice.spacing
-            self._clusters = Clusters(Influence(self.lattice), contact, zone, stiffness[zone], weight)
-        else:
-            self._clusters = self._clusters.at(contact, stiffness, zone)
+    def clusters(self, contact: Mask, stiffness: Array, zone: Mask, known: bool = False) -> Clusters | Separate:
+        """The linearised equations on clusters of nodes: those used last, where they serve.
+
+        Parameters
+        ----------
+        contact, zone : array of bool
+        stiffness : array
+            v″, 0 in contact.
+        known : bool
+            Whether only those are wanted; without them it is contact and free nodes by themselves.
+        """
+        if self._clusters is not None and self._clusters.serves(contact, zone):
+            self._clusters.renew(stiffness)
+            return self._clusters
+        weight = 0.5 / self.lattice.spacing
+        if known:
+            return Separate(contact, zone, stiffness[zone], weight, self._stiffened)
+        influence = Influence(self.lattice) if self._clusters is None else self._clusters.influence
+        self._clusters = Clusters(influence, contact, zone, stiffness[zone], weight)
         return self._clusters
 
     @cached_property
     def _compliance_filter(self) -> Array:
         return self.transform.normalisation / self.lattice.held_symbol(self.transform.parity)
+
+    def _stiffened(self, u: Array) -> Array:
+        """K_d u; one pair."""
+        return self.stiffness(u) + float(u.mean()) / (self.lattice.compliance * self.lattice.area)
 
     def displaced(self, pressure: Array) -> Array:
         """S p = u + d, the displacement by a pressure; one pair."""

@@ -47,7 +47,7 @@ def relatives(contact: Contact, field: str, value: float) -> tuple[list[State], 
     if model is None:
         return [], own
     try:
-        return list(FollowedCurves(likeness, model).solve(Request(1e-6), field, value).states), own
+        return list(FollowedCurves(likeness, model).solve(Request(1e-5), field, value).states), own
     except (InputError, ModelError):
         return [], own
 

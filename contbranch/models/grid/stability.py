@@ -31,7 +31,7 @@ import numpy as np
 
 from .arrays import Array
 from .linear import Border, Linear
-from .newton import Equilibrium, hold_control
+from .newton import ALONE, Equilibrium, hold_control
 from .problem import GridProblem
 from .transforms import EVEN, Parity, Transform
 from .variation import Precision, Variation, lowest
@@ -233,12 +233,12 @@ class Stability:
         random = np.random.default_rng(softening.size)
         return [*seeds, softening * random.standard_normal(softening.shape)]
 
-    def slope(self, equilibrium: Equilibrium, tolerance: float = 1e-9) -> float:
+    def slope(self, equilibrium: Equilibrium, tolerance: float = 1e-8) -> float:
         """dF/dd along the curve, from one linear solve; infinite at a fold of the displacement."""
         hold = hold_control(self.problem, 0.0, 1.0, 0.0)
         border = Border(self.problem, hold.row, hold.load_weight)
         with as_stability(self.problem):
-            linear = Linear(self.problem, equilibrium.fields.stiffness, equilibrium.contact, border)
+            linear = Linear(self.problem, equilibrium.fields.stiffness, equilibrium.contact, border, ALONE)
             return linear.solve(np.zeros(self.problem.shape), 1.0, tolerance).load
 
     def morse(
