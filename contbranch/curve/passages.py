@@ -36,8 +36,8 @@ class Seen(NamedTuple):
     point: Point
     place: float
     rate: float
-    held: complex
-    slope: complex
+    held: np.complex128
+    slope: np.complex128
 
 
 class _Part(NamedTuple):
@@ -89,8 +89,8 @@ class Search:
             rate = max(rate, STEEPEST * size)
         place = math.copysign(abs(q) ** (1 / self.power), q)
         own = point.observables
-        slope = complex(*self.rates(point)) * (self._stretch(place) / rate)
-        return Seen(point, place, rate, complex(own["load"], own["displacement"]), slope)
+        slope = np.complex128(complex(*self.rates(point)) * (self._stretch(place) / rate))
+        return Seen(point, place, rate, np.complex128(complex(own["load"], own["displacement"])), slope)
 
     def brackets(self, past: Sequence[Seen]) -> tuple[list[tuple[Control, Bracket]], list[Seen]]:
         """Brackets of all zeros, and the points in order, the earlier ones included."""

@@ -21,8 +21,8 @@ __all__ = ["Mesh", "mesh_on"]
 # A source panel closer to the target than this many of its own lengths is integrated with the kernel's substitution;
 # farther away the kernel is analytic in a Bernstein ellipse of parameter > 5.8 and the panel's own nodes suffice.
 NEAR = 1.0
-# Blocks of the matrices that are kept, of one order, and whole meshes; the digits by which blocks are told apart.
-MOST, MESHES, DIGITS = 4000, 16, 14
+# Blocks of the matrices that are kept, of one order, and whole meshes.
+MOST, MESHES = 4000, 16
 # How `Mesh.finer` is refined; with these, errors of the coarser mesh are measured to about a tenth of themselves.
 FINER_GRADING = 0.25
 FINER_ORDER_SHARE = 3
@@ -133,10 +133,10 @@ class Mesh:
     def _near(self, target: Indices, source: Indices, upwards: bool) -> Array:
         """The blocks of either integral for pairs of panels, (pairs, order, order); most of them are known."""
         edges, known = self.edges, _blocks(self.order, upwards)
-        # In units of the source's outer end: the blocks of panels that differ by a scale are the same.
-        unit = edges[source + 1]
-        sides = np.stack([edges[target], edges[target + 1], edges[source]], axis=1) / unit[:, None]
-        keys = [tuple(row) for row in sides.round(DIGITS).tolist()]
+        # Lengths in a power of two: the blocks of panels that differ by one are the same, to the last digit.
+        unit = np.exp2(np.floor(np.log2(edges[source + 1])))
+        sides = np.stack([edges[target], edges[target + 1], edges[source], edges[source + 1]], axis=1) / unit[:, None]
+        keys = [tuple(row) for row in sides.tolist()]
         if len(known) > MOST:
             known.clear()
         first = {key: k for k, key in enumerate(keys) if key not in known}

@@ -52,6 +52,8 @@ Array = NDArray[np.float64]
 SLACK = 0.06
 # A step to a solution whose error exceeds the tolerance by this factor is repeated shorter, so that meshes can follow.
 UNRESOLVED = 20.0
+# ... unless it is as short as this already, relative to the parameter: errors jump where a node passes a tip's end.
+JUMP = 1e-4
 # A change of mesh may move the solution by this multiple of its error estimate.
 LEAP = 30.0
 # While tracing, a gap or a wall pressure may be this much below zero, in the interaction's own units: errors of the
@@ -151,6 +153,7 @@ class ContactProblem(EquilibriumProblem):
         mesh = equations.mesh
         self._weights = mesh.weights
         self._corrected: tuple[Array, Solver] | None = None
+        self._row = math.nan  # parameter of the last row
         self.work = resolution.work
         self.work.unknowns = max(self.work.unknowns, mesh.size)
 
@@ -353,7 +356,8 @@ class ContactProblem(EquilibriumProblem):
 
     def observables(self, x: Array, p: float) -> Mapping[str, float]:
         """The values, by name, where the mesh resolves them."""
-        if self.relative_error(self.fields(x, p)) > UNRESOLVED * self.resolution.tolerance:
+        unresolved = self.relative_error(self.fields(x, p)) > UNRESOLVED * self.resolution.tolerance
+        if unresolved and not abs(p - self._row) < JUMP * abs(p):
             raise ModelError("the mesh does not resolve the solution")  # which repeats the step shorter
         return self.values(x, p)._asdict()
 
@@ -423,7 +427,7 @@ class ContactProblem(EquilibriumProblem):
 
     def adapt(self, x: Array, p: float) -> Adaptation | None:
         """A better mesh where the error estimate exceeds the tolerance, or where far fewer panels would do."""
-        fields = self.fields(x, p)
+        fields, self._row = self.fields(x, p), p
         resolution = self.resolution
         scale = max(1.0, abs(self.equations.load(fields)))
         allowed = resolution.tolerance * scale
@@ -449,6 +453,7 @@ class ContactProblem(EquilibriumProblem):
                 break
         if problem is self:
             return None
+        problem._row = p
         nodes = problem.equations.mesh.nodes
         self._corrected = None
         self.equations.forget()  # its points stay, by the thousand in cascades of layers, but are seldom asked again
