@@ -31,6 +31,7 @@ import scipy
 
 import contbranch as cb
 from contbranch.contact import interaction_law, interactions, tip_shape, tips
+from contbranch.continuation import bordered
 from contbranch.curve import refine
 from contbranch.models.axisymmetric import adapt, equations, mesh, profile, rim
 
@@ -183,6 +184,7 @@ def _code(function: Callable[..., object]) -> CodeType:
 
 
 LINEAR_ALGEBRA = tuple(str(Path(module.__file__ or "").parent) for module in (np.linalg, scipy.linalg))
+LAPACK_CALLERS = {_code(function) for function in vars(bordered.DenseBordered).values() if callable(function)}
 MESH_MAKERS = {_code(mesh.Mesh.__init__), _code(mesh.panel_rule)}
 EVENT_FINDERS = {_code(refine.refine)}
 WORKERS = {str(module.__file__) for module in (equations, rim, profile, interactions, interaction_law, tips, tip_shape)}
@@ -191,7 +193,7 @@ WORKERS = {str(module.__file__) for module in (equations, rim, profile, interact
 def kind_of_work(stack: list[CodeType]) -> str:
     """The kind of work that functions on a stack stand for."""
     files = {code.co_filename for code in stack}
-    if any(file.startswith(LINEAR_ALGEBRA) for file in files):
+    if any(file.startswith(LINEAR_ALGEBRA) for file in files) or stack[0] in LAPACK_CALLERS:
         return FACTORISATION
     if not MESH_MAKERS.isdisjoint(stack):
         return MESHES
@@ -220,6 +222,7 @@ def where_time_goes(case: Case, seconds: float = 5.0, interval: float = 1e-3) ->
     try:
         began = time.perf_counter()
         while time.perf_counter() - began < seconds:
+            mesh.forget()  # every trace makes its own meshes, as the first one of a process does
             case.trace()
     finally:
         signal.setitimer(signal.ITIMER_PROF, 0.0)

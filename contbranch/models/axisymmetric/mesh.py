@@ -194,6 +194,12 @@ def mesh_on(edges: Array, order: int) -> Mesh:
     return _mesh_on(tuple(edges.tolist()), order)
 
 
+def forget() -> None:
+    """Forget the last meshes, so that time is measured as in a process of its own."""
+    _mesh_on.cache_clear()
+    _blocks.cache_clear()
+
+
 @lru_cache(MESHES)
 def _mesh_on(edges: tuple[float, ...], order: int) -> Mesh:
     return Mesh(np.array(edges), order)
