@@ -59,7 +59,7 @@ COARSE, SMALL = 1.6, 128
 # ... and one of few; by this factor averages mean nothing.
 FEW, HOPELESS = 2.2, 3.5
 # Contact radius, in rows of nodes, below which a fold of the lattice may be the same as one of the average.
-NEAR = 2.5
+NEAR = 3.5
 # Rows of an average, a row of nodes.
 AVERAGED_ROWS = 2
 # So many points in a row that lie on known parts of the curve end it; the last rows are no known part.
