@@ -116,12 +116,15 @@ class _Follower:
         found = newton(self.problem, u, load, hold, state.contact, self.settings)
         return found if found.converged else None
 
-    def first(self, state: Equilibrium, ahead: Equilibrium, known: tuple[int, int]) -> tuple[int, int]:
-        """The node that changes first between two states of one contact."""
+    def first(
+        self, state: Equilibrium, ahead: Equilibrium, known: tuple[int, int] | None = None
+    ) -> tuple[int, int] | None:
+        """The node that changes first between two states of one contact; if no other does, the one that is known."""
         begin, end = self.margins(state), self.margins(replace(ahead, contact=state.contact))
         begin = np.maximum(begin, 0.0)
         broken = end < -LOOSE
-        broken[known] = False
+        if known is not None:
+            broken[known] = False
         if not broken.any():
             return known
         share = np.where(broken, begin / np.where(broken, begin - end, 1.0), np.inf)
@@ -141,8 +144,8 @@ class _Follower:
                 if there is None:
                     cap = 0.5 * step
                     continue
-                seen = self.first(state, there, (-1, -1))
-                if seen == (-1, -1):
+                target = self.first(state, there)
+                if target is None:
                     onward = self.way(there, along)
                     if onward is None:
                         return None
@@ -150,7 +153,6 @@ class _Follower:
                     state, last = there, onward
                     self.cap = cap = min(longer, LONGEST * self.period)
                     continue
-                target = seen
                 u, load = 0.5 * (state.u + there.u), 0.5 * (state.load + there.load)
             else:
                 u, load = state.u + step * last.u, state.load + step * last.load
@@ -175,7 +177,7 @@ class _Follower:
             if way.direction.value(end.u - state.u, end.load - state.load) < -1e-9:
                 return None
             first = self.first(state, end, target)
-            if first == target:
+            if first is None or first == target:
                 return end, target
             target, u, load = first, 0.5 * (state.u + end.u), 0.5 * (state.load + end.load)
         return None

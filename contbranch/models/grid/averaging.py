@@ -34,7 +34,9 @@ __all__ = ["LEAST", "MEASURED", "Average", "Fold", "Samples", "half_width", "tur
 
 # Half of a window in rows of nodes, the share of the contact radius that it may take up, and its least; where a row
 # has many nodes, fewer rows are enough.
-ROWS, SHARE, LEAST, MANY = 3.5, 0.6, 1.6, 60.0
+ROWS, SHARE, LEAST, MANY = 3.5, 0.6, 1.6, 110.0
+# Least radius of a fold, in rows of nodes.
+FEWEST = 1.0
 DEGREE = 3
 # Other windows (relative) and degrees, of which a fold's error is made.
 OTHERS = ((0.7, 3), (1.3, 3), (1.0, 4), (1.0, 2))
@@ -228,24 +230,23 @@ class Average:
         return np.linspace(low, high, max(2, int(CENTRES * (high - low) / self.spacing)))
 
     def folds(self, control: Control) -> list[Fold]:
-        """The folds of a control in order of the contact radius, but for those that their errors swallow."""
+        """The folds of a control in order of the contact radius, but for pairs that their errors swallow."""
         slopes = np.array([self._slope(control, radius) for radius in self.centres])
         found = []
         for k in np.flatnonzero(slopes[:-1] * slopes[1:] < 0.0):
             bracket = float(self.centres[k]), float(self.centres[k + 1])
+            if bracket[1] < FEWEST * self.spacing:
+                continue
             radius = float(scipy.optimize.brentq(lambda a: self._slope(control, a), *bracket))
             found.append(self._fold(control, radius, bool(slopes[k] > 0.0)))
-        while found:
-            # Between neighbours, and to the ends, what is controlled changes by more than the ripples leave.
+        while len(found) > 1:
             heights = np.array([control.weighted(*fold.values[:2]) for fold in found])
             errors = np.array([control.weighted(*fold.errors[1:3]) for fold in found])
-            ends = [control.weighted(*self.at(radius)[0][:2]) for radius in (self.first, self.last)]
-            changes = np.abs(np.diff([ends[0], *heights, ends[1]]))
-            shares = changes / np.maximum(np.append(errors[:1], errors), np.append(errors, errors[-1:]))
-            least = int(np.argmin(shares))
-            if shares[least] >= 1.0:
+            rise = np.abs(np.diff(heights)) / np.maximum(errors[1:], errors[:-1])
+            least = int(np.argmin(rise))
+            if rise[least] >= 1.0:
                 break
-            del found[max(least - 1, 0) : least + 1]
+            del found[least : least + 2]  # no more than the ripples leave
         return found
 
     def _fold(self, control: Control, radius: float, maximum: bool) -> Fold:

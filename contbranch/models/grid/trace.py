@@ -59,7 +59,7 @@ COARSE, SMALL = 1.6, 128
 # ... and one of few; by this factor averages mean nothing.
 FEW, HOPELESS = 2.2, 3.5
 # Contact radius, in rows of nodes, below which a fold of the lattice may be the same as one of the average.
-NEAR = 2.5
+NEAR = 3.5
 # Rows of an average, a row of nodes.
 AVERAGED_ROWS = 2
 # So many points in a row that lie on known parts of the curve end it; the last rows are no known part.
@@ -314,7 +314,7 @@ class _Tracer:
         places = start + np.cumsum(samples.lengths)
         radii = np.maximum.accumulate(samples.ends)
         folds = [one for one in self._folds(samples) if not self._known(*one)]
-        kept = [row for row in self.rows if row.arc <= start or self._stays(row, folds)]
+        kept = [row for row in self.rows if self._stays(row, folds, row.arc <= start)]
         touched = any(row.mark is not None and row.mark.kind == "touch" for row in kept)
         self.rows = kept
         if not (touching or touched):
@@ -351,16 +351,16 @@ class _Tracer:
         marks = [row.mark for row in self.rows if row.mark is not None and 0.0 < row.reading.contact_radius < least]
         return any(mark.control == control and mark.maximum == fold.maximum for mark in marks)
 
-    def _stays(self, row: Row, folds: Sequence[tuple[Control, Fold]]) -> bool:
+    def _stays(self, row: Row, folds: Sequence[tuple[Control, Fold]], before: bool) -> bool:
         """Whether a row stays where an average takes the place of others: an event of a contact of few nodes."""
-        mark, spacing = row.mark, self.setup.lattice.spacing
-        if mark is None or mark.kind != "fold":
-            return mark is not None and mark.kind == "touch"
+        mark, spacing, radius = row.mark, self.setup.lattice.spacing, row.reading.contact_radius
+        if mark is None or mark.kind != "fold" or mark.errors is not None or radius == 0.0:
+            return before or (mark is not None and mark.kind == "touch")
         again = any(
             mark.control == control and mark.maximum == fold.maximum and fold.radius < NEAR * spacing
             for control, fold in folds
         )
-        return row.reading.contact_radius < LEAST * spacing and not again
+        return radius < LEAST * spacing and not again
 
     # Events
 

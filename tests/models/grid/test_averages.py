@@ -94,7 +94,7 @@ def test_windows_fit_the_contact() -> None:
     assert half_width(0.0, 0.1) == pytest.approx(0.16)
     assert half_width(0.5, 0.1) == pytest.approx(0.3)
     assert half_width(1.0, 0.1) == pytest.approx(0.35)
-    assert half_width(3.0, 0.1) == pytest.approx(0.2)
+    assert half_width(5.0, 0.1) == pytest.approx(0.22)
 
 
 @pytest.mark.parametrize("grid", [10**6, 10**9])
