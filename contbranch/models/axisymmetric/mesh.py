@@ -108,9 +108,13 @@ class Mesh:
 
     def moments(self, points: Array, panel: Indices, factors: Array) -> Array:
         """Weights of the panel's nodal values in ``Σ_m factors · f(points)``; (pairs, m) -> (pairs, order)."""
+        return self._projected(points, panel, factors) @ self.rule.to_legendre
+
+    def _projected(self, points: Array, panel: Indices, factors: Array) -> Array:
+        """The same of the Legendre coefficients on the panel."""
         local = (points - self.edges[panel][:, None]) / self.half[panel][:, None] - 1.0
         values = legendre_values(self.order, local)
-        return np.asarray(np.einsum("kpm,pm->pk", values, factors) @ self.rule.to_legendre)
+        return np.asarray(np.einsum("kpm,pm->pk", values, factors))
 
     def _matrices(self) -> tuple[Array, Array]:
         """Both Abel integrals: the kernels at the nodes, and blocks for panels close to each other."""
@@ -144,18 +148,19 @@ class Mesh:
         if len(missing):
             nodes = self.nodes.reshape(self.panels, -1)[target[missing]].ravel()
             rows = (self._up if upwards else self._down)(nodes, np.repeat(source[missing], self.order))
-            own = rows.reshape(-1, self.order, self.order) / (unit[missing, None, None] if upwards else 1.0)
-            known.update(zip(first, own, strict=True))
+            # One product for each block: its last digits do not depend on how many others are missing.
+            own = rows.reshape(-1, self.order, self.order) @ self.rule.to_legendre
+            known.update(zip(first, own / (unit[missing, None, None] if upwards else 1.0), strict=True))
         found = np.stack([known[key] for key in keys])
         return found * unit[:, None, None] if upwards else found
 
     def _down(self, rho: Array, panel: Indices) -> Array:
-        """Rows of `plane`: tau = rho sin(theta) removes the weight and leaves a polynomial in sin(theta)."""
+        """Rows of `plane` for Legendre coefficients: tau = rho sin(theta) removes the weight and leaves a polynomial in sin(theta)."""
         tau, weights = self.arcs(rho, panel, self.order + 6)
-        return self.moments(tau, panel, (2 / np.pi) * weights)
+        return self._projected(tau, panel, (2 / np.pi) * weights)
 
     def _up(self, tau: Array, panel: Indices) -> Array:
-        """Rows of `abel`: sigma = tau cosh(y) removes the weight; from the innermost nodes the range of y is long."""
+        """Rows of `abel` for Legendre coefficients: sigma = tau cosh(y) removes the weight; from the innermost nodes the range of y is long."""
         start = np.arccosh(np.maximum(1.0, self.edges[panel] / tau))
         end = np.arccosh(self.edges[panel + 1] / tau)
         rows = np.empty((len(tau), self.order))
@@ -163,7 +168,7 @@ class Mesh:
             pick = (panel == 0) == inner
             y, weights = gauss_between(start[pick], end[pick], count)
             sigma = tau[pick, None] * np.cosh(y)
-            rows[pick] = self.moments(sigma, panel[pick], 2 * weights * sigma)
+            rows[pick] = self._projected(sigma, panel[pick], 2 * weights * sigma)
         return rows
 
     # -- fields on the mesh -------------------------------------------------------------------------------------------

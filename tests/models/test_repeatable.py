@@ -1,0 +1,34 @@
+"""A trace does not depend on what was traced before it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+import contbranch as cb
+from contbranch.models.axisymmetric import mesh
+
+CONTACTS = [
+    cb.Contact.reduced(law, tabor, sign)
+    for law, tabor, sign in (
+        (cb.Gauss, 2.0, 1),
+        (cb.Gauss, 4.0, 1),
+        (cb.VanDerWaals, 1.0, -1),
+        (cb.Exponential, 1.0, 1),
+    )
+]
+
+
+def numbers(contact):
+    diagram = cb.trace(contact, modes=0)
+    branch = diagram.branches[0]
+    return np.concatenate([branch.load, branch.displacement, branch.contact_radius, [e.load for e in diagram.events]])
+
+
+def test_every_digit_is_the_same_whatever_came_before():
+    """Parts of meshes that earlier traces have left behind are those that a trace would make itself."""
+    alone = []
+    for contact in CONTACTS:
+        mesh.forget()
+        alone.append(numbers(contact))
+    for k in (2, 0, 3, 1, 0, 2):
+        np.testing.assert_array_equal(numbers(CONTACTS[k]), alone[k])
