@@ -155,12 +155,12 @@ class Mesh:
         return found * unit[:, None, None] if upwards else found
 
     def _down(self, rho: Array, panel: Indices) -> Array:
-        """Rows of `plane` for Legendre coefficients: tau = rho sin(theta) removes the weight and leaves a polynomial in sin(theta)."""
+        """Rows of `plane`: tau = rho sin(theta) removes the weight, and leaves a polynomial in sin(theta)."""
         tau, weights = self.arcs(rho, panel, self.order + 6)
         return self._projected(tau, panel, (2 / np.pi) * weights)
 
     def _up(self, tau: Array, panel: Indices) -> Array:
-        """Rows of `abel` for Legendre coefficients: sigma = tau cosh(y) removes the weight; from the innermost nodes the range of y is long."""
+        """Rows of `abel`: sigma = tau cosh(y) removes the weight; from the innermost nodes the range of y is long."""
         start = np.arccosh(np.maximum(1.0, self.edges[panel] / tau))
         end = np.arccosh(self.edges[panel + 1] / tau)
         rows = np.empty((len(tau), self.order))
