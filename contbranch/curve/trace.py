@@ -87,7 +87,8 @@ def trace(problem: EquilibriumProblem, request: Request) -> Track:
             return _nothing(problem, request, message)
         tracing = _Tracing(request)
         tracing.follow(start)
-        tracing.fill()
+        if request.events:  # otherwise nothing but single states is wanted of the curve
+            tracing.fill()
         return tracing.track(problem)
 
 
