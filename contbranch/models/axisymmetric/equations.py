@@ -22,7 +22,7 @@ from scipy.linalg import lapack
 
 from contbranch.contact.interactions import Interaction
 from contbranch.contact.tips import Tip
-from contbranch.models.quadrature import chebyshev_values, gauss
+from contbranch.models.quadrature import chebyshev_values, gauss, gauss_between
 
 from .mesh import Mesh
 from .rim import Rim
@@ -38,6 +38,8 @@ SMALLEST_SPLIT = 48
 # Solutions whose fields are kept: the ends of a step and what was tried between them.
 RECENT = 6
 
+# A minimum of the gap is deeper than this share of gap and displacement; places a node among which it is looked for.
+RIPPLE, BETWEEN = 1e-9, 3
 # Radii, in units of the contact's, at which the wall pressure is checked.
 PROBES = np.array([0.02, 0.3, 0.6, 0.8, 0.9])
 
@@ -408,16 +410,28 @@ class Equations:
     def admissibility(self, fields: Fields, scale: float) -> float:
         """Smallest of gap/scale outside the disc and of the wall pressure inside relative to the interaction's largest.
 
-        Negative if a disc is wrong.
+        Negative if a disc is wrong, or if the surfaces meet on a ring before they do at the centre; at most 1.
         """
-        least = float(fields.gap.min()) / scale
-        a = fields.rim.radius
+        least, a = min(1.0, self._lowest(fields) / scale), fields.rim.radius
         if a > 0 and self.interaction is not None:
             own = self.contact_pressure()
             wall = self.inner_pressure(fields, a * PROBES) - own
             largest = max(abs(own), float(np.abs(fields.pressure).max()), 1 / scale)
             least = min(least, float(wall.min()) / largest)
         return least
+
+    def _lowest(self, fields: Fields) -> float:
+        """The lowest interior minimum of the gap that is no ripple of rounding; infinite without."""
+        gap, mesh = fields.gap, self.mesh
+        inner = np.flatnonzero((gap[1:-1] < gap[:-2]) & (gap[1:-1] <= gap[2:])) + 1
+        if len(inner) == 0:
+            return math.inf
+        lowest = inner[np.argmin(gap[inner])]
+        if not gap[lowest] < gap[:lowest].max() - RIPPLE * (abs(self._own_displacement(fields)) + abs(gap[lowest])):
+            return math.inf
+        panels = np.clip(lowest // mesh.order + np.array([-1, 0, 1]), 0, mesh.panels - 1)
+        places = gauss_between(mesh.edges[panels], mesh.edges[panels + 1], BETWEEN * mesh.order)[0].ravel()
+        return min(float(gap[lowest]), float(mesh.interpolate(gap, places).min()))
 
     # -- stability ----------------------------------------------------------------------------------------------------
     def unstable_modes(self, fields: Fields, finely: bool = True) -> int:

@@ -247,7 +247,7 @@ class ContactProblem(EquilibriumProblem):
         fields = self.fields(x, p)
         if "admissible" not in fields.derived:
             fields.derived["admissible"] = self.equations.admissibility(fields, self.scale)
-        return {"inadmissible": fields.derived["admissible"] + TOLERATED}
+        return {"inadmissible": fields.derived["admissible"] + (TOLERATED if self.equations.contact else 0.0)}
 
     def successor(self, name: str, points: Sequence[Point]) -> Succession | None:
         """First touch is followed by a disc of contact, a contact set that stops being a disc by any other.
@@ -637,7 +637,8 @@ def _solved(factors: Array, pivots: Array, f: Array) -> Array:
 
 def _margin(point: Point) -> float:
     """How far a disc is from being wrong, without tolerance."""
-    return equilibrium(point).margins(point.x, point.parameter)["inadmissible"] - TOLERATED
+    margin = equilibrium(point).margins(point.x, point.parameter)["inadmissible"]
+    return margin - (TOLERATED if point.observables["contact_radius"] > 0.0 else 0.0)
 
 
 def _disc(point: Point) -> Disc:
