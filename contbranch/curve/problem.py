@@ -323,8 +323,8 @@ class EquilibriumProblem(Problem):
         """The same problem with halved panels, for states that are not smooth; by default `finer`."""
         return self.finer()
 
-    def carried(self, vector: Array, x: Array, other: Self) -> Array:
-        """A state or direction at the state x, on another discretisation of the same problem."""
+    def carried(self, vector: Array, x: Array, p: float, other: Self) -> Array:
+        """A state or direction at (x, p) on another discretisation of the same problem; a state is x itself."""
         return vector
 
     def resolving(self, point: Point, tolerance: float) -> Self:

@@ -89,8 +89,8 @@ def moved(point: Point, problem: EquilibriumProblem) -> Point:
     return replace(
         point,
         problem=problem,
-        x=old.carried(point.x, point.x, problem),
-        tangent_x=old.carried(point.tangent_x, point.x, problem),
+        x=old.carried(point.x, point.x, point.parameter, problem),
+        tangent_x=old.carried(point.tangent_x, point.x, point.parameter, problem),
         observables={},
     )
 

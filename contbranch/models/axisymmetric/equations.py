@@ -27,7 +27,7 @@ from contbranch.models.quadrature import chebyshev_values, gauss, gauss_between
 from .mesh import Mesh
 from .rim import Rim
 
-__all__ = ["ContactCoordinate", "Equations", "Fields"]
+__all__ = ["RECENT", "ContactCoordinate", "Equations", "Fields"]
 
 Array = NDArray[np.float64]
 
@@ -35,6 +35,8 @@ Array = NDArray[np.float64]
 TAIL_NODES = 20
 # Below this size of the blocks a plain product is as fast.
 SMALLEST_SPLIT = 48
+# Relative step of the difference of a tip's shape between two meshes.
+STRETCH = 1e-5
 # Solutions whose fields are kept: the ends of a step and what was tried between them.
 RECENT = 6
 
@@ -177,6 +179,10 @@ class Equations:
         """The same contact on another mesh."""
         return Equations(self.tip, self.interaction, mesh, self.coordinate, self.contact)
 
+    def stretched(self, factor: float) -> Equations:
+        """The same contact on the mesh stretched by a factor."""
+        return self.on(self.mesh.stretched(factor))
+
     @cached_property
     def finer(self) -> Equations:
         """The same contact on the finer mesh."""
@@ -259,6 +265,23 @@ class Equations:
         if fields.rim.radius < 1e-12:  # right-hand derivatives
             _, shape_slope = self.tip.shape_gap(self.mesh.nodes, 1e-12)
         return np.asarray(fields.rim.plane_slope(fields.h - fields.rim_value) * dc + shape_slope * da)
+
+    def spread(self, fields: Fields) -> tuple[Array, Array]:
+        """Rates of gap and residual as the mesh is stretched, per unit of the logarithm and at fixed nodal h, (N,) each.
+
+        The kernels are homogeneous: `abel` grows with the mesh, and `plane` depends on the rim's radius in its units.
+        """
+        if "spread" not in fields.derived:
+            rho, a = self.mesh.nodes, fields.rim.radius
+            above, below = (self.tip.shape_gap(rho * (1 + side * STRETCH), a)[0] for side in (1, -1))
+            gap = (above - below) / (2 * STRETCH)
+            if a > 0:
+                gap -= 2 * a * a * fields.rim.plane_slope(fields.h - fields.rim_value)
+            answer = np.zeros_like(gap)
+            np.multiply(fields.stiffness, gap, out=answer, where=fields.stiffness != 0.0)
+            fields.derived["spread"] = gap, self.mesh.abel @ (answer - fields.pressure)
+        gap_rate, residual_rate = fields.derived["spread"]
+        return gap_rate, residual_rate
 
     # -- observables --------------------------------------------------------------------------------------------------
     def displacement(self, fields: Fields) -> float:
