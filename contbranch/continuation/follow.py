@@ -15,7 +15,7 @@ from contbranch.continuation.options import Options, StopAt
 from contbranch.continuation.problem import Array, Problem
 from contbranch.continuation.scan import LeapError, scan
 from contbranch.continuation.segment import Segment
-from contbranch.continuation.step import AFTER_FAILURE, POINTS, Predictor, judge
+from contbranch.continuation.step import AFTER_FAILURE, CONTRACTS, POINTS, Predictor, judge
 from contbranch.continuation.walk import adapted, annotated, to_point
 
 __all__ = ["Branch", "follow"]
@@ -107,7 +107,8 @@ class _Direction:
                 corrected = correct(here.problem, near, predictor.row, metric, options)
                 end = to_point(here.problem, corrected, metric, options.detect_branch_points)
                 judgement = judge(here, end, corrected, metric, options)
-                longest, count = predictor.longest(step, foretold, end, growth)
+                largest = corrected.first_correction * CONTRACTS / max(corrected.contraction, 1e-9)
+                longest, count = predictor.longest(step, foretold, end, growth, largest)
                 if judgement.accepted:
                     segment = Segment(here, annotated(end), metric)
                     segment, happenings, stop = self._look_inside(segment, last, away)

@@ -122,6 +122,7 @@ def correct(
     first = previous = math.inf
     contraction = 0.0
     worst = 0.0
+    slow = False
     for iteration in range(1, ITERATIONS + 1):
         at = linearise(problem, x, p)
         bordered = border(problem, x, p, at, row)
@@ -137,7 +138,9 @@ def correct(
             done = size <= max(close, floor) and contraction**2 * size <= max(tolerance, floor)
             # What no longer contracts close to rounding is as good as it gets.
             done = done or (size <= noise * floor and contraction > 0.1)
-            if not done and (contraction > 0.5 or not math.isfinite(size)):
+            # Corrections that small may grow once: what is narrow has little weight, and then spreads.
+            again, slow = slow or size > close, contraction > 0.5
+            if not done and ((slow and again) or not math.isfinite(size)):
                 raise CorrectionError(Outcome.STEP_TOO_SMALL, f"(Newton's corrections contract by {contraction:.2g}.)")
             if size > noise * floor:
                 worst = max(worst, contraction)
