@@ -20,9 +20,9 @@ from .mesh import Mesh
 
 __all__ = ["Front", "steepest"]
 
-# A front begins where a panel is shorter than this share of its distance from the rim, ends where none is shorter than
-# the second, and is moved where another panel is shorter by the third factor than the one it lies on.
-BEGINS, ENDS, SHORTER = 0.1, 0.3, 8.0
+# A front begins where the pressure changes by more than this multiple of its largest value over its distance from the
+# rim, ends where it changes by less than the second, and is moved where its own change is below this share.
+BEGINS, ENDS, FLATTER = 1.5, 1.0, 0.2
 
 
 @dataclass(frozen=True)
@@ -69,28 +69,23 @@ class Front:
 
 
 def steepest(equations: Equations, fields: Fields, present: Front | None, unit: Mesh) -> Front | None:
-    """The front of a state: the present one as long as it serves, or one on the shortest panel; None without.
+    """The front of a state: the present one as long as it serves, or one where the pressure is steepest; None without.
 
     Parameters
     ----------
     unit : Mesh
         The mesh before it was stretched.
     """
-    edges = unit.edges
-    share = np.diff(edges) / edges[1:]
-    share[0] = 1.0
-    shortest = int(np.argmin(share))
-    if present is not None:
-        own = share[int(np.searchsorted(edges[1:-1], present.place, side="right"))]
-        if share[shortest] > ENDS:
-            return None
-        if own <= SHORTER * share[shortest]:
-            return present
-    elif share[shortest] > BEGINS:
+    mesh = equations.mesh
+    steep = np.abs(mesh.nodes * mesh.derivative(fields.pressure)) / max(float(np.abs(fields.pressure).max()), 1e-300)
+    place = int(np.argmax(steep))
+    if not steep[place] > (BEGINS if present is None else ENDS):
         return None
-    place = float(edges[shortest] + edges[shortest + 1]) / 2
-    nodes, row = Front(place, 0.0, 1.0).row(unit)
-    gap = fields.gap[nodes]
+    if present is not None:
+        nodes, _ = present.row(unit)
+        if float(steep[nodes].max()) > FLATTER * steep[place]:
+            return present
+    gap = fields.gap[max(place - 1, 0) : place + 2]
     if not (bool((np.diff(gap) > 0).all()) or bool((np.diff(gap) < 0).all())):
         return present
-    return Front(place, float(row @ gap), float(unit.weights @ fields.h**2))
+    return Front(float(unit.nodes[place]), float(fields.gap[place]), float(unit.weights @ fields.h**2))

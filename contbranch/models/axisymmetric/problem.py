@@ -378,6 +378,8 @@ class ContactProblem(EquilibriumProblem):
             if problem.relative_error(x, 0.0) <= aim:
                 break
             problem, x = problem.remeshed(x, 0.0, aim)
+        if self.resolution.moving:
+            problem, x = problem.anchored(steepest(*problem.seen(x, 0.0), None, problem.equations.mesh), x, 0.0)
         rate, one = problem.direction(x, 0.0)
         return Point(problem, x, 0.0, rate, one, observables=problem.values(x, 0.0)._asdict(), label="start")
 
