@@ -86,6 +86,8 @@ TINY, MOVING = 1e-2, 0.1
 ROUNDS, NEARLY = 6, 1e-5
 # ln of the largest stretch of a mesh; a pivot below this share of its column says that the front alone moves.
 FARTHEST, TINY_PIVOT = 30.0, 1e-12
+# A length of the interaction's answer below this share of the innermost panel asks for graded panels at first touch.
+STIFF = 1e-3
 # At first touch a mesh aims at this share of the tolerance, since tiny contacts ask for more than the touch itself.
 AHEAD = 0.1
 
@@ -242,7 +244,7 @@ class ContactProblem(EquilibriumProblem):
             return Linearisation(fields.residual, np.empty((0, 0)), fields.residual)
         return Linearisation(self.residual(x, p), self.jacobian(x, p), self.parameter_derivative(x, p))
 
-    def moving(self, x: Array, x_rate: Array, fields: Fields) -> Array:
+    def moving(self, x_rate: Array, fields: Fields) -> Array:
         """The rate of h where it is, (N,), of a direction of states: the mesh may move through it."""
         if self.front is None:
             return x_rate
@@ -328,7 +330,8 @@ class ContactProblem(EquilibriumProblem):
             return None
         still = self.still(last.x)
         disc, h = still._behind(), last.x[: still.size]
-        return Succession("touch", last, (disc.touching(h),), others=lambda: disc.graded(h))
+        starts = disc.touching(h), *(disc.graded(h) if disc.stiff(h) else ())
+        return Succession("touch", last, starts[::-1], others=lambda: disc.graded(h))
 
     def _behind(self) -> ContactProblem:
         """The problem on the other side of first touch."""
@@ -432,7 +435,7 @@ class ContactProblem(EquilibriumProblem):
     def rates(self, x: Array, p: float, x_rate: Array, p_rate: float) -> Rates:
         """Rates of load, displacement, contact radius and central gap along a direction."""
         equations, fields = self.seen(x, p)
-        y_rate, h_rate = self.scale * math.cosh(p) * p_rate, self.moving(x, x_rate, fields)
+        y_rate, h_rate = self.scale * math.cosh(p) * p_rate, self.moving(x_rate, fields)
         load, displacement = equations.rates(fields, h_rate, y_rate)
         if 0.0 <= p < TINY and equations.interaction is not None:
             parts = abs(float(equations.rim_row @ h_rate))
@@ -549,7 +552,9 @@ class ContactProblem(EquilibriumProblem):
             expected = problem.error(start, p).state
             trial, carried = problem.remeshed(start, p, solve=False)
             found = trial.solve_at(carried, p, enough=NEARLY)  # it is corrected by who asked
-            if not np.abs(found - carried).max() <= LEAP * expected + 1e-6 * self.scale:
+            moved = found - carried
+            moved = min(float(np.abs(by).max()) for by in (moved, trial.moving(moved, trial.fields(found, p))))
+            if not moved <= LEAP * expected + 1e-6 * self.scale:
                 break  # Newton's method has left for another solution
             problem, start = trial, found
             if problem.relative_error(start, p) <= resolution.tolerance:
@@ -624,7 +629,7 @@ class ContactProblem(EquilibriumProblem):
             return np.append(mesh.interpolate(vector[:n], nodes), vector[n:])
         equations, fields = self.seen(x, p)
         shift = front.anchored(equations, fields) if front is not None else 0.0
-        function = fields.h if vector is x else self.moving(x, vector, fields)
+        function = fields.h if vector is x else self.moving(vector, fields)
         found = equations.mesh.interpolate(function, math.exp(shift) * nodes)
         return found if front is None else np.append(found, shift if vector is x else 0.0)
 
@@ -706,11 +711,17 @@ class ContactProblem(EquilibriumProblem):
         """Without contact the equations go on into u > 0, where the gap would be negative at the centre."""
         return not self.equations.contact
 
+    def answer(self, x: Array) -> float:
+        """The length on which elasticity answers the interaction at first touch."""
+        return 0.5 / max(1.0, float(np.abs(self.fields(x, 0.0).stiffness).max()))
+
+    def stiff(self, x: Array) -> bool:
+        """Whether a contact is to be expected to start with panels graded down to that length."""
+        return self.answer(x) < STIFF * self.equations.mesh.innermost
+
     def graded(self, x: Array) -> list[Point]:
         """First touch with panels graded down to the length on which elasticity answers the interaction."""
-        mesh = self.equations.mesh
-        fields = self.fields(x, 0.0)
-        length = 0.5 / max(1.0, float(np.abs(fields.stiffness).max()))
+        mesh, length = self.equations.mesh, self.answer(x)
         if length >= mesh.innermost:
             return []
         count = max(1, math.ceil(math.log(mesh.innermost / length) / math.log(4)))
