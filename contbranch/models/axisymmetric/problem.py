@@ -88,6 +88,8 @@ ROUNDS, NEARLY = 6, 1e-5
 FARTHEST, TINY_PIVOT = 30.0, 1e-12
 # A length of the interaction's answer below this share of the innermost panel asks for graded panels at first touch.
 STIFF = 1e-3
+# Parameter at which the direction behind first touch is taken where the film is so stiff.
+BEYOND = 1e-3
 # At first touch a mesh aims at this share of the tolerance, since tiny contacts ask for more than the touch itself.
 AHEAD = 0.1
 
@@ -383,7 +385,9 @@ class ContactProblem(EquilibriumProblem):
             problem, x = problem.remeshed(x, 0.0, aim)
         if self.resolution.moving:
             problem, x = problem.anchored(steepest(*problem.seen(x, 0.0), None, problem.equations.mesh), x, 0.0)
-        rate, one = problem.direction(x, 0.0)
+        # In a stiff film the limit of the slope at first touch holds for contacts below the length of the answer only.
+        ahead = BEYOND if problem.answer(x) < 0.01 * problem.equations.coordinate.radius(problem.scale * BEYOND) else 0.0
+        rate, one = problem.direction(problem.solve_at(x, ahead) if ahead else x, ahead)
         return Point(problem, x, 0.0, rate, one, observables=problem.values(x, 0.0)._asdict(), label="start")
 
     @property
