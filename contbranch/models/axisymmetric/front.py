@@ -35,13 +35,24 @@ class Front:
         ξ_f.
     gap : float
         g_f.
+    width : float
+        Over which the gap there changes by as much as it is.
     weight : float
         Of σ in the inner product of states: ∫ h² dξ where the front began.
     """
 
     place: float
     gap: float
+    width: float
     weight: float
+
+    def weights(self, mesh: Mesh) -> Array:
+        """Weights of the inner product of states, (N + 1,): all lengths around the front count alike, down to its own.
+
+        Otherwise nothing would tell how it looks, on which Newton's method depends.
+        """
+        own = self.place / (np.abs(mesh.nodes - self.place) + self.width)
+        return np.append(mesh.weights * (1.0 + own / math.log(2.0 + self.place / self.width)), self.weight)
 
     def row(self, mesh: Mesh) -> tuple[slice, Array]:
         """The nodes of the panel on which the front lies, and their weights in a value at its place."""
@@ -88,4 +99,5 @@ def steepest(equations: Equations, fields: Fields, present: Front | None, unit: 
     gap = fields.gap[max(place - 1, 0) : place + 2]
     if not (bool((np.diff(gap) > 0).all()) or bool((np.diff(gap) < 0).all())):
         return present
-    return Front(float(unit.nodes[place]), float(fields.gap[place]), float(unit.weights @ fields.h**2))
+    width = float(np.abs(fields.gap[place] / mesh.derivative(fields.gap)[place])) * unit.nodes[place] / mesh.nodes[place]
+    return Front(float(unit.nodes[place]), float(fields.gap[place]), width, float(unit.weights @ fields.h**2))

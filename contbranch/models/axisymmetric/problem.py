@@ -171,7 +171,7 @@ class ContactProblem(EquilibriumProblem):
         self.sharpness = sharpness
         self.front = front
         mesh = equations.mesh
-        self._weights = mesh.weights if front is None else np.append(mesh.weights, front.weight)
+        self._weights = mesh.weights if front is None else front.weights(mesh)
         self._seen: list[tuple[Array, float, Equations, Fields]] = []
         self._corrected: tuple[Array, Solver] | None = None
         self._row = math.nan  # parameter of the last row
