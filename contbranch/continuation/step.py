@@ -150,7 +150,7 @@ CONTRACTS = 0.3
 # Methods for Nonlinear Problems, Springer 2011, sec. 5.1, aims at 1/4 to 1/8).
 CONTRACTION = 0.1
 # A failed step says nothing about how much too long it was.
-AFTER_FAILURE = 0.3
+AFTER_FAILURE = 0.5
 
 
 @dataclass(frozen=True, slots=True)

@@ -348,6 +348,11 @@ class EquilibriumProblem(Problem):
         return Defect(0.0, 0.0, 0.0)
 
     @property
+    def moves(self) -> bool:
+        """Whether the discretisation moves along the curve, while that which `resolving` makes stays where it is."""
+        return False
+
+    @property
     def size(self) -> int:
         """Number of unknowns, where it can be refined."""
         return 1

@@ -239,6 +239,8 @@ def refine(point: Point, event: Event | None, accuracy: float, beside: Point | N
     """
     aimed = point
     try:
+        if equilibrium(point).moves:  # what resolves the event itself would not resolve the way to it
+            aimed = point = _located(_Place(point, accuracy), event).point
         if beside is not None and event is not None and _close(point, beside):
             aimed = settled(moved(point, equilibrium(beside)))
         for _ in range(ROUNDS_OF_AIM):

@@ -267,7 +267,7 @@ class Equations:
         return np.asarray(fields.rim.plane_slope(fields.h - fields.rim_value) * dc + shape_slope * da)
 
     def spread(self, fields: Fields) -> tuple[Array, Array]:
-        """Rates of gap and residual as the mesh is stretched, per unit of the logarithm and at fixed nodal h, (N,) each.
+        """Rates of gap and residual with ln of the stretch of the mesh at fixed nodal h, (N,) each.
 
         The kernels are homogeneous: `abel` grows with the mesh, and `plane` depends on the rim's radius in its units.
         """

@@ -99,5 +99,6 @@ def steepest(equations: Equations, fields: Fields, present: Front | None, unit: 
     gap = fields.gap[max(place - 1, 0) : place + 2]
     if not (bool((np.diff(gap) > 0).all()) or bool((np.diff(gap) < 0).all())):
         return present
-    width = float(np.abs(fields.gap[place] / mesh.derivative(fields.gap)[place])) * unit.nodes[place] / mesh.nodes[place]
-    return Front(float(unit.nodes[place]), float(fields.gap[place]), width, float(unit.weights @ fields.h**2))
+    at, own = float(unit.nodes[place]), float(fields.gap[place])
+    width = abs(own / float(mesh.derivative(fields.gap)[place])) * at / float(mesh.nodes[place])
+    return Front(at, own, width, float(unit.weights @ fields.h**2))

@@ -85,8 +85,9 @@ class Mesh:
         return mesh
 
     def halved(self) -> Mesh:
-        """A mesh with every panel cut in two, of the same order."""
-        return mesh_on(np.sort(np.concatenate([self.edges, (self.edges[:-1] + self.edges[1:]) / 2])), self.order)
+        """A mesh with every panel cut in two, of the same order, and as long as the finer one."""
+        middles, end = (self.edges[:-1] + self.edges[1:]) / 2, FINER_REACH * self.edges[-1:]
+        return mesh_on(np.sort(np.concatenate([self.edges, middles, end])), self.order)
 
     @cached_property
     def to_finer(self) -> Array:

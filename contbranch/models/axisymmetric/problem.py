@@ -251,7 +251,7 @@ class ContactProblem(EquilibriumProblem):
         if self.front is None:
             return x_rate
         mesh = self.equations.mesh
-        return x_rate[:-1] - mesh.nodes * mesh.derivative(fields.h) * x_rate[-1]
+        return np.asarray(x_rate[:-1] - mesh.nodes * mesh.derivative(fields.h) * x_rate[-1])
 
     def still(self, x: Array) -> ContactProblem:
         """The problem on the mesh of a state, which stays as it is: its state there is `x[: size]`."""
@@ -386,7 +386,8 @@ class ContactProblem(EquilibriumProblem):
         if self.resolution.moving:
             problem, x = problem.anchored(steepest(*problem.seen(x, 0.0), None, problem.equations.mesh), x, 0.0)
         # In a stiff film the limit of the slope at first touch holds for contacts below the length of the answer only.
-        ahead = BEYOND if problem.answer(x) < 0.01 * problem.equations.coordinate.radius(problem.scale * BEYOND) else 0.0
+        short = problem.answer(x) < 0.01 * problem.equations.coordinate.radius(problem.scale * BEYOND)
+        ahead = BEYOND if short else 0.0
         rate, one = problem.direction(problem.solve_at(x, ahead) if ahead else x, ahead)
         return Point(problem, x, 0.0, rate, one, observables=problem.values(x, 0.0)._asdict(), label="start")
 
@@ -556,8 +557,8 @@ class ContactProblem(EquilibriumProblem):
             expected = problem.error(start, p).state
             trial, carried = problem.remeshed(start, p, solve=False)
             found = trial.solve_at(carried, p, enough=NEARLY)  # it is corrected by who asked
-            moved = found - carried
-            moved = min(float(np.abs(by).max()) for by in (moved, trial.moving(moved, trial.fields(found, p))))
+            change = found - carried
+            moved = min(float(np.abs(by).max()) for by in (change, trial.moving(change, trial.fields(found, p))))
             if not moved <= LEAP * expected + 1e-6 * self.scale:
                 break  # Newton's method has left for another solution
             problem, start = trial, found
@@ -609,6 +610,11 @@ class ContactProblem(EquilibriumProblem):
         """The problem on another mesh, with the front where it is."""
         sharpness = self.sharpness if sharpness is None else sharpness
         return ContactProblem(self.equations.on(mesh), self.scale, self.resolution, sharpness, self.front)
+
+    @property
+    def moves(self) -> bool:
+        """With a front."""
+        return self.front is not None
 
     @property
     def size(self) -> int:

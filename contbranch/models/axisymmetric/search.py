@@ -26,8 +26,11 @@ BARE = 4
 def search_from(problem: ContactProblem, points: Sequence[Point]) -> Search:
     """The search on one side of first touch, given the curve's rows there."""
     problem = problem.still(points[-1].x)
-    own = [point for point in points if isinstance(point.problem, type(problem))]
-    meshes = [point.problem.seen(point.x, point.parameter)[0].mesh for point in own]
+    meshes = [
+        point.problem.seen(point.x, point.parameter)[0].mesh
+        for point in points
+        if isinstance(point.problem, type(problem))
+    ]
     edges = np.unique(np.concatenate([mesh.edges[1:] for mesh in meshes]))
     kept = [0.0, float(edges[0])]
     for edge in edges[1:]:

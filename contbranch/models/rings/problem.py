@@ -106,9 +106,7 @@ class RingProblem(RingEquations):
     def defect(self, point: Point) -> Defect:
         """One step of Newton's method on finer panels, across the curve; of the state the largest error of an edge."""
         fine = self.finer()
-        x, tangent = (
-            self.carried(vector, point.x, point.parameter, fine) for vector in (point.x, point.tangent_x)
-        )
+        x, tangent = (self.carried(vector, point.x, point.parameter, fine) for vector in (point.x, point.tangent_x))
         row = fine.metric(x).row(fine, tangent, point.tangent_parameter)
         at = linearise(fine, x, point.parameter)
         dx, dd = solve(border(fine, x, point.parameter, at, row), -at[0], 0.0, point.parameter)
