@@ -274,7 +274,8 @@ class Equations:
         if "spread" not in fields.derived:
             rho, a = self.mesh.nodes, fields.rim.radius
             above, below = (self.tip.shape_gap(rho * (1 + side * STRETCH), a)[0] for side in (1, -1))
-            gap = (above - below) / (2 * STRETCH)
+            with np.errstate(invalid="ignore"):
+                gap = np.nan_to_num((above - below) / (2 * STRETCH))  # beyond the end of a tip nothing moves
             if a > 0:
                 gap -= 2 * a * a * fields.rim.plane_slope(fields.h - fields.rim_value)
             answer = np.zeros_like(gap)

@@ -14,15 +14,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from contbranch.arrays import Array
+from contbranch.contact.interactions import Interaction
+from contbranch.contact.tips import Tip
 
 from .equations import Equations, Fields
 from .mesh import Mesh
 
-__all__ = ["Front", "steepest"]
+__all__ = ["Front", "steepest", "travels"]
 
 # A front begins where the pressure changes by more than this multiple of its largest value over its distance from the
 # rim, ends where it changes by less than the second, and is moved where its own change is below this share.
 BEGINS, ENDS, FLATTER = 1.5, 1.0, 0.2
+# Radius over which the interaction is felt in units of the length on which elasticity answers it, from which on fronts
+# are steep; gaps in ranges among which its stiffness is largest.
+STIFF, FAR, SAMPLES = 20.0, 4.0, 81
 
 
 @dataclass(frozen=True)
@@ -77,6 +82,15 @@ class Front:
             else:
                 low = middle
         return math.log(low / self.place)
+
+
+def travels(tip: Tip, law: Interaction | None) -> bool:
+    """Whether a contact is so stiff that steep fronts are to be expected; layers have several, which move apart."""
+    if law is None or math.isfinite(law.wave):
+        return False
+    range_ = min(term.range for term in law.terms)
+    stiffness = law.evaluate(range_ * np.linspace(0.0, FAR, SAMPLES))[2]
+    return float(np.nanmax(np.abs(stiffness))) * tip.radius_at(range_) > STIFF
 
 
 def steepest(equations: Equations, fields: Fields, present: Front | None, unit: Mesh) -> Front | None:

@@ -35,7 +35,7 @@ from contbranch.results.diagram import ModeShape, Profile
 from .adapt import Solver, adapted_edges, defect_error, needed_reach, panel_errors
 from .azimuthal import counted, eigenvalues, mode_shape
 from .equations import RECENT, ContactCoordinate, Equations, Fields
-from .front import Front, steepest
+from .front import Front, steepest, travels
 from .mesh import Mesh, mesh_on
 from .profile import profile_of
 from .relaxation import Release
@@ -132,7 +132,7 @@ def first_problem(contact: Contact, accuracy: float, tolerance: float) -> Contac
     """The problem from which the curve of a reduced contact starts."""
     tip, law = contact.axisymmetric_tip, contact.interaction
     coordinate = ContactCoordinate(tip, min(tip.apex_exponent, 2.0))
-    resolution = Resolution(tolerance, order_for(tolerance), contact, accuracy, moving=True)
+    resolution = Resolution(tolerance, order_for(tolerance), contact, accuracy, moving=travels(tip, law))
     mesh = mesh_on(np.array([0.0, 1.0]), resolution.order)
     scale = 1.0 if law is None else min(term.range for term in law.terms)
     return ContactProblem(Equations(tip, law, mesh, coordinate, False), scale, resolution)
