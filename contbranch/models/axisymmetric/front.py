@@ -20,14 +20,14 @@ from contbranch.contact.tips import Tip
 from .equations import Equations, Fields
 from .mesh import Mesh
 
-__all__ = ["Front", "steepest", "travels"]
+__all__ = ["Front", "felt", "steepest"]
 
 # A front begins where the pressure changes by more than this multiple of its largest value over its distance from the
 # rim, ends where it changes by less than the second, and is moved where its own change is below this share.
 BEGINS, ENDS, FLATTER = 1.5, 1.0, 0.2
-# Radius over which the interaction is felt in units of the length on which elasticity answers it, from which on fronts
-# are steep; gaps in ranges among which its stiffness is largest.
-STIFF, FAR, SAMPLES = 20.0, 4.0, 81
+# Radius over which the interaction is felt in units of the length on which elasticity answers it, from which on steps
+# are limited by fronts.
+STIFF = 20.0
 
 
 @dataclass(frozen=True)
@@ -84,24 +84,27 @@ class Front:
         return math.log(low / self.place)
 
 
-def travels(tip: Tip, law: Interaction | None) -> bool:
-    """Whether a contact is so stiff that steep fronts are to be expected; layers have several, which move apart."""
-    if law is None or math.isfinite(law.wave):
-        return False
-    range_ = min(term.range for term in law.terms)
-    stiffness = law.evaluate(range_ * np.linspace(0.0, FAR, SAMPLES))[2]
-    return float(np.nanmax(np.abs(stiffness))) * tip.radius_at(range_) > STIFF
+def felt(tip: Tip, law: Interaction | None) -> float:
+    """Radius over which an interaction is felt; 0 where no one front is to be expected: layers have several."""
+    return 0.0 if law is None or math.isfinite(law.wave) else tip.radius_at(min(term.range for term in law.terms))
 
 
-def steepest(equations: Equations, fields: Fields, present: Front | None, unit: Mesh) -> Front | None:
+def steepest(seen: tuple[Equations, Fields], present: Front | None, unit: Mesh, radius: float) -> Front | None:
     """The front of a state: the present one as long as it serves, or one where the pressure is steepest; None without.
 
     Parameters
     ----------
+    seen : Equations, Fields
+    present : Front or None
     unit : Mesh
         The mesh before it was stretched.
+    radius : float
+        Over which the interaction is felt.
     """
+    equations, fields = seen
     mesh = equations.mesh
+    if not float(np.abs(fields.stiffness).max()) * radius > STIFF:
+        return present
     steep = np.abs(mesh.nodes * mesh.derivative(fields.pressure)) / max(float(np.abs(fields.pressure).max()), 1e-300)
     place = int(np.argmax(steep))
     if not steep[place] > (BEGINS if present is None else ENDS):

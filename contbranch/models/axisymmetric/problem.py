@@ -35,7 +35,7 @@ from contbranch.results.diagram import ModeShape, Profile
 from .adapt import Solver, adapted_edges, defect_error, needed_reach, panel_errors
 from .azimuthal import counted, eigenvalues, mode_shape
 from .equations import RECENT, ContactCoordinate, Equations, Fields
-from .front import Front, steepest, travels
+from .front import Front, felt, steepest
 from .mesh import Mesh, mesh_on
 from .profile import profile_of
 from .relaxation import Release
@@ -110,8 +110,8 @@ class Resolution:
         Error allowed to events; the load at the start may be a share of it.
     far : float
         Parameter at which the curve starts.
-    moving : bool
-        Whether meshes may move with a front: where a whole curve is followed.
+    moving : float
+        Radius over which the interaction is felt, where meshes may move with a front: where a whole curve is followed.
     """
 
     tolerance: float
@@ -119,7 +119,7 @@ class Resolution:
     contact: Contact | None = None
     accuracy: float = 1e-6
     far: float = -math.inf
-    moving: bool = False
+    moving: float = 0.0
     work: Work = field(default_factory=Work)
 
 
@@ -132,7 +132,7 @@ def first_problem(contact: Contact, accuracy: float, tolerance: float) -> Contac
     """The problem from which the curve of a reduced contact starts."""
     tip, law = contact.axisymmetric_tip, contact.interaction
     coordinate = ContactCoordinate(tip, min(tip.apex_exponent, 2.0))
-    resolution = Resolution(tolerance, order_for(tolerance), contact, accuracy, moving=travels(tip, law))
+    resolution = Resolution(tolerance, order_for(tolerance), contact, accuracy, moving=felt(tip, law))
     mesh = mesh_on(np.array([0.0, 1.0]), resolution.order)
     scale = 1.0 if law is None else min(term.range for term in law.terms)
     return ContactProblem(Equations(tip, law, mesh, coordinate, False), scale, resolution)
@@ -384,7 +384,8 @@ class ContactProblem(EquilibriumProblem):
                 break
             problem, x = problem.remeshed(x, 0.0, aim)
         if self.resolution.moving:
-            problem, x = problem.anchored(steepest(*problem.seen(x, 0.0), None, problem.equations.mesh), x, 0.0)
+            front = steepest(problem.seen(x, 0.0), None, problem.equations.mesh, self.resolution.moving)
+            problem, x = problem.anchored(front, x, 0.0)
         # In a stiff film the limit of the slope at first touch holds for contacts below the length of the answer only.
         short = problem.answer(x) < 0.01 * problem.equations.coordinate.radius(problem.scale * BEYOND)
         ahead = BEYOND if short else 0.0
@@ -518,7 +519,7 @@ class ContactProblem(EquilibriumProblem):
         problem, start = self._refitted(x, p)
         front = problem.front
         if self.resolution.moving:
-            front = steepest(*problem.seen(start, p), problem.front, problem.equations.mesh)
+            front = steepest(problem.seen(start, p), front, problem.equations.mesh, self.resolution.moving)
         if problem is self and front is self.front:
             return None
         transfer = None
