@@ -45,11 +45,20 @@ _OPTIONS: Final = {
     "--vary": ("NAME=FROM:TO", "Parameter to vary, for example tabor=0.25:4."),
     "--max-load": ("F", "Largest load.  [default: beyond all events]"),
     "--json": ("FILE", "Write JSON; - for standard output."),
+    "--csv": ("FILE", "Write the points as a table, with units in its first line."),
+    "--events-csv": ("FILE", "Write the events as a table."),
     "--plot": ("FILE", "Draw to a .png, .pdf or .svg file."),
     "-o --output": ("FILE.h5", "Save arrays and profiles."),
 }
 _SHARED: Final = tuple(_OPTIONS)[:8]
-_OUTPUTS: Final = ("--json", "--plot", "-o --output")
+_OUTPUTS: Final = ("--json", "--csv", "--plot", "-o --output")
+# Suffixes of files and the options that write them; the first is refused to all others.
+_SUFFIXES: Final = {
+    ".json": ("--json",),
+    ".csv": ("--csv", "--events-csv"),
+    **dict.fromkeys((".h5", ".hdf5"), ("-o",)),
+    **dict.fromkeys((".pdf", ".png", ".svg"), ("--plot",)),
+}
 
 
 class _Parser(OptionParser):
@@ -87,9 +96,13 @@ class Command(NamedTuple):
         parser = _Parser(f"contbranch {name}", f"[OPTIONS] {self.argument[0]}", self.summary, argument)
         for flags in self.options:
             value, words = _OPTIONS[flags]
-            kind: dict[str, Any] = {"metavar": value} if value else {"action": "store_true", "default": False}
+            kind: dict[str, Any] = (
+                {"metavar": value, **({"action": "append"} if flags == "--plot" else {})}
+                if value
+                else {"action": "store_true", "default": False}
+            )
             parser.add_option(*flags.split(), help=words, **kind)
-        parser.set_defaults(json=None, output=None)
+        parser.set_defaults(json=None, output=None, csv=None, events_csv=None)
         return parser
 
 
@@ -157,7 +170,7 @@ def _show(asked: Values) -> Result:
 
 
 COMMANDS: Final = {
-    "trace": Command(_trace, (*_SHARED, "--max-load", *_OUTPUTS)),
+    "trace": Command(_trace, (*_SHARED, "--max-load", *_OUTPUTS, "--events-csv")),
     "solve": Command(_solve, (*_SHARED, "--load", "--displacement", "--all", *_OUTPUTS)),
     "loop": Command(_loop, (*_SHARED, "--max-load", *_OUTPUTS)),
     "follow": Command(_follow, (*_SHARED, "--event", "--vary", "--max-load", *_OUTPUTS)),
@@ -280,12 +293,16 @@ def _computed(name: str, request: Request, **options: Any) -> Any:
 def _check_outputs(asked: Values) -> None:
     """Raise InputError for an output that cannot be written, before anything is computed."""
     seen = {} if asked.source is None else {Path(asked.source).resolve(): "the input"}
-    for field, name in (("--json", asked.json), ("--plot", asked.plot), ("-o", asked.output)):
+    single = (("--json", asked.json), ("--csv", asked.csv), ("--events-csv", asked.events_csv), ("-o", asked.output))
+    for field, name in (*single, *(("--plot", name) for name in asked.plot or ())):
         if name is None or (name == "-" and field == "--json"):
             continue
         path = Path(name)
-        if field == "--plot" and path.suffix.lower() not in (".pdf", ".png", ".svg"):
+        suffix = path.suffix.lower()
+        if field == "--plot" and suffix not in (".pdf", ".png", ".svg"):
             raise InputError(f"--plot: '{name}' has no known suffix; must end in .pdf, .png or .svg")
+        if field not in (writers := _SUFFIXES.get(suffix, (field,))):
+            raise InputError(f"{field}: '{name}' ends like what {writers[0]} writes; choose another suffix")
         folder = path.resolve().parent
         if path.is_dir():
             raise InputError(f"{field}: '{name}' is a folder; give a file")
@@ -304,10 +321,20 @@ def _deliver(result: Result, asked: Values) -> None:
         result.save(asked.output)  # first: it holds everything
     if asked.json is not None:
         _write_json(result.document(), asked.json)
-    if asked.plot is not None:
+    if asked.csv is not None:
+        from contbranch.output.tables import write_csv
+
+        write_csv(result.table(), asked.csv, "--csv")
+    if asked.events_csv is not None:
+        from contbranch.output.tables import write_csv
+
+        write_csv(result.tables()["event"], asked.events_csv, "--events-csv")
+    if asked.plot:
         from contbranch.output.plot import draw, save_figure
 
-        save_figure(draw(result), asked.plot)
+        figure = draw(result)
+        for name in asked.plot:
+            save_figure(figure, name)
     if asked.json != "-":
         from contbranch.output.summary import print_result
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from optparse import Values
 from typing import TYPE_CHECKING, Any, Final
 
-from contbranch.contact.contact import Contact, dimensions, nearest
-from contbranch.contact.interaction_law import terms_of
+from contbranch.contact.contact import Contact, nearest
+from contbranch.contact.family import dimension_of
 from contbranch.contact.units import positive_number
 from contbranch.control import Spring, as_control
 from contbranch.errors import InputError
@@ -161,22 +161,13 @@ def parse_vary(text: str, request: Request) -> tuple[str, tuple[float, ...]]:
 def _value(text: str, name: str, request: Request) -> float:
     if name == "stiffness" and text in ("inf", "infinity"):
         return float("inf")
-    dimension = _dimension(name, request.contact)
+    dimension = dimension_of(request.contact, name)
     if dimension != "dimensionless":
         return request.quantity(text, dimension, "--vary")
     number = _bare(text)
     if isinstance(number, str):
         raise InputError(f"--vary: {text!r}; {name} is a plain number")
     return number
-
-
-def _dimension(name: str, contact: Contact) -> str:
-    """The dimension of a parameter."""
-    whole = {"stiffness": "stiffness", "modulus": "pressure"}
-    which, dot, field = name.rpartition(".")
-    laws = terms_of(contact.interaction)
-    found = [dimensions(type(part)).get(field) for part in ((contact.tip,) if which == "tip" else laws) if dot]
-    return whole.get(name) or next(filter(None, found), "dimensionless")
 
 
 def find_event(diagram: Diagram, name: str, control: object) -> Event:

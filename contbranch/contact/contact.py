@@ -223,7 +223,7 @@ class Contact:
         units = Units(description.get("units", "reduced"))
         tip = _rebuilt(description.get("tip", {}), TIPS, "shape", "tip")
         laws = description.get("interaction", [])
-        terms = [_rebuilt(law, INTERACTIONS, "law", f"interaction[{k}]") for k, law in enumerate(laws, start=1)]
+        terms = [_rebuilt(law, INTERACTIONS, "law", f"interaction[{k}]") for k, law in enumerate(laws)]
         return Contact(tip, sum(terms) or None, description.get("material", {}).get("modulus"), units)
 
     def describe(self) -> dict[str, Any]:

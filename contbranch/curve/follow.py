@@ -47,7 +47,7 @@ def follow(
         A fold, first touch or loss of symmetry, taken from ``diagram.events``.
     vary : str or callable
         ``"tabor"``, ``"share"`` (of the second of two laws), ``"stiffness"`` (of the spring), ``"modulus"``,
-        ``"tip.radius"``, ``"interaction[1].range"`` and the like, or a function that returns the contact for a number.
+        ``"tip.radius"``, ``"interaction[0].range"`` and the like, or a function that returns the contact for a number.
         Everything else stays fixed, in fixed units: those of the event's contact.
     to : float or pair of floats
         Value of the parameter, in the contact's units, at which the curve ends (stiffness: 0 and infinity are load and

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
@@ -16,6 +17,7 @@ from contbranch.control import Control
 from contbranch.errors import InputError, ModelError
 from contbranch.results.profile import CellFields, ModeShape, Profile
 from contbranch.results.record import Record, Result, described, late, record
+from contbranch.results.table import Table, joined, of_columns, of_records
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -467,6 +469,26 @@ class Diagram(Result):
                 found[number] = self.local_exponent(event)
         return found
 
+    def tables(self) -> dict[str, Table]:
+        """The points of all branches, and the events."""
+        points = joined("branch", [branch.columns for branch in self.branches])
+        return {
+            "point": of_columns(points, self.unit_names),
+            "event": of_records(Event, self.events, self.unit_names),
+        }
+
+    def events_to_csv(self, path: str | Path) -> None:
+        """Write the events as `to_csv` writes the points.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be written.
+        """
+        from contbranch.output.tables import write_csv
+
+        write_csv(self.tables()["event"], path)
+
     def plot_mode(self, event: Event) -> Figure:
         """Draw the mode that changes stability at a symmetry event: gap and pressure over r, and the gap from above.
 
@@ -509,6 +531,11 @@ class Solution(State, Result):
     message: str = described(written=False, default="")
     states: tuple[State, ...] = described(written=False, default=())
     contact: Contact | None = None
+
+    def tables(self) -> dict[str, Table]:
+        """The states found, this one first."""
+        names = {} if self.contact is None else self.contact.units.names
+        return {"state": of_records(State, self.states or (self,), names)}
 
     def body(self) -> dict[str, Any]:
         """All states found, or this one."""

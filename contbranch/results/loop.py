@@ -12,6 +12,7 @@ from contbranch.arrays import Array, Integers
 from contbranch.contact.contact import Contact
 from contbranch.results.diagram import Cost, ModelChoice, State
 from contbranch.results.record import Record, Result, described, record
+from contbranch.results.table import Table, of_columns
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -141,6 +142,12 @@ class Hysteresis(Result):
     def area(self) -> float | None:
         """Work done by the drive over the closed loop, by quadrature along the stable legs; equals `dissipated`."""
         return self._area() if callable(self._area) else self._area
+
+    def tables(self) -> dict[str, Table]:
+        """The points of the path."""
+        names = {} if self.contact is None else self.contact.units.names
+        position = "load" if self.control == "load" else "displacement"
+        return {"point": of_columns(self.path.items(), names, position=position)}
 
     def plot(self) -> Figure:
         """Draw the force curve and the contact radius along the loop, with arrows and jumps."""

@@ -10,9 +10,15 @@ from collections.abc import Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import Field, dataclass, field, fields
 from pathlib import Path
-from typing import Any, ClassVar, Final, NamedTuple, Self, TypeVar, dataclass_transform
+from typing import TYPE_CHECKING, Any, ClassVar, Final, NamedTuple, Self, TypeVar, dataclass_transform
 
 import numpy as np
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
+    from contbranch.results.table import Table
 
 __all__ = [
     "OBSERVABLES",
@@ -24,6 +30,7 @@ __all__ = [
     "key_of",
     "kind_of",
     "late",
+    "quantity_of",
     "record",
     "same",
     "unit_of",
@@ -71,8 +78,13 @@ def key_of(item: Field[Any]) -> str:
 
 def unit_of(item: Field[Any]) -> str:
     """The quantity in whose unit a field is."""
-    name = item.name.removesuffix("_error")
-    return str(item.metadata.get("unit", _QUANTITIES.get(name, name)))
+    return str(item.metadata.get("unit", quantity_of(item.name)))
+
+
+def quantity_of(name: str) -> str:
+    """The quantity in whose unit an array of that name is."""
+    name = name.removesuffix("_error")
+    return _QUANTITIES.get(name, name)
 
 
 def kind_of(item: Field[Any]) -> Any:
@@ -191,6 +203,50 @@ class Result(Record):
         from contbranch.output.hdf5 import save
 
         save(self, path)
+
+    def tables(self) -> dict[str, Table]:
+        """Its tables, by what a row is: the one of `to_csv` and `to_dataframe` first."""
+        raise NotImplementedError(f"{type(self).__name__} has no table")
+
+    def table(self) -> Table:
+        """The first of its `tables`."""
+        return next(iter(self.tables().values()))
+
+    def to_csv(self, path: str | Path) -> None:
+        """Write the table as text: one line of names with units, ``load [nN],displacement [nm],…``, then numbers.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be written.
+        """
+        from contbranch.output.tables import write_csv
+
+        write_csv(self.table(), path)
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """The table for pandas, its columns called as in a CSV file.
+
+        Raises
+        ------
+        InputError
+            If pandas is not installed (extra ``tables``).
+        """
+        from contbranch.output.tables import as_dataframe
+
+        return as_dataframe(self.table())
+
+    def to_xarray(self) -> xr.Dataset:
+        """The tables for xarray: a dimension for each, units as attributes.
+
+        Raises
+        ------
+        InputError
+            If xarray is not installed (extra ``tables``).
+        """
+        from contbranch.output.tables import as_xarray
+
+        return as_xarray(self)
 
 
 class Column(NamedTuple):
