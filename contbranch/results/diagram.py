@@ -503,11 +503,14 @@ class Diagram(Result):
             raise InputError(f"event: {event.kind} has no azimuthal mode; take a symmetry event")
         return mode_figure(event.mode_shape, event.contact_radius, self.unit_names)
 
-    def plot(self, x: str = "load", y: str = "contact_radius") -> Figure:
-        """Draw observable `y` against `x` with dashed unstable parts and marked events."""
+    def plot(self, x: str = "load", y: str = "contact_radius", **options: Any) -> Figure:
+        """Draw observable `y` against `x` with dashed unstable parts and marked events.
+
+        The options are those of `contbranch.output.plot.bifurcation_diagram`: ``ax``, ``labels``, ``color``, ….
+        """
         from contbranch.output.plot import bifurcation_diagram
 
-        return bifurcation_diagram(self, x, y)
+        return bifurcation_diagram(self, x, y, **options)
 
 
 @record

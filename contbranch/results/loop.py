@@ -149,8 +149,11 @@ class Hysteresis(Result):
         position = "load" if self.control == "load" else "displacement"
         return {"point": of_columns(self.path.items(), names, position=position)}
 
-    def plot(self) -> Figure:
-        """Draw the force curve and the contact radius along the loop, with arrows and jumps."""
+    def plot(self, x: str | None = None, y: str | None = None, **options: Any) -> Figure:
+        """Draw the force curve and the contact radius along the loop, with arrows and jumps, or `y` against `x`.
+
+        The options are those of `contbranch.output.plot_loop.loop_figure`: ``ax``.
+        """
         from contbranch.output.plot_loop import loop_figure
 
-        return loop_figure(self)
+        return loop_figure(self, x, y, **options)
