@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     )
     from contbranch.control import Spring
     from contbranch.curve.follow import follow
-    from contbranch.errors import InputError, ModelError
+    from contbranch.errors import InputError, ModelError, Stop
     from contbranch.models.axisymmetric.model import Axisymmetric
     from contbranch.models.exact.model import Exact
     from contbranch.models.grid.model import FreeSpace, Periodic
@@ -91,6 +91,7 @@ __all__ = [
     "SphericalCap",
     "Spring",
     "State",
+    "Stop",
     "Sum",
     "Tabulated",
     "Tip",
@@ -114,7 +115,7 @@ __getattr__, __dir__ = lazily(
         "Sum Tabulated VanDerWaals",
         ".contact.tips": "Cone EllipticParaboloid HeightMap Parabola PowerLaw Profile SphericalCap Tip TipShape",
         ".control": "Spring",
-        ".errors": "InputError ModelError",
+        ".errors": "InputError ModelError Stop",
         ".api": "find_all hysteresis phase_diagram solve trace",
         ".curve.follow": "follow",
         ".models.axisymmetric.model": "Axisymmetric",

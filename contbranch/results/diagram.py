@@ -513,4 +513,5 @@ class Solution(State, Result):
     def body(self) -> dict[str, Any]:
         """All states found, or this one."""
         told = {name: getattr(self, name) for name in ("model", "cost", "status", "message")}
-        return {"states": [state.items() for state in self.states or (self,)], **told}
+        states = self.states or (() if np.isnan(self.load) else (self,))
+        return {"states": [state.items() for state in states], **told}
