@@ -5,10 +5,9 @@ Describe a contact (`Contact`: a tip, an interaction law, a modulus), then `trac
 them. Closed-form theories are in `contbranch.theory`, continuation of any problem in `contbranch.continuation`.
 """
 
-from typing import TYPE_CHECKING
-
 from contbranch._lazy import lazily
 
+TYPE_CHECKING = False  # of `typing`, which takes as long to import as everything else here
 if TYPE_CHECKING:
     from contbranch.api import find_all, hysteresis, phase_diagram, solve, trace
     from contbranch.contact.contact import Contact

@@ -255,10 +255,11 @@ def best_of(found: Equilibria) -> Solution:
     InputError
         If there is none.
     """
-    if not found.states:
+    if not found.states and found.status == "complete":
         low, high = found.window
         raise InputError(f"load, displacement: no equilibrium there with a displacement from {low:.6g} to {high:.6g}")
-    best = _lowest(found.states, as_control(found.control if found.stiffness is None else Spring(found.stiffness)))
+    held = as_control(found.control if found.stiffness is None else Spring(found.stiffness))
+    best = _lowest(found.states, held) if found.states else UNKNOWN
     return Solution(
         **{item.name: getattr(best, item.name) for item in fields(State)},
         model=found.model,

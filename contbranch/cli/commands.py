@@ -1,7 +1,8 @@
 """The command ``contbranch``: trace, solve, loop, follow and show.
 
-Exit status: 0 complete; 1 incomplete (whatever was traced is written all the same); 2 wrong input, in one line. Heavy
-libraries are imported where they are needed: the start of the command is a good part of its time.
+Exit status: 0 complete; 1 incomplete (whatever was traced is written all the same); 2 wrong input, in one line; 130
+interrupted (as 1). Heavy libraries are imported where they are needed: the start of the command is a good part of its
+time.
 """
 
 from __future__ import annotations
@@ -10,23 +11,24 @@ import os
 import re
 import sys
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from optparse import HelpFormatter, OptionParser, Values
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, NoReturn
 
+from contbranch.cli import INTERRUPTED, interrupts
 from contbranch.errors import InputError, ModelError
 
 if TYPE_CHECKING:
     from contbranch.cli.request import Request
     from contbranch.results.record import Result
 
-__all__ = ["main"]
+__all__ = ["run"]
 
 COMPLETE: Final = 0
 INCOMPLETE: Final = 1
 WRONG_INPUT: Final = 2
-INTERRUPTED: Final = 130
 
 # The value's name (none: a switch) and what it means.
 _OPTIONS: Final = {
@@ -44,12 +46,13 @@ _OPTIONS: Final = {
     "--event": ("NAME", "Name of a fold under --control, or touch."),
     "--vary": ("NAME=FROM:TO", "Parameter to vary, for example tabor=0.25:4."),
     "--max-load": ("F", "Largest load.  [default: beyond all events]"),
+    "--time-limit": ("S", "Seconds after which what has been found is given.  [default: none]"),
     "--json": ("FILE", "Write JSON; - for standard output."),
     "--plot": ("FILE", "Draw to a .png, .pdf or .svg file."),
     "-o --output": ("FILE.h5", "Save arrays and profiles."),
 }
 _SHARED: Final = tuple(_OPTIONS)[:8]
-_OUTPUTS: Final = ("--json", "--plot", "-o --output")
+_OUTPUTS: Final = ("--time-limit", "--json", "--plot", "-o --output")
 
 
 class _Parser(OptionParser):
@@ -89,7 +92,7 @@ class Command(NamedTuple):
             value, words = _OPTIONS[flags]
             kind: dict[str, Any] = {"metavar": value} if value else {"action": "store_true", "default": False}
             parser.add_option(*flags.split(), help=words, **kind)
-        parser.set_defaults(json=None, output=None)
+        parser.set_defaults(json=None, output=None, time_limit=None)
         return parser
 
 
@@ -123,7 +126,7 @@ def _loop(asked: Values) -> Any:
     return _computed("hysteresis", request, max_load=request.limit(asked.max_load))
 
 
-def _follow(asked: Values) -> Result:
+def _follow(asked: Values) -> Any:
     """Follow a fold or first touch in a second parameter, with the points where folds meet or end."""
     request = _request(asked)
     for option in ("event", "vary"):
@@ -133,12 +136,16 @@ def _follow(asked: Values) -> Result:
     from contbranch.contact.family import family_of
     from contbranch.curve.follow import follow
     from contbranch.models.choice import choose, on_grid
+    from contbranch.watch import over
 
     name, values = parse_vary(asked.vary, request)
     limit = request.limit(asked.max_load)
     if on_grid(choose(request.contact, request.chosen_model)[0]):
         raise InputError("--model: events found on a grid cannot be followed; use the axisymmetric model")
-    event = find_event(_computed("trace", request, max_load=limit), asked.event, request.control)
+    diagram = _computed("trace", request, max_load=limit)
+    if over():
+        return diagram
+    event = find_event(diagram, asked.event, request.control)
     try:
         present = event.stiffness if name == "stiffness" else None
         now = family_of(request.contact, name, values[-1], present, event.control).start
@@ -165,12 +172,12 @@ COMMANDS: Final = {
 }
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command with `arguments` (default: those of the process) and return its exit status."""
+def run(arguments: Sequence[str]) -> int:
+    """Run the command and return its exit status."""
     try:
         with warnings.catch_warnings():
             warnings.showwarning = _show_warning
-            status = _run(list(sys.argv[1:] if arguments is None else arguments))
+            status = _run(list(arguments))
         sys.stdout.flush()
     except InputError as error:
         return _fail(str(error), WRONG_INPUT)
@@ -211,11 +218,53 @@ def _run(given: list[str]) -> int:
         parser.error(f"Missing argument '{command.argument[0]}'")
     asked.source = rest[0] if rest else None
     _check_outputs(asked)
-    result = command.compute(asked)
+    interrupted = False
+    try:
+        result = command.compute(asked) if name == "show" else _watched(command, asked)
+    except KeyboardInterrupt as error:
+        if not hasattr(error, "partial"):
+            raise
+        result, interrupted = error.partial, True
+    interrupts.keeping = True
     _deliver(result, asked)
+    if interrupts.pending or interrupted:
+        return _fail(f"interrupted: {result.message}", INTERRUPTED)
     if name == "show" or result.status == "complete":
         return COMPLETE
     return _fail(f"incomplete: {result.message}", INCOMPLETE)
+
+
+def _watched(command: Command, asked: Values) -> Any:
+    """Compute within the time allowed, telling how far it is; Ctrl-C ends it with what it has."""
+    from contbranch.watch import watched
+
+    limit = None
+    if asked.time_limit is not None:
+        from contbranch.cli.request import seconds
+
+        limit = seconds(asked.time_limit)
+    with _reporting() as report, watched(report, limit) as watch:
+        result = command.compute(asked)
+    return watch.passed(result)
+
+
+@contextmanager
+def _reporting() -> Iterator[Callable[[float, str], None]]:
+    """Show progress on standard error, heeding Ctrl-C; what shows it is imported with the first news."""
+    shown: list[Callable[[float, str], None]] = []
+    with ExitStack() as stack:
+
+        def report(fraction: float, text: str) -> None:
+            interrupts.keeping = True
+            if interrupts.pending:
+                raise KeyboardInterrupt
+            if not shown:
+                from contbranch.output.summary import progress_bar, progress_lines
+
+                shown.append(stack.enter_context(progress_bar()) if sys.stderr.isatty() else progress_lines())
+            shown[0](fraction, text)
+
+        yield report
 
 
 def _parsed(parser: _Parser, given: list[str]) -> tuple[Values, list[str]]:
@@ -260,18 +309,12 @@ def _request(asked: Values) -> Request:
 
 
 def _computed(name: str, request: Request, **options: Any) -> Any:
-    """Call a computation of the package with the settings of the request, showing its progress on a terminal."""
+    """Call a computation of the package with the settings of the request."""
     import contbranch
 
     compute = getattr(contbranch, name)
     settings: dict[str, Any] = {"control": request.control, "accuracy": request.accuracy, "model": request.chosen_model}
-    settings |= options
-    if not sys.stderr.isatty():
-        return compute(request.contact, **settings)
-    from contbranch.output.summary import progress_bar
-
-    with progress_bar() as progress:
-        return compute(request.contact, progress=progress, **settings)
+    return compute(request.contact, **settings | options)
 
 
 # Output

@@ -193,7 +193,8 @@ class FollowedCurves:
         if others is None:
             searched = "others were not looked for off the curve"
         elif not searched:
-            searched = f"{apart} not connected to the curve" if apart else "the search off the curve found no other"
+            none = "the search off the curve " + ("was not finished" if over() else "found no other")
+            searched = f"{apart} not connected to the curve" if apart else none
         found = _coexisting(track, field, tuple(s for s, _ in kept), tuple(joined for _, joined in kept))
         return replace(found, complete=curve.complete, message=curve.message, window=window, searched=searched)
 

@@ -111,7 +111,7 @@ def _as_diagram(solution: Solution) -> Diagram:
     contact = solution.contact
     return Diagram(
         contact=contact,
-        branches=tuple(_point(state) for state in solution.states or (solution,)),
+        branches=tuple(_point(state) for state in solution.known),
         events=(),
         thresholds={},
         model=solution.model,

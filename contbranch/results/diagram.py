@@ -510,8 +510,12 @@ class Solution(State, Result):
     states: tuple[State, ...] = described(written=False, default=())
     contact: Contact | None = None
 
+    @property
+    def known(self) -> tuple[State, ...]:
+        """All states found, or this one; none where an interrupted search has not found any."""
+        return self.states or (() if np.isnan(self.load) else (self,))
+
     def body(self) -> dict[str, Any]:
         """All states found, or this one."""
         told = {name: getattr(self, name) for name in ("model", "cost", "status", "message")}
-        states = self.states or (() if np.isnan(self.load) else (self,))
-        return {"states": [state.items() for state in states], **told}
+        return {"states": [state.items() for state in self.known], **told}
