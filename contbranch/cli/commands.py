@@ -7,11 +7,12 @@ time.
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 import sys
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from optparse import HelpFormatter, OptionParser, Values
 from pathlib import Path
@@ -19,6 +20,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple, NoReturn
 
 from contbranch.cli import INTERRUPTED, interrupts
 from contbranch.errors import InputError, ModelError
+from contbranch.output.files import Place, reserved
 
 if TYPE_CHECKING:
     from contbranch.cli.request import Request
@@ -52,6 +54,7 @@ _OPTIONS: Final = {
     "-o --output": ("FILE.h5", "Save arrays and profiles."),
 }
 _SHARED: Final = tuple(_OPTIONS)[:8]
+_SUFFIXES: Final = {"--json": ".json", "--plot": ".pdf, .png or .svg", "-o": ".h5 or .hdf5"}
 _OUTPUTS: Final = ("--time-limit", "--json", "--plot", "-o --output")
 
 
@@ -185,10 +188,14 @@ def run(arguments: Sequence[str]) -> int:
         return _fail(str(error), INCOMPLETE)
     except KeyboardInterrupt:
         return _fail("interrupted", INTERRUPTED)
-    except BrokenPipeError:
-        # whoever read standard output has left: let the interpreter's last flush go nowhere
+    except OSError as error:
+        if error.errno not in (errno.EPIPE, errno.ENOSPC, errno.EFBIG):
+            raise
+        # standard output takes no more: let the interpreter's last flush go nowhere
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return INCOMPLETE
+        if error.errno == errno.EPIPE:  # whoever read it has left
+            return INCOMPLETE
+        return _fail(f"standard output cannot be written ({error.strerror})", WRONG_INPUT)
     return status
 
 
@@ -217,16 +224,17 @@ def _run(given: list[str]) -> int:
     if not rest and not command.argument[0].startswith("["):
         parser.error(f"Missing argument '{command.argument[0]}'")
     asked.source = rest[0] if rest else None
-    _check_outputs(asked)
     interrupted = False
-    try:
-        result = command.compute(asked) if name == "show" else _watched(command, asked)
-    except KeyboardInterrupt as error:
-        if not hasattr(error, "partial"):
-            raise
-        result, interrupted = error.partial, True
-    interrupts.keeping = True
-    _deliver(result, asked)
+    with ExitStack() as stack:
+        places = {field: stack.enter_context(reserved(path, field)) for field, path in _outputs(asked).items()}
+        try:
+            result = command.compute(asked) if name == "show" else _watched(command, asked)
+        except KeyboardInterrupt as error:
+            if not hasattr(error, "partial"):
+                raise
+            result, interrupted = error.partial, True
+        interrupts.keeping = True
+        _deliver(result, asked, places)
     if interrupts.pending or interrupted:
         return _fail(f"interrupted: {result.message}", INTERRUPTED)
     if name == "show" or result.status == "complete":
@@ -320,51 +328,48 @@ def _computed(name: str, request: Request, **options: Any) -> Any:
 # Output
 
 
-def _check_outputs(asked: Values) -> None:
-    """Raise InputError for an output that cannot be written, before anything is computed."""
+def _outputs(asked: Values) -> dict[str, Path]:
+    """The files to be written, by option; InputError for one that cannot be, before anything is computed."""
+    given = {"--json": None if asked.json == "-" else asked.json, "--plot": asked.plot, "-o": asked.output}
+    paths = {field: Path(name) for field, name in given.items() if name is not None}
     seen = {} if asked.source is None else {Path(asked.source).resolve(): "the input"}
-    for field, name in (("--json", asked.json), ("--plot", asked.plot), ("-o", asked.output)):
-        if name is None or (name == "-" and field == "--json"):
-            continue
-        path = Path(name)
-        if field == "--plot" and path.suffix.lower() not in (".pdf", ".png", ".svg"):
-            raise InputError(f"--plot: '{name}' has no known suffix; must end in .pdf, .png or .svg")
+    for field, path in paths.items():
         folder = path.resolve().parent
         if path.is_dir():
-            raise InputError(f"{field}: '{name}' is a folder; give a file")
+            raise InputError(f"{field}: '{path}' is a folder; give a file")
         if not folder.is_dir():
             raise InputError(f"{field}: the folder '{folder}' does not exist; make it or choose another")
         if not os.access(path if path.exists() else folder, os.W_OK):
-            raise InputError(f"{field}: '{name}' cannot be written; choose a place with write permission")
+            raise InputError(f"{field}: '{path}' cannot be written; choose a place with write permission")
         if path.resolve() in seen:
-            raise InputError(f"{field}: '{name}' is also {seen[path.resolve()]}; choose another file")
+            raise InputError(f"{field}: '{path}' is also {seen[path.resolve()]}; choose another file")
         seen[path.resolve()] = f"the output of {field}"
+        known = _SUFFIXES[field]
+        if (path.suffix or field == "--plot") and path.suffix.lower() not in re.findall(r"\.\w+", known):
+            what = "no known suffix" if field == "--plot" else f"the suffix {path.suffix}"
+            raise InputError(f"{field}: '{path}' has {what}; must end in {known}")
+    return paths
 
 
-def _deliver(result: Result, asked: Values) -> None:
+def _deliver(result: Result, asked: Values, places: Mapping[str, Place]) -> None:
     """Write and print a result as it was asked for."""
-    if asked.output is not None:
-        result.save(asked.output)  # first: it holds everything
-    if asked.json is not None:
-        _write_json(result.document(), asked.json)
-    if asked.plot is not None:
-        from contbranch.output.plot import draw, save_figure
+    if "-o" in places:  # first: it holds everything
+        from contbranch.output.hdf5 import content
 
-        save_figure(draw(result), asked.plot)
+        places["-o"].write(content(result))
+    if asked.json is not None:
+        import json
+
+        text = json.dumps(result.document(), allow_nan=False, ensure_ascii=False) + "\n"
+        if "--json" in places:
+            places["--json"].write(text.encode())
+        else:
+            sys.stdout.write(text)
+    if "--plot" in places:
+        from contbranch.output.plot import draw, figure_content
+
+        places["--plot"].write(figure_content(draw(result), places["--plot"].path.suffix))
     if asked.json != "-":
         from contbranch.output.summary import print_result
 
         print_result(result)
-
-
-def _write_json(document: dict[str, Any], name: str) -> None:
-    import json
-
-    text = json.dumps(document, allow_nan=False, ensure_ascii=False)
-    if name == "-":
-        sys.stdout.write(text + "\n")
-        return
-    try:
-        Path(name).write_text(text + "\n", encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"--json: '{name}' cannot be written ({error.strerror}); give a writable file") from None
