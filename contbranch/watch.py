@@ -67,8 +67,9 @@ class Watch:
     def end(self, error: BaseException) -> None:
         """Note what ends the computation."""
         if not isinstance(error, Interruption) and not self.reason:
-            self.reason = "The computation was interrupted."
-            self.cause = error
+            own = isinstance(error, KeyboardInterrupt)
+            self.reason = f"The computation was {'interrupted' if own else 'stopped by its progress callback'}."
+            self.cause = None if isinstance(error, Stop) else error
 
     def passed(self, result: Kind) -> Kind:
         """The result of a computation that is no longer watched; if something was raised, that, with the result."""
@@ -93,8 +94,7 @@ class Watch:
             try:
                 self._progress(*self._said)
             except BaseException as error:
-                self.reason = "The computation was stopped by its progress callback."
-                self.cause = None if isinstance(error, Stop) else error
+                self.end(error)
                 raise Interruption(self.reason) from error
             finally:
                 _present.reset(own)

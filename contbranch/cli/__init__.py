@@ -9,6 +9,7 @@ import sys
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from pathlib import Path
 
 __all__ = ["INTERRUPTED", "interrupts", "main"]
 
@@ -24,9 +25,14 @@ class Interrupts:
         Whether there is something to keep; then the computation asks for `pending`.
     pending : bool
         Whether Ctrl-C was pressed; a second time interrupts whatever is being done.
+    unfinished : list of Path
+        Files to be removed when the program ends at once.
     """
 
     keeping = pending = False
+
+    def __init__(self) -> None:
+        self.unfinished: list[Path] = []
 
     def heed(self) -> None:
         """Heed Ctrl-C from now on, unless the program was started so that it is ignored."""
@@ -36,6 +42,8 @@ class Interrupts:
     def __call__(self, *_: object) -> None:
         """Take note, or end."""
         if not self.keeping:
+            for path in self.unfinished:
+                path.unlink(missing_ok=True)
             os.write(2, b"contbranch: interrupted\n")
             os._exit(INTERRUPTED)
         if self.pending:
@@ -54,5 +62,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     from contbranch.cli.commands import run
 
     status = run(sys.argv[1:] if arguments is None else arguments)
+    if arguments is None:  # what is left to do ends by itself
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
     interrupts.keeping = interrupts.pending = False
     return status

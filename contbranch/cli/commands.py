@@ -227,6 +227,7 @@ def _run(given: list[str]) -> int:
     interrupted = False
     with ExitStack() as stack:
         places = {field: stack.enter_context(reserved(path, field)) for field, path in _outputs(asked).items()}
+        interrupts.unfinished = [place.unfinished for place in places.values() if place.unfinished is not None]
         try:
             result = command.compute(asked) if name == "show" else _watched(command, asked)
         except KeyboardInterrupt as error:
@@ -236,7 +237,8 @@ def _run(given: list[str]) -> int:
         interrupts.keeping = True
         _deliver(result, asked, places)
     if interrupts.pending or interrupted:
-        return _fail(f"interrupted: {result.message}", INTERRUPTED)
+        late = "what was asked for is complete all the same" if result.status == "complete" else result.message
+        return _fail(f"interrupted: {late}", INTERRUPTED)
     if name == "show" or result.status == "complete":
         return COMPLETE
     return _fail(f"incomplete: {result.message}", INCOMPLETE)
