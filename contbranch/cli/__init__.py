@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import _signal as signal  # type: ignore[import-not-found]  # `signal` takes ten times as long, unheeded
 import os
-import signal
 import sys
 
 TYPE_CHECKING = False
