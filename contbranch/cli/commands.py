@@ -354,24 +354,39 @@ def _outputs(asked: Values) -> dict[str, Path]:
 
 
 def _deliver(result: Result, asked: Values, places: Mapping[str, Place]) -> None:
-    """Write and print a result as it was asked for."""
-    if "-o" in places:  # first: it holds everything
+    """Write and print a result as it was asked for; what cannot be written leaves the rest."""
+    failures: list[InputError] = []
+
+    def write(field: str, make: Callable[[], bytes]) -> None:
+        if field in places:
+            try:
+                places[field].write(make())
+            except InputError as error:
+                failures.append(error)
+
+    def stored() -> bytes:
         from contbranch.output.hdf5 import content
 
-        places["-o"].write(content(result))
-    if asked.json is not None:
-        import json
+        return content(result)
 
-        text = json.dumps(result.document(), allow_nan=False, ensure_ascii=False) + "\n"
-        if "--json" in places:
-            places["--json"].write(text.encode())
-        else:
-            sys.stdout.write(text)
-    if "--plot" in places:
+    def drawn() -> bytes:
         from contbranch.output.plot import draw, figure_content
 
-        places["--plot"].write(figure_content(draw(result), places["--plot"].path.suffix))
-    if asked.json != "-":
+        return figure_content(draw(result), places["--plot"].path.suffix)
+
+    def text() -> str:
+        import json
+
+        return json.dumps(result.document(), allow_nan=False, ensure_ascii=False) + "\n"
+
+    write("-o", stored)  # first: it holds everything
+    write("--json", lambda: text().encode())
+    write("--plot", drawn)
+    if asked.json == "-":
+        sys.stdout.write(text())
+    else:
         from contbranch.output.summary import print_result
 
         print_result(result)
+    if failures:
+        raise failures[0]
