@@ -107,10 +107,10 @@ def test_the_command_line_writes_them(tmp_path, monkeypatch, capsys):
 @pytest.mark.parametrize(
     ("option", "name", "told"),
     [
-        ("-o", "x.csv", "--csv"),
-        ("--json", "x.h5", "-o"),
-        ("--csv", "x.json", "--json"),
-        ("--events-csv", "x.png", "--plot"),
+        ("-o", "x.csv", ".h5"),
+        ("--json", "x.h5", ".json"),
+        ("--csv", "x.json", ".csv"),
+        ("--events-csv", "x.png", ".csv"),
     ],
 )
 def test_a_suffix_of_another_option_is_refused(option, name, told, tmp_path, monkeypatch, capsys):

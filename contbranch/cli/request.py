@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from contbranch.models.grid import FreeSpace, Periodic
     from contbranch.results.diagram import Diagram, Event
 
-__all__ = ["Request", "find_event", "make_request", "parse_vary"]
+__all__ = ["Request", "find_event", "make_request", "parse_vary", "seconds"]
 
 _LOWEST: Final = ("pull-off", "wetting")
 
@@ -113,6 +113,11 @@ def _contact(asked: Values) -> tuple[Contact, dict[str, Any]]:
         return Contact.reduced(asked.interaction, tabor=value, sign=-1 if asked.repulsive else 1), {}
     except InputError as error:
         raise InputError(f"--{error}") from None  # the field has the name of its option
+
+
+def seconds(text: str) -> float:
+    """Return the value of --time-limit."""
+    return positive_number(_number(_bare(text), "--time-limit"), "--time-limit")
 
 
 def _bare(text: str) -> float | str:

@@ -6,6 +6,7 @@ those of Okabe and Ito, which stay apart for colour-blind readers; line style an
 
 from __future__ import annotations
 
+import io
 import textwrap
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,6 +19,7 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from contbranch.errors import InputError
+from contbranch.output.files import write
 from contbranch.output.plot_curve import Line, Piece, coordinate, fine_profile, pieces, smooth_line
 from contbranch.output.plot_labels import place_labels
 from contbranch.output.plot_maps import cell_maps
@@ -47,6 +49,7 @@ __all__ = [
     "bifurcation_diagram",
     "check_suffix",
     "draw",
+    "figure_content",
     "local_exponent",
     "overview",
     "profiles",
@@ -254,13 +257,16 @@ def save_figure(figure: Figure, path: str | Path) -> None:
         For another suffix, or if the file cannot be written.
     """
     check_suffix(path)
-    kind = Path(path).suffix.lower()[1:]
+    write(path, figure_content(figure, Path(path).suffix))
+
+
+def figure_content(figure: Figure, suffix: str) -> bytes:
+    """What `save_figure` writes."""
+    drawn = io.BytesIO()
+    kind = suffix.lower()[1:]
     dates = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}.get(kind)
-    try:
-        figure.savefig(path, metadata=dates, format=kind)
-    except OSError as error:
-        reason = error.strerror or error
-        raise InputError(f"path: '{path}' cannot be written ({reason}); give a writable file") from None
+    figure.savefig(drawn, metadata=dates, format=kind)
+    return drawn.getvalue()
 
 
 def _interesting_radius(state: State) -> float:

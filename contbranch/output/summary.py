@@ -1,4 +1,4 @@
-"""What the command line prints for people: tables of events, thresholds and states, and a progress bar."""
+"""What the command line prints for people: tables of events, thresholds and states, and progress."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ from contbranch.results.followed import Followed
 from contbranch.results.loop import Hysteresis
 from contbranch.results.record import OBSERVABLES, Result
 
-__all__ = ["print_result", "progress_bar", "with_error"]
+__all__ = ["print_result", "progress_bar", "progress_lines", "with_error"]
 
 _DIGITS: Final = 15  # what a double can hold
+_SILENCE: Final = 10.0  # seconds between two lines of progress
 _ROWS: Final = 12  # of a followed curve; all of it is in the JSON document
 _LEFT: Final = ("control", "unit", "stable under")  # columns of words, besides the first
 _BRACKETS: Final = "Digits in brackets: error estimate in units of the last digit."
@@ -56,7 +57,7 @@ def _print_diagram(diagram: Diagram, units: Mapping[str, str]) -> None:
 
 
 def _print_solution(solution: Solution, units: Mapping[str, str]) -> None:
-    _print_states(solution.states or (solution,), units)
+    _print_states(solution.known, units)
 
 
 def _print_states(states: Sequence[State], units: Mapping[str, str]) -> None:
@@ -90,7 +91,7 @@ def _print_followed(followed: Followed, units: Mapping[str, str]) -> None:
     name, curve, error = followed.parameter, followed.curve, followed.error
     count = len(curve["load"])
     rows = []
-    for i in sorted({round(i * (count - 1) / (min(count, _ROWS) - 1)) for i in range(min(count, _ROWS))}):
+    for i in sorted({round(i * (count - 1) / max(1, min(count, _ROWS) - 1)) for i in range(min(count, _ROWS))}):
         cells = (with_error(float(curve[key][i]), float(error[key][i])) for key in OBSERVABLES)
         rows.append([str(i), f"{curve[name][i]:.9g}", *cells])
     _print_table(["", name, *_headings(units)], rows)
@@ -130,6 +131,21 @@ def progress_bar() -> Iterator[Callable[[float, str], None]]:
         yield report
     finally:
         print(f"\r{'':{width}s}\r", end="", file=sys.stderr, flush=True)
+
+
+def progress_lines() -> Callable[[float, str], None]:
+    """What prints, for those who read no terminal, a line on standard error every ten seconds."""
+    began = last = time.monotonic()
+
+    def report(fraction: float, text: str) -> None:
+        nonlocal last
+        now = time.monotonic()
+        if now >= last + _SILENCE:
+            last, seconds = now, int(now - began)
+            line = f"{100 * fraction:.0f}% after {seconds // 60}:{seconds % 60:02d}, {text}"
+            print(f"contbranch: {line}", file=sys.stderr, flush=True)
+
+    return report
 
 
 def with_error(value: float, error: float | None) -> str:

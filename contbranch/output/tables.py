@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from contbranch.errors import InputError
 from contbranch.output.document import head
+from contbranch.output.files import write
 from contbranch.results.table import Table
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 __all__ = ["as_csv", "as_dataframe", "as_xarray", "write_csv"]
 
 
-def write_csv(table: Table, path: str | Path, field: str = "path") -> None:
+def write_csv(table: Table, path: str | Path) -> None:
     """Write the table as `as_csv` has it.
 
     Raises
@@ -29,10 +30,7 @@ def write_csv(table: Table, path: str | Path, field: str = "path") -> None:
     InputError
         If the file cannot be written.
     """
-    try:
-        Path(path).write_text(as_csv(table), encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"{field}: '{path}' cannot be written ({error.strerror}); give a writable file") from None
+    write(path, as_csv(table).encode())
 
 
 def as_csv(table: Table) -> str:

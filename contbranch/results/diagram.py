@@ -535,12 +535,17 @@ class Solution(State, Result):
     states: tuple[State, ...] = described(written=False, default=())
     contact: Contact | None = None
 
+    @property
+    def known(self) -> tuple[State, ...]:
+        """All states found, or this one; none where an interrupted search has not found any."""
+        return self.states or (() if np.isnan(self.load) else (self,))
+
     def tables(self) -> dict[str, Table]:
         """The states found, this one first."""
         names = {} if self.contact is None else self.contact.units.names
-        return {"state": of_records(State, self.states or (self,), names)}
+        return {"state": of_records(State, self.known, names)}
 
     def body(self) -> dict[str, Any]:
         """All states found, or this one."""
         told = {name: getattr(self, name) for name in ("model", "cost", "status", "message")}
-        return {"states": [state.items() for state in self.states or (self,)], **told}
+        return {"states": [state.items() for state in self.known], **told}
