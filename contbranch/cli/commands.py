@@ -405,8 +405,6 @@ def _deliver(result: Result, asked: Values, places: Sequence[Place]) -> None:
     if asked.json == "-":
         sys.stdout.write(text())
     else:
-        from contbranch.output.summary import print_result
-
-        print_result(result)
+        print(result)
     if failures:
         raise failures[0]

@@ -237,6 +237,14 @@ class Contact:
         }
 
     @property
+    def brief(self) -> str:
+        """Tip, laws and Tabor coefficient in a few words."""
+        laws = [f"{'repulsive ' if law.work_of_adhesion < 0 else ''}{law.name}" if hasattr(law, "work_of_adhesion")
+                else type(law).__name__ for law in terms_of(self.interaction)]  # fmt: skip
+        tabor = "" if self.tabor is None else f", μ_T = {self.tabor:.4g}"
+        return f"{self.tip.name or type(self.tip).__name__} with {' + '.join(laws) or 'no interaction'}{tabor}"
+
+    @property
     def axisymmetric_tip(self) -> Tip:
         """The tip as one with a profile and its transform.
 
