@@ -240,10 +240,13 @@ def _run(given: list[str]) -> int:
     if asked.help:
         return COMPLETE
     if rest[1:]:
-        parser.error(f"Got unexpected extra argument ({rest[1]})")
+        from contbranch.contact.units import is_unit
+
+        quote = "; quote a quantity: '265 nN'" if any(map(is_unit, rest)) else ""
+        parser.error(f"Got unexpected extra argument ({next(filter(is_unit, rest), rest[1])}){quote}")
     if not rest and not command.argument[0].startswith("["):
         parser.error(f"Missing argument '{command.argument[0]}'")
-    asked.source = rest[0] if rest else None
+    asked.source, asked.notes = rest[0] if rest else None, []
     interrupted = False
     with ExitStack() as stack:
         places = [stack.enter_context(reserved(path, field)) for field, path in _outputs(asked)]
@@ -255,6 +258,8 @@ def _run(given: list[str]) -> int:
                 raise
             result, interrupted = error.partial, True
         interrupts.keeping = True
+        for note in asked.notes:
+            print(f"contbranch: warning: {note}", file=sys.stderr)
         _deliver(result, asked, places)
     if interrupts.pending or interrupted:
         late = "what was asked for is complete all the same" if result.status == "complete" else result.message
