@@ -51,7 +51,9 @@ def read(name, item):
     if isinstance(item, h5py.Dataset):
         item[()]
 
-h5py.File(io.BytesIO(sys.stdin.buffer.read())).visititems(read)
+file = h5py.File(io.BytesIO(sys.stdin.buffer.read()))
+read("", file)
+file.visititems(read)
 """
 # Seconds for which a file without checksum is tried out.
 PATIENCE: Final = 20.0
@@ -167,7 +169,7 @@ def load(path: str | Path) -> Diagram:
     path = Path(path)
     image, verified = _verified(path)
     if not verified:
-        text = f"'{path}' has no checksum, as files of contbranch 0.1: what it holds cannot be verified; save it again"
+        text = f"'{path}' has no checksum, as older versions wrote it: what it holds cannot be verified; save it again"
         warnings.warn(text, stacklevel=2)
     try:
         if not verified:
