@@ -16,7 +16,7 @@ from contbranch.contact.contact import Contact
 from contbranch.control import Control
 from contbranch.errors import InputError, ModelError
 from contbranch.results.profile import CellFields, ModeShape, Profile
-from contbranch.results.record import Record, Result, described, late, record
+from contbranch.results.record import OBSERVABLES, Record, Result, described, late, record
 from contbranch.results.table import Table, joined, of_columns, of_records
 
 if TYPE_CHECKING:
@@ -436,6 +436,10 @@ class Diagram(Result):
     )
     stiffness: float | None = described(written="if known", default=None)
 
+    def told(self) -> str:
+        """Its thresholds."""
+        return ", ".join(f"{name} {value:.7g}" for name, value in self.thresholds.items())
+
     def folds(self, control: str | None = None) -> Iterator[Event]:
         """The folds of one control, ``"load"``, ``"displacement"`` or ``"spring"``, or all of them.
 
@@ -542,6 +546,10 @@ class Solution(State, Result):
     message: str = described(written=False, default="")
     states: tuple[State, ...] = described(written=False, default=())
     contact: Contact | None = None
+
+    def told(self) -> str:
+        """Where the state is."""
+        return ", ".join(f"{name} {getattr(self, name):.7g}" for name in (*OBSERVABLES, "energy"))
 
     @property
     def known(self) -> tuple[State, ...]:

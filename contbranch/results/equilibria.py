@@ -77,6 +77,10 @@ class Equilibria(Result):
     def __getitem__(self, number: int) -> State:
         return self.states[number]
 
+    def told(self) -> str:
+        """How many states there are."""
+        return f"{len(self)} states, {len(self.stable)} stable under {self.control} control"
+
     def tables(self) -> dict[str, Table]:
         """The states, and whether each lies on the traced curve."""
         names = {} if self.contact is None else self.contact.units.names

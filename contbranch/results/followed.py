@@ -116,6 +116,13 @@ class Followed(Result):
         del event["exponent"]
         return {**self.items(), "event": event}
 
+    def told(self) -> str:
+        """What was followed, and how far."""
+        values = self.curve[self.parameter]
+        if not len(values):
+            return ""
+        return f"{self.event.name or self.event.kind} for {self.parameter} from {values[0]:.5g} to {values[-1]:.5g}"
+
     def tables(self) -> dict[str, Table]:
         """The points of the curve."""
         errors = {f"{name}_error": values for name, values in self.error.items()}

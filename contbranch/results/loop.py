@@ -143,6 +143,11 @@ class Hysteresis(Result):
         """Work done by the drive over the closed loop, by quadrature along the stable legs; equals `dissipated`."""
         return self._area() if callable(self._area) else self._area
 
+    def told(self) -> str:
+        """Its jumps and what they dissipate."""
+        jumps = ", ".join(f"{jump.name or 'jump'} at {jump.position:.7g}" for jump in self.jumps)
+        return (jumps or "no jump") + ("" if self.dissipated is None else f"; dissipated {self.dissipated:.7g}")
+
     def tables(self) -> dict[str, Table]:
         """The points of the path."""
         names = {} if self.contact is None else self.contact.units.names
