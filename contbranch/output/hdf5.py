@@ -9,6 +9,8 @@ import hashlib
 import io
 import json
 import math
+import subprocess
+import sys
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, fields, replace
@@ -41,6 +43,20 @@ _HEAD: Final = ("control", "stiffness", "accuracy", "status", "message")
 _BLANK: Final = {float: math.nan, int: 0, str: ""}
 # The block before what HDF5 reads: the least size that it allows, and what is written there.
 _BLOCK: Final = 512
+# A program that reads everything in a file.
+_READER: Final = """import h5py, io, sys
+
+def read(name, item):
+    list(item.attrs.items())
+    if isinstance(item, h5py.Dataset):
+        item[()]
+
+file = h5py.File(io.BytesIO(sys.stdin.buffer.read()))
+read("", file)
+file.visititems(read)
+"""
+# Seconds for which a file without checksum is tried out.
+PATIENCE: Final = 20.0
 _LABEL: Final = "contbranch: an HDF5 file behind this block of {} bytes\nsha256 {}\n"
 _HDF5: Final = b"\x89HDF\r\n\x1a\n"
 
@@ -151,8 +167,13 @@ def load(path: str | Path) -> Diagram:
     import h5py
 
     path = Path(path)
-    image = _verified(path)
+    image, verified = _verified(path)
+    if not verified:
+        text = f"'{path}' has no checksum, as older versions wrote it: what it holds cannot be verified; save it again"
+        warnings.warn(text, stacklevel=2)
     try:
+        if not verified:
+            _try_out(image)
         with h5py.File(io.BytesIO(image), "r") as file:
             _check_format(file, path)
             return _read_diagram(file)
@@ -163,8 +184,21 @@ def load(path: str | Path) -> Diagram:
         raise InputError(f"path: '{path}' is damaged ({reason}); write it again") from None
 
 
-def _verified(path: Path) -> bytes:
-    """The image of an HDF5 file, if it is what was written."""
+def _try_out(image: bytes) -> None:
+    """Raise OSError for a file on which HDF5 hangs or crashes: a process of its own reads everything in it first.
+
+    (Damaged as they may be, files that it survives do nothing worse than raise errors.)
+    """
+    try:
+        child = subprocess.run([sys.executable, "-c", _READER], input=image, capture_output=True, timeout=PATIENCE)
+    except subprocess.TimeoutExpired:
+        raise OSError("HDF5 comes to no end with it") from None
+    if child.returncode not in (0, 1):  # 1: an error that is raised here as well
+        raise OSError("HDF5 crashes on it")
+
+
+def _verified(path: Path) -> tuple[bytes, bool]:
+    """The image of an HDF5 file that is what was written, or of one that has no checksum, and which of them it is."""
     if not path.is_file():
         raise InputError(f"path: '{path}' is not a file; give an HDF5 file that contbranch wrote")
     try:
@@ -173,11 +207,9 @@ def _verified(path: Path) -> bytes:
         raise InputError(f"path: '{path}' cannot be read ({error.strerror}); give a readable file") from None
     image = data[_BLOCK:]
     if data[:_BLOCK] == _label(image):
-        return image
+        return image, True
     if data.startswith(_HDF5):
-        text = f"'{path}' has no checksum, as files of contbranch 0.1: what it holds cannot be verified; save it again"
-        warnings.warn(text, stacklevel=3)
-        return data
+        return data, False
     if _HDF5 not in data[: _BLOCK + len(_HDF5)] and not data.startswith(b"contbranch: "):
         raise InputError(f"path: '{path}' is not an HDF5 file; give one that contbranch wrote")
     raise InputError(f"path: '{path}' is damaged (it is not what its checksum says); write it again")
