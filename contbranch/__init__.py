@@ -5,11 +5,11 @@ Describe a contact (`Contact`: a tip, an interaction law, a modulus), then `trac
 them. Closed-form theories are in `contbranch.theory`, continuation of any problem in `contbranch.continuation`.
 """
 
-from typing import TYPE_CHECKING
-
 from contbranch._lazy import lazily
 
+TYPE_CHECKING = False  # of `typing`, which takes as long to import as everything else here
 if TYPE_CHECKING:
+    from contbranch.advice import advise
     from contbranch.api import find_all, hysteresis, phase_diagram, solve, trace
     from contbranch.contact.contact import Contact
     from contbranch.contact.interactions import (
@@ -37,12 +37,13 @@ if TYPE_CHECKING:
     )
     from contbranch.control import Spring
     from contbranch.curve.follow import follow
-    from contbranch.errors import InputError, ModelError
+    from contbranch.errors import InputError, ModelError, Stop
     from contbranch.models.axisymmetric.model import Axisymmetric
     from contbranch.models.exact.model import Exact
     from contbranch.models.grid.model import FreeSpace, Periodic
     from contbranch.models.grid.resolution import GridWarning
     from contbranch.output.hdf5 import load
+    from contbranch.results.advice import Advice, Candidate
     from contbranch.results.diagram import Branch, Diagram, Event, Exponent, LocalExponent, Solution, State, Window
     from contbranch.results.equilibria import Barrier, Equilibria
     from contbranch.results.followed import Followed, FollowedPoint, Special
@@ -53,9 +54,11 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
+    "Advice",
     "Axisymmetric",
     "Barrier",
     "Branch",
+    "Candidate",
     "CellFields",
     "Cone",
     "Contact",
@@ -91,12 +94,14 @@ __all__ = [
     "SphericalCap",
     "Spring",
     "State",
+    "Stop",
     "Sum",
     "Tabulated",
     "Tip",
     "TipShape",
     "VanDerWaals",
     "Window",
+    "advise",
     "find_all",
     "follow",
     "hysteresis",
@@ -114,7 +119,9 @@ __getattr__, __dir__ = lazily(
         "Sum Tabulated VanDerWaals",
         ".contact.tips": "Cone EllipticParaboloid HeightMap Parabola PowerLaw Profile SphericalCap Tip TipShape",
         ".control": "Spring",
-        ".errors": "InputError ModelError",
+        ".errors": "InputError ModelError Stop",
+        ".advice": "advise",
+        ".results.advice": "Advice Candidate",
         ".api": "find_all hysteresis phase_diagram solve trace",
         ".curve.follow": "follow",
         ".models.axisymmetric.model": "Axisymmetric",

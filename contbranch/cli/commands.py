@@ -1,32 +1,36 @@
 """The command ``contbranch``: trace, solve, loop, follow and show.
 
-Exit status: 0 complete; 1 incomplete (whatever was traced is written all the same); 2 wrong input, in one line. Heavy
-libraries are imported where they are needed: the start of the command is a good part of its time.
+Exit status: 0 complete; 1 incomplete (whatever was traced is written all the same); 2 wrong input, in one line; 130
+interrupted (as 1). Heavy libraries are imported where they are needed: the start of the command is a good part of its
+time.
 """
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 import sys
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from optparse import HelpFormatter, OptionParser, Values
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, NoReturn
 
+from contbranch.cli import INTERRUPTED, interrupts
 from contbranch.errors import InputError, ModelError
+from contbranch.output.files import Place, reserved
 
 if TYPE_CHECKING:
     from contbranch.cli.request import Request
     from contbranch.results.record import Result
 
-__all__ = ["main"]
+__all__ = ["run"]
 
 COMPLETE: Final = 0
 INCOMPLETE: Final = 1
 WRONG_INPUT: Final = 2
-INTERRUPTED: Final = 130
 
 # The value's name (none: a switch) and what it means.
 _OPTIONS: Final = {
@@ -44,12 +48,22 @@ _OPTIONS: Final = {
     "--event": ("NAME", "Name of a fold under --control, or touch."),
     "--vary": ("NAME=FROM:TO", "Parameter to vary, for example tabor=0.25:4."),
     "--max-load": ("F", "Largest load.  [default: beyond all events]"),
+    "--time-limit": ("S", "Seconds after which what has been found is given.  [default: none]"),
     "--json": ("FILE", "Write JSON; - for standard output."),
+    "--csv": ("FILE", "Write the points as a table, with units in its first line."),
+    "--events-csv": ("FILE", "Write the events as a table."),
     "--plot": ("FILE", "Draw to a .png, .pdf or .svg file."),
     "-o --output": ("FILE.h5", "Save arrays and profiles."),
 }
 _SHARED: Final = tuple(_OPTIONS)[:8]
-_OUTPUTS: Final = ("--json", "--plot", "-o --output")
+_SUFFIXES: Final = {
+    "--json": ".json",
+    "--csv": ".csv",
+    "--events-csv": ".csv",
+    "--plot": ".pdf, .png or .svg",
+    "-o": ".h5 or .hdf5",
+}
+_OUTPUTS: Final = ("--time-limit", "--json", "--csv", "--plot", "-o --output")
 
 
 class _Parser(OptionParser):
@@ -88,8 +102,11 @@ class Command(NamedTuple):
         for flags in self.options:
             value, words = _OPTIONS[flags]
             kind: dict[str, Any] = {"metavar": value} if value else {"action": "store_true", "default": False}
+            if flags == "--plot":
+                kind["action"] = "append"
             parser.add_option(*flags.split(), help=words, **kind)
-        parser.set_defaults(json=None, output=None)
+        absent = ("json", "output", "plot", "csv", "events_csv", "model", "cell", "grid", "time_limit")
+        parser.set_defaults(**dict.fromkeys(absent))
         return parser
 
 
@@ -123,7 +140,7 @@ def _loop(asked: Values) -> Any:
     return _computed("hysteresis", request, max_load=request.limit(asked.max_load))
 
 
-def _follow(asked: Values) -> Result:
+def _follow(asked: Values) -> Any:
     """Follow a fold or first touch in a second parameter, with the points where folds meet or end."""
     request = _request(asked)
     for option in ("event", "vary"):
@@ -133,12 +150,16 @@ def _follow(asked: Values) -> Result:
     from contbranch.contact.family import family_of
     from contbranch.curve.follow import follow
     from contbranch.models.choice import choose, on_grid
+    from contbranch.watch import over
 
     name, values = parse_vary(asked.vary, request)
     limit = request.limit(asked.max_load)
     if on_grid(choose(request.contact, request.chosen_model)[0]):
         raise InputError("--model: events found on a grid cannot be followed; use the axisymmetric model")
-    event = find_event(_computed("trace", request, max_load=limit), asked.event, request.control)
+    diagram = _computed("trace", request, max_load=limit)
+    if over():
+        return diagram
+    event = find_event(diagram, asked.event, request.control)
     try:
         present = event.stiffness if name == "stiffness" else None
         now = family_of(request.contact, name, values[-1], present, event.control).start
@@ -156,21 +177,30 @@ def _show(asked: Values) -> Result:
     return load(asked.source)
 
 
+def _advise(asked: Values) -> Any:
+    """Say which model or theory is enough for the folds of a contact, and what it would take."""
+    request = _request(asked)
+    from contbranch.advice import advise
+
+    return advise(request.contact, 0.01 if asked.accuracy is None else request.accuracy, request.control)
+
+
 COMMANDS: Final = {
-    "trace": Command(_trace, (*_SHARED, "--max-load", *_OUTPUTS)),
+    "trace": Command(_trace, (*_SHARED, "--max-load", *_OUTPUTS, "--events-csv")),
     "solve": Command(_solve, (*_SHARED, "--load", "--displacement", "--all", *_OUTPUTS)),
     "loop": Command(_loop, (*_SHARED, "--max-load", *_OUTPUTS)),
     "follow": Command(_follow, (*_SHARED, "--event", "--vary", "--max-load", *_OUTPUTS)),
+    "advise": Command(_advise, (*_SHARED[:5], "--json")),
     "show": Command(_show, ("--plot",), ("FILE.h5", "Diagram saved by trace -o.")),
 }
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command with `arguments` (default: those of the process) and return its exit status."""
+def run(arguments: Sequence[str]) -> int:
+    """Run the command and return its exit status."""
     try:
         with warnings.catch_warnings():
             warnings.showwarning = _show_warning
-            status = _run(list(sys.argv[1:] if arguments is None else arguments))
+            status = _run(list(arguments))
         sys.stdout.flush()
     except InputError as error:
         return _fail(str(error), WRONG_INPUT)
@@ -178,10 +208,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _fail(str(error), INCOMPLETE)
     except KeyboardInterrupt:
         return _fail("interrupted", INTERRUPTED)
-    except BrokenPipeError:
-        # whoever read standard output has left: let the interpreter's last flush go nowhere
+    except OSError as error:
+        if error.errno not in (errno.EPIPE, errno.ENOSPC, errno.EFBIG):
+            raise
+        # standard output takes no more: let the interpreter's last flush go nowhere
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return INCOMPLETE
+        if error.errno == errno.EPIPE:  # whoever read it has left
+            return INCOMPLETE
+        return _fail(f"standard output cannot be written ({error.strerror})", WRONG_INPUT)
     return status
 
 
@@ -206,16 +240,66 @@ def _run(given: list[str]) -> int:
     if asked.help:
         return COMPLETE
     if rest[1:]:
-        parser.error(f"Got unexpected extra argument ({rest[1]})")
+        from contbranch.contact.units import is_unit
+
+        quote = "; quote a quantity: '265 nN'" if any(map(is_unit, rest)) else ""
+        parser.error(f"Got unexpected extra argument ({next(filter(is_unit, rest), rest[1])}){quote}")
     if not rest and not command.argument[0].startswith("["):
         parser.error(f"Missing argument '{command.argument[0]}'")
-    asked.source = rest[0] if rest else None
-    _check_outputs(asked)
-    result = command.compute(asked)
-    _deliver(result, asked)
+    asked.source, asked.notes = rest[0] if rest else None, []
+    interrupted = False
+    with ExitStack() as stack:
+        places = [stack.enter_context(reserved(path, field)) for field, path in _outputs(asked)]
+        interrupts.unfinished = [place.unfinished for place in places if place.unfinished is not None]
+        try:
+            result = command.compute(asked) if name in ("show", "advise") else _watched(command, asked)
+        except KeyboardInterrupt as error:
+            if not hasattr(error, "partial"):
+                raise
+            result, interrupted = error.partial, True
+        interrupts.keeping = True
+        for note in asked.notes:
+            print(f"contbranch: warning: {note}", file=sys.stderr)
+        _deliver(result, asked, places)
+    if interrupts.pending or interrupted:
+        late = "what was asked for is complete all the same" if result.status == "complete" else result.message
+        return _fail(f"interrupted: {late}", INTERRUPTED)
     if name == "show" or result.status == "complete":
         return COMPLETE
     return _fail(f"incomplete: {result.message}", INCOMPLETE)
+
+
+def _watched(command: Command, asked: Values) -> Any:
+    """Compute within the time allowed, telling how far it is; Ctrl-C ends it with what it has."""
+    from contbranch.watch import watched
+
+    limit = None
+    if asked.time_limit is not None:
+        from contbranch.cli.request import seconds
+
+        limit = seconds(asked.time_limit)
+    with _reporting() as report, watched(report, limit) as watch:
+        result = command.compute(asked)
+    return watch.passed(result)
+
+
+@contextmanager
+def _reporting() -> Iterator[Callable[[float, str], None]]:
+    """Show progress on standard error, heeding Ctrl-C; what shows it is imported with the first news."""
+    shown: list[Callable[[float, str], None]] = []
+    with ExitStack() as stack:
+
+        def report(fraction: float, text: str) -> None:
+            interrupts.keeping = True
+            if interrupts.pending:
+                raise KeyboardInterrupt
+            if not shown:
+                from contbranch.output.summary import progress_bar, progress_lines
+
+                shown.append(stack.enter_context(progress_bar()) if sys.stderr.isatty() else progress_lines())
+            shown[0](fraction, text)
+
+        yield report
 
 
 def _parsed(parser: _Parser, given: list[str]) -> tuple[Values, list[str]]:
@@ -260,68 +344,82 @@ def _request(asked: Values) -> Request:
 
 
 def _computed(name: str, request: Request, **options: Any) -> Any:
-    """Call a computation of the package with the settings of the request, showing its progress on a terminal."""
+    """Call a computation of the package with the settings of the request."""
     import contbranch
 
     compute = getattr(contbranch, name)
     settings: dict[str, Any] = {"control": request.control, "accuracy": request.accuracy, "model": request.chosen_model}
-    settings |= options
-    if not sys.stderr.isatty():
-        return compute(request.contact, **settings)
-    from contbranch.output.summary import progress_bar
-
-    with progress_bar() as progress:
-        return compute(request.contact, progress=progress, **settings)
+    return compute(request.contact, **settings | options)
 
 
 # Output
 
 
-def _check_outputs(asked: Values) -> None:
-    """Raise InputError for an output that cannot be written, before anything is computed."""
+def _outputs(asked: Values) -> list[tuple[str, Path]]:
+    """The files to be written, by option; InputError for one that cannot be, before anything is computed."""
+    given = [("--json", None if asked.json == "-" else asked.json), ("--csv", asked.csv), ("-o", asked.output)]
+    given += [("--events-csv", asked.events_csv), *(("--plot", name) for name in asked.plot or ())]
+    paths = [(field, Path(name)) for field, name in given if name is not None]
     seen = {} if asked.source is None else {Path(asked.source).resolve(): "the input"}
-    for field, name in (("--json", asked.json), ("--plot", asked.plot), ("-o", asked.output)):
-        if name is None or (name == "-" and field == "--json"):
-            continue
-        path = Path(name)
-        if field == "--plot" and path.suffix.lower() not in (".pdf", ".png", ".svg"):
-            raise InputError(f"--plot: '{name}' has no known suffix; must end in .pdf, .png or .svg")
+    for field, path in paths:
         folder = path.resolve().parent
         if path.is_dir():
-            raise InputError(f"{field}: '{name}' is a folder; give a file")
+            raise InputError(f"{field}: '{path}' is a folder; give a file")
         if not folder.is_dir():
             raise InputError(f"{field}: the folder '{folder}' does not exist; make it or choose another")
         if not os.access(path if path.exists() else folder, os.W_OK):
-            raise InputError(f"{field}: '{name}' cannot be written; choose a place with write permission")
+            raise InputError(f"{field}: '{path}' cannot be written; choose a place with write permission")
         if path.resolve() in seen:
-            raise InputError(f"{field}: '{name}' is also {seen[path.resolve()]}; choose another file")
+            raise InputError(f"{field}: '{path}' is also {seen[path.resolve()]}; choose another file")
         seen[path.resolve()] = f"the output of {field}"
+        known = _SUFFIXES[field]
+        if (path.suffix or field == "--plot") and path.suffix.lower() not in re.findall(r"\.\w+", known):
+            what = "no known suffix" if field == "--plot" else f"the suffix {path.suffix}"
+            raise InputError(f"{field}: '{path}' has {what}; must end in {known}")
+    return paths
 
 
-def _deliver(result: Result, asked: Values) -> None:
-    """Write and print a result as it was asked for."""
-    if asked.output is not None:
-        result.save(asked.output)  # first: it holds everything
-    if asked.json is not None:
-        _write_json(result.document(), asked.json)
-    if asked.plot is not None:
-        from contbranch.output.plot import draw, save_figure
+def _deliver(result: Result, asked: Values, places: Sequence[Place]) -> None:
+    """Write and print a result as it was asked for; what cannot be written leaves the rest."""
+    failures: list[InputError] = []
 
-        save_figure(draw(result), asked.plot)
-    if asked.json != "-":
-        from contbranch.output.summary import print_result
+    def stored(_: Place) -> bytes:
+        from contbranch.output.hdf5 import content
 
-        print_result(result)
+        return content(result)
 
+    def text() -> str:
+        import json
 
-def _write_json(document: dict[str, Any], name: str) -> None:
-    import json
+        return json.dumps(result.document(), allow_nan=False, ensure_ascii=False) + "\n"
 
-    text = json.dumps(document, allow_nan=False, ensure_ascii=False)
-    if name == "-":
-        sys.stdout.write(text + "\n")
-        return
-    try:
-        Path(name).write_text(text + "\n", encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"--json: '{name}' cannot be written ({error.strerror}); give a writable file") from None
+    def listed(place: Place) -> bytes:
+        from contbranch.output.tables import as_csv
+
+        return as_csv(result.table() if place.field == "--csv" else result.tables()["event"]).encode()
+
+    def drawn(place: Place) -> bytes:
+        from contbranch.output.plot import draw, figure_content
+
+        return figure_content(draw(result), place.path.suffix)
+
+    makers = {
+        "-o": stored,
+        "--json": lambda _: text().encode(),
+        "--csv": listed,
+        "--events-csv": listed,
+        "--plot": drawn,
+    }
+    for field, make in makers.items():  # first the one that holds everything
+        for place in places:
+            if place.field == field:
+                try:
+                    place.write(make(place))
+                except InputError as error:
+                    failures.append(error)
+    if asked.json == "-":
+        sys.stdout.write(text())
+    else:
+        print(result)
+    if failures:
+        raise failures[0]

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from optparse import Values
 from typing import TYPE_CHECKING, Any, Final
 
-from contbranch.contact.contact import Contact, dimensions, nearest
-from contbranch.contact.interaction_law import terms_of
+from contbranch.contact.contact import Contact, nearest
+from contbranch.contact.family import dimension_of
 from contbranch.contact.units import positive_number
 from contbranch.control import Spring, as_control
 from contbranch.errors import InputError
@@ -17,14 +17,17 @@ if TYPE_CHECKING:
     from contbranch.models.grid import FreeSpace, Periodic
     from contbranch.results.diagram import Diagram, Event
 
-__all__ = ["Request", "find_event", "make_request", "parse_vary"]
+__all__ = ["Request", "find_event", "make_request", "parse_vary", "seconds"]
 
 _LOWEST: Final = ("pull-off", "wetting")
 
 
 @dataclass(frozen=True)
 class Request:
-    """A contact and the settings of a computation, in the contact's units; `controlled`: the control was asked for."""
+    """A contact and the settings of a computation, in the contact's units.
+
+    `controlled`: the control was asked for; `notes`: what the user is told besides the result.
+    """
 
     contact: Contact
     control: str | Spring
@@ -34,6 +37,7 @@ class Request:
     controlled: bool = True
     cell: float | None = None
     grid: int | None = None
+    notes: list[str] = field(default_factory=list)
 
     @property
     def chosen_model(self) -> str | Periodic | FreeSpace:
@@ -46,7 +50,11 @@ class Request:
 
     def quantity(self, text: str, dimension: str, option: str) -> float:
         """Return the value of an option: a bare number in the contact's units, or a quantity of a physical contact."""
-        return self.contact.units.read(_bare(text), dimension, option)
+        value = _bare(text)
+        unit = self.contact.units.name(dimension)
+        if unit and isinstance(value, float):
+            self.notes.append(f"{option} {text}: taken as {unit}; write '{text} {unit}'")
+        return self.contact.units.read(value, dimension, option)
 
     def limit(self, max_load: str | None) -> float | None:
         """The largest load, from the option or the contact file; None for the default."""
@@ -87,6 +95,7 @@ def make_request(asked: Values) -> Request:
         controlled="control" in chosen,
         cell=chosen.get("cell"),
         grid=chosen.get("grid"),
+        notes=asked.notes,
     )
 
 
@@ -113,6 +122,11 @@ def _contact(asked: Values) -> tuple[Contact, dict[str, Any]]:
         return Contact.reduced(asked.interaction, tabor=value, sign=-1 if asked.repulsive else 1), {}
     except InputError as error:
         raise InputError(f"--{error}") from None  # the field has the name of its option
+
+
+def seconds(text: str) -> float:
+    """Return the value of --time-limit."""
+    return positive_number(_number(_bare(text), "--time-limit"), "--time-limit")
 
 
 def _bare(text: str) -> float | str:
@@ -161,22 +175,13 @@ def parse_vary(text: str, request: Request) -> tuple[str, tuple[float, ...]]:
 def _value(text: str, name: str, request: Request) -> float:
     if name == "stiffness" and text in ("inf", "infinity"):
         return float("inf")
-    dimension = _dimension(name, request.contact)
+    dimension = dimension_of(request.contact, name)
     if dimension != "dimensionless":
         return request.quantity(text, dimension, "--vary")
     number = _bare(text)
     if isinstance(number, str):
         raise InputError(f"--vary: {text!r}; {name} is a plain number")
     return number
-
-
-def _dimension(name: str, contact: Contact) -> str:
-    """The dimension of a parameter."""
-    whole = {"stiffness": "stiffness", "modulus": "pressure"}
-    which, dot, field = name.rpartition(".")
-    laws = terms_of(contact.interaction)
-    found = [dimensions(type(part)).get(field) for part in ((contact.tip,) if which == "tip" else laws) if dot]
-    return whole.get(name) or next(filter(None, found), "dimensionless")
 
 
 def find_event(diagram: Diagram, name: str, control: object) -> Event:

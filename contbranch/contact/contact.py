@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, dataclass, fields
 from functools import cached_property
@@ -37,6 +38,8 @@ def refuse_unknown(names: Iterable[str], known: Iterable[str], prefix: str = "")
     """Raise InputError, with `prefix` in front, for the first of `names` that is not among the `known` ones."""
     for name in names:
         if name not in known:
+            if re.search("young|poisson", name.lower()):
+                raise InputError(f"{prefix}{name}: give the effective modulus, E/(1 − ν²) for a rigid tip, as modulus")
             raise InputError(f"{prefix}{name}: not known; must be one of {', '.join(known)}{nearest(name, known)}")
 
 
@@ -162,7 +165,7 @@ class Contact:
     @staticmethod
     def physical(
         *,
-        modulus: object,
+        modulus: object = None,
         tip: str | TipShape = "parabola",
         interaction: str | type[Interaction] | Interaction | None = None,
         **quantities: object,
@@ -194,6 +197,8 @@ class Contact:
             name: dimension for kind in (shape_kind, law_kind) if kind for name, dimension in dimensions(kind).items()
         }
         refuse_unknown(quantities, known)
+        if modulus is None:
+            raise InputError("modulus: missing; give the effective modulus, for example '5 GPa'")
         values = {name: _quantity(value, known[name], name) for name, value in quantities.items()}
 
         def built(kind: Any) -> Any:
@@ -223,7 +228,7 @@ class Contact:
         units = Units(description.get("units", "reduced"))
         tip = _rebuilt(description.get("tip", {}), TIPS, "shape", "tip")
         laws = description.get("interaction", [])
-        terms = [_rebuilt(law, INTERACTIONS, "law", f"interaction[{k}]") for k, law in enumerate(laws, start=1)]
+        terms = [_rebuilt(law, INTERACTIONS, "law", f"interaction[{k}]") for k, law in enumerate(laws)]
         return Contact(tip, sum(terms) or None, description.get("material", {}).get("modulus"), units)
 
     def describe(self) -> dict[str, Any]:
@@ -235,6 +240,14 @@ class Contact:
             "interaction": [_description(law, INTERACTIONS, "law") for law in terms_of(self.interaction)],
             "tabor": self.tabor,
         }
+
+    @property
+    def brief(self) -> str:
+        """Tip, laws and Tabor coefficient in a few words."""
+        laws = [f"{'repulsive ' if law.work_of_adhesion < 0 else ''}{law.name}" if hasattr(law, "work_of_adhesion")
+                else type(law).__name__ for law in terms_of(self.interaction)]  # fmt: skip
+        tabor = "" if self.tabor is None else f", μ_T = {self.tabor:.4g}"
+        return f"{self.tip.name or type(self.tip).__name__} with {' + '.join(laws) or 'no interaction'}{tabor}"
 
     @property
     def axisymmetric_tip(self) -> Tip:
