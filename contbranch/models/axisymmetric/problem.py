@@ -333,7 +333,7 @@ class ContactProblem(EquilibriumProblem):
             return None
         still = self.still(last.x)
         disc, h = still._behind(), last.x[: still.size]
-        starts = disc.touching(h), *(disc.graded(h) if disc.stiff(h) else ())
+        starts = disc.touching(h), *(disc.graded(h) if disc.stiff(h, STIFF * disc.equations.mesh.innermost) else ())
         return Succession("touch", last, starts[::-1], others=lambda: disc.graded(h))
 
     def _behind(self) -> ContactProblem:
@@ -388,8 +388,7 @@ class ContactProblem(EquilibriumProblem):
             front = steepest(problem.seen(x, 0.0), None, problem.equations.mesh, self.resolution.moving)
             problem, x = problem.anchored(front, x, 0.0)
         # In a stiff film the limit of the slope at first touch holds for contacts below the length of the answer only.
-        short = problem.answer(x) < 0.01 * problem.equations.coordinate.radius(problem.scale * BEYOND)
-        ahead = BEYOND if short else 0.0
+        ahead = BEYOND if problem.stiff(x, 0.01 * problem.equations.coordinate.radius(problem.scale * BEYOND)) else 0.0
         rate, one = problem.direction(problem.solve_at(x, ahead) if ahead else x, ahead)
         return Point(problem, x, 0.0, rate, one, observables=problem.values(x, 0.0)._asdict(), label="start")
 
@@ -727,9 +726,9 @@ class ContactProblem(EquilibriumProblem):
         """The length on which elasticity answers the interaction at first touch."""
         return 0.5 / max(1.0, float(np.abs(self.fields(x, 0.0).stiffness).max()))
 
-    def stiff(self, x: Array) -> bool:
-        """Whether a contact is to be expected to start with panels graded down to that length."""
-        return self.answer(x) < STIFF * self.equations.mesh.innermost
+    def stiff(self, x: Array, length: float) -> bool:
+        """Whether that is far below another length, in a film that resists: a contact then has a kink of its own."""
+        return self.answer(x) < length and float(self.fields(x, 0.0).stiffness[0]) > 0.0
 
     def graded(self, x: Array) -> list[Point]:
         """First touch with panels graded down to the length on which elasticity answers the interaction."""
