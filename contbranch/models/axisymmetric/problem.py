@@ -89,8 +89,12 @@ ROUNDS, NEARLY = 6, 1e-5
 FARTHEST, TINY_PIVOT = 30.0, 1e-12
 # A length of the interaction's answer below this share of the innermost panel asks for graded panels at first touch.
 STIFF = 1e-3
+# Rounding of h, which is to be a small share of what its square term is over that length.
+ROUNDED = 2e-10
 # Parameter at which the direction behind first touch is taken where the film is so stiff.
-BEYOND = 1e-3
+BEYOND = 0.1
+# Multiple of rounding at which corrections may stop contracting: stiff films are ill-conditioned.
+NOISE = 1e7
 # At first touch a mesh aims at this share of the tolerance, since tiny contacts ask for more than the touch itself.
 AHEAD = 0.1
 
@@ -304,7 +308,7 @@ class ContactProblem(EquilibriumProblem):
 
     def steps(self, start: Point) -> Options:
         """Far away a step may be long, since the elastic body answers little; not so long as to miss a layer."""
-        steps = replace(STEPS, state_floor=STATE_FLOOR * self.scale * (2 * self.scale) ** 0.25)
+        steps = replace(STEPS, state_floor=STATE_FLOOR * self.scale * (2 * self.scale) ** 0.25, noise=NOISE)
         law, u = self.equations.interaction, start.parameter
         if law is None or not math.isfinite(law.wave) or u == 0.0:
             return steps
@@ -723,8 +727,9 @@ class ContactProblem(EquilibriumProblem):
         return not self.equations.contact
 
     def answer(self, x: Array) -> float:
-        """The length on which elasticity answers the interaction at first touch."""
-        return 0.5 / max(1.0, float(np.abs(self.fields(x, 0.0).stiffness).max()))
+        """The length on which elasticity answers the interaction at first touch, as far as h² has digits there."""
+        digits = math.sqrt(ROUNDED * float(np.abs(x).max()))
+        return max(digits, 0.5 / max(1.0, float(np.abs(self.fields(x, 0.0).stiffness).max())))
 
     def stiff(self, x: Array, length: float) -> bool:
         """Whether that is far below another length, in a film that resists: a contact then has a kink of its own."""
