@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.linalg import lapack
 
 from contbranch.contact.contact import Contact
-from contbranch.continuation import Adaptation, Linearisation, Options, Point
+from contbranch.continuation import Adaptation, Balance, Linearisation, Options, Point
 from contbranch.control import Control
 from contbranch.curve.problem import (
     STEPS,
@@ -87,12 +87,9 @@ TINY, MOVING = 1e-2, 0.1
 ROUNDS, NEARLY = 6, 1e-5
 # ln of the largest stretch of a mesh; a pivot below this share of its column says that the front alone moves.
 FARTHEST, TINY_PIVOT = 30.0, 1e-12
-# A length of the interaction's answer below this share of the innermost panel asks for graded panels at first touch.
-STIFF = 1e-3
-# Rounding of h, which is to be a small share of what its square term is over that length.
-ROUNDED = 2e-10
-# Parameter at which the direction behind first touch is taken where the film is so stiff.
-BEYOND = 0.1
+# A film whose response elasticity answers on a length below this is stiff; the contact behind first touch at which the
+# direction of the curve is then taken, as a share of the radius of the front.
+STIFF, SEEN = 1e-3, 0.01
 # Multiple of rounding at which corrections may stop contracting: stiff films are ill-conditioned.
 NOISE = 1e7
 # At first touch a mesh aims at this share of the tolerance, since tiny contacts ask for more than the touch itself.
@@ -301,6 +298,13 @@ class ContactProblem(EquilibriumProblem):
         x = problem.solve_at(none, u)
         return oriented(problem, x, u, (none, 1.0))
 
+    def balance(self, start: Point, step: float | None = None) -> Balance:
+        """First scales; `step`: of the parameter, a stiff film's kink at first touch long past."""
+        if step is None:
+            return super().balance(start)
+        length = step / STEPS.first_step
+        return Balance(length * math.sqrt(self.inner(start.tangent_x, start.tangent_x)), length)
+
     @property
     def parameter_range(self) -> tuple[float, float]:
         """First touch, u = 0, is where either side ends."""
@@ -337,8 +341,10 @@ class ContactProblem(EquilibriumProblem):
             return None
         still = self.still(last.x)
         disc, h = still._behind(), last.x[: still.size]
-        starts = disc.touching(h), *(disc.graded(h) if disc.stiff(h, STIFF * disc.equations.mesh.innermost) else ())
-        return Succession("touch", last, starts[::-1], others=lambda: disc.graded(h))
+        start = disc.touching(h)
+        problem = start.problem
+        step = problem.ahead() if isinstance(problem, ContactProblem) and disc.resists(h) else None
+        return Succession("touch", last, (start,), step=step, others=lambda: disc.graded(h))
 
     def _behind(self) -> ContactProblem:
         """The problem on the other side of first touch."""
@@ -391,10 +397,31 @@ class ContactProblem(EquilibriumProblem):
         if self.resolution.moving:
             front = steepest(problem.seen(x, 0.0), None, problem.equations.mesh, self.resolution.moving)
             problem, x = problem.anchored(front, x, 0.0)
-        # In a stiff film the limit of the slope at first touch holds for contacts below the length of the answer only.
-        ahead = BEYOND if problem.stiff(x, 0.01 * problem.equations.coordinate.radius(problem.scale * BEYOND)) else 0.0
-        rate, one = problem.direction(problem.solve_at(x, ahead) if ahead else x, ahead)
+        if problem.front is not None and problem.resists(x):
+            return problem._beyond(x)
+        rate, one = problem.direction(x, 0.0)
         return Point(problem, x, 0.0, rate, one, observables=problem.values(x, 0.0)._asdict(), label="start")
+
+    def ahead(self) -> float:
+        """Parameter of a contact that has long passed the kink, seen from the front."""
+        radius = SEEN * (1.0 if self.front is None else self.front.place)
+        return self.parameter(self.equations.coordinate.of(radius, 0.0))
+
+    def _beyond(self, x: Array) -> Point:
+        """First touch in a stiff film, on a mesh made for a contact that has passed its kink.
+
+        The limit of the slope at first touch holds for contacts below the length of elasticity's answer only.
+        """
+        problem, here, ahead = self, x, self.ahead()
+        for _ in range(ROUNDS):
+            here = problem.solve_at(here, ahead)
+            if problem.relative_error(here, ahead) <= self.resolution.tolerance:
+                break
+            problem, here = problem.remeshed(here, ahead)
+        x = problem.solve_at(here, 0.0)
+        return Point(
+            problem, x, 0.0, (here - x) / ahead, 1.0, observables=problem.values(x, 0.0)._asdict(), label="start"
+        )
 
     @property
     def limitation(self) -> str:
@@ -727,13 +754,12 @@ class ContactProblem(EquilibriumProblem):
         return not self.equations.contact
 
     def answer(self, x: Array) -> float:
-        """The length on which elasticity answers the interaction at first touch, as far as h² has digits there."""
-        digits = math.sqrt(ROUNDED * float(np.abs(x).max()))
-        return max(digits, 0.5 / max(1.0, float(np.abs(self.fields(x, 0.0).stiffness).max())))
+        """The length on which elasticity answers the interaction at first touch."""
+        return 0.5 / max(1.0, float(np.abs(self.fields(x, 0.0).stiffness).max()))
 
-    def stiff(self, x: Array, length: float) -> bool:
-        """Whether that is far below another length, in a film that resists: a contact then has a kink of its own."""
-        return self.answer(x) < length and float(self.fields(x, 0.0).stiffness[0]) > 0.0
+    def resists(self, x: Array) -> bool:
+        """Whether the film at first touch is so stiff that a contact has a kink of its own."""
+        return 0.5 / max(1.0, float(self.fields(x, 0.0).stiffness[0])) < STIFF
 
     def graded(self, x: Array) -> list[Point]:
         """First touch with panels graded down to the length on which elasticity answers the interaction."""
