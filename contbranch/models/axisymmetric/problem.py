@@ -553,9 +553,13 @@ class ContactProblem(EquilibriumProblem):
             front = steepest(problem.seen(start, p), front, problem.equations.mesh, self.resolution.moving)
         if problem is self and front is self.front:
             return None
-        transfer = None
+        transfer = moved = None
         if front is not self.front:
             problem, start = problem.anchored(front, start, p)
+
+            def moved(x: Array, tangent: Array, p: float) -> tuple[Array, Array]:
+                return self.carried(x, x, p, problem), self.carried(tangent, x, p, problem)
+
         elif front is None:
             transfer = self.equations.mesh.sampler(problem.equations.mesh.nodes)
         else:
@@ -568,7 +572,7 @@ class ContactProblem(EquilibriumProblem):
         self._corrected = None
         self._seen = []
         self.equations.forget()  # its points stay, by the thousand in cascades of layers, but are seldom asked again
-        return Adaptation(problem, start, transfer)
+        return Adaptation(problem, start, transfer, moved)
 
     def _refitted(self, x: Array, p: float) -> tuple[ContactProblem, Array]:
         """The problem on a mesh that satisfies the tolerance, if this one does not or is far finer, and the state."""
