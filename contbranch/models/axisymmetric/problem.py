@@ -294,9 +294,17 @@ class ContactProblem(EquilibriumProblem):
             problem = self.on_mesh(mesh_on(edges, self.resolution.order))
             u = self.parameter(-max(far, self.scale))
         self.resolution.far = u
-        none = np.zeros(problem.size)
-        x = problem.solve_at(none, u)
-        return oriented(problem, x, u, (none, 1.0))
+        problem, x = problem.resolved(problem.solve_at(np.zeros(problem.size), u), u, self.resolution.tolerance)
+        return oriented(problem, x, u, (np.zeros(problem.size), 1.0))
+
+    def resolved(self, x: Array, p: float, tolerance: float) -> tuple[ContactProblem, Array]:
+        """The problem on a mesh that resolves a solution, as far as that succeeds in some rounds, and the solution."""
+        problem = self
+        for _ in range(ROUNDS):
+            if problem.relative_error(x, p) <= tolerance:
+                break
+            problem, x = problem.remeshed(x, p, tolerance)
+        return problem, x
 
     def balance(self, start: Point, step: float | None = None) -> Balance:
         """First scales; `step`: of the parameter, a stiff film's kink at first touch long past."""
@@ -389,11 +397,7 @@ class ContactProblem(EquilibriumProblem):
 
     def touching(self, x: Array) -> Point:
         """First touch as a point of the side in contact, towards larger contacts, on a mesh that resolves it."""
-        problem, aim = self, AHEAD * self.resolution.tolerance
-        for _ in range(ROUNDS):
-            if problem.relative_error(x, 0.0) <= aim:
-                break
-            problem, x = problem.remeshed(x, 0.0, aim)
+        problem, x = self.resolved(x, 0.0, AHEAD * self.resolution.tolerance)
         if self.resolution.moving:
             front = steepest(problem.seen(x, 0.0), None, problem.equations.mesh, self.resolution.moving)
             problem, x = problem.anchored(front, x, 0.0)
@@ -412,12 +416,8 @@ class ContactProblem(EquilibriumProblem):
 
         The limit of the slope at first touch holds for contacts below the length of elasticity's answer only.
         """
-        problem, here, ahead = self, x, self.ahead()
-        for _ in range(ROUNDS):
-            here = problem.solve_at(here, ahead)
-            if problem.relative_error(here, ahead) <= self.resolution.tolerance:
-                break
-            problem, here = problem.remeshed(here, ahead)
+        ahead = self.ahead()
+        problem, here = self.resolved(self.solve_at(x, ahead), ahead, self.resolution.tolerance)
         x = problem.solve_at(here, 0.0)
         return Point(
             problem, x, 0.0, (here - x) / ahead, 1.0, observables=problem.values(x, 0.0)._asdict(), label="start"
