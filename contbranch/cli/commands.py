@@ -171,7 +171,7 @@ def _follow(asked: Values) -> Any:
 
 
 def _show(asked: Values) -> Result:
-    """Print what a saved diagram holds, and draw it; exit status 0 even if the trace was incomplete."""
+    """Print what a saved result holds, and draw it; exit status 0 even if the trace was incomplete."""
     from contbranch.output.hdf5 import load
 
     return load(asked.source)
@@ -191,7 +191,7 @@ COMMANDS: Final = {
     "loop": Command(_loop, (*_SHARED, "--max-load", *_OUTPUTS)),
     "follow": Command(_follow, (*_SHARED, "--event", "--vary", "--max-load", *_OUTPUTS)),
     "advise": Command(_advise, (*_SHARED[:5], "--json")),
-    "show": Command(_show, ("--plot",), ("FILE.h5", "Diagram saved by trace -o.")),
+    "show": Command(_show, ("--plot",), ("FILE.h5", "What trace, solve, loop or follow saved by -o.")),
 }
 
 
