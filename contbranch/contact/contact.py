@@ -17,6 +17,7 @@ from contbranch.contact.interaction_law import terms_of
 from contbranch.contact.interactions import INTERACTIONS, Interaction
 from contbranch.contact.tips import TIPS, HeightMap, Parabola, Tip, TipShape
 from contbranch.contact.units import PHYSICAL, REDUCED, Scales, Units, parse, positive_number
+from contbranch.contact.validity import warn_of_units
 from contbranch.errors import InputError
 
 __all__ = ["Contact", "dimensions", "look_up", "make", "nearest", "refuse_unknown"]
@@ -144,6 +145,8 @@ class Contact:
         if not isinstance(self.units, Units):
             raise InputError(f"units: {self.units!r}; must be REDUCED or PHYSICAL")
         object.__setattr__(self, "modulus", positive_number(self.modulus, "modulus"))
+        if self.units.physical:
+            warn_of_units(self)
 
     @staticmethod
     def reduced(law: type[Interaction] | str | None, tabor: float = 1.0, sign: int = 1, **shape: object) -> Contact:
