@@ -138,8 +138,8 @@ def _point(state: State) -> Branch:
     return Branch(**found, profiles=() if state.profile is None else (state.profile,))
 
 
-def load(path: str | Path) -> Diagram:
-    """Read a diagram from an HDF5 file that `save` wrote.
+def load(path: str | Path) -> Any:
+    """Read a diagram from an HDF5 file that `save` wrote, or a sweep from its file.
 
     The contact is None where it cannot be made again: a law or tip defined outside the package.
 
@@ -150,7 +150,11 @@ def load(path: str | Path) -> Diagram:
     """
     import h5py
 
+    from contbranch.output.sweep_file import is_sweep, load_sweep
+
     path = Path(path)
+    if is_sweep(path):
+        return load_sweep(path)
     image = _verified(path)
     try:
         with h5py.File(io.BytesIO(image), "r") as file:
