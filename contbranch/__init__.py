@@ -9,6 +9,7 @@ from contbranch._lazy import lazily
 
 TYPE_CHECKING = False  # of `typing`, which takes as long to import as everything else here
 if TYPE_CHECKING:
+    from contbranch.advice import advise
     from contbranch.api import find_all, hysteresis, phase_diagram, solve, trace
     from contbranch.contact.contact import Contact
     from contbranch.contact.interactions import (
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
     from contbranch.models.grid.model import FreeSpace, Periodic
     from contbranch.models.grid.resolution import GridWarning
     from contbranch.output.hdf5 import load
+    from contbranch.results.advice import Advice, Candidate
     from contbranch.results.diagram import Branch, Diagram, Event, Exponent, LocalExponent, Solution, State, Window
     from contbranch.results.equilibria import Barrier, Equilibria
     from contbranch.results.followed import Followed, FollowedPoint, Special
@@ -55,9 +57,11 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
+    "Advice",
     "Axisymmetric",
     "Barrier",
     "Branch",
+    "Candidate",
     "CellFields",
     "Cone",
     "Contact",
@@ -103,6 +107,7 @@ __all__ = [
     "TipShape",
     "VanDerWaals",
     "Window",
+    "advise",
     "find_all",
     "follow",
     "hysteresis",
@@ -123,6 +128,8 @@ __getattr__, __dir__ = lazily(
         ".contact.tips": "Cone EllipticParaboloid HeightMap Parabola PowerLaw Profile SphericalCap Tip TipShape",
         ".control": "Spring",
         ".errors": "InputError ModelError Stop",
+        ".advice": "advise",
+        ".results.advice": "Advice Candidate",
         ".api": "find_all hysteresis phase_diagram solve trace",
         ".curve.follow": "follow",
         ".models.axisymmetric.model": "Axisymmetric",

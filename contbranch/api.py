@@ -46,7 +46,7 @@ def trace(
     contact: Contact,
     control: str | Spring = "load",
     accuracy: float = 1e-6,
-    max_load: float | None = None,
+    max_load: float | str | None = None,
     model: str | Model = "auto",
     progress: Progress | None = None,
     modes: int = 32,
@@ -63,8 +63,8 @@ def trace(
     accuracy : float
         Error allowed to every event and threshold, relative to max(1, |value|) in reduced units; 1e-13 to 1e-2.
     max_load : float, optional
-        Load (in the contact's units) at which the curve ends; default: in contact, at 1.4 times the largest load of any
-        event, and at least 10 in reduced units.
+        Load (in the contact's units, or a text such as ``"100 nN"``) at which the curve ends; default: in contact, at
+        1.4 times the largest load of any event, and at least 10 in reduced units.
     model : str or model object
         ``"auto"``, ``"exact"``, ``"axisymmetric"``, ``"periodic"``, ``"free"``, or an object such as ``cb.Exact()`` or
         ``cb.Periodic(cell=10.0, grid=256)``. ``"auto"`` takes a grid only for tips without axial symmetry. Any object
@@ -106,9 +106,9 @@ def trace(
 def solve(
     contact: Contact,
     *,
-    load: float | None = None,
-    displacement: float | None = None,
-    contact_radius: float | None = None,
+    load: float | str | None = None,
+    displacement: float | str | None = None,
+    contact_radius: float | str | None = None,
     near: State | None = None,
     control: str | Spring | None = None,
     accuracy: float = 1e-6,
@@ -139,7 +139,7 @@ def solve(
     ModelError
         If the computation failed.
     """
-    field, value = _only(load=load, displacement=displacement, contact_radius=contact_radius)
+    field, value = _only(contact, load=load, displacement=displacement, contact_radius=contact_radius)
     if near is not None and not isinstance(near, State):
         raise InputError(f"near: {type(near).__name__}; must be a State, such as a solution or a branch's state")
     held = control or ("displacement" if field == "displacement" else "load")
@@ -179,8 +179,8 @@ def _solution(asked: _Asked, found: Coexisting, states: tuple[State, ...], near:
 def find_all(
     contact: Contact,
     *,
-    load: float | None = None,
-    displacement: float | None = None,
+    load: float | str | None = None,
+    displacement: float | str | None = None,
     window: tuple[float, float] | None = None,
     control: str | Spring | None = None,
     accuracy: float = 1e-6,
@@ -215,7 +215,7 @@ def find_all(
     InputError
         If an argument cannot be used.
     """
-    field, value = _only(load=load, displacement=displacement)
+    field, value = _only(contact, load=load, displacement=displacement)
     normal = contact.scales.normal
     inside = None if window is None else _window(window, normal)
     with _watched(progress, time_limit) as watch:
@@ -276,7 +276,7 @@ def hysteresis(
     contact: Contact,
     control: str | Spring = "load",
     accuracy: float = 1e-6,
-    max_load: float | None = None,
+    max_load: float | str | None = None,
     model: str | Model = "auto",
     progress: Progress | None = None,
     time_limit: float | None = None,
@@ -421,9 +421,8 @@ def _watched(progress: Progress | None, time_limit: float | None) -> AbstractCon
 
 def _ask(contact: Contact, control: object, accuracy: float, model: str | Model) -> _Asked:
     began = time.perf_counter()
-    if not isinstance(contact, Contact):
-        raise InputError(f"contact: {type(contact).__name__}; must be a Contact, made by cb.Contact(...)")
-    driven = as_control(control)
+    contact = _contact(contact)
+    driven = as_control(control, contact.units)
     number = finite_number(accuracy, "accuracy")
     if not FINEST <= number <= COARSEST:
         raise InputError(f"accuracy: {number:g}; must lie between {FINEST:g} and {COARSEST:g}")
@@ -432,16 +431,29 @@ def _ask(contact: Contact, control: object, accuracy: float, model: str | Model)
     return _Asked(contact, curves(contact, chosen), request, driven, chosen.name, why, began)
 
 
-def _only(**given: float | None) -> tuple[str, float]:
+def _only(contact: Contact, **given: float | str | None) -> tuple[str, float]:
     """The one quantity that is given."""
-    asked = [(name, finite_number(value, name)) for name, value in given.items() if value is not None]
+    dimension = {"load": "force"}
+    asked = [
+        (name, _contact(contact).units.read(value, dimension.get(name, "length"), name))
+        for name, value in given.items()
+        if value is not None
+    ]
     if len(asked) != 1:
         raise InputError(f"give exactly one of {', '.join(given)}, not {len(asked)}")
     return asked[0]
 
 
-def _limit(contact: Contact, max_load: float | None) -> float | None:
-    return None if max_load is None else positive_number(max_load, "max_load") / contact.scales.load
+def _limit(contact: Contact, max_load: float | str | None) -> float | None:
+    if max_load is None:
+        return None
+    return positive_number(contact.units.read(max_load, "force", "max_load"), "max_load") / contact.scales.load
+
+
+def _contact(contact: object) -> Contact:
+    if not isinstance(contact, Contact):
+        raise InputError(f"contact: {type(contact).__name__}; must be a Contact, made by cb.Contact(...)")
+    return contact
 
 
 def _unit(contact: Contact, field: str) -> float:

@@ -149,7 +149,7 @@ def test_law_of_the_users_own_is_described_but_not_made_again():
     assert law["user_defined"] is True
     assert law["table"] == [1.0, 2.0]
     assert law["range"] == 0.5
-    with pytest.raises(InputError, match=r"^interaction\[1\]: '.*Mine' is not part of contbranch; make the contact"):
+    with pytest.raises(InputError, match=r"^interaction\[0\]: '.*Mine' is not part of contbranch; make the contact"):
         Contact.from_description(description)
     assert Contact.reduced(Mine, 2.0, table=(3.0,)).interaction == Mine(1.0, 0.5, (3.0,))
 
@@ -161,7 +161,7 @@ def test_broken_descriptions():
         ({"tip": {"shape": "parabola"}}, "tip.radius: missing"),
         ({"material": {}}, "modulus: None; must be"),
         ({"units": "SI"}, "units: 'SI'"),
-        ({"interaction": [{"law": "gauss", "range": 1.0}]}, r"interaction\[1\].work_of_adhesion: missing"),
+        ({"interaction": [{"law": "gauss", "range": 1.0}]}, r"interaction\[0\].work_of_adhesion: missing"),
     ):
         with pytest.raises(InputError, match=message):
             Contact.from_description({**good, **change})

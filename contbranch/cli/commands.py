@@ -105,7 +105,8 @@ class Command(NamedTuple):
             if flags == "--plot":
                 kind["action"] = "append"
             parser.add_option(*flags.split(), help=words, **kind)
-        parser.set_defaults(json=None, output=None, csv=None, events_csv=None, time_limit=None)
+        absent = ("json", "output", "plot", "csv", "events_csv", "model", "cell", "grid", "time_limit")
+        parser.set_defaults(**dict.fromkeys(absent))
         return parser
 
 
@@ -176,11 +177,20 @@ def _show(asked: Values) -> Result:
     return load(asked.source)
 
 
+def _advise(asked: Values) -> Any:
+    """Say which model or theory is enough for the folds of a contact, and what it would take."""
+    request = _request(asked)
+    from contbranch.advice import advise
+
+    return advise(request.contact, 0.01 if asked.accuracy is None else request.accuracy, request.control)
+
+
 COMMANDS: Final = {
     "trace": Command(_trace, (*_SHARED, "--max-load", *_OUTPUTS, "--events-csv")),
     "solve": Command(_solve, (*_SHARED, "--load", "--displacement", "--all", *_OUTPUTS)),
     "loop": Command(_loop, (*_SHARED, "--max-load", *_OUTPUTS)),
     "follow": Command(_follow, (*_SHARED, "--event", "--vary", "--max-load", *_OUTPUTS)),
+    "advise": Command(_advise, (*_SHARED[:5], "--json")),
     "show": Command(_show, ("--plot",), ("FILE.h5", "Diagram saved by trace -o.")),
 }
 
@@ -230,21 +240,26 @@ def _run(given: list[str]) -> int:
     if asked.help:
         return COMPLETE
     if rest[1:]:
-        parser.error(f"Got unexpected extra argument ({rest[1]})")
+        from contbranch.contact.units import is_unit
+
+        quote = "; quote a quantity: '265 nN'" if any(map(is_unit, rest)) else ""
+        parser.error(f"Got unexpected extra argument ({next(filter(is_unit, rest), rest[1])}){quote}")
     if not rest and not command.argument[0].startswith("["):
         parser.error(f"Missing argument '{command.argument[0]}'")
-    asked.source = rest[0] if rest else None
+    asked.source, asked.notes = rest[0] if rest else None, []
     interrupted = False
     with ExitStack() as stack:
         places = [stack.enter_context(reserved(path, field)) for field, path in _outputs(asked)]
         interrupts.unfinished = [place.unfinished for place in places if place.unfinished is not None]
         try:
-            result = command.compute(asked) if name == "show" else _watched(command, asked)
+            result = command.compute(asked) if name in ("show", "advise") else _watched(command, asked)
         except KeyboardInterrupt as error:
             if not hasattr(error, "partial"):
                 raise
             result, interrupted = error.partial, True
         interrupts.keeping = True
+        for note in asked.notes:
+            print(f"contbranch: warning: {note}", file=sys.stderr)
         _deliver(result, asked, places)
     if interrupts.pending or interrupted:
         late = "what was asked for is complete all the same" if result.status == "complete" else result.message

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from optparse import Values
 from typing import TYPE_CHECKING, Any, Final
 
@@ -24,7 +24,10 @@ _LOWEST: Final = ("pull-off", "wetting")
 
 @dataclass(frozen=True)
 class Request:
-    """A contact and the settings of a computation, in the contact's units; `controlled`: the control was asked for."""
+    """A contact and the settings of a computation, in the contact's units.
+
+    `controlled`: the control was asked for; `notes`: what the user is told besides the result.
+    """
 
     contact: Contact
     control: str | Spring
@@ -34,6 +37,7 @@ class Request:
     controlled: bool = True
     cell: float | None = None
     grid: int | None = None
+    notes: list[str] = field(default_factory=list)
 
     @property
     def chosen_model(self) -> str | Periodic | FreeSpace:
@@ -46,7 +50,11 @@ class Request:
 
     def quantity(self, text: str, dimension: str, option: str) -> float:
         """Return the value of an option: a bare number in the contact's units, or a quantity of a physical contact."""
-        return self.contact.units.read(_bare(text), dimension, option)
+        value = _bare(text)
+        unit = self.contact.units.name(dimension)
+        if unit and isinstance(value, float):
+            self.notes.append(f"{option} {text}: taken as {unit}; write '{text} {unit}'")
+        return self.contact.units.read(value, dimension, option)
 
     def limit(self, max_load: str | None) -> float | None:
         """The largest load, from the option or the contact file; None for the default."""
@@ -87,6 +95,7 @@ def make_request(asked: Values) -> Request:
         controlled="control" in chosen,
         cell=chosen.get("cell"),
         grid=chosen.get("grid"),
+        notes=asked.notes,
     )
 
 

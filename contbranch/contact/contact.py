@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, dataclass, fields
 from functools import cached_property
@@ -37,6 +38,8 @@ def refuse_unknown(names: Iterable[str], known: Iterable[str], prefix: str = "")
     """Raise InputError, with `prefix` in front, for the first of `names` that is not among the `known` ones."""
     for name in names:
         if name not in known:
+            if re.search("young|poisson", name.lower()):
+                raise InputError(f"{prefix}{name}: give the effective modulus, E/(1 − ν²) for a rigid tip, as modulus")
             raise InputError(f"{prefix}{name}: not known; must be one of {', '.join(known)}{nearest(name, known)}")
 
 
@@ -162,7 +165,7 @@ class Contact:
     @staticmethod
     def physical(
         *,
-        modulus: object,
+        modulus: object = None,
         tip: str | TipShape = "parabola",
         interaction: str | type[Interaction] | Interaction | None = None,
         **quantities: object,
@@ -194,6 +197,8 @@ class Contact:
             name: dimension for kind in (shape_kind, law_kind) if kind for name, dimension in dimensions(kind).items()
         }
         refuse_unknown(quantities, known)
+        if modulus is None:
+            raise InputError("modulus: missing; give the effective modulus, for example '5 GPa'")
         values = {name: _quantity(value, known[name], name) for name, value in quantities.items()}
 
         def built(kind: Any) -> Any:

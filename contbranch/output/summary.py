@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any, Final, NamedTuple
 
+from contbranch.results.advice import Advice, Candidate
 from contbranch.results.diagram import Diagram, Event, Solution, State
 from contbranch.results.equilibria import Equilibria
 from contbranch.results.followed import Followed
@@ -135,7 +136,25 @@ def _followed(followed: Followed, units: Mapping[str, str]) -> Parts:
         yield from dict.fromkeys(one.message for one in followed.special if one.message)
 
 
+def _advice(advice: Advice, units: Mapping[str, str]) -> Parts:
+    names = [name.replace("_", " ") for name in advice.thresholds]
+    rows = [
+        [one.model, *(_error_of(one, name) for name in advice.thresholds), f"{one.seconds:.2g}"]
+        for one in advice.candidates
+    ]
+    yield Cells(["candidate", *(f"error of {name}" for name in names), "seconds"], rows)
+    if advice.tabor is not None:
+        yield f"Tabor coefficient {advice.tabor:.4g} (DMT is the limit of small ones, JKR that of large ones)."
+    yield f"Take {advice.chosen}. {advice.why}"
+
+
+def _error_of(candidate: Candidate, name: str) -> str:
+    error = candidate.errors.get(name)
+    return "none" if error is None else f"{error:.1e}"
+
+
 _SHOWN: Final[Mapping[type, Callable[[Any, Mapping[str, str]], Parts]]] = {
+    Advice: _advice,
     Diagram: _diagram,
     Solution: lambda solution, units: iter([_states(solution.known, units)]),
     Equilibria: lambda found, units: iter([_states(found.states, units)]),
