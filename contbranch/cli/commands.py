@@ -1,4 +1,4 @@
-"""The command ``contbranch``: trace, solve, loop, follow and show.
+"""The command ``contbranch``: trace, solve, loop, follow, sweep, show and view.
 
 Exit status: 0 complete; 1 incomplete (whatever was traced is written all the same); 2 wrong input, in one line; 130
 interrupted (as 1). Heavy libraries are imported where they are needed: the start of the command is a good part of its
@@ -49,6 +49,10 @@ _OPTIONS: Final = {
     "--vary": ("NAME=FROM:TO", "Parameter to vary, for example tabor=0.25:4."),
     "--max-load": ("F", "Largest load.  [default: beyond all events]"),
     "--time-limit": ("S", "Seconds after which what has been found is given.  [default: none]"),
+    "--workers": ("N", "Traces at a time.  [default: one for each core]"),
+    "--scheduler": ("ADDRESS", "Of a Dask cluster, instead of the cores of this machine."),
+    "--resume": ("", "Go on with an earlier sweep of that file, if there is one."),
+    "--retry": ("", "Compute again what failed."),
     "--json": ("FILE", "Write JSON; - for standard output."),
     "--csv": ("FILE", "Write the points as a table, with units in its first line."),
     "--events-csv": ("FILE", "Write the events as a table."),
@@ -84,11 +88,12 @@ class _Parser(OptionParser):
 
 
 class Command(NamedTuple):
-    """A command: what computes its result, its options, and its argument with what that is."""
+    """A command: what computes its result, its options, its argument with what that is, and what it writes itself."""
 
     compute: Callable[[Values], Any]
     options: tuple[str, ...]
     argument: tuple[str, str] = ("[CONTACT]", "TOML file that describes the contact.")
+    own: tuple[str, ...] = ()
 
     @property
     def summary(self) -> str:
@@ -170,11 +175,38 @@ def _follow(asked: Values) -> Any:
         raise InputError(f"--vary: {str(error).removeprefix('vary: ')}") from None
 
 
+def _sweep(asked: Values) -> Result:
+    """Trace all contacts of a sweep file, on all cores or on a cluster; what has ended is never computed again."""
+    if asked.output is None:
+        raise InputError("-o: missing; a sweep needs a file, for example -o results.h5")
+    from contbranch.cli.request import whole_number
+    from contbranch.sweeps.design import read_sweep
+    from contbranch.sweeps.sweep import sweep
+
+    design, settings = read_sweep(asked.source)
+    if asked.workers is not None:
+        settings["workers"] = whole_number(asked.workers, "--workers")
+    with ExitStack() as stack:
+        executor = None
+        if asked.scheduler is not None:
+            from contbranch.sweeps.cluster import dask_executor
+
+            executor, count = stack.enter_context(dask_executor(asked.scheduler))
+            settings.setdefault("workers", count)
+        resume = asked.resume or asked.retry
+        try:
+            return sweep(design, asked.output, executor, resume, retry=asked.retry, **settings)
+        except InputError as error:
+            words = str(error).replace("path: ", "-o: ", 1).replace("resume that sweep", "add --resume")
+            raise InputError(words) from None
+
+
 def _show(asked: Values) -> Result:
     """Print what a saved diagram holds, and draw it; exit status 0 even if the trace was incomplete."""
     from contbranch.output.hdf5 import load
 
-    return load(asked.source)
+    found: Result = load(asked.source)
+    return found
 
 
 def _advise(asked: Values) -> Any:
@@ -191,6 +223,12 @@ COMMANDS: Final = {
     "loop": Command(_loop, (*_SHARED, "--max-load", *_OUTPUTS)),
     "follow": Command(_follow, (*_SHARED, "--event", "--vary", "--max-load", *_OUTPUTS)),
     "advise": Command(_advise, (*_SHARED[:5], "--json")),
+    "sweep": Command(
+        _sweep,
+        ("--workers", "--scheduler", "--resume", "--retry", "--time-limit", "--json", "--csv", "-o --output"),
+        ("SWEEP", "TOML file: a contact file with a table [sweep.vary]."),
+        own=("-o",),
+    ),
     "show": Command(_show, ("--plot",), ("FILE.h5", "Diagram saved by trace -o.")),
 }
 
@@ -249,7 +287,8 @@ def _run(given: list[str]) -> int:
     asked.source, asked.notes = rest[0] if rest else None, []
     interrupted = False
     with ExitStack() as stack:
-        places = [stack.enter_context(reserved(path, field)) for field, path in _outputs(asked)]
+        outputs = [(field, path) for field, path in _outputs(asked) if field not in command.own]
+        places = [stack.enter_context(reserved(path, field)) for field, path in outputs]
         interrupts.unfinished = [place.unfinished for place in places if place.unfinished is not None]
         try:
             result = command.compute(asked) if name in ("show", "advise") else _watched(command, asked)

@@ -32,9 +32,9 @@ The parameters of a shape or law are the fields of its class in `tips` and `inte
   default) or gap and pressure (``quantity = "pressure"``), or the lists ``gaps`` and ``energies`` or ``pressures``;
   ``length_unit = "nm"`` and ``energy_unit = "mJ/m^2"`` or ``pressure_unit = "MPa"`` make them physical.
 
-A table ``[sweep]`` says what varies in `contbranch.sweeps.design.read_sweep`, and nothing to a single contact. A file is
-searched beside the contact file. One of numbers has two columns, separated by commas, semicolons or blanks;
-text after # and a first line of names are skipped.
+A file is searched beside the contact file. One of numbers has two columns, separated by commas, semicolons or blanks;
+text after # and a first line of names are skipped. A table ``[sweep]`` says what varies in a sweep
+(`contbranch.sweeps.design.read_sweep`) and nothing to a single contact.
 """
 
 from __future__ import annotations

@@ -121,7 +121,7 @@ class Sweep(Result):
 
     def told(self) -> str:
         """How many tasks there are, and of what becomes."""
-        counts = {status: 0 for status in ("complete", "incomplete", "failed")}
+        counts = dict.fromkeys(("complete", "incomplete", "failed"), 0)
         for task in self.tasks:
             counts[task.status] += 1
         listed = ", ".join(f"{count} {status}" for status, count in counts.items() if count)

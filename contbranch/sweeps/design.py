@@ -52,8 +52,8 @@ class Design(Sequence[Contact]):
 
     def parameters(self, index: int) -> dict[str, float]:
         """Values of a contact's parameters."""
-        places = np.unravel_index(index, self.shape) if self.mode == "grid" else [index] * len(self.axes)
-        return {name: values[k] for (name, values), k in zip(self.axes.items(), places, strict=True)}
+        places: Any = np.unravel_index(index, self.shape) if self.mode == "grid" else [index] * len(self.axes)
+        return {name: values[int(k)] for (name, values), k in zip(self.axes.items(), places, strict=True)}
 
     def __getitem__(self, index: Any) -> Any:
         if isinstance(index, slice):

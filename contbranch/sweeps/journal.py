@@ -1,8 +1,8 @@
 """The journal of a sweep: a file of records with checksums, each appended at once when a task has ended.
 
-A record is a line ``contbranch LENGTH SHA256`` and its content, a line of JSON and the bytes of its arrays. What follows
-the last record that is whole is dropped. Workers append to a file of their own for each batch, which is added to the
-journal when the batch has ended, or when the sweep is resumed.
+A record is a line ``contbranch LENGTH SHA256`` and its content, a line of JSON and the bytes of its arrays. What
+follows the last record that is whole is dropped. Workers append to a file of their own for each batch, which is added
+to the journal when the batch has ended, or when the sweep is resumed.
 """
 
 from __future__ import annotations

@@ -73,7 +73,6 @@ class Run:
         for old in self.journal.folder.glob("token-*"):
             old.unlink()
         self._token = self.journal.folder / f"token-{uuid.uuid4().hex}"
-        self._began, self._known = time.monotonic(), len(self.journal.ended)
         self._spent, self._timed, self._sent, self._fruitless = 0.0, 0, 0, 0
         self._pending: deque[str] = deque()
         self._suspects: deque[str] = deque()
@@ -184,11 +183,11 @@ class Run:
         self.journal.add(encoded({"key": key, "run": uuid.uuid4().hex, **about}, {}))
 
     def _report(self) -> None:
-        """Tell how far the sweep is, and how long it will take at the rate so far."""
-        ended, spent = len(self.journal.ended), time.monotonic() - self._began
+        """Tell how far the sweep is, and how long it will take if its tasks take as long as those so far."""
+        ended = len(self.journal.ended)
         text = f"{ended} of {self.total} tasks"
-        if ended > self._known and ended < self.total:
-            text += f", {_duration(spent * (self.total - ended) / (ended - self._known))} left"
+        if self._timed and ended < self.total:
+            text += f", {_duration(self._spent / self._timed * (self.total - ended) / self.workers)} left"
         tell(ended / max(self.total, 1), text)
 
 

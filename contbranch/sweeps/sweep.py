@@ -63,8 +63,8 @@ def sweep(
         As of `contbranch.trace`.
     **settings
         Of the traces: ``control``, ``accuracy``, ``max_load``, ``model``; ``keep``: ``"thresholds"``, ``"curves"`` or
-        ``"profiles"`` (default for up to 1,000 contacts; curves for more); ``task_limit``: seconds that a trace may take
-        (3,600). Of the sweep: ``workers``: how many work at a time (default: one for each core, or as many as the
+        ``"profiles"`` (default for up to 1,000 contacts; curves for more); ``task_limit``: seconds that a trace may
+        take (3,600). Of the sweep: ``workers``: how many work at a time (default: one for each core, or as many as the
         executor says); ``retry=True``: what failed is computed again; ``time_limit``: seconds.
 
     Returns
@@ -82,10 +82,11 @@ def sweep(
     if not len(contacts):
         raise InputError("contacts: none; give at least one")
     design = contacts if isinstance(contacts, Design) else listed(_checked(contacts))
-    chosen = {name: settings[name] for name in _TRACING[:4] if name in settings}
+    chosen: dict[str, Any] = {name: settings[name] for name in _TRACING[:4] if name in settings}
     limit = settings.get("task_limit", 3600.0)
-    keep = settings.get("keep") or ("profiles" if len(contacts) <= _FEW else "curves")
-    task = task or Tracing(**chosen, keep=keep, time_limit=limit and positive_number(limit, "task_limit"))
+    chosen["keep"] = settings.get("keep") or ("profiles" if len(contacts) <= _FEW else "curves")
+    if task is None:
+        task = Tracing(**chosen, time_limit=limit and positive_number(limit, "task_limit"))
     folder = path.with_name(path.name + ".journal")
     if not resume and (path.exists() or folder.exists()):
         what = f"'{path}' exists" if path.exists() else f"'{folder}' holds an unfinished sweep"

@@ -21,6 +21,9 @@ from contbranch.results.record import columns
 __all__ = ["KEEP", "Outcome", "Task", "Tracing", "key_of"]
 
 KEEP: Final = ("thresholds", "curves", "profiles")
+_POINT: Final = ("load", "displacement", "contact_radius", "central_gap", "energy", "unstable_load",
+                 "unstable_displacement", "unstable_spring", "unstable_azimuthal", "contact_area",
+                 "contact_perimeter")  # fmt: skip
 _EVENT: Final = [column for column in columns(Event) if column.path[0] != "critical"]
 
 
@@ -42,7 +45,9 @@ class Outcome(NamedTuple):
 class Task(Protocol):
     """What is done with every input of a sweep; pickled and sent to workers."""
 
-    time_limit: float | None
+    @property
+    def time_limit(self) -> float | None:
+        """Seconds after which its worker is given up."""
 
     def describe(self) -> dict[str, Any]:
         """What makes results of two tasks comparable, as JSON holds it."""
@@ -102,9 +107,7 @@ class Tracing:
 
 def _points(branch: Branch, profiles: bool) -> dict[str, NDArray[Any]]:
     """The columns of a branch, and those of its profiles with their lengths."""
-    named = ("load", "displacement", "contact_radius", "central_gap", "energy", "unstable_load")
-    named += ("unstable_displacement", "unstable_spring", "unstable_azimuthal", "contact_area", "contact_perimeter")
-    found = {f"point.{name}": getattr(branch, name) for name in named if getattr(branch, name) is not None}
+    found = {f"point.{name}": getattr(branch, name) for name in _POINT if getattr(branch, name) is not None}
     if profiles and len(branch.profiles):
         known = [one() if callable(one) else one for one in branch.profiles]
         found["point.nodes"] = np.array([len(one.r) for one in known])

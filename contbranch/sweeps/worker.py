@@ -5,7 +5,6 @@ from __future__ import annotations
 import faulthandler
 import os
 import signal
-import sys
 import threading
 import time
 import uuid
@@ -115,7 +114,7 @@ def _deadline(batch: Batch) -> Any:
         return lambda: None
     limit = patience(limit)
     if threading.current_thread() is threading.main_thread():
-        faulthandler.dump_traceback_later(limit, exit=True, file=sys.__stderr__)
+        faulthandler.dump_traceback_later(limit, exit=True)
         return faulthandler.cancel_dump_traceback_later
     timer = threading.Timer(limit, os._exit, (1,))
     timer.daemon = True
