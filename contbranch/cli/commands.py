@@ -58,6 +58,7 @@ _OPTIONS: Final = {
     "--events-csv": ("FILE", "Write the events as a table."),
     "--plot": ("FILE", "Draw to a .png, .pdf or .svg file."),
     "-o --output": ("FILE.h5", "Save arrays and profiles."),
+    "-o --page": ("FILE.html", "Write the page."),
 }
 _SHARED: Final = tuple(_OPTIONS)[:8]
 _SUFFIXES: Final = {
@@ -217,6 +218,27 @@ def _advise(asked: Values) -> Any:
     return advise(request.contact, 0.01 if asked.accuracy is None else request.accuracy, request.control)
 
 
+def _view(asked: Values) -> Result:
+    """Write a page on which a saved diagram, loop or sweep is explored: one file, no network."""
+    from contbranch.output.files import write
+    from contbranch.output.hdf5 import load
+    from contbranch.output.page import page
+
+    if asked.page is None or not asked.page.endswith((".html", ".htm")):
+        raise InputError(f"-o: {asked.page or 'missing'}; give a file for the page, for example -o page.html")
+    result = load(asked.source)
+    curve = None
+    if result.format == "contbranch-loop" and result.contact is not None and result.contact.tip.axisymmetric:
+        from contbranch.api import trace
+        from contbranch.control import as_control
+
+        driven = result.control if result.stiffness is None else as_control(f"spring:{result.stiffness!r}")
+        curve = trace(result.contact, driven)
+    write(asked.page, page(result, curve).encode())
+    found: Result = result
+    return found
+
+
 COMMANDS: Final = {
     "trace": Command(_trace, (*_SHARED, "--max-load", *_OUTPUTS, "--events-csv")),
     "solve": Command(_solve, (*_SHARED, "--load", "--displacement", "--all", *_OUTPUTS)),
@@ -230,6 +252,7 @@ COMMANDS: Final = {
         own=("-o",),
     ),
     "show": Command(_show, ("--plot",), ("FILE.h5", "Diagram saved by trace -o.")),
+    "view": Command(_view, ("-o --page",), ("FILE.h5", "Saved by trace, loop or sweep -o.")),
 }
 
 
@@ -303,7 +326,7 @@ def _run(given: list[str]) -> int:
     if interrupts.pending or interrupted:
         late = "what was asked for is complete all the same" if result.status == "complete" else result.message
         return _fail(f"interrupted: {late}", INTERRUPTED)
-    if name == "show" or result.status == "complete":
+    if name in ("show", "view") or result.status == "complete":
         return COMPLETE
     return _fail(f"incomplete: {result.message}", INCOMPLETE)
 
