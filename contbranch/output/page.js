@@ -219,11 +219,14 @@ function drawProfile() {
     "aria-label": `Deformed tip above the wall, and pressure, at load ${digits(array(one.rows.load)[view.row])}` }, holder);
   const reach = 1.02 * (one.reach || shown.r[shown.r.length - 1]), top = item().limit || span("gap", one)[1];
   const mirrored = (values) => [...Array.from(values).reverse(), ...values];
-  const rs = [...Array.from(shown.r, (v) => -v).reverse(), ...shown.r];
+  const last = shown.r.length - 1, slope = (shown.gap[last] - shown.gap[last - 1]) / (shown.r[last] - shown.r[last - 1]);
+  const beyond = Math.max(0, 1.5 * top - shown.gap[last]) / Math.max(slope, 1e-9);
+  const rs = mirrored(shown.r).map((v, i) => i <= last ? -v : v);
   const upper = axes(svg, { left: 74, top: 8, width: width - 90, height: half }, [-reach, reach], [-0.14 * top, top], ["", label("gap")]);
-  const bottom = upper.py(-0.14 * top), gaps = mirrored(shown.gap);
+  const bottom = upper.py(-0.14 * top), gaps = [1.5 * top, ...mirrored(shown.gap), 1.5 * top];
+  const wide = [rs[0] - beyond, ...rs, rs[rs.length - 1] + beyond];
   draw("rect", { class: "wall", x: 74, y: upper.py(0), width: width - 90, height: bottom - upper.py(0) }, upper.inside);
-  draw("path", { class: "body", id: "tip", d: `${line(rs, gaps, upper.px, upper.py)}L${upper.px(rs[rs.length - 1])} -50L${upper.px(rs[0])} -50Z` }, upper.inside);
+  draw("path", { class: "body", id: "tip", d: line(wide, gaps, upper.px, upper.py) }, upper.inside);
   if (item().tip) {
     const r = array(item().tip.r), z = Array.from(array(item().tip.z), (v) => v + array(one.rows.central_gap)[view.row]);
     draw("path", { class: "outline", d: line(r, z, upper.px, upper.py) + line(Array.from(r, (v) => -v), z, upper.px, upper.py) }, upper.inside);
@@ -251,10 +254,10 @@ function drive(branch) {
   const load = array(branch.fine.load), d = array(branch.fine.displacement);
   return view.control === "load" ? load : view.control === "displacement" ? d : d.map((v, i) => v + load[i] / item().stiffness);
 }
-function height(branch, i) {
-  const load = array(branch.fine.load)[i], value = array(branch.fine.energy)[i];
-  if (view.control === "load") return value - load * array(branch.fine.displacement)[i];
-  return view.control === "displacement" ? value : value + load * load / (2 * item().stiffness);
+function height(branch, i, at) {
+  const load = array(branch.fine.load)[i], d = array(branch.fine.displacement)[i], energy = array(branch.fine.energy)[i];
+  if (view.control === "load") return energy - at * d;
+  return view.control === "displacement" ? energy + load * (at - d) : energy + 0.5 * item().stiffness * (at - d) ** 2;
 }
 function locate(run, value) {
   for (let i = run.start; i < run.stop; i++) if ((run.at[i] - value) * (run.at[i + 1] - value) <= 0) return Math.abs(run.at[i] - value) < Math.abs(run.at[i + 1] - value) ? i : i + 1;
@@ -276,9 +279,9 @@ function travel() {
       direction = -1;
       continue;
     }
-    const value = run.at[goal], level = height(item().branches[run.b], goal), order = all.indexOf(run);
+    const value = run.at[goal], level = height(item().branches[run.b], goal, value), order = all.indexOf(run);
     const others = (forward ? all.slice(order + 1) : all.slice(0, order).reverse()).map((other) => [other, locate(other, value)]);
-    const next = others.find(([other, place]) => place !== null && height(item().branches[other.b], place) < level);
+    const next = others.find(([other, place]) => place !== null && height(item().branches[other.b], place, value) < level);
     if (!next) {
       jumps.push([[run.b, i], null]);
       if (direction < 0) break;
@@ -313,7 +316,10 @@ function journey() {
     leg.x.push(x); leg.y.push(y);
   });
   legs.push(leg);
-  for (const [from, to] of made) if (to) jumps.push([at(from), at(to)]);
+  for (const [from, to] of made.filter((jump) => jump[1])) {
+    const before = at(from), after = at(to);  // what is controlled does not change
+    jumps.push([before, [view.x, view.y].map((name, k) => name === view.control ? before[k] : after[k])]);
+  }
   return { legs, jumps, count: stops.length };
 }
 function play(step) {

@@ -47,7 +47,9 @@ def page(result: Result, curve: Diagram | None = None) -> str:
         If the result has no curve.
     """
     packed = _Packed()
-    title = repr(result).splitlines()[0]
+    title = repr(result).splitlines()[0].rpartition(":")[0]
+    if isinstance(result, Sweep):
+        title = f"{title.partition(', μ_T')[0]} over {' × '.join(result.parameters) or 'contacts'}"
     known: dict[str, Any] = {"title": title, "parameters": [], "axes": {}}
     if isinstance(result, Diagram):
         known |= {"items": [packed.diagram(result, result.contact, {})], "units": result.unit_names}
