@@ -203,11 +203,10 @@ def _sweep(asked: Values) -> Result:
 
 
 def _show(asked: Values) -> Result:
-    """Print what a saved diagram holds, and draw it; exit status 0 even if the trace was incomplete."""
+    """Print what a saved result holds, and draw it; exit status 0 even if the trace was incomplete."""
     from contbranch.output.hdf5 import load
 
-    found: Result = load(asked.source)
-    return found
+    return load(asked.source)
 
 
 def _advise(asked: Values) -> Any:
@@ -223,20 +222,19 @@ def _view(asked: Values) -> Result:
     from contbranch.output.files import write
     from contbranch.output.hdf5 import load
     from contbranch.output.page import page
+    from contbranch.results.loop import Hysteresis
 
     if asked.page is None or not asked.page.endswith((".html", ".htm")):
         raise InputError(f"-o: {asked.page or 'missing'}; give a file for the page, for example -o page.html")
     result = load(asked.source)
     curve = None
-    if result.format == "contbranch-loop" and result.contact is not None and result.contact.tip.axisymmetric:
+    if isinstance(result, Hysteresis) and result.contact is not None and result.contact.tip.axisymmetric:
         from contbranch.api import trace
-        from contbranch.control import as_control
+        from contbranch.control import Spring
 
-        driven = result.control if result.stiffness is None else as_control(f"spring:{result.stiffness!r}")
-        curve = trace(result.contact, driven)
+        curve = trace(result.contact, result.control if result.stiffness is None else Spring(result.stiffness))
     write(asked.page, page(result, curve).encode())
-    found: Result = result
-    return found
+    return result
 
 
 COMMANDS: Final = {
@@ -251,7 +249,7 @@ COMMANDS: Final = {
         ("SWEEP", "TOML file: a contact file with a table [sweep.vary]."),
         own=("-o",),
     ),
-    "show": Command(_show, ("--plot",), ("FILE.h5", "Diagram saved by trace -o.")),
+    "show": Command(_show, ("--plot",), ("FILE.h5", "What trace, solve, loop or follow saved by -o.")),
     "view": Command(_view, ("-o --page",), ("FILE.h5", "Saved by trace, loop or sweep -o.")),
 }
 
