@@ -50,6 +50,9 @@ if TYPE_CHECKING:
     from contbranch.results.loop import Hysteresis
     from contbranch.results.phase import PhaseDiagram
     from contbranch.results.profile import CellFields
+    from contbranch.results.sweep import Sweep, SweepTask
+    from contbranch.sweeps.design import Design, varied
+    from contbranch.sweeps.sweep import sweep
 
 __version__ = "0.1.0"
 
@@ -62,6 +65,7 @@ __all__ = [
     "CellFields",
     "Cone",
     "Contact",
+    "Design",
     "Diagram",
     "EllipticParaboloid",
     "Equilibria",
@@ -96,6 +100,8 @@ __all__ = [
     "State",
     "Stop",
     "Sum",
+    "Sweep",
+    "SweepTask",
     "Tabulated",
     "Tip",
     "TipShape",
@@ -108,7 +114,9 @@ __all__ = [
     "load",
     "phase_diagram",
     "solve",
+    "sweep",
     "trace",
+    "varied",
 ]
 
 __getattr__, __dir__ = lazily(
@@ -135,6 +143,9 @@ __getattr__, __dir__ = lazily(
         ".results.loop": "Hysteresis",
         ".results.phase": "PhaseDiagram",
         ".results.profile": "CellFields",
+        ".results.sweep": "Sweep SweepTask",
+        ".sweeps.design": "Design varied",
+        ".sweeps.sweep": "sweep",
         ".contact": "",
         ".continuation": "",
         ".models": "",

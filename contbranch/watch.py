@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from contextvars import ContextVar
 from time import perf_counter
 from typing import Final, TypeVar
@@ -115,21 +115,34 @@ _present: ContextVar[Watch | None] = ContextVar("present", default=None)
 
 @contextmanager
 def watched(progress: Progress | None = None, limit: float | None = None) -> Iterator[Watch]:
-    """Watch a computation; what is part of another one has that one's watch."""
+    """Watch a computation; what is part of another one has that one's watch. In notebooks a bar is the default."""
     outer = _present.get()
     if outer is not None:
         yield outer
         return
-    watch = Watch(progress, limit)
-    own = _present.set(watch)
-    try:
-        yield watch
-    except ModelError:
-        if watch.cause is None:
-            raise
-        raise watch.cause from None
-    finally:
-        _present.reset(own)
+    with _bar() if progress is None and _in_notebook() else nullcontext(progress) as report:
+        watch = Watch(report, limit)
+        own = _present.set(watch)
+        try:
+            yield watch
+        except ModelError:
+            if watch.cause is None:
+                raise
+            raise watch.cause from None
+        finally:
+            _present.reset(own)
+
+
+def _in_notebook() -> bool:
+    shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
+    return hasattr(shell, "kernel")
+
+
+def _bar() -> AbstractContextManager[Progress]:
+    """The bar that notebooks show."""
+    from contbranch.output.notebook import progress_bar
+
+    return progress_bar()
 
 
 def check() -> None:

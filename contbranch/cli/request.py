@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from contbranch.models.grid import FreeSpace, Periodic
     from contbranch.results.diagram import Diagram, Event
 
-__all__ = ["Request", "find_event", "make_request", "parse_vary", "seconds"]
+__all__ = ["Request", "find_event", "make_request", "parse_vary", "seconds", "whole_number"]
 
 _LOWEST: Final = ("pull-off", "wetting")
 
@@ -127,6 +127,13 @@ def _contact(asked: Values) -> tuple[Contact, dict[str, Any]]:
 def seconds(text: str) -> float:
     """Return the value of --time-limit."""
     return positive_number(_number(_bare(text), "--time-limit"), "--time-limit")
+
+
+def whole_number(text: str, option: str) -> int:
+    """Return the value of an option that counts something."""
+    if not text.isdigit() or int(text) < 1:
+        raise InputError(f"{option}: {text!r}; must be a whole number, 1 or greater")
+    return int(text)
 
 
 def _bare(text: str) -> float | str:

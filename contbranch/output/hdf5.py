@@ -25,6 +25,7 @@ from contbranch.contact.height_map import HeightMap
 from contbranch.errors import InputError
 from contbranch.output import files
 from contbranch.output.document import VERSION, document, head
+from contbranch.output.sweep_file import is_sweep, load_sweep
 from contbranch.results.diagram import (
     Branch,
     Cost,
@@ -47,6 +48,7 @@ if TYPE_CHECKING:
     import h5py
 
     from contbranch.contact.contact import Contact
+    from contbranch.results.sweep import Sweep
 
 __all__ = ["content", "load", "save", "save_document"]
 
@@ -173,10 +175,10 @@ def _point(state: State) -> Branch:
     return Branch(**found, profiles=() if state.profile is None else (state.profile,))
 
 
-def load(path: str | Path) -> Diagram | Hysteresis | Followed:
-    """Read a diagram, a loop or a followed event from an HDF5 file that `save` wrote.
+def load(path: str | Path) -> Diagram | Hysteresis | Followed | Sweep:
+    """Read a diagram, a loop, a followed event or a sweep from an HDF5 file that the package wrote.
 
-    The contact is None where it cannot be made again: a law or tip defined outside the package.
+    The contact is None, with a warning, where it cannot be made again: a law or tip of the user's that is not imported.
 
     Raises
     ------
@@ -186,6 +188,8 @@ def load(path: str | Path) -> Diagram | Hysteresis | Followed:
     import h5py
 
     path = Path(path)
+    if is_sweep(path):
+        return load_sweep(path)
     image, verified = _verified(path)
     if not verified:
         text = f"'{path}' has no checksum, as older versions wrote it: what it holds cannot be verified; save it again"
@@ -195,12 +199,16 @@ def load(path: str | Path) -> Diagram | Hysteresis | Followed:
             _try_out(image)
         with h5py.File(io.BytesIO(image), "r") as file:
             kind = _kind_of(file, path)
-            return _read_diagram(file) if kind is Diagram else _made(kind, _read_object(file))
+            found = _read_diagram(file) if kind is Diagram else _made(kind, _read_object(file))
     except InputError:
         raise
     except Exception as error:  # of a file without checksum: HDF5 and what reads it may stumble over anything
         reason = " ".join(str(error).replace('"', "").split())
         raise InputError(f"path: '{path}' is damaged ({reason}); write it again") from None
+    if found.contact is None:
+        text = f"'{path}': the contact has a tip or law that is not at hand; import its class first, or do without"
+        warnings.warn(text, stacklevel=2)
+    return found
 
 
 def _try_out(image: bytes) -> None:

@@ -15,6 +15,7 @@ from contbranch.results.equilibria import Equilibria
 from contbranch.results.followed import Followed
 from contbranch.results.loop import Hysteresis
 from contbranch.results.record import OBSERVABLES, Result
+from contbranch.results.sweep import Sweep
 
 __all__ = ["Cells", "as_text", "parts", "progress_bar", "progress_lines", "with_error"]
 
@@ -155,6 +156,18 @@ def _error_of(candidate: Candidate, name: str) -> str:
     return "none" if error is None else f"{error:.1e}"
 
 
+def _sweep(sweep: Sweep, units: Mapping[str, str]) -> Parts:
+    yield f"{sweep.told()}; {sweep.computed} computed, {sweep.reused} known before"
+    table = sweep.table()
+    if sweep.names and len(sweep.tasks) <= _ROWS:
+        shown = [name for name in table.columns if name != "message"]
+        rows = [[f"{cell:.9g}" if isinstance(cell, float) else str(cell) for cell in row]
+                for row in zip(*(table.columns[name].tolist() for name in shown), strict=True)]  # fmt: skip
+        yield Cells([_with_unit(name.replace("_", " "), table.units.get(name, "")) for name in shown], rows)
+    for task in sweep.failed[:_ROWS]:
+        yield f"Task {task.index} failed: {task.message}"
+
+
 _SHOWN: Final[Mapping[type, Callable[[Any, Mapping[str, str]], Parts]]] = {
     Advice: _advice,
     Diagram: _diagram,
@@ -162,6 +175,7 @@ _SHOWN: Final[Mapping[type, Callable[[Any, Mapping[str, str]], Parts]]] = {
     Equilibria: lambda found, units: iter([_states(found.states, units)]),
     Hysteresis: _loop,
     Followed: _followed,
+    Sweep: _sweep,
 }
 
 
