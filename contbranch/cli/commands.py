@@ -43,6 +43,7 @@ _OPTIONS: Final = {
     "--all": ("", "Report all equilibria found, not only one."),
     "--event": ("NAME", "Name of a fold under --control, or touch."),
     "--vary": ("NAME=FROM:TO", "Parameter to vary, for example tabor=0.25:4."),
+    "--uncertainty": ("NAME=X", "Of a parameter: adds those of the thresholds; may be given several times."),
     "--max-load": ("F", "Largest load.  [default: beyond all events]"),
     "--json": ("FILE", "Write JSON; - for standard output."),
     "--plot": ("FILE", "Draw to a .png, .pdf or .svg file."),
@@ -88,6 +89,7 @@ class Command(NamedTuple):
         for flags in self.options:
             value, words = _OPTIONS[flags]
             kind: dict[str, Any] = {"metavar": value} if value else {"action": "store_true", "default": False}
+            kind |= {"action": "append", "default": []} if flags == "--uncertainty" else {}
             parser.add_option(*flags.split(), help=words, **kind)
         parser.set_defaults(json=None, output=None)
         return parser
@@ -96,7 +98,16 @@ class Command(NamedTuple):
 def _trace(asked: Values) -> Any:
     """Trace the whole curve of equilibria, stable and unstable, with its folds and first touch."""
     request = _request(asked)
-    return _computed("trace", request, max_load=request.limit(asked.max_load))
+    limit = request.limit(asked.max_load)
+    if not asked.uncertainty:
+        return _computed("trace", request, max_load=limit)
+    from dataclasses import replace
+
+    from contbranch.cli.request import parse_uncertainties
+
+    given = parse_uncertainties(asked.uncertainty, request)
+    diagram = _computed("trace", request, max_load=limit)
+    return replace(diagram, uncertainties=diagram.propagate(given))
 
 
 def _solve(asked: Values) -> Any:
@@ -157,7 +168,7 @@ def _show(asked: Values) -> Result:
 
 
 COMMANDS: Final = {
-    "trace": Command(_trace, (*_SHARED, "--max-load", *_OUTPUTS)),
+    "trace": Command(_trace, (*_SHARED, "--max-load", "--uncertainty", *_OUTPUTS)),
     "solve": Command(_solve, (*_SHARED, "--load", "--displacement", "--all", *_OUTPUTS)),
     "loop": Command(_loop, (*_SHARED, "--max-load", *_OUTPUTS)),
     "follow": Command(_follow, (*_SHARED, "--event", "--vary", "--max-load", *_OUTPUTS)),

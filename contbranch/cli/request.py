@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from optparse import Values
 from typing import TYPE_CHECKING, Any, Final
 
 from contbranch.contact.contact import Contact, dimensions, nearest
 from contbranch.contact.interaction_law import terms_of
+from contbranch.contact.parameters import read_quantities
 from contbranch.contact.units import positive_number
 from contbranch.control import Spring, as_control
 from contbranch.errors import InputError
@@ -17,7 +19,7 @@ if TYPE_CHECKING:
     from contbranch.models.grid import FreeSpace, Periodic
     from contbranch.results.diagram import Diagram, Event
 
-__all__ = ["Request", "find_event", "make_request", "parse_vary"]
+__all__ = ["Request", "find_event", "make_request", "parse_uncertainties", "parse_vary"]
 
 _LOWEST: Final = ("pull-off", "wetting")
 
@@ -135,6 +137,22 @@ def _control(value: object, contact: Contact) -> str | Spring:
 
     parsed = value if isinstance(value, float) else parse_control(value, contact.units, "--control")
     return Spring(parsed) if isinstance(parsed, float) else parsed
+
+
+def parse_uncertainties(texts: Sequence[str], request: Request) -> dict[str, float]:
+    """Return the standard uncertainties of ``NAME=X``, by parameter, in the contact's units.
+
+    Raises
+    ------
+    InputError
+        If a text is none.
+    """
+    pairs = [text.partition("=") for text in texts]
+    for text, (name, _, value) in zip(texts, pairs, strict=True):
+        if not (name.strip() and value.strip()):
+            raise InputError(f"--uncertainty: {text!r}; write NAME=X, for example range=0.1nm")
+    given = {name.strip(): value.strip() for name, _, value in pairs}
+    return read_quantities(request.contact, given, "--uncertainty")
 
 
 # What is followed, and where

@@ -47,12 +47,15 @@ def _print_diagram(diagram: Diagram, units: Mapping[str, str]) -> None:
     if single:  # saved by solve
         _print_states(single, units)
     if diagram.thresholds:
-        rows = []
+        rows, known = [], diagram.uncertainties
         for name, value in diagram.thresholds.items():
             quantity = "contact_radius" if name.endswith("radius") else name.rsplit("_", 1)[-1]
             errors = (event.error.get(quantity) for event in diagram.events if getattr(event, quantity, None) == value)
-            rows.append([name.replace("_", " "), with_error(value, next(errors, None)), units.get(quantity, "")])
-        _print_table(["threshold", "value", *(["unit"] if units else [])], rows)
+            spread = [f"{known[name]:.3g}"] if known else []
+            rows.append(
+                [name.replace("_", " "), with_error(value, next(errors, None)), *spread, units.get(quantity, "")]
+            )
+        _print_table(["threshold", "value", *(["uncertainty"] if known else []), *(["unit"] if units else [])], rows)
 
 
 def _print_solution(solution: Solution, units: Mapping[str, str]) -> None:
