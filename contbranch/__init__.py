@@ -5,10 +5,9 @@ Describe a contact (`Contact`: a tip, an interaction law, a modulus), then `trac
 them. Closed-form theories are in `contbranch.theory`, continuation of any problem in `contbranch.continuation`.
 """
 
-from typing import TYPE_CHECKING
-
 from contbranch._lazy import lazily
 
+TYPE_CHECKING = False  # of `typing`, which takes as long to import as everything else here
 if TYPE_CHECKING:
     from contbranch.api import find_all, hysteresis, phase_diagram, solve, trace
     from contbranch.contact.contact import Contact
@@ -37,7 +36,7 @@ if TYPE_CHECKING:
     )
     from contbranch.control import Spring
     from contbranch.curve.follow import follow
-    from contbranch.errors import InputError, ModelError
+    from contbranch.errors import InputError, ModelError, Stop
     from contbranch.measure.fit import fit
     from contbranch.measure.force_curve import ForceCurve
     from contbranch.measure.reading import read_force_curve, read_force_curves
@@ -97,6 +96,7 @@ __all__ = [
     "SphericalCap",
     "Spring",
     "State",
+    "Stop",
     "Sum",
     "Tabulated",
     "Tip",
@@ -123,7 +123,7 @@ __getattr__, __dir__ = lazily(
         "Sum Tabulated VanDerWaals",
         ".contact.tips": "Cone EllipticParaboloid HeightMap Parabola PowerLaw Profile SphericalCap Tip TipShape",
         ".control": "Spring",
-        ".errors": "InputError ModelError",
+        ".errors": "InputError ModelError Stop",
         ".api": "find_all hysteresis phase_diagram solve trace",
         ".curve.follow": "follow",
         ".measure.fit": "fit",

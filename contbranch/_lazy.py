@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping
-from importlib import import_module
-from typing import Any
+
+TYPE_CHECKING = False  # of `typing`, which takes as long to import as everything else here
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+    from typing import Any
 
 __all__ = ["lazily"]
 
@@ -24,6 +26,8 @@ def lazily(package: str, homes: Mapping[str, str]) -> tuple[Callable[[str], Any]
     modules = {module.rpartition(".")[2]: module for module, names in homes.items() if not names}
 
     def __getattr__(name: str) -> Any:
+        from importlib import import_module
+
         if name in modules:
             return import_module(modules[name], package)
         if name not in where:

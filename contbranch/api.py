@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING
+from functools import partial
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -14,9 +16,10 @@ from contbranch.contact.contact import Contact
 from contbranch.contact.family import Vary, family_of
 from contbranch.contact.units import finite_number, positive_number
 from contbranch.control import Control, Spring, as_control
-from contbranch.curve.curves import Coexisting, Curves, Model
+from contbranch.curve.curves import Coexisting, Curves, Model, Route
 from contbranch.curve.loop import loop
-from contbranch.curve.outcome import assemble, state_in_reduced, state_in_units
+from contbranch.curve.outcome import RawCurve, assemble, no_curve, state_in_reduced, state_in_units
+from contbranch.curve.paths import CurveWalk
 from contbranch.curve.trace import Request
 from contbranch.errors import InputError
 from contbranch.models.choice import choose, curves
@@ -24,15 +27,18 @@ from contbranch.results.diagram import Cost, Diagram, ModelChoice, Solution, Sta
 from contbranch.results.equilibria import Barrier, Equilibria
 from contbranch.results.loop import Hysteresis
 from contbranch.threads import one_thread
+from contbranch.watch import Progress, Watch, kept, over, told, watched
 
 if TYPE_CHECKING:
     from contbranch.results.phase import PhaseDiagram
 
 __all__ = ["best_of", "find_all", "hysteresis", "phase_diagram", "solve", "trace"]
 
-Progress = Callable[[float, str], None]
+Answer = TypeVar("Answer", RawCurve, Coexisting, Route)
 
 FINEST, COARSEST = 1e-13, 1e-2
+# What an interrupted search has found before it has found anything.
+UNKNOWN = State(*(math.nan,) * 5, 0, 0, math.nan)
 
 
 @one_thread
@@ -44,6 +50,7 @@ def trace(
     model: str | Model = "auto",
     progress: Progress | None = None,
     modes: int = 32,
+    time_limit: float | None = None,
 ) -> Diagram:
     """Trace the whole curve of equilibria of a contact, stable and unstable, and locate its events.
 
@@ -63,16 +70,21 @@ def trace(
         ``cb.Periodic(cell=10.0, grid=256)``. ``"auto"`` takes a grid only for tips without axial symmetry. Any object
         with a ``name`` and a method ``problem(contact, accuracy)`` that returns an `EquilibriumProblem` will do.
     progress : callable, optional
-        Called as ``progress(fraction, text)`` now and then.
+        Called as ``progress(fraction, text)`` now and then, several times a second. Where it raises `Stop`, the trace
+        ends, and what was traced is returned; whatever else it raises is passed on, with what was traced as its
+        attribute ``partial``, and so is KeyboardInterrupt.
     modes : int
         Azimuthal modes cos mθ are examined from m = 1 up to here at most, fewer where the rest is known to be stable;
         0: none, and no ``unstable_azimuthal``.
+    time_limit : float, optional
+        Seconds after which the trace ends with what it has.
 
     Returns
     -------
     Diagram
         With status ``incomplete`` and a message where the curve could not be followed to its end; what was traced is
-        kept.
+        kept. Of an interrupted trace the rows are as good as ever; events that had not been made precise yet are where
+        the rows have them, with an estimate of that error, and rows have none.
 
     Raises
     ------
@@ -81,10 +93,13 @@ def trace(
     """
     if not isinstance(modes, int) or modes < 0:
         raise InputError(f"modes: {modes!r}; must be a whole number, zero or greater")
-    asked = _ask(contact, control, accuracy, model, progress)
-    raw = asked.curves.trace(replace(asked.request, target=_limit(contact, max_load), modes=modes))
-    raw = replace(raw, cost=asked.timed(raw.cost))
-    return assemble(contact, raw, asked.choice(raw.unknowns), asked.control, accuracy)
+    with _watched(progress, time_limit) as watch:
+        asked = _ask(contact, control, accuracy, model)
+        request = replace(asked.request, target=_limit(contact, max_load), modes=modes)
+        raw = asked.answer(partial(asked.curves.trace, request), no_curve())
+        raw = replace(raw, cost=asked.timed(raw.cost))
+        diagram = assemble(contact, raw, asked.choice(raw.unknowns), asked.control, accuracy)
+    return watch.passed(diagram)
 
 
 @one_thread
@@ -99,6 +114,7 @@ def solve(
     accuracy: float = 1e-6,
     model: str | Model = "auto",
     progress: Progress | None = None,
+    time_limit: float | None = None,
 ) -> Solution:
     """Find the equilibrium at a load, displacement or contact radius (exactly one of them, in the contact's units).
 
@@ -113,6 +129,8 @@ def solve(
         Whose stability counts; by default that of the quantity given (load for a contact radius).
     accuracy : float
         Error allowed to every number, relative to max(1, |value|) in reduced units.
+    progress, time_limit
+        As in `trace`. Where an interrupted search has found no equilibrium yet, the numbers are NaN.
 
     Raises
     ------
@@ -125,25 +143,35 @@ def solve(
     if near is not None and not isinstance(near, State):
         raise InputError(f"near: {type(near).__name__}; must be a State, such as a solution or a branch's state")
     held = control or ("displacement" if field == "displacement" else "load")
-    asked = _ask(contact, held, accuracy, model, progress)
-    unit = _unit(contact, field)
-    start = None if near is None else state_in_reduced(contact, near)
-    found = asked.curves.solve(asked.request, field, value / unit, start)
-    if not found.states:
-        raise InputError(f"{field}: {value:g} cannot be reached; {_reachable(found, field, unit)}")
-    states = tuple(state_in_units(contact, state) for state in found.states)
+    with _watched(progress, time_limit) as watch:
+        asked = _ask(contact, held, accuracy, model)
+        unit = _unit(contact, field)
+        start = None if near is None else state_in_reduced(contact, near)
+        found = asked.answer(partial(asked.curves.solve, asked.request, field, value / unit, start), Coexisting())
+        if not found.states and not over():
+            raise InputError(f"{field}: {value:g} cannot be reached; {_reachable(found, field, unit)}")
+        states = tuple(state_in_units(contact, state) for state in found.states)
+        solution = _solution(asked, found, states, near)
+    return watch.passed(solution)
+
+
+def _solution(asked: _Asked, found: Coexisting, states: tuple[State, ...], near: State | None) -> Solution:
+    """The best of the states found, or the one closest to another."""
     count, stable = len(states), sum(state.stable(asked.control) for state in states)
     message = found.message or f"{_equilibria(count)} on the curve, {stable} stable under {asked.control.kind} control."
-    if not stable:
+    if states and not stable:
         message += " None is stable" + ("; the lowest one is returned." if near is None else ".")
-    best = _lowest(states, asked.control) if near is None else min(states, key=lambda one: _apart(one, near))
+    best = UNKNOWN if not states else _lowest(states, asked.control)
+    if near is not None:
+        best = min(states, key=lambda one: _apart(one, near), default=UNKNOWN)
     return Solution(
         **{item.name: getattr(best, item.name) for item in fields(State)},
         model=asked.choice(found.unknowns),
         cost=asked.timed(found.cost),
+        status="complete" if found.complete else "incomplete",
         message=message,
-        states=(best, *(state for state in states if state is not best)),
-        contact=contact,
+        states=(best, *(state for state in states if state is not best))[: len(states)],
+        contact=asked.contact,
     )
 
 
@@ -158,6 +186,7 @@ def find_all(
     accuracy: float = 1e-6,
     model: str | Model = "auto",
     progress: Progress | None = None,
+    time_limit: float | None = None,
 ) -> Equilibria:
     """Find every equilibrium at a load or a displacement: on the traced curve, and by deflation what is not on it.
 
@@ -173,7 +202,7 @@ def find_all(
         Displacements between which equilibria are looked for; default: the traced range and the displacement asked for.
     control : {"load", "displacement"} or Spring, optional
         Whose stability counts; by default that of the quantity given.
-    accuracy, model, progress
+    accuracy, model, progress, time_limit
         As in `solve`.
 
     Returns
@@ -187,10 +216,19 @@ def find_all(
         If an argument cannot be used.
     """
     field, value = _only(load=load, displacement=displacement)
-    asked = _ask(contact, control or field, accuracy, model, progress)
     normal = contact.scales.normal
     inside = None if window is None else _window(window, normal)
-    found = asked.curves.find_all(asked.request, field, value / _unit(contact, field), inside)
+    with _watched(progress, time_limit) as watch:
+        asked = _ask(contact, control or field, accuracy, model)
+        search = partial(asked.curves.find_all, asked.request, field, value / _unit(contact, field), inside)
+        found = asked.answer(search, Coexisting())
+        equilibria = _found(asked, found)
+    return watch.passed(equilibria)
+
+
+def _found(asked: _Asked, found: Coexisting) -> Equilibria:
+    """The states found, in the contact's units."""
+    contact, normal = asked.contact, asked.contact.scales.normal
     states = tuple(state_in_units(contact, state) for state in found.states)
     stable = sum(state.stable(asked.control) for state in states)
     words = f"{_equilibria(len(states))} in the window, {stable} stable under {asked.control.kind} control"
@@ -217,10 +255,11 @@ def best_of(found: Equilibria) -> Solution:
     InputError
         If there is none.
     """
-    if not found.states:
+    if not found.states and found.status == "complete":
         low, high = found.window
         raise InputError(f"load, displacement: no equilibrium there with a displacement from {low:.6g} to {high:.6g}")
-    best = _lowest(found.states, as_control(found.control if found.stiffness is None else Spring(found.stiffness)))
+    held = as_control(found.control if found.stiffness is None else Spring(found.stiffness))
+    best = _lowest(found.states, held) if found.states else UNKNOWN
     return Solution(
         **{item.name: getattr(best, item.name) for item in fields(State)},
         model=found.model,
@@ -240,6 +279,7 @@ def hysteresis(
     max_load: float | None = None,
     model: str | Model = "auto",
     progress: Progress | None = None,
+    time_limit: float | None = None,
 ) -> Hysteresis:
     """Follow the quasi-static loop of a contact: the control is raised, then lowered, with a jump at every fold.
 
@@ -256,7 +296,7 @@ def hysteresis(
         Error allowed to jumps and dissipated energies, relative to max(1, |value|) in reduced units.
     max_load : float, optional
         Load, in contact, at which the path turns round; default as in `trace`, and far enough for every jump.
-    model, progress
+    model, progress, time_limit
         As in `trace`.
 
     Returns
@@ -271,9 +311,13 @@ def hysteresis(
     ModelError
         If the relaxation after a jump cannot be followed.
     """
-    asked = _ask(contact, control, accuracy, model, progress)
-    route = asked.curves.path(replace(asked.request, target=_limit(contact, max_load)))
-    return loop(contact, route, asked.control, asked.choice(route.curve.unknowns), asked.timed(route.curve.cost))
+    with _watched(progress, time_limit) as watch:
+        asked = _ask(contact, control, accuracy, model)
+        request = replace(asked.request, target=_limit(contact, max_load))
+        route = asked.answer(partial(asked.curves.path, request), Route(CurveWalk.empty(asked.request.control)))
+        curve = route.curve
+        found = loop(contact, route, asked.control, asked.choice(curve.unknowns), asked.timed(curve.cost))
+    return watch.passed(found)
 
 
 def phase_diagram(
@@ -286,6 +330,7 @@ def phase_diagram(
     samples: int = 17,
     accuracy: float = 1e-6,
     progress: Progress | None = None,
+    time_limit: float | None = None,
 ) -> PhaseDiagram:
     """Find the regions of a parameter and a control by the number and kind of stable states.
 
@@ -307,6 +352,8 @@ def phase_diagram(
         Values at which the contact is traced, at least 3.
     accuracy : float
         Of the boundaries, as for `follow`.
+    progress, time_limit
+        As in `trace`.
 
     Returns
     -------
@@ -336,7 +383,9 @@ def phase_diagram(
 
     from contbranch.curve.phase import Regions  # what other commands do not use is not imported for them
 
-    return Regions(family, kind, (low, high), accuracy, traced).find(samples, progress)
+    with _watched(progress, time_limit) as watch:
+        found = Regions(family, kind, (low, high), accuracy, traced).find(samples)
+    return watch.passed(found)
 
 
 # -- what is asked ----------------------------------------------------------------------------------------------------
@@ -344,6 +393,7 @@ def phase_diagram(
 class _Asked:
     """A question made of arguments: whom to ask, under which control (in the contact's units), since when."""
 
+    contact: Contact
     curves: Curves
     request: Request
     control: Control
@@ -355,12 +405,21 @@ class _Asked:
         """The model of a result."""
         return ModelChoice(self.name, self.why, unknowns)
 
+    def answer(self, compute: Callable[[], Answer], nothing: Answer) -> Answer:
+        """What is computed, incomplete if that is interrupted."""
+        found = kept(compute, nothing)
+        return replace(found, complete=False, message=told(found.message)) if over() else found
+
     def timed(self, cost: Cost) -> Cost:
         """A cost with the time since the question was asked."""
         return replace(cost, wall_s=time.perf_counter() - self.began)
 
 
-def _ask(contact: Contact, control: object, accuracy: float, model: str | Model, progress: Progress | None) -> _Asked:
+def _watched(progress: Progress | None, time_limit: float | None) -> AbstractContextManager[Watch]:
+    return watched(progress, None if time_limit is None else positive_number(time_limit, "time_limit"))
+
+
+def _ask(contact: Contact, control: object, accuracy: float, model: str | Model) -> _Asked:
     began = time.perf_counter()
     if not isinstance(contact, Contact):
         raise InputError(f"contact: {type(contact).__name__}; must be a Contact, made by cb.Contact(...)")
@@ -369,8 +428,8 @@ def _ask(contact: Contact, control: object, accuracy: float, model: str | Model,
     if not FINEST <= number <= COARSEST:
         raise InputError(f"accuracy: {number:g}; must lie between {FINEST:g} and {COARSEST:g}")
     chosen, why = choose(contact, model)
-    request = Request(number, driven.scaled(contact.scales.stiffness), progress=progress)
-    return _Asked(curves(contact, chosen), request, driven, chosen.name, why, began)
+    request = Request(number, driven.scaled(contact.scales.stiffness))
+    return _Asked(contact, curves(contact, chosen), request, driven, chosen.name, why, began)
 
 
 def _only(**given: float | None) -> tuple[str, float]:

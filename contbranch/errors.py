@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-__all__ = ["InputError", "ModelError"]
+__all__ = ["InputError", "ModelError", "Stop"]
 
 
 class InputError(ValueError):
     """A value given by the user cannot be used; the message names the field, the value and the remedy in one line."""
+
+
+class Stop(Exception):
+    """Raised by a progress callback: the computation ends, and returns the incomplete result."""
 
 
 class ModelError(RuntimeError):

@@ -160,7 +160,7 @@ def cost_against_digits(case: Case, accuracies: tuple[float, ...] = ACCURACIES, 
 
 def command_times(repetitions: int = 5) -> tuple[float, ...]:
     """Seconds of the whole command that traces and draws `omcts.toml`, as a process, after one run to fill caches."""
-    program = "from contbranch.cli.commands import main; raise SystemExit(main())"
+    program = "from contbranch.cli import main; raise SystemExit(main())"
     times = []
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, "-c", program, "trace", str(OMCTS), "--plot", str(Path(folder) / "omcts.png")]

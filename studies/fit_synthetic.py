@@ -150,9 +150,8 @@ def main() -> None:
             flush=True,
         )
     total = inside + outside
-    print(
-        f"inside {inside}/{total} = {inside / max(total, 1):.3f}; beyond 5 errors {far}; identifiable {total / max(total + unknown, 1):.3f}"
-    )
+    share = total / max(total + unknown, 1)
+    print(f"inside {inside}/{total} = {inside / max(total, 1):.3f}; beyond 5 errors {far}; identifiable {share:.3f}")
     print(f"median time {np.median(times):.2f} s, largest {max(times):.1f} s")
 
 

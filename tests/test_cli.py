@@ -17,6 +17,7 @@ from contbranch.errors import InputError, ModelError
 from contbranch.output import summary
 from contbranch.output.hdf5 import load
 from contbranch.results.diagram import Cost, Diagram, ModelChoice, Solution
+from contbranch.watch import tell
 
 CONTACT = """
 [tip]
@@ -240,6 +241,10 @@ WRONG = [
     (["trace", "FILE", "-o", "."], "-o: '.' is a folder"),
     (["trace", "FILE", "-o", "FILE"], "is also the input"),
     (["trace", "FILE", "-o", "same", "--json", "./same"], "is also the output of --json"),
+    (["trace", "FILE", "-o", "x.csv"], "-o: 'x.csv' has the suffix .csv; must end in .h5 or .hdf5"),
+    (["trace", "FILE", "--json", "x.h5"], "--json: 'x.h5' has the suffix .h5; must end in .json"),
+    (["trace", "FILE", "--time-limit", "0"], "--time-limit: 0; must be greater than zero"),
+    (["trace", "FILE", "--time-limit", "3 s"], "--time-limit: '3 s'; must be a number"),
     (["solve", "FILE"], "--load, --displacement: give one of them"),
     (["solve", "FILE", "--load", "1", "--displacement", "1"], "--load, --displacement: give one of them"),
     (["solve", "FILE", "--load", "nan"], "--load: nan"),
@@ -306,12 +311,28 @@ def test_a_folder_without_permission(
     assert calls == []
 
 
-def test_progress_is_shown_on_a_terminal_only(calls: list, contact: str, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("terminal", [True, False])
+def test_progress_is_a_bar_on_a_terminal_and_elsewhere_a_line_in_ten_seconds(
+    terminal: bool, contact: str, attraction: Diagram, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now = [0.0]
+
+    def trace(*_: object, **__: object) -> Diagram:
+        for second in range(25):
+            now[0] = float(second)
+            tell(second / 25, "in contact")
+        return attraction
+
+    monkeypatch.setattr(contbranch, "trace", trace, raising=False)
+    monkeypatch.setattr(summary.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: terminal)
     assert main(["trace", contact, "--json", "-"]) == 0
-    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
-    assert main(["trace", contact, "--json", "-"]) == 0
-    assert "progress" not in calls[0]
-    calls[1]["progress"](0.5, "in contact")
+    shown = capsys.readouterr().err
+    if terminal:
+        assert shown.count("\r") > 20
+        assert shown.endswith(" \r")
+    else:
+        assert shown.splitlines() == [f"contbranch: {4 * s}% after 0:{s}, in contact" for s in (10, 20)]
 
 
 def test_help_names_every_option(capsys: Capture) -> None:
@@ -352,7 +373,7 @@ def test_as_a_process(contact: str) -> None:
     assert done.stderr == "contbranch: --accuracy: 'much'; must be a number\n"
 
 
-LOADED = "import sys, contbranch.cli.commands as c; c.main(sys.argv[1:]); print(*sorted(sys.modules), file=sys.stderr)"
+LOADED = "import sys, contbranch.cli as c; c.main(sys.argv[1:]); print(*sorted(sys.modules), file=sys.stderr)"
 
 
 @pytest.mark.parametrize(

@@ -359,7 +359,7 @@ WRONG = {
     "single interaction": (_with("[[interaction]]", "[interaction]"), r"^interaction: is a single table; write \[\["),
     "tip is no table": ("tip = 3\n[material]\nmodulus = 1", r"^tip: 3; must be a table \[tip\]"),
     "law is no table": ("interaction = [3]\n" + REDUCED_FILE.split("[[")[0], r"^interaction: 3; must be a table"),
-    "second law": (PHYSICAL_FILE + '[[interaction]]\nlaw = "gaus"', r"^interaction\[2\].law: 'gaus'"),
+    "second law": (PHYSICAL_FILE + '[[interaction]]\nlaw = "gaus"', r"^interaction\[1\].law: 'gaus'"),
     "unknown option": (
         REDUCED_FILE + "[trace]\nprecision = 1e-3",
         r"^trace.precision: not known; must be one of control",

@@ -132,7 +132,7 @@ def test_two_folds_without_contact_merge_in_a_smooth_cusp():
     ends = []
     for name in ("squeeze-out", "wetting"):
         fold = next(e for e in found.folds("displacement") if e.name == name)
-        followed = cb.follow(fold, "interaction[2].work_of_adhesion", to=-2.0, accuracy=1e-7)
+        followed = cb.follow(fold, "interaction[1].work_of_adhesion", to=-2.0, accuracy=1e-7)
         (cusp,) = followed.special
         assert cusp.kind == "cusp"
         ends.append(cusp)
@@ -255,7 +255,7 @@ def test_a_loss_of_symmetry_is_that_of_separate_traces_and_ends_in_a_turning_poi
         ("tabor", (1.0, 2.0, 3.0), {}, "3 values"),
         ("share", 0.5, {}, "sum of two laws"),
         ("stiffness", -1.0, {}, "at least 0"),
-        ("interaction[2].range", 2.0, {}, "1 laws, counted from 1"),
+        ("interaction[2].range", 2.0, {}, "1 laws, counted from 0"),
         ("interaction.width", 2.0, {}, "has the numbers"),
         ("interaction.work_of_adhesion", 0.0, {}, "must not be zero"),
         ("tip.radius", 2.0, {"start": 1.0}, "leave it out"),

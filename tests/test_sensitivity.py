@@ -6,7 +6,7 @@ import math
 import pytest
 
 import contbranch as cb
-from contbranch.cli.commands import main
+from contbranch.cli import main
 from contbranch.contact.parameters import parameters_of
 
 CASES = {  # contact, control, accuracy of the traces, parameters varied

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import resource
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,7 +17,9 @@ from contbranch.contact.interactions import Gauss
 from contbranch.contact.tips import HeightMap
 from contbranch.contact.units import PHYSICAL
 from contbranch.errors import InputError, ModelError
+from contbranch.output import files
 from contbranch.output.hdf5 import load, save, save_document
+from contbranch.output.plot import save_figure
 from contbranch.results.diagram import Cost, Diagram, LocalExponent, ModelChoice, Solution
 
 COLUMNS = ("load", "displacement", "contact_radius", "central_gap", "energy", "load_error", "displacement_error")
@@ -115,7 +120,9 @@ def test_heights_of_a_map_are_kept(repulsion: Diagram, tmp_path: Path) -> None:
     with h5py.File(tmp_path / "z.h5", "a") as file:
         assert file["tip/heights"].attrs["unit"] == "nm"
         file["tip/heights"][0, 0] += 1.0
-    assert load(tmp_path / "z.h5").contact is None  # no longer what was described
+    without_checksum(tmp_path / "z.h5")
+    with pytest.warns(UserWarning, match="has no checksum"):
+        assert load(tmp_path / "z.h5").contact is None  # no longer what was described
 
 
 def test_layout_is_the_documented_one(attraction: Diagram, tmp_path: Path) -> None:
@@ -149,7 +156,13 @@ def test_solution_is_saved_with_its_profile(attraction: Diagram, tmp_path: Path)
     assert found.contact == attraction.contact
 
 
+def without_checksum(path: Path) -> None:
+    """Make a file one of version 0.1: what HDF5 reads, without the block before it."""
+    path.write_bytes(path.read_bytes()[512:])
+
+
 def changed(path: Path, change) -> None:
+    without_checksum(path)
     with h5py.File(path, "a") as file:
         change(file)
 
@@ -169,7 +182,7 @@ def test_wrong_files_are_refused_in_one_line(repulsion: Diagram, tmp_path: Path,
     path = tmp_path / "x.h5"
     save(repulsion, path)
     changed(path, change)
-    with pytest.raises(InputError, match=words) as caught:
+    with pytest.raises(InputError, match=words) as caught, pytest.warns(UserWarning, match="has no checksum"):
         load(path)
     assert "\n" not in str(caught.value)
     assert str(path) in str(caught.value)
@@ -183,20 +196,124 @@ def test_no_file_and_no_hdf5(tmp_path: Path) -> None:
         load(tmp_path / "text.h5")
 
 
+@contextmanager
+def no_more_than(size: int):
+    """Let files grow no larger, as `ulimit -f` does: a write beyond fails as on a full disk."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
 def test_a_failed_write_keeps_the_old_file(attraction: Diagram, tmp_path: Path) -> None:
-    path = tmp_path / "x.h5"
-    path.write_text("old")
-
-    def fails():
-        raise OSError("disk full")
-
-    branch = replace(attraction.branches[0], profiles=[fails])
-    with pytest.raises(InputError, match="cannot be written"):
-        save(replace(attraction, branches=(branch,)), path)
-    assert path.read_text() == "old"
-    assert [p.name for p in tmp_path.iterdir()] == ["x.h5"]
+    path, picture = tmp_path / "x.h5", tmp_path / "x.png"
+    for old in (path, picture):
+        old.write_text("old")
+    with no_more_than(20_000), pytest.raises(InputError, match=r"x.h5' cannot be written \(File too large\)"):
+        save(attraction, path)
+    with no_more_than(20_000), pytest.raises(InputError, match=r"x.png' cannot be written \(File too large\)"):
+        save_figure(attraction.plot(), picture)
+    assert path.read_text() == picture.read_text() == "old"
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["x.h5", "x.png"]
     with pytest.raises(InputError, match="cannot be written"):
         save(attraction, tmp_path / "no folder" / "x.h5")
+
+
+def test_the_second_of_two_writers_is_told(repulsion: Diagram, tmp_path: Path) -> None:
+    path = tmp_path / "x.h5"
+    (tmp_path / "x.h5.part").write_text("what a killed writer has left")
+    with files.reserved(path, "-o") as place:
+        with pytest.raises(InputError, match=r"x.h5' is being written by another process"):
+            save(repulsion, path)
+        place.write(b"first")
+    assert path.read_bytes() == b"first"
+    save(repulsion, path)
+    assert load(path).events == repulsion.events
+    assert [p.name for p in tmp_path.iterdir()] == ["x.h5"]
+
+
+def test_a_link_keeps_its_target_and_a_device_its_name(repulsion: Diagram, tmp_path: Path) -> None:
+    (tmp_path / "real.h5").write_text("old")
+    (tmp_path / "link.h5").symlink_to("real.h5")
+    save(repulsion, tmp_path / "link.h5")
+    assert (tmp_path / "link.h5").is_symlink()
+    assert load(tmp_path / "real.h5").events == repulsion.events
+    os.mkfifo(tmp_path / "pipe")
+    reader = os.open(tmp_path / "pipe", os.O_RDONLY | os.O_NONBLOCK)
+    files.write(tmp_path / "pipe", b"text")
+    assert os.read(reader, 10) == b"text"
+    os.close(reader)
+
+
+# -- damage -----------------------------------------------------------------------------------------------------------
+def flipped(data: bytearray, random: np.random.Generator) -> None:
+    data[random.integers(len(data))] ^= 1 << int(random.integers(8))
+
+
+def truncated(data: bytearray, random: np.random.Generator) -> None:
+    del data[random.integers(len(data)) :]
+
+
+def zeroed(data: bytearray, random: np.random.Generator) -> None:
+    start = int(random.integers(len(data)))
+    size = min(int(random.choice([1, 16, 512, 4096])), len(data) - start)
+    data[start : start + size] = bytes(size)
+
+
+def scrambled(data: bytearray, random: np.random.Generator) -> None:
+    start = int(random.integers(len(data) - 8))
+    data[start : start + 8] = random.bytes(8)  # an offset to nowhere, if it is one
+
+
+def removed(file: h5py.File, path: str) -> None:
+    del file[path]
+
+
+def shortened(file: h5py.File, path: str) -> None:
+    values = file[path][()][:-1] if file[path].shape else file[path][()]
+    del file[path]
+    file[path] = values
+
+
+def retyped(file: h5py.File, path: str) -> None:
+    shape = file[path].shape
+    del file[path]
+    file[path] = np.full(shape, b"text")
+
+
+def shifted(file: h5py.File, path: str) -> None:
+    if file[path].dtype.kind == "f" and file[path].size:
+        file[path][...] += 1.0
+    else:
+        file[path].attrs["unit"] = "m"
+
+
+@pytest.mark.parametrize("damage", [flipped, truncated, zeroed, scrambled, removed, shortened, retyped, shifted])
+def test_nothing_is_read_of_a_damaged_file(repulsion: Diagram, tmp_path: Path, damage) -> None:
+    """40 files a kind: one line that says so, or (where nothing was changed) every number as it was."""
+    path, random = tmp_path / "x.h5", np.random.default_rng(11)
+    save(repulsion, path)
+    whole = path.read_bytes()
+    names: list[str] = []
+    with h5py.File(path) as file:
+        file.visititems(lambda name, item: names.append(name) if isinstance(item, h5py.Dataset) else None)
+    for _ in range(40):
+        if damage in (flipped, truncated, zeroed, scrambled):
+            data = bytearray(whole)
+            damage(data, random)
+            path.write_bytes(data)
+        else:
+            path.write_bytes(whole)
+            with h5py.File(path, "a") as file:
+                damage(file, names[random.integers(len(names))])
+        if path.read_bytes() == whole:
+            assert_same(load(path), repulsion)
+            continue
+        with pytest.raises(InputError, match=r"is damaged|is not an HDF5 file") as caught:
+            load(path)
+        assert "\n" not in str(caught.value)
 
 
 def test_a_document_is_written_as_it_is(tmp_path: Path) -> None:

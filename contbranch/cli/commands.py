@@ -1,32 +1,36 @@
 """The command ``contbranch``: trace, solve, loop, follow and show.
 
-Exit status: 0 complete; 1 incomplete (whatever was traced is written all the same); 2 wrong input, in one line. Heavy
-libraries are imported where they are needed: the start of the command is a good part of its time.
+Exit status: 0 complete; 1 incomplete (whatever was traced is written all the same); 2 wrong input, in one line; 130
+interrupted (as 1). Heavy libraries are imported where they are needed: the start of the command is a good part of its
+time.
 """
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 import sys
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from optparse import HelpFormatter, OptionParser, Values
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, NoReturn
 
+from contbranch.cli import INTERRUPTED, interrupts
 from contbranch.errors import InputError, ModelError
+from contbranch.output.files import Place, reserved
 
 if TYPE_CHECKING:
     from contbranch.cli.request import Request
     from contbranch.results.record import Result
 
-__all__ = ["main"]
+__all__ = ["run"]
 
 COMPLETE: Final = 0
 INCOMPLETE: Final = 1
 WRONG_INPUT: Final = 2
-INTERRUPTED: Final = 130
 
 # The value's name (none: a switch) and what it means.
 _OPTIONS: Final = {
@@ -44,13 +48,27 @@ _OPTIONS: Final = {
     "--event": ("NAME", "Name of a fold under --control, or touch."),
     "--vary": ("NAME=FROM:TO", "Parameter to vary, for example tabor=0.25:4."),
     "--uncertainty": ("NAME=X", "Of a parameter: adds those of the thresholds; may be given several times."),
+    "--free": ("NAMES", "What is fitted, such as work_of_adhesion,modulus,range (the default: the first two)."),
+    "--fixed": ("NAMES", "Which of contact_point, baseline and tilt are held at 0."),
+    "--spring": ("K", "Stiffness of the cantilever, such as '0.5 N/m', in place of the curve's."),
+    "--law": ("NAME", "Another law than the contact's; jkr, dmt, or compare."),
     "--max-load": ("F", "Largest load.  [default: beyond all events]"),
+    "--time-limit": ("S", "Seconds after which what has been found is given.  [default: none]"),
     "--json": ("FILE", "Write JSON; - for standard output."),
+    "--csv": ("FILE", "Write the points as a table, with units in its first line."),
+    "--events-csv": ("FILE", "Write the events as a table."),
     "--plot": ("FILE", "Draw to a .png, .pdf or .svg file."),
     "-o --output": ("FILE.h5", "Save arrays and profiles."),
 }
 _SHARED: Final = tuple(_OPTIONS)[:8]
-_OUTPUTS: Final = ("--json", "--plot", "-o --output")
+_SUFFIXES: Final = {
+    "--json": ".json",
+    "--csv": ".csv",
+    "--events-csv": ".csv",
+    "--plot": ".pdf, .png or .svg",
+    "-o": ".h5 or .hdf5",
+}
+_OUTPUTS: Final = ("--time-limit", "--json", "--csv", "--plot", "-o --output")
 
 
 class _Parser(OptionParser):
@@ -76,6 +94,7 @@ class Command(NamedTuple):
     compute: Callable[[Values], Any]
     options: tuple[str, ...]
     argument: tuple[str, str] = ("[CONTACT]", "TOML file that describes the contact.")
+    second: tuple[str, str] | None = None
 
     @property
     def summary(self) -> str:
@@ -84,14 +103,18 @@ class Command(NamedTuple):
 
     def parser(self, name: str) -> _Parser:
         """The parser of its options."""
-        argument = "\nArguments:\n  {:11s} {}\n".format(*self.argument)
-        parser = _Parser(f"contbranch {name}", f"[OPTIONS] {self.argument[0]}", self.summary, argument)
+        told = [one for one in (self.argument, self.second) if one is not None]
+        listed = "".join("  {:11s} {}\n".format(*one) for one in told)
+        usage = " ".join(["[OPTIONS]", *(one[0] for one in told)])
+        parser = _Parser(f"contbranch {name}", usage, self.summary, f"\nArguments:\n{listed}")
         for flags in self.options:
             value, words = _OPTIONS[flags]
             kind: dict[str, Any] = {"metavar": value} if value else {"action": "store_true", "default": False}
             kind |= {"action": "append", "default": []} if flags == "--uncertainty" else {}
+            if flags == "--plot":
+                kind["action"] = "append"
             parser.add_option(*flags.split(), help=words, **kind)
-        parser.set_defaults(json=None, output=None)
+        parser.set_defaults(json=None, output=None, csv=None, events_csv=None, time_limit=None)
         return parser
 
 
@@ -134,7 +157,7 @@ def _loop(asked: Values) -> Any:
     return _computed("hysteresis", request, max_load=request.limit(asked.max_load))
 
 
-def _follow(asked: Values) -> Result:
+def _follow(asked: Values) -> Any:
     """Follow a fold or first touch in a second parameter, with the points where folds meet or end."""
     request = _request(asked)
     for option in ("event", "vary"):
@@ -144,12 +167,16 @@ def _follow(asked: Values) -> Result:
     from contbranch.contact.family import family_of
     from contbranch.curve.follow import follow
     from contbranch.models.choice import choose, on_grid
+    from contbranch.watch import over
 
     name, values = parse_vary(asked.vary, request)
     limit = request.limit(asked.max_load)
     if on_grid(choose(request.contact, request.chosen_model)[0]):
         raise InputError("--model: events found on a grid cannot be followed; use the axisymmetric model")
-    event = find_event(_computed("trace", request, max_load=limit), asked.event, request.control)
+    diagram = _computed("trace", request, max_load=limit)
+    if over():
+        return diagram
+    event = find_event(diagram, asked.event, request.control)
     try:
         present = event.stiffness if name == "stiffness" else None
         now = family_of(request.contact, name, values[-1], present, event.control).start
@@ -160,6 +187,18 @@ def _follow(asked: Values) -> Result:
         raise InputError(f"--vary: {str(error).removeprefix('vary: ')}") from None
 
 
+def _fit(asked: Values) -> Any:
+    """Fit a contact to a measured force curve, and say what the curve can tell."""
+    from contbranch.cli.request import names_of
+    from contbranch.contact.file import read_contact
+    from contbranch.measure.fit import fit
+    from contbranch.measure.reading import read_force_curve
+
+    curve, (contact, _) = read_force_curve(asked.source, asked.spring), read_contact(asked.contact)
+    free = names_of(asked.free) or ("work_of_adhesion", "modulus")
+    return fit(curve, contact, free, fixed=names_of(asked.fixed), law=asked.law)
+
+
 def _show(asked: Values) -> Result:
     """Print what a saved diagram holds, and draw it; exit status 0 even if the trace was incomplete."""
     from contbranch.output.hdf5 import load
@@ -168,20 +207,26 @@ def _show(asked: Values) -> Result:
 
 
 COMMANDS: Final = {
-    "trace": Command(_trace, (*_SHARED, "--max-load", "--uncertainty", *_OUTPUTS)),
+    "trace": Command(_trace, (*_SHARED, "--max-load", "--uncertainty", *_OUTPUTS, "--events-csv")),
     "solve": Command(_solve, (*_SHARED, "--load", "--displacement", "--all", *_OUTPUTS)),
     "loop": Command(_loop, (*_SHARED, "--max-load", *_OUTPUTS)),
     "follow": Command(_follow, (*_SHARED, "--event", "--vary", "--max-load", *_OUTPUTS)),
+    "fit": Command(
+        _fit,
+        ("--free", "--fixed", "--spring", "--law", *_OUTPUTS),
+        ("CURVE", "Force curve: CSV (piezo [nm],force [nN]), .ibw, .jpk-force, …"),
+        ("CONTACT", "TOML file with the contact: what stays, and where to start."),
+    ),
     "show": Command(_show, ("--plot",), ("FILE.h5", "Diagram saved by trace -o.")),
 }
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command with `arguments` (default: those of the process) and return its exit status."""
+def run(arguments: Sequence[str]) -> int:
+    """Run the command and return its exit status."""
     try:
         with warnings.catch_warnings():
             warnings.showwarning = _show_warning
-            status = _run(list(sys.argv[1:] if arguments is None else arguments))
+            status = _run(list(arguments))
         sys.stdout.flush()
     except InputError as error:
         return _fail(str(error), WRONG_INPUT)
@@ -189,10 +234,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _fail(str(error), INCOMPLETE)
     except KeyboardInterrupt:
         return _fail("interrupted", INTERRUPTED)
-    except BrokenPipeError:
-        # whoever read standard output has left: let the interpreter's last flush go nowhere
+    except OSError as error:
+        if error.errno not in (errno.EPIPE, errno.ENOSPC, errno.EFBIG):
+            raise
+        # standard output takes no more: let the interpreter's last flush go nowhere
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return INCOMPLETE
+        if error.errno == errno.EPIPE:  # whoever read it has left
+            return INCOMPLETE
+        return _fail(f"standard output cannot be written ({error.strerror})", WRONG_INPUT)
     return status
 
 
@@ -216,17 +265,64 @@ def _run(given: list[str]) -> int:
     asked, rest = _parsed(parser, rest)
     if asked.help:
         return COMPLETE
-    if rest[1:]:
-        parser.error(f"Got unexpected extra argument ({rest[1]})")
-    if not rest and not command.argument[0].startswith("["):
-        parser.error(f"Missing argument '{command.argument[0]}'")
-    asked.source = rest[0] if rest else None
-    _check_outputs(asked)
-    result = command.compute(asked)
-    _deliver(result, asked)
+    wanted = [one[0] for one in (command.argument, command.second) if one is not None]
+    if rest[len(wanted) :]:
+        parser.error(f"Got unexpected extra argument ({rest[len(wanted)]})")
+    missing = [word for word in wanted[len(rest) :] if not word.startswith("[")]
+    if missing:
+        parser.error(f"Missing argument '{missing[0]}'")
+    asked.source, asked.contact = rest[0] if rest else None, rest[1] if rest[1:] else None
+    interrupted = False
+    with ExitStack() as stack:
+        places = [stack.enter_context(reserved(path, field)) for field, path in _outputs(asked)]
+        interrupts.unfinished = [place.unfinished for place in places if place.unfinished is not None]
+        try:
+            result = command.compute(asked) if name == "show" else _watched(command, asked)
+        except KeyboardInterrupt as error:
+            if not hasattr(error, "partial"):
+                raise
+            result, interrupted = error.partial, True
+        interrupts.keeping = True
+        _deliver(result, asked, places)
+    if interrupts.pending or interrupted:
+        late = "what was asked for is complete all the same" if result.status == "complete" else result.message
+        return _fail(f"interrupted: {late}", INTERRUPTED)
     if name == "show" or result.status == "complete":
         return COMPLETE
     return _fail(f"incomplete: {result.message}", INCOMPLETE)
+
+
+def _watched(command: Command, asked: Values) -> Any:
+    """Compute within the time allowed, telling how far it is; Ctrl-C ends it with what it has."""
+    from contbranch.watch import watched
+
+    limit = None
+    if asked.time_limit is not None:
+        from contbranch.cli.request import seconds
+
+        limit = seconds(asked.time_limit)
+    with _reporting() as report, watched(report, limit) as watch:
+        result = command.compute(asked)
+    return watch.passed(result)
+
+
+@contextmanager
+def _reporting() -> Iterator[Callable[[float, str], None]]:
+    """Show progress on standard error, heeding Ctrl-C; what shows it is imported with the first news."""
+    shown: list[Callable[[float, str], None]] = []
+    with ExitStack() as stack:
+
+        def report(fraction: float, text: str) -> None:
+            interrupts.keeping = True
+            if interrupts.pending:
+                raise KeyboardInterrupt
+            if not shown:
+                from contbranch.output.summary import progress_bar, progress_lines
+
+                shown.append(stack.enter_context(progress_bar()) if sys.stderr.isatty() else progress_lines())
+            shown[0](fraction, text)
+
+        yield report
 
 
 def _parsed(parser: _Parser, given: list[str]) -> tuple[Values, list[str]]:
@@ -271,68 +367,82 @@ def _request(asked: Values) -> Request:
 
 
 def _computed(name: str, request: Request, **options: Any) -> Any:
-    """Call a computation of the package with the settings of the request, showing its progress on a terminal."""
+    """Call a computation of the package with the settings of the request."""
     import contbranch
 
     compute = getattr(contbranch, name)
     settings: dict[str, Any] = {"control": request.control, "accuracy": request.accuracy, "model": request.chosen_model}
-    settings |= options
-    if not sys.stderr.isatty():
-        return compute(request.contact, **settings)
-    from contbranch.output.summary import progress_bar
-
-    with progress_bar() as progress:
-        return compute(request.contact, progress=progress, **settings)
+    return compute(request.contact, **settings | options)
 
 
 # Output
 
 
-def _check_outputs(asked: Values) -> None:
-    """Raise InputError for an output that cannot be written, before anything is computed."""
+def _outputs(asked: Values) -> list[tuple[str, Path]]:
+    """The files to be written, by option; InputError for one that cannot be, before anything is computed."""
+    given = [("--json", None if asked.json == "-" else asked.json), ("--csv", asked.csv), ("-o", asked.output)]
+    given += [("--events-csv", asked.events_csv), *(("--plot", name) for name in asked.plot or ())]
+    paths = [(field, Path(name)) for field, name in given if name is not None]
     seen = {} if asked.source is None else {Path(asked.source).resolve(): "the input"}
-    for field, name in (("--json", asked.json), ("--plot", asked.plot), ("-o", asked.output)):
-        if name is None or (name == "-" and field == "--json"):
-            continue
-        path = Path(name)
-        if field == "--plot" and path.suffix.lower() not in (".pdf", ".png", ".svg"):
-            raise InputError(f"--plot: '{name}' has no known suffix; must end in .pdf, .png or .svg")
+    for field, path in paths:
         folder = path.resolve().parent
         if path.is_dir():
-            raise InputError(f"{field}: '{name}' is a folder; give a file")
+            raise InputError(f"{field}: '{path}' is a folder; give a file")
         if not folder.is_dir():
             raise InputError(f"{field}: the folder '{folder}' does not exist; make it or choose another")
         if not os.access(path if path.exists() else folder, os.W_OK):
-            raise InputError(f"{field}: '{name}' cannot be written; choose a place with write permission")
+            raise InputError(f"{field}: '{path}' cannot be written; choose a place with write permission")
         if path.resolve() in seen:
-            raise InputError(f"{field}: '{name}' is also {seen[path.resolve()]}; choose another file")
+            raise InputError(f"{field}: '{path}' is also {seen[path.resolve()]}; choose another file")
         seen[path.resolve()] = f"the output of {field}"
+        known = _SUFFIXES[field]
+        if (path.suffix or field == "--plot") and path.suffix.lower() not in re.findall(r"\.\w+", known):
+            what = "no known suffix" if field == "--plot" else f"the suffix {path.suffix}"
+            raise InputError(f"{field}: '{path}' has {what}; must end in {known}")
+    return paths
 
 
-def _deliver(result: Result, asked: Values) -> None:
-    """Write and print a result as it was asked for."""
-    if asked.output is not None:
-        result.save(asked.output)  # first: it holds everything
-    if asked.json is not None:
-        _write_json(result.document(), asked.json)
-    if asked.plot is not None:
-        from contbranch.output.plot import draw, save_figure
+def _deliver(result: Result, asked: Values, places: Sequence[Place]) -> None:
+    """Write and print a result as it was asked for; what cannot be written leaves the rest."""
+    failures: list[InputError] = []
 
-        save_figure(draw(result), asked.plot)
-    if asked.json != "-":
-        from contbranch.output.summary import print_result
+    def stored(_: Place) -> bytes:
+        from contbranch.output.hdf5 import content
 
-        print_result(result)
+        return content(result)
 
+    def text() -> str:
+        import json
 
-def _write_json(document: dict[str, Any], name: str) -> None:
-    import json
+        return json.dumps(result.document(), allow_nan=False, ensure_ascii=False) + "\n"
 
-    text = json.dumps(document, allow_nan=False, ensure_ascii=False)
-    if name == "-":
-        sys.stdout.write(text + "\n")
-        return
-    try:
-        Path(name).write_text(text + "\n", encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"--json: '{name}' cannot be written ({error.strerror}); give a writable file") from None
+    def listed(place: Place) -> bytes:
+        from contbranch.output.tables import as_csv
+
+        return as_csv(result.table() if place.field == "--csv" else result.tables()["event"]).encode()
+
+    def drawn(place: Place) -> bytes:
+        from contbranch.output.plot import draw, figure_content
+
+        return figure_content(draw(result), place.path.suffix)
+
+    makers = {
+        "-o": stored,
+        "--json": lambda _: text().encode(),
+        "--csv": listed,
+        "--events-csv": listed,
+        "--plot": drawn,
+    }
+    for field, make in makers.items():  # first the one that holds everything
+        for place in places:
+            if place.field == field:
+                try:
+                    place.write(make(place))
+                except InputError as error:
+                    failures.append(error)
+    if asked.json == "-":
+        sys.stdout.write(text())
+    else:
+        print(result)
+    if failures:
+        raise failures[0]

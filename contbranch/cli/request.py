@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from optparse import Values
 from typing import TYPE_CHECKING, Any, Final
 
-from contbranch.contact.contact import Contact, dimensions, nearest
-from contbranch.contact.interaction_law import terms_of
+from contbranch.contact.contact import Contact, nearest
+from contbranch.contact.family import dimension_of
 from contbranch.contact.parameters import read_quantities
 from contbranch.contact.units import positive_number
 from contbranch.control import Spring, as_control
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from contbranch.models.grid import FreeSpace, Periodic
     from contbranch.results.diagram import Diagram, Event
 
-__all__ = ["Request", "find_event", "make_request", "parse_uncertainties", "parse_vary"]
+__all__ = ["Request", "find_event", "make_request", "names_of", "parse_uncertainties", "parse_vary", "seconds"]
 
 _LOWEST: Final = ("pull-off", "wetting")
 
@@ -117,6 +117,11 @@ def _contact(asked: Values) -> tuple[Contact, dict[str, Any]]:
         raise InputError(f"--{error}") from None  # the field has the name of its option
 
 
+def seconds(text: str) -> float:
+    """Return the value of --time-limit."""
+    return positive_number(_number(_bare(text), "--time-limit"), "--time-limit")
+
+
 def _bare(text: str) -> float | str:
     """Return a text that is only a number as a float, and any other as it is."""
     try:
@@ -137,6 +142,11 @@ def _control(value: object, contact: Contact) -> str | Spring:
 
     parsed = value if isinstance(value, float) else parse_control(value, contact.units, "--control")
     return Spring(parsed) if isinstance(parsed, float) else parsed
+
+
+def names_of(text: str | None) -> tuple[str, ...]:
+    """Return the names of a list with commas."""
+    return tuple(filter(None, (name.strip() for name in (text or "").split(","))))
 
 
 def parse_uncertainties(texts: Sequence[str], request: Request) -> dict[str, float]:
@@ -179,22 +189,13 @@ def parse_vary(text: str, request: Request) -> tuple[str, tuple[float, ...]]:
 def _value(text: str, name: str, request: Request) -> float:
     if name == "stiffness" and text in ("inf", "infinity"):
         return float("inf")
-    dimension = _dimension(name, request.contact)
+    dimension = dimension_of(request.contact, name)
     if dimension != "dimensionless":
         return request.quantity(text, dimension, "--vary")
     number = _bare(text)
     if isinstance(number, str):
         raise InputError(f"--vary: {text!r}; {name} is a plain number")
     return number
-
-
-def _dimension(name: str, contact: Contact) -> str:
-    """The dimension of a parameter."""
-    whole = {"stiffness": "stiffness", "modulus": "pressure"}
-    which, dot, field = name.rpartition(".")
-    laws = terms_of(contact.interaction)
-    found = [dimensions(type(part)).get(field) for part in ((contact.tip,) if which == "tip" else laws) if dot]
-    return whole.get(name) or next(filter(None, found), "dimensionless")
 
 
 def find_event(diagram: Diagram, name: str, control: object) -> Event:

@@ -223,7 +223,7 @@ class Contact:
         units = Units(description.get("units", "reduced"))
         tip = _rebuilt(description.get("tip", {}), TIPS, "shape", "tip")
         laws = description.get("interaction", [])
-        terms = [_rebuilt(law, INTERACTIONS, "law", f"interaction[{k}]") for k, law in enumerate(laws, start=1)]
+        terms = [_rebuilt(law, INTERACTIONS, "law", f"interaction[{k}]") for k, law in enumerate(laws)]
         return Contact(tip, sum(terms) or None, description.get("material", {}).get("modulus"), units)
 
     def describe(self) -> dict[str, Any]:
@@ -235,6 +235,14 @@ class Contact:
             "interaction": [_description(law, INTERACTIONS, "law") for law in terms_of(self.interaction)],
             "tabor": self.tabor,
         }
+
+    @property
+    def brief(self) -> str:
+        """Tip, laws and Tabor coefficient in a few words."""
+        laws = [f"{'repulsive ' if law.work_of_adhesion < 0 else ''}{law.name}" if hasattr(law, "work_of_adhesion")
+                else type(law).__name__ for law in terms_of(self.interaction)]  # fmt: skip
+        tabor = "" if self.tabor is None else f", μ_T = {self.tabor:.4g}"
+        return f"{self.tip.name or type(self.tip).__name__} with {' + '.join(laws) or 'no interaction'}{tabor}"
 
     @property
     def axisymmetric_tip(self) -> Tip:

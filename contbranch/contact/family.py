@@ -20,7 +20,7 @@ from contbranch.contact.units import Scales, finite_number, positive_number
 from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.errors import InputError
 
-__all__ = ["Family", "Vary", "family_of"]
+__all__ = ["Family", "Vary", "dimension_of", "family_of"]
 
 Vary = str | Callable[[float], Contact]
 
@@ -111,8 +111,8 @@ def family_of(
     vary : str or callable
         ``"tabor"`` (all lengths of the interaction scaled by one factor), ``"share"`` (β of a sum of two laws,
         (1 − β)·law₁ + β·law₂, each at the full amplitude |Δγ₁| + |Δγ₂|), ``"stiffness"`` (of a spring), ``"modulus"``,
-        ``"tip.radius"`` and the like, ``"interaction[2].range"`` and the like (``"interaction.range"`` for a single
-        law), or a function of one number that returns a contact.
+        ``"tip.radius"`` and the like, ``"interaction[1].range"`` and the like, laws counted from 0
+        (``"interaction.range"`` for a single one), or a function of one number that returns a contact.
     to : float
         Where it is to end; a value of the other sign than the present one needs steps that are not relative.
     start : float, optional
@@ -218,15 +218,15 @@ def _named(contact: Contact, vary: str) -> tuple[float, Callable[[float], Contac
         return _number(tip, name, vary), lambda value: replace(contact, tip=_with(tip, name, value))
     match = _LAW.fullmatch(vary)
     if match is None:
-        known = ("tabor", "share", "stiffness", "modulus", "tip.radius", "interaction[1].range")
+        known = ("tabor", "share", "stiffness", "modulus", "tip.radius", "interaction[0].range")
         raise InputError(f"vary: {vary!r}; must be one of tabor, share, stiffness, modulus, tip.NAME and "
                          f"interaction[K].NAME{nearest(vary, known)}")  # fmt: skip
     terms = terms_of(law)
     if match[1] is None and len(terms) != 1:
         raise InputError(f"vary: {vary!r}; the interaction has {len(terms)} laws: write interaction[K].{match[2]}")
-    k = int(match[1] or 1) - 1
+    k = int(match[1] or 0)
     if not 0 <= k < len(terms):
-        raise InputError(f"vary: {vary!r}; the interaction has {len(terms)} laws, counted from 1")
+        raise InputError(f"vary: {vary!r}; the interaction has {len(terms)} laws, counted from 0")
 
     def member(value: float) -> Contact:
         return replace(
@@ -234,6 +234,15 @@ def _named(contact: Contact, vary: str) -> tuple[float, Callable[[float], Contac
         )
 
     return _number(terms[k], match[2], vary), member
+
+
+def dimension_of(contact: Contact, name: str) -> str:
+    """The dimension of a parameter that can be varied."""
+    whole = {"stiffness": "stiffness", "modulus": "pressure"}
+    which, dot, field = name.rpartition(".")
+    parts = (contact.tip,) if which == "tip" else terms_of(contact.interaction)
+    found = [dimensions(type(part)).get(field) for part in parts if dot]
+    return whole.get(name) or next(filter(None, found), "dimensionless")
 
 
 def _number(part: TipShape | Interaction, name: str, vary: str) -> float:

@@ -110,7 +110,7 @@ def read_contact(path: str | Path) -> tuple[Contact, dict[str, Any]]:
     laws = document.get("interaction", [])
     if not isinstance(laws, list):
         raise InputError("interaction: is a single table; write [[interaction]], one for each law of the sum")
-    names = ["interaction"] if len(laws) == 1 else [f"interaction[{k}]" for k in range(1, len(laws) + 1)]
+    names = ["interaction"] if len(laws) == 1 else [f"interaction[{k}]" for k in range(len(laws))]
     terms = [reader.law(_table(law, name), name) for law, name in zip(laws, names, strict=True)]
     options = reader.options(_table(document.get("trace", {}), "trace"))
     return Contact(tip, sum(terms) or None, modulus, reader.units), options

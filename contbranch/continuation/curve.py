@@ -34,6 +34,7 @@ class Outcome(Enum):
     START_FAILED = "No solution was found near the start."
     STEP_TOO_SMALL = "Newton's method failed at the smallest step."
     NOT_FINITE = "The problem returned values that are not finite, even at the smallest step."
+    INTERRUPTED = "The computation was interrupted."
     EVALUATION_FAILED = "The problem raised an error, even at the smallest step."
 
     @property

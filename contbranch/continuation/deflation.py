@@ -13,6 +13,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from contbranch.continuation.problem import Array, Problem
+from contbranch.watch import check
 
 __all__ = ["deflated_newton", "search"]
 
@@ -53,6 +54,7 @@ def deflated_newton(
     """
     x = np.array(start, dtype=float)
     for _ in range(ITERATIONS):
+        check()
         residual, jacobian, _ = problem.linearise(x, p)
         if not np.isfinite(residual).all():
             return None

@@ -17,6 +17,7 @@ from contbranch.continuation.scan import LeapError, scan
 from contbranch.continuation.segment import Segment
 from contbranch.continuation.step import AFTER_FAILURE, POINTS, Predictor, judge
 from contbranch.continuation.walk import adapted, annotated, to_point
+from contbranch.watch import INTERRUPTIONS, caught
 
 __all__ = ["Branch", "follow"]
 
@@ -86,6 +87,9 @@ class _Direction:
                 here, carry = adapted(here, metric, options)
             except CorrectionError as error:
                 return replace(branch, end=End(error.outcome, error.detail))
+            except INTERRUPTIONS as error:
+                caught(error)
+                return replace(branch, end=End(Outcome.INTERRUPTED))
             if here is not branch.points[-1]:
                 branch.points[-1] = here
                 recent = [] if carry is None else [_carried(point, here.problem, carry) for point in recent]

@@ -13,6 +13,7 @@ from contbranch.continuation.curve import Outcome
 from contbranch.continuation.metric import Metric
 from contbranch.continuation.options import Options
 from contbranch.continuation.problem import Array, Linearisation, Problem
+from contbranch.watch import check
 
 __all__ = ["Corrected", "CorrectionError", "correct", "correct_start", "linearise", "residual", "tangent_at"]
 
@@ -49,6 +50,7 @@ class Corrected:
 
 def linearise(problem: Problem, x: Array, p: float) -> Linearisation:
     """Return the problem's linearisation, or raise CorrectionError if it fails or is not finite."""
+    check()
     try:
         linearisation = problem.linearise(x, p)
     except Exception as error:  # whatever the user's problem raises ends the attempt, with its text kept
@@ -60,6 +62,7 @@ def linearise(problem: Problem, x: Array, p: float) -> Linearisation:
 
 def residual(problem: Problem, x: Array, p: float) -> Array:
     """Return the residual, or raise CorrectionError if it fails or is not finite."""
+    check()
     try:
         value = problem.residual(x, p)
     except Exception as error:  # as in linearise

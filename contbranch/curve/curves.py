@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import ClassVar, Protocol
 
 from contbranch.contact.contact import Contact
 from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.curve.find import disconnected
-from contbranch.curve.outcome import RawCurve, state_in_units
+from contbranch.curve.outcome import RawCurve, no_curve, state_in_units
 from contbranch.curve.paths import CurveWalk
 from contbranch.curve.problem import EquilibriumProblem
 from contbranch.curve.quasi_static import Jump, Leg, Stop, Walk, quasi_static
@@ -21,6 +22,7 @@ from contbranch.curve.trace import Request, trace
 from contbranch.curve.track import Track
 from contbranch.errors import InputError, ModelError
 from contbranch.results.diagram import Cost, State
+from contbranch.watch import over
 
 __all__ = ["EXTENSIONS", "Coexisting", "Curves", "FollowedCurves", "Model", "Route", "landed"]
 
@@ -72,11 +74,11 @@ class Coexisting:
         Whether there are others, as the end of a sentence.
     """
 
-    states: tuple[State, ...]
-    connected: tuple[bool, ...]
-    lowest: float
-    cost: Cost
-    unknowns: int
+    states: tuple[State, ...] = ()
+    connected: tuple[bool, ...] = ()
+    lowest: float = math.inf
+    cost: Cost = field(default_factory=lambda: Cost(0.0, 0))
+    unknowns: int = 0
     complete: bool = True
     message: str = ""
     window: tuple[float, float] = (0.0, 0.0)
@@ -98,11 +100,11 @@ class Route:
     """
 
     walk: Walk
-    legs: Sequence[Leg]
-    jumps: Sequence[Jump]
-    curve: RawCurve
-    complete: bool
-    message: str
+    legs: Sequence[Leg] = ()
+    jumps: Sequence[Jump] = ()
+    curve: RawCurve = field(default_factory=no_curve)
+    complete: bool = False
+    message: str = ""
 
 
 class Curves(Protocol):
@@ -164,7 +166,7 @@ class FollowedCurves:
             If the value is out of range whatever the curve does.
         """
         track, found = self._crossings(request, field, value)
-        if not found and not track.complete:
+        if not found and not track.complete and not over():
             raise ModelError(f"{field}: the curve ends before {value:.6g} is reached. {track.message}")
         states = tuple(state_on(track, one, {field: value}) for one in found)
         return _coexisting(track, field, states, (True,) * len(states))
@@ -182,7 +184,7 @@ class FollowedCurves:
         if len(track.points) > 1:
             searched = track.problem(0).complete_by
             held = LOAD if field == "load" else DISPLACEMENT
-            others = [] if searched else disconnected(track, known, held, value, request.accuracy)
+            others = [] if searched or over() else disconnected(track, known, held, value, request.accuracy)
         given = {field: value}
         states = [state_on(track, one, given) for one in known]
         states += [state_apart(one, track.controls, given) for one in others or ()]
@@ -191,7 +193,8 @@ class FollowedCurves:
         if others is None:
             searched = "others were not looked for off the curve"
         elif not searched:
-            searched = f"{apart} not connected to the curve" if apart else "the search off the curve found no other"
+            none = "the search off the curve " + ("was not finished" if over() else "found no other")
+            searched = f"{apart} not connected to the curve" if apart else none
         found = _coexisting(track, field, tuple(s for s, _ in kept), tuple(joined for _, joined in kept))
         return replace(found, complete=curve.complete, message=curve.message, window=window, searched=searched)
 
@@ -206,7 +209,7 @@ class FollowedCurves:
             walk = CurveWalk(track, curve.events, control, request.accuracy)
             legs, jumps = quasi_static(walk) if len(track.points) > 1 else ([], [])
             lost = [jump for jump in jumps if jump.end is None and jump.direction > 0]
-            if not (lost and curve.complete):
+            if not (lost and curve.complete) or over():
                 break
             value = control.of(lost[0].begin.state)
             request = replace(request, target=value + BEYOND * max(1.0, abs(value)), held=control)
@@ -227,7 +230,7 @@ class FollowedCurves:
         problem = self.model.problem(self.reduced, request.accuracy)
         request = replace(request, events=False, modes=0)
         track = trace(problem, request)
-        if track.complete and value > track.column(field)[-1]:
+        if track.complete and not over() and value > track.column(field)[-1]:
             track = trace(problem, replace(request, target=value + PAST * abs(value), held=control))
         return track, crossings(track, field, value, request.accuracy)
 

@@ -20,13 +20,12 @@ from contbranch.curve.augmented import STEPS, Augmented, Condition, Fold, Held, 
 from contbranch.curve.events import Margin, rates
 from contbranch.curve.outcome import measured
 from contbranch.curve.problem import equilibrium
-from contbranch.curve.refine import Found, moved, refine, settled
+from contbranch.curve.refine import Found, by_defect, moved, refine, settled
 from contbranch.errors import ModelError
 from contbranch.results.followed import FollowedPoint, Special
+from contbranch.watch import INTERRUPTIONS, caught, finishing, over, tell
 
 __all__ = ["EventCurve", "condition_for"]
-
-Progress = Callable[[float, str], None]
 
 # Beside first touch a curve starts at this w (or smaller ones), and one that comes to half of it has come to it.
 BESIDE = (0.06, 0.02, 0.006, 0.002)
@@ -126,7 +125,6 @@ class EventCurve:
         One value of the parameter, or one on each side of the start.
     accuracy : float
         Error allowed to every number, relative to max(1, |value|) in reduced units.
-    progress : callable or None
     rows : list of FollowedPoint
         Along the curve, in the contact's units; the special ones are `Special`. It begins at the event or, followed
         both ways, at the end with the lower value.
@@ -137,7 +135,6 @@ class EventCurve:
     condition: Condition
     to: tuple[float, ...]
     accuracy: float
-    progress: Progress | None = None
 
     def __post_init__(self) -> None:
         self.tolerance = FAR_TOLERANCE if self.family.spacing == "angle" else TOLERANCE
@@ -238,10 +235,9 @@ class EventCurve:
         return [*branch.points[:last], replace(branch.points[last], label="")], End(Outcome.STOPPED_BY_PREDICATE)
 
     def _told(self, point: Point) -> bool:
-        """Report progress; whether the curve is to end."""
-        if self.progress is not None:
-            share = abs(point.parameter - self.q) / self.interval.width
-            self.progress(0.6 * share, f"{self.family.name} {self.family.value(point.parameter):.4g}")
+        """Tell how far it is; whether the curve is to end."""
+        share = abs(point.parameter - self.q) / self.interval.width
+        tell(0.6 * share, f"{self.family.name} {self.family.value(point.parameter):.4g}")
         return self._far(point)
 
     def _far(self, point: Point) -> bool:
@@ -298,15 +294,18 @@ class EventCurve:
         messages: list[str] = []
         self.points = points
         for k, point in enumerate(points):
-            if self.progress is not None:
-                self.progress(0.6 + 0.4 * k / len(points), f"{len(self.special)} special points")
             try:
-                found = self._special(k)
+                tell(0.6 + 0.4 * k / len(points), f"{len(self.special)} special points")
+                row = self._special(k) or self._row(point)
+            except INTERRUPTIONS as error:
+                caught(error)
+                with finishing():
+                    row = self._row(point, precise=False)
             except CorrectionError as error:
                 where = f"{self.family.name} = {self._value(point.parameter):.6g}"
                 messages.append(f"The point at {where} ({point.label}) could not be made precise. {error.detail}")
-                found = None
-            self.rows.append(found or self._row(point))
+                row = self._row(point)
+            self.rows.append(row)
         self.complete = not messages
         for k, end in zip((0, len(points) - 1), ends, strict=True):
             kind, message = self._ending(points[k], end, len(points))
@@ -314,7 +313,9 @@ class EventCurve:
             messages.append(message)
             if kind:
                 self.rows[k] = _as_special(self.rows[k], k, kind, message)
-        if self.worst > self.accuracy:
+        if over():
+            self.complete = False
+        elif self.worst > self.accuracy:
             self.complete = False
             messages.append(f"An error estimate is {self.worst / self.accuracy:.3g} times the accuracy asked.")
         self.message = " ".join(dict.fromkeys(filter(None, messages)))
@@ -337,12 +338,13 @@ class EventCurve:
             self.family.name, self._value(at.parameter), **measured(found.numbers, scales), error=error
         )
 
-    def _row(self, point: Point) -> FollowedPoint:
+    def _row(self, point: Point, precise: bool = True) -> FollowedPoint:
         """The event at the parameter of a point of the curve, located there on discretisations made for it."""
         held = augmented(point).held(point)
         if isinstance(self.condition, Held):
             held = replace(held, parameter=self.condition.parameter)
-        return self._scaled(refine(held, self.condition.event(point.parameter), self.accuracy), point)
+        event = self.condition.event(point.parameter)
+        return self._scaled(refine(held, event, self.accuracy) if precise else by_defect(held, event), point)
 
     def _special(self, k: int) -> Special | None:
         """A point of codimension two made precise; None at other points."""
@@ -392,7 +394,7 @@ class EventCurve:
         if end.outcome is Outcome.STOPPED_AT_EVENT:
             held = augmented(last).held(last)
             return "inadmissible", equilibrium(held).ending(last.label or "", held)
-        return "", end.message
+        return "", "" if end.outcome is Outcome.INTERRUPTED else end.message
 
     # -- single values ------------------------------------------------------------------------------------------------
     def at(self, value: float) -> tuple[FollowedPoint, ...]:

@@ -18,6 +18,7 @@ from contbranch.curve.problem import EquilibriumProblem, Search, equilibrium
 from contbranch.curve.refine import Found, refine
 from contbranch.curve.solve import Crossing
 from contbranch.curve.track import Track
+from contbranch.watch import INTERRUPTIONS, caught
 
 __all__ = ["HeldProblem", "disconnected"]
 
@@ -82,6 +83,8 @@ def disconnected(
 ) -> list[Found] | None:
     """Equilibria at a value of a control that are not among the known ones; None where the model offers no search.
 
+    If the computation is interrupted, those found so far.
+
     Parameters
     ----------
     track : Track
@@ -99,11 +102,14 @@ def disconnected(
                 return None
             held, target = HeldProblem(offer.problem, control, offer.size), control.target(value)
             own = [one.found.point for one in known if first <= max(one.piece, 0) < last]
-            centres = [_carried(held, point, target) for point in own]
-            for x in search(held, target, centres, _starts(points, offer)):
-                other = _settled(offer.problem, x, Reached(control, target), accuracy)
-                if other is not None and not any(_same(other, one) for one in [*(k.found for k in known), *found]):
-                    found.append(other)
+            try:
+                for x in search(held, target, [_carried(held, point, target) for point in own], _starts(points, offer)):
+                    other = _settled(offer.problem, x, Reached(control, target), accuracy)
+                    if other is not None and not any(_same(other, one) for one in [*(k.found for k in known), *found]):
+                        found.append(other)
+            except INTERRUPTIONS as error:
+                caught(error)
+                break
     return found
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -20,10 +20,9 @@ from contbranch.results.diagram import Cost, Event, ModelChoice
 from contbranch.results.followed import Followed
 from contbranch.results.record import OBSERVABLES
 from contbranch.threads import one_thread
+from contbranch.watch import Progress, kept, over, told, watched
 
 __all__ = ["follow", "followed"]
-
-Progress = Callable[[float, str], None]
 
 FOLLOWED = ("fold", "touch", "symmetry")
 FINEST, COARSEST = 1e-13, 1e-2
@@ -38,6 +37,7 @@ def follow(
     start: float | None = None,
     accuracy: float = 1e-6,
     progress: Progress | None = None,
+    time_limit: float | None = None,
 ) -> Followed:
     """Follow an event of a traced diagram in a parameter of its contact: codimension two.
 
@@ -47,7 +47,7 @@ def follow(
         A fold, first touch or loss of symmetry, taken from ``diagram.events``.
     vary : str or callable
         ``"tabor"``, ``"share"`` (of the second of two laws), ``"stiffness"`` (of the spring), ``"modulus"``,
-        ``"tip.radius"``, ``"interaction[1].range"`` and the like, or a function that returns the contact for a number.
+        ``"tip.radius"``, ``"interaction[0].range"`` and the like, or a function that returns the contact for a number.
         Everything else stays fixed, in fixed units: those of the event's contact.
     to : float or pair of floats
         Value of the parameter, in the contact's units, at which the curve ends (stiffness: 0 and infinity are load and
@@ -57,7 +57,9 @@ def follow(
     accuracy : float
         Error allowed to every number, relative to max(1, |value|) in reduced units.
     progress : callable, optional
-        Called as ``progress(fraction, text)`` now and then.
+        Called as ``progress(fraction, text)`` now and then; see `trace`.
+    time_limit : float, optional
+        Seconds after which the curve is given as far as it is known; see `trace`.
 
     Returns
     -------
@@ -80,13 +82,14 @@ def follow(
         raise InputError(f"to: {len(values)} values; give one, or one below and one above the present one")
     goals = tuple(float(v) if vary == "stiffness" else finite_number(v, "to") for v in values)
     family = family_of(origin.contact, vary, goals[0], present, event.control)
-    return followed(event, family, _ordered(family, goals), accuracy, progress)
+    values = _ordered(family, goals)
+    with watched(progress, time_limit) as watch:
+        found = followed(event, family, values, accuracy)
+    return watch.passed(found)
 
 
 @one_thread
-def followed(
-    event: Event, family: Family, goals: tuple[float, ...], accuracy: float, progress: Progress | None = None
-) -> Followed:
+def followed(event: Event, family: Family, goals: tuple[float, ...], accuracy: float) -> Followed:
     """Follow an event in a family that starts at its own contact, to one value or to one on each side.
 
     Raises
@@ -106,8 +109,8 @@ def followed(
         what = SymmetryEvent(origin.raw.mode, origin.raw.index)
     work = equilibrium(place).work
     before = work.newton
-    curve = EventCurve(family, condition_for(family, place, control, what), goals, accuracy, progress)
-    curve.trace(place)
+    curve = EventCurve(family, condition_for(family, place, control, what), goals, accuracy)
+    kept(lambda: curve.trace(place), None)
     columns = {family.name: "value", **{key: key for key in OBSERVABLES}}
     return Followed(
         parameter=family.name,
@@ -119,8 +122,8 @@ def followed(
         model=ModelChoice(origin.model, f"The event was found in the {origin.model} model.", work.unknowns),
         cost=Cost(time.perf_counter() - began, work.newton - before),
         accuracy=accuracy,
-        status="complete" if curve.complete else "incomplete",
-        message=curve.message,
+        status="complete" if curve.complete and not over() else "incomplete",
+        message=told(curve.message),
         unit_names=family.contact.units.names,
         solver=one_thread(lambda value: curve.at(float(value))),
     )

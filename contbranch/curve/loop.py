@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from contbranch.results.diagram import Cost, ModelChoice, State
 from contbranch.results.loop import Hysteresis, Jump, Path
 from contbranch.results.record import OBSERVABLES
 from contbranch.threads import one_thread
+from contbranch.watch import kept
 
 __all__ = ["loop"]
 
@@ -167,7 +169,7 @@ class _Loop:
             change = np.abs(after - before) / np.where(extent > 0.0, extent, 1.0)
             count = min(MOST_BETWEEN, math.ceil(float(change.max()) * PATH_POINTS) - 1)
             if count > 0 and begin.piece != -1 and end.piece != -1:
-                states += self.walk.between(begin, end, count)
+                states += kept(partial(self.walk.between, begin, end, count), [])
             states.append(end.state)
         return states
 

@@ -8,6 +8,8 @@ from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any, TypeVar
 
+import numpy as np
+
 from contbranch.arrays import Array, Integers
 from contbranch.contact.contact import Contact
 from contbranch.contact.interaction_law import terms_of
@@ -32,7 +34,16 @@ from contbranch.results.diagram import (
 from contbranch.results.record import OBSERVABLES, Record
 from contbranch.threads import one_thread
 
-__all__ = ["RawCurve", "RawEvent", "assemble", "fold_names", "measured", "state_in_reduced", "state_in_units"]
+__all__ = [
+    "RawCurve",
+    "RawEvent",
+    "assemble",
+    "fold_names",
+    "measured",
+    "no_curve",
+    "state_in_reduced",
+    "state_in_units",
+]
 
 Kind = TypeVar("Kind", bound=Record)
 
@@ -129,6 +140,12 @@ class RawCurve:
     def errors(self) -> Array:
         """Error estimates of load and displacement at the rows, (M, 2)."""
         return self.row_errors() if callable(self.row_errors) else self.row_errors
+
+
+def no_curve(message: str = "", cost: Cost | None = None, unknowns: int = 0) -> RawCurve:
+    """A curve without rows."""
+    empty, none = np.empty(0), np.empty(0, dtype=np.int64)
+    return RawCurve(*(empty,) * 5, none, none, np.empty((0, 2)), (), (), False, message, cost or Cost(0.0, 0), unknowns)
 
 
 @dataclass(frozen=True)

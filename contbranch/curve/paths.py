@@ -54,6 +54,11 @@ class CurveWalk:
     _crossings: dict[tuple[int, float], Stop] = field(default_factory=dict, init=False, repr=False)
     _between: dict[tuple[int, int, int], list[State]] = field(default_factory=dict, init=False, repr=False)
 
+    @classmethod
+    def empty(cls, control: Control) -> CurveWalk:
+        """Of a curve that is not known."""
+        return cls(Track((), {}, frozenset(), ()), (), control, 0.0)
+
     @cached_property
     def values(self) -> Array:
         """What is controlled at the rows."""

@@ -17,6 +17,7 @@ from contbranch.errors import ModelError
 from contbranch.results.diagram import Cost, Diagram, Event
 from contbranch.results.followed import Followed
 from contbranch.results.phase import Part, PhaseDiagram
+from contbranch.watch import check, kept, over, part, tell, told
 
 __all__ = ["Regions"]
 
@@ -53,36 +54,41 @@ class Regions:
     messages: list[str] = field(default_factory=list)
     newton: int = 0
 
-    def find(self, samples: int, progress: Callable[[float, str], None] | None = None) -> PhaseDiagram:
+    def find(self, samples: int) -> PhaseDiagram:
         """Trace curves at so many values, and follow what bounds their parts."""
         began, family = time.perf_counter(), self.family
         low, high = (family.coordinate(value) for value in self.between)
         values = [family.value(float(q)) for q in np.linspace(low, high, samples)]
         values[0], values[-1] = self.between
-        for k, value in enumerate(values):
-            if progress is not None:
-                progress(k / samples, f"{family.name} {value:.4g}")
-            self._add(value)
+        kept(lambda: self._sample(values), None)
         return PhaseDiagram(
             parameter=family.name,
             control=self.kind,  # type: ignore[arg-type]
-            values=np.array(values),
+            values=np.array(values[: len(self.parts)]),
             parts=tuple(self.parts),
             levels=self._levels(),
             boundaries=tuple(self.boundaries),
             contact=family.contact,
             cost=Cost(time.perf_counter() - began, self.newton),
             logarithmic=family.spacing == "logarithmic" and self.between[0] > 0,
-            status="incomplete" if self.messages else "complete",
-            message=" ".join(dict.fromkeys(self.messages)),
+            status="incomplete" if self.messages or over() else "complete",
+            message=told(" ".join(dict.fromkeys(self.messages))),
             unit_names=family.contact.units.names,
         )
+
+    def _sample(self, values: Sequence[float]) -> None:
+        """Trace the curves at values, as far as that is not interrupted."""
+        for k, value in enumerate(values):
+            with part(k / len(values), (k + 1) / len(values)):
+                tell(0.0, f"{self.family.name} {value:.4g}")
+                self._add(value)
 
     def _add(self, value: float) -> None:
         """Trace the curve at a value, and follow the events on it that lie on no known boundary."""
         member = self.family.member(value)
         diagram = self.trace(member)
         self.newton += diagram.cost.newton
+        check()
         if diagram.status != "complete":
             self.messages.append(f"At {self.family.name} = {value:.4g}: {diagram.message}")
         edges = [e for e in diagram.events if e.kind == "touch" or (e.kind == "fold" and e.control == self.kind)]

@@ -7,6 +7,7 @@ starts to where it ends, then lowered again. A stable part ends at a fold of the
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -15,6 +16,7 @@ import numpy as np
 from contbranch.arrays import Array, Integers
 from contbranch.control import Control
 from contbranch.results.diagram import State
+from contbranch.watch import finishing, kept, over
 
 __all__ = ["Jump", "Leg", "Stop", "Walk", "next_along", "quasi_static"]
 
@@ -117,14 +119,22 @@ def quasi_static(walk: Walk) -> tuple[list[Leg], list[Jump]]:
     """The path up and down, as legs on stable parts and the jumps between them.
 
     The path starts at the curve's first row if that is stable, otherwise at the first stable part along the curve: at
-    zero if the control has this value there, or at the fold where it begins.
+    zero if the control has this value there, or at the fold where it begins. Of an interrupted computation it is what
+    has been found of it, up to the first jump at least.
     """
     legs: list[Leg] = []
     jumps: list[Jump] = []
-    folds = walk.folds()
-    start = _start(walk, folds)
+    kept(lambda: _follow(walk, legs, jumps), None)
+    return legs, jumps
+
+
+def _follow(walk: Walk, legs: list[Leg], jumps: list[Jump]) -> None:
+    """Append the legs and jumps of the path, one after the other."""
+    with finishing() if over() else nullcontext():
+        folds = walk.folds()
+        start = _start(walk, folds)
     if start is None:
-        return legs, jumps
+        return
     piece, begin, row = start
     for direction in (1, -1):
         while True:
@@ -135,17 +145,16 @@ def quasi_static(walk: Walk) -> tuple[list[Leg], list[Jump]]:
             jump = _jump(walk, folds, fold_row, direction, leg)
             jumps.append(jump)
             if jump.end is None:
-                return legs, jumps
+                return
             if jump.end.piece < 0:
                 legs.append(Leg(direction, (), jump.end, None))
-                return legs, jumps
+                return
             piece, begin, row = jump.end.piece, jump.end, None
         last = legs[-1]
         # The way back starts where this one has ended, a row at an end of the curve.
         row = last.rows[-1] if last.rows else None
         if row is not None:
             piece, begin = min(row, len(walk.unstable) - 1), None
-    return legs, jumps
 
 
 def _start(walk: Walk, folds: dict[int, Stop]) -> tuple[int, Stop | None, int | None] | None:

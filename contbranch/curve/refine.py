@@ -255,7 +255,7 @@ def refine(point: Point, event: Event | None, accuracy: float, beside: Point | N
         other = _best(_Place(point, accuracy, settled=event is not None), event, accuracy)
         if best is None or (other is not None and other.relative_error() < best.relative_error()):
             best = other
-    return best if best is not None else _by_defect(aimed, event)
+    return best if best is not None else by_defect(aimed, event)
 
 
 def _close(point: Point, other: Point) -> bool:
@@ -340,7 +340,7 @@ def _compared(place: _Place, finer: tuple[float, Four] | None, accuracy: float) 
     return Found(here, (load, displacement, radius, gap), point, error(point.parameter, parameter, along))
 
 
-def _by_defect(point: Point, event: Event | None) -> Found:
+def by_defect(point: Point, event: Event | None) -> Found:
     """The point with the error estimates of one Newton step, where a finer discretisation could not be followed.
 
     An event that was not located itself adds how far away it may be, by a secant step along the parameter.

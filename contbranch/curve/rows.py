@@ -14,14 +14,15 @@ from contbranch.continuation import Event, Point
 from contbranch.control import LOAD
 from contbranch.curve.events import FoldEvent, Margin, Reached
 from contbranch.curve.exponents import critical_exponent, sampled_exponent
-from contbranch.curve.outcome import RawCurve, RawEvent
+from contbranch.curve.outcome import RawCurve, RawEvent, no_curve
 from contbranch.curve.problem import equilibrium
-from contbranch.curve.refine import Found, refine
+from contbranch.curve.refine import Found, by_defect, refine
 from contbranch.curve.symmetry import Breaking, critical_eigenvalues, has_modes, merged, symmetry_breaking
 from contbranch.curve.trace import Request
 from contbranch.curve.track import Mark, Track
 from contbranch.results.diagram import Cost, Profile
 from contbranch.threads import one_thread
+from contbranch.watch import finishing, kept, over, tell
 
 __all__ = ["raw_curve"]
 
@@ -36,12 +37,12 @@ ROW_SAFETY, ROW_FLOOR = 3.0, 2e-8
 def raw_curve(track: Track, request: Request) -> RawCurve:
     """Rows and events of a curve; without ``request.events``, rows alone."""
     if not track.points:
-        return _nothing(track)
+        return no_curve(track.message, Cost(0.0, track.work.newton), track.work.unknowns)
     found = _refined(track, request) if request.events else []
     events = [_event(track, mark, one) for mark, one in zip(track.marks, found, strict=False)]
     breaking = Breaking()
     if request.events and request.modes:
-        breaking = symmetry_breaking(track, request)
+        breaking = kept(lambda: symmetry_breaking(track, request), breaking)
         events = merged(events, breaking.events)
     complete, messages = track.complete, [track.message, breaking.message]
     complete &= breaking.complete
@@ -50,7 +51,9 @@ def raw_curve(track: Track, request: Request) -> RawCurve:
         complete = False
         messages.append("The inertia at the end disagrees with the folds counted: a fold was missed or doubled.")
     worst = float(np.max([one.relative_error() for one in found], initial=0.0)) / request.accuracy
-    if not worst <= 1.0:
+    if over():  # nothing more is computed of it, now or when it is asked for
+        events = [replace(event, exponent=None, local_exponent=None) for event in events]
+    elif not worst <= 1.0:
         complete = False
         much = f"is {worst:.3g} times the accuracy asked" if math.isfinite(worst) else "is not known"
         messages.append(f"An event's error estimate {much}.")
@@ -63,7 +66,7 @@ def raw_curve(track: Track, request: Request) -> RawCurve:
         track.column("energy"),
         track.hodograph.rows(LOAD),
         held,
-        one_thread(lambda: _row_errors(track.points)),
+        np.full((len(load), 2), np.inf) if over() else one_thread(lambda: _row_errors(track.points)),
         profiles=[_deferred_profile(point) for point in track.points],
         events=events,
         complete=complete,
@@ -73,15 +76,6 @@ def raw_curve(track: Track, request: Request) -> RawCurve:
         unstable_spring=track.hodograph.rows(track.controls[2]) if len(track.controls) > 2 else None,
         unstable_azimuthal=breaking.unstable if breaking.counts else None,
         critical=(lambda: critical_eigenvalues(track.points)) if breaking.counts and has_modes(track) else None,
-    )
-
-
-def _nothing(track: Track) -> RawCurve:
-    """The result of a trace that could not start."""
-    empty, none = np.empty(0), np.empty(0, dtype=np.int64)
-    cost = Cost(0.0, track.work.newton)
-    return RawCurve(
-        *(empty,) * 5, none, none, np.empty((0, 2)), (), (), False, track.message, cost, track.work.unknowns
     )
 
 
@@ -95,13 +89,17 @@ def _end_agrees(track: Track) -> bool:
 def _refined(track: Track, request: Request) -> list[Found]:
     """The marks made precise."""
     found: list[Found] = []
-    for k, mark in enumerate(track.marks):
-        if request.progress is not None:
-            request.progress(0.9 + 0.1 * k / len(track.marks), f"locating {mark.kind}")
-        beside = found[-1].point if found else None
-        found.append(refine(mark.point, _event_of(track, mark), request.accuracy, beside))
-    _sharpen(track, found, request.accuracy)
-    return found
+
+    def locate() -> None:
+        for k, mark in enumerate(track.marks):
+            tell(0.9 + 0.07 * k / len(track.marks), f"locating {mark.kind}")
+            beside = found[-1].point if found else None
+            found.append(refine(mark.point, _event_of(track, mark), request.accuracy, beside))
+        _sharpen(track, found, request.accuracy)
+
+    kept(locate, None)
+    with finishing():  # what was not reached is where the rows have it
+        return found + [by_defect(mark.point, _event_of(track, mark)) for mark in track.marks[len(found) :]]
 
 
 def _event_of(track: Track, mark: Mark) -> Event | None:

@@ -16,6 +16,7 @@ from contbranch.curve.refine import Found, moved, refine, settled
 from contbranch.curve.track import Track, between
 from contbranch.errors import ModelError
 from contbranch.results.diagram import State
+from contbranch.watch import finishing, kept
 
 __all__ = ["CONTROLS", "Crossing", "before", "crossing", "crossings", "pieces_at", "state_apart", "state_on"]
 
@@ -48,18 +49,26 @@ def pieces_at(reached: Array, value: float) -> list[int]:
 def crossings(track: Track, field: str, value: float, accuracy: float) -> list[Crossing]:
     """Where the curve has a load, displacement or contact radius, in order along it; without contact there is none.
 
+    If the computation is interrupted, those found so far.
+
     Raises
     ------
     ModelError
         If a state could not be found where the rows say there is one.
     """
     control, reached = CONTROLS[field], track.column(field)
-    found = []
-    if control is not None and len(reached) and _farther(control, value, float(reached[0])):
-        first = before(track, control, value, accuracy)
-        found += [] if first is None else [first]
-    pieces = (k for k in pieces_at(reached, value) if control is not None or reached[k + 1] > 0)
-    return found + [crossing(track, k, control, value, accuracy) for k in pieces]
+    found: list[Crossing] = []
+
+    def search() -> None:
+        if control is not None and len(reached) and _farther(control, value, float(reached[0])):
+            first = before(track, control, value, accuracy)
+            found.extend([] if first is None else [first])
+        for k in pieces_at(reached, value):
+            if control is not None or reached[k + 1] > 0:
+                found.append(crossing(track, k, control, value, accuracy))
+
+    kept(search, None)
+    return found
 
 
 def _farther(control: Control, value: float, first: float) -> bool:
@@ -124,6 +133,7 @@ def _freed(control: Control, rates: Rates) -> int:
     return int(control.weighted(rates.load, rates.displacement) * rates.displacement < 0)
 
 
+@finishing()
 def _state(found: Found, indices: Sequence[int], given: Mapping[str, float]) -> State:
     point = found.point
     problem, state, p = equilibrium(point), point.x, point.parameter

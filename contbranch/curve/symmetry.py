@@ -21,6 +21,7 @@ from contbranch.curve.problem import Count, EquilibriumProblem, equilibrium
 from contbranch.curve.refine import refine
 from contbranch.curve.trace import Request
 from contbranch.curve.track import Track, between
+from contbranch.watch import tell
 
 __all__ = ["Breaking", "SymmetryEvent", "critical_eigenvalues", "has_modes", "merged", "symmetry_breaking"]
 
@@ -78,6 +79,7 @@ def symmetry_breaking(track: Track, request: Request) -> Breaking:
     """Numbers of unstable azimuthal modes along a curve, and the events at which they change."""
     counts: list[Count | None] = []
     for point, index in zip(track.points, track.hodograph.rows(DISPLACEMENT), strict=True):
+        tell(0.97, "counting modes that break the symmetry")
         last = counts[-1] if counts else None
         near = len(last.modes) if last is not None else 1
         counts.append(equilibrium(point).azimuthal(point.x, point.parameter, int(index), request.modes, near))
@@ -87,8 +89,7 @@ def symmetry_breaking(track: Track, request: Request) -> Breaking:
         if here is None or there is None:
             continue
         for event in _changes(here, there):
-            if request.progress is not None:
-                request.progress(0.98, f"locating the loss of symmetry, m = {event.mode}")
+            tell(0.98, f"locating the loss of symmetry, m = {event.mode}")
             try:
                 kind = "lost" if there.of(event.mode) > here.of(event.mode) else "regained"
                 found.append(_located(track, row, event, kind, request.accuracy))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -18,10 +17,9 @@ from contbranch.curve.problem import EquilibriumProblem, Succession, equilibrium
 from contbranch.curve.spacing import Spacing
 from contbranch.curve.track import Mark, Track
 from contbranch.errors import InputError, ModelError
+from contbranch.watch import finishing, kept, over, tell
 
 __all__ = ["Request", "trace"]
-
-Progress = Callable[[float, str], None]
 
 # A trace ends at this multiple of the largest load of any event, and not below the least load (reduced).
 END_FACTOR, LEAST_END = 1.4, 10.0
@@ -52,8 +50,6 @@ class Request:
         Whether events are made precise; without, the result has none.
     fine : bool
         Whether rows are to be as accurate as the events, as far as round-off allows.
-    progress : callable or None
-        Called with the fraction done (a guess) and what is being done.
     """
 
     accuracy: float
@@ -63,7 +59,6 @@ class Request:
     modes: int = 32
     events: bool = True
     fine: bool = False
-    progress: Progress | None = None
 
     @property
     def controls(self) -> tuple[Control, ...]:
@@ -78,7 +73,7 @@ def trace(problem: EquilibriumProblem, request: Request) -> Track:
             if request.fine:
                 problem = problem.rows_within(max(FINE, request.accuracy))
             start = problem.start(request.control)
-        except (InputError, KeyboardInterrupt):
+        except InputError:
             raise
         except CorrectionError as error:
             return _nothing(problem, request, f"{Outcome.START_FAILED.value} {error.detail} {problem.limitation}")
@@ -86,10 +81,11 @@ def trace(problem: EquilibriumProblem, request: Request) -> Track:
             message = f"The interaction cannot be evaluated far away: {type(error).__name__}: {error}"
             return _nothing(problem, request, message)
         tracing = _Tracing(request)
-        tracing.follow(start)
-        if request.events:  # otherwise nothing but single states is wanted of the curve
-            tracing.fill()
-        return tracing.track(problem)
+        kept(lambda: tracing.follow(start), None)
+        if request.events and not over():  # otherwise nothing but single states is wanted of the curve
+            kept(tracing.fill, None)
+        with finishing():
+            return tracing.track(problem)
 
 
 def _nothing(problem: EquilibriumProblem, request: Request, message: str) -> Track:
@@ -143,6 +139,8 @@ class _Tracing:
         if name == self.end.name:
             self.complete = True
             self.marks.append(Mark(len(self.points) - 1, "end", last))
+            return None
+        if over():
             return None
         if not name:
             self.message = f"{branch.end.message} {problem.ending('', last)}".strip()
@@ -212,12 +210,8 @@ class _Tracing:
 
     def _told(self, point: Point) -> bool:
         """Report progress, guessed from the load: most of the way is the approach."""
-        if self.request.progress is not None and len(self.points) % 5 == 0:
-            share = 0.1 + 0.8 * max(0.0, point.observables["load"]) / max(self.end.target, 1.0)
-            load = point.observables["load"]
-            self.request.progress(
-                min(share, 0.9), f"load {load:.4g}, contact {point.observables['contact_radius']:.4g}"
-            )
+        load, radius = point.observables["load"], point.observables["contact_radius"]
+        tell(min(0.1 + 0.8 * max(0.0, load) / max(self.end.target, 1.0), 0.9), f"load {load:.4g}, contact {radius:.4g}")
         return False
 
     # -- rows between, folds in corners, indices ---------------------------------------------------------------------

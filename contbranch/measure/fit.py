@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
+from time import perf_counter
 from typing import Final
 
 import numpy as np
@@ -25,12 +26,12 @@ from contbranch.measure.features import Features, MeasuredJump, features
 from contbranch.measure.force_curve import ForceCurve
 from contbranch.measure.quantities import LINE, Problem, State
 from contbranch.measure.reduced import LIMITS, TABOR, curve_of, tabulated
+from contbranch.results.diagram import Cost
 from contbranch.results.fit import Correlations, Fit, FitJump, LawFit
 from contbranch.threads import one_thread
+from contbranch.watch import INTERRUPTIONS, Progress, caught, check, finishing, over, part, tell, told, watched
 
 __all__ = ["COMPARED", "fit"]
-
-Progress = Callable[[float, str], None]
 
 # Laws that are compared.
 COMPARED: Final = ("maugis-dugdale", "exponential", "van-der-waals", *LIMITS)
@@ -66,6 +67,7 @@ def fit(
     spring: float | str | None = None,
     law: str | None = None,
     progress: Progress | None = None,
+    time_limit: float | None = None,
 ) -> Fit:
     """Fit a contact to a measured force curve.
 
@@ -89,7 +91,9 @@ def fit(
         A law in place of the contact's, with the same work of adhesion and range; ``"jkr"`` or ``"dmt"``, its limits;
         or ``"compare"``: all of them in turn, and the best one by the Bayesian information criterion.
     progress : callable, optional
-        Called as ``progress(fraction, text)`` now and then.
+        Called as ``progress(fraction, text)`` now and then; where it raises `Stop`, the fit ends with what it has.
+    time_limit : float, optional
+        Seconds after which it does.
 
     Returns
     -------
@@ -111,10 +115,12 @@ def fit(
         raise InputError("contact: it has no interaction; give a law, with a start for its work of adhesion")
     if isinstance(free, str):
         free = tuple(name.strip() for name in free.split(","))
-    fitting = _Fitting(curve.with_spring(spring), contact, tuple(free), tuple(fixed), progress)
-    if law != "compare":
-        return fitting.result(fitting.law(law))
-    return fitting.compared()
+    began = perf_counter()
+    with watched(progress, time_limit) as watch:
+        fitting = _Fitting(curve.with_spring(spring), contact, tuple(free), tuple(fixed))
+        found = fitting.compared() if law == "compare" else fitting.result(fitting.law(law))
+        found = replace(found, message=told(found.message), cost=Cost(perf_counter() - began, fitting.evaluations))
+    return watch.passed(found)
 
 
 @dataclass(frozen=True)
@@ -139,7 +145,7 @@ class _Fitting:
     contact: Contact
     free: tuple[str, ...]
     fixed: tuple[str, ...]
-    progress: Progress | None
+    evaluations: int = 0
 
     def __post_init__(self) -> None:
         work = sum(term.work_of_adhesion for term in terms_of(self.contact.interaction))
@@ -149,10 +155,6 @@ class _Fitting:
         if not self.curve.rigid and self.curve.spring is None:
             raise InputError("spring: missing; give the stiffness of the cantilever, such as spring='0.5 N/m'")
         self.stiffness = math.inf if self.curve.spring is None else self.curve.spring
-
-    def _told(self, fraction: float, text: str) -> None:
-        if self.progress is not None:
-            self.progress(fraction, text)
 
     # -- laws ---------------------------------------------------------------------------------------------------------
     def law(self, name: str | None) -> _Minimum:
@@ -169,8 +171,7 @@ class _Fitting:
         middle = float(np.mean(self.curve.piezo[self.curve.leg(False)][: max(3, len(self.curve) // 10)]))
         start = State(contact, self.stiffness)
         problem = Problem.of(start, self.free, self.fixed, limit, middle)
-        guess = self._guess(problem)
-        return self._followed(problem, guess, self._starts(problem, guess))
+        return self._followed(problem, self._guess(problem))
 
     def compared(self) -> Fit:
         """The best of several laws."""
@@ -178,8 +179,10 @@ class _Fitting:
             raise InputError("law: compare; is for a parabola")
         found: list[tuple[str, _Minimum]] = []
         for k, name in enumerate(COMPARED):
-            self._told(k / len(COMPARED), name)
-            found.append((name, self.law(name)))
+            with part(k / len(COMPARED), (k + 1) / len(COMPARED)):
+                found.append((name, self.law(name)))
+            if over():
+                break
         count = len(self.all.samples)
         scores = {
             name: count * math.log(_square(one, count) / count) + one.x.size * math.log(count) for name, one in found
@@ -276,6 +279,8 @@ class _Fitting:
         wide = max(1.0, spread / self.seen.noise / math.sqrt(len(measured)))
 
         def residuals(x: Array) -> Array:
+            check()
+            self.evaluations += 1
             force, places = self._model(problem, x, comparison)
             return np.append((force - measured) / spread, places / wide)
 
@@ -307,48 +312,72 @@ class _Fitting:
                 columns.append((residuals(at + step * np.eye(at.size)[k]) - base) / step)
             return np.array(columns).T
 
-        found = scipy.optimize.least_squares(
-            residuals,
-            np.clip(x, low, high),
-            jac=slopes,
-            bounds=(low, high),
-            x_scale="jac",
-            loss="soft_l1",
-            f_scale=ROBUST,
-            ftol=1e-9,
-            xtol=1e-9,
-            gtol=1e-9,
-            max_nfev=evaluations,
-        )
-        last = np.asarray(found.fun)
-        return _Minimum(problem, found.x, 2 * float(found.cost), last, slopes(found.x), found.status > 0, spread)
+        reached = np.clip(x, low, high)
 
-    def _followed(self, problem: Problem, guess: State, starts: Iterator[Array]) -> _Minimum:
+        def derivatives(at: Array) -> Array:
+            nonlocal reached
+            reached = at.copy()
+            return slopes(at)
+
+        try:
+            found = scipy.optimize.least_squares(
+                residuals,
+                reached,
+                jac=derivatives,
+                bounds=(low, high),
+                x_scale="jac",
+                loss="soft_l1",
+                f_scale=ROBUST,
+                ftol=1e-9,
+                xtol=1e-9,
+                gtol=1e-9,
+                max_nfev=evaluations,
+            )
+        except INTERRUPTIONS as error:
+            caught(error)
+            with finishing():
+                last = residuals(reached)
+                return _Minimum(problem, reached, _loss(last), last, slopes(reached), False, spread)
+        last = np.asarray(found.fun)
+        return _Minimum(problem, found.x, _loss(last), last, slopes(found.x), found.status > 0, spread)
+
+    def _followed(self, problem: Problem, guess: State) -> _Minimum:
         """The best minimum: starts tried on few samples, the best of them followed on all."""
-        noise, tried = self.seen.noise, []
+        noise = self.seen.noise
+        tried: list[_Minimum] = []
         failure: Exception | None = None
         rough = max(noise, 0.02 * max(abs(self.seen.lowest), self.seen.largest * 0.1))
         pilot = problem
         if problem.by_tabor and not problem.limit:  # Maugis' closed form leads close enough
             pilot = problem.with_law(_with_law(problem.start.contact, "maugis-dugdale"))
-        for x in starts:
+        for k, x in enumerate(self._starts(pilot, guess)):
+            if over() and tried:
+                break
             try:
+                tell(0.1 * k, f"start {k + 1}")
                 first = self._minimised(pilot, guess, x, self.few, rough, TRIED)
                 tried.append(self._minimised(pilot, guess, first.x, self.few, max(noise, 0.2 * rough), TRIED))
             except (ModelError, InputError, FloatingPointError) as error:
                 failure = error
+            except INTERRUPTIONS as error:
+                caught(error)
         if not tried:
             raise ModelError(f"fit: the contact cannot be traced near the curve. {failure}")
         tried.sort(key=lambda one: one.cost)
         chosen = _distinct([one for one in tried if one.cost <= WITHIN * tried[0].cost + TOLD])[:BEST]
-        self._told(0.3, "fitting all samples")
-        found = []
+        found: list[_Minimum] = []
         for one in chosen:
+            if over() and found:
+                break
             coarse = self._minimised(problem, guess, one.x, self.few, max(noise, 0.2 * rough), TRIED)
             found.append(self._minimised(problem, guess, coarse.x, self.all, noise, MOST))
         best = min(found, key=lambda one: one.cost)
-        others = [one.x for one in found if one is not best and one.cost < best.cost + TOLD]
-        return replace(self._reweighted(best, guess), others=tuple(others))
+        last = self._reweighted(best, guess)
+        if last is not best:
+            return last
+        return replace(
+            best, others=tuple(one.x for one in _distinct([best, *found])[1:] if one.cost < best.cost + TOLD)
+        )
 
     def _reweighted(self, found: _Minimum, guess: State) -> _Minimum:
         """The minimum with weights that residuals which are no white noise deserve."""
@@ -409,6 +438,7 @@ class _Fitting:
             fitted=fitted,
             residuals=self.curve.force - fitted,
             retract=self.curve.retract,
+            cost=Cost(0.0, 0),
             traced=None if problem.limit else lambda: hysteresis(contact, control, 1e-5, max_load=most),
         )
 
@@ -534,6 +564,11 @@ def _with_law(contact: Contact, name: str) -> Contact:
     if law.name == name:
         return contact
     return replace(contact, interaction=INTERACTIONS[name](law.work_of_adhesion, law.range))
+
+
+def _loss(residuals: Array) -> float:
+    """Sum of squares, those of large residuals cut short."""
+    return float(2 * ROBUST**2 * (np.sqrt(1 + (residuals / ROBUST) ** 2) - 1).sum())
 
 
 def _square(found: _Minimum, count: int) -> float:

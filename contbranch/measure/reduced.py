@@ -40,7 +40,7 @@ from contbranch.theory._dugdale import Zone
 __all__ = ["LIMITS", "SHIPPED", "TABOR", "TOP", "Curve", "curve_of", "nodes", "tabulated", "traced_node"]
 
 # Tabor coefficients between which curves are tabulated, and their ratio from one to the next.
-TABOR: Final = (0.03, 25.0)
+TABOR: Final = (0.0302, 24.5)
 RATIO: Final = math.exp(0.2)
 # Nodes of the interpolation between them.
 NODES: Final = 6
@@ -152,15 +152,14 @@ def _depth(top: float) -> float:
 def _between(law: type[Interaction], sign: float, tabor: float, top: float) -> Curve:
     """The reduced curve of a law, by interpolation over the logarithm of the Tabor coefficient."""
     place = math.log(tabor) / math.log(RATIO)
-    first = math.floor(place) - NODES // 2 + 1
-    nodes = np.arange(first, first + NODES)
+    known = nodes()
+    first = min(max(math.floor(place) - NODES // 2 + 1, known[0]), known[-1] - NODES + 1)
+    used = range(first, first + NODES)
     if abs(place - round(place)) < 1e-12:
         rest = _node(law, sign, round(place), top)
     else:
-        weights = [
-            float(np.prod([(place - other) / (node - other) for other in nodes if other != node])) for node in nodes
-        ]
-        rest = sum(weight * _node(law, sign, int(node), top) for weight, node in zip(weights, nodes, strict=True))
+        weights = [math.prod((place - other) / (node - other) for other in used if other != node) for node in used]
+        rest = np.sum([w * _node(law, sign, node, top) for w, node in zip(weights, used, strict=True)], axis=0)
     y = _places(law, tabor, top)
     hertz = 4 / 3 * np.maximum(y, 0.0) ** 1.5
     return Curve(np.append(0.0, rest[0] + hertz), np.append(-_FAR, rest[1] + y))
@@ -173,25 +172,42 @@ def _places(law: type[Interaction], tabor: float, top: float) -> Array:
     return np.concatenate([-np.sinh(far), np.sinh(near)]) / tabor
 
 
-@lru_cache
 def _reach(law: type[Interaction]) -> float:
     """Gap in ranges from which the table begins."""
     return 0.9 * float(law(1.0, 1.0).reach(0.5 * ACCURACY / (2 * math.pi)))
 
 
-@lru_cache(maxsize=512)
 def _node(law: type[Interaction], sign: float, node: int, top: float) -> Array:
-    """A table's curve: one that is shipped with the package, made by ``studies/reduced_curves.py``, or a new one."""
-    if sign > 0 and top == TOP and law.name in SHIPPED and node in nodes():
-        with np.load(Path(__file__).with_name("reduced.npz")) as file:
-            return np.asarray(file[law.name][nodes().index(node)], dtype=np.float64)
+    """A table's curve, made once."""
+    key = law, sign, node, top
+    if key not in _NODES:
+        _NODES[key] = _made(*key)
+    return _NODES[key]
+
+
+_NODES: dict[tuple[type[Interaction], float, int, float], Array] = {}
+
+
+def _made(law: type[Interaction], sign: float, node: int, top: float) -> Array:
+    """A curve that is shipped with the package, made by ``studies/reduced_curves.py``, or a new one."""
+    if sign > 0 and top == TOP and node in nodes() and law.name in _shipped():
+        return np.asarray(_shipped()[law.name][nodes().index(node)], dtype=np.float64)
     return traced_node(law, sign, node, top)
+
+
+@lru_cache(maxsize=1)
+def _shipped() -> dict[str, Array]:
+    path = Path(__file__).with_name("reduced.npz")
+    if not path.exists():
+        return {}
+    with np.load(path) as file:
+        return {name: file[name] for name in SHIPPED}
 
 
 def nodes() -> range:
     """Nodes of a table that serves all Tabor coefficients."""
     low, high = (math.log(tabor) / math.log(RATIO) for tabor in TABOR)
-    return range(math.floor(low) - NODES // 2 + 1, math.floor(high) + NODES // 2 + 1)
+    return range(math.floor(low), math.ceil(high) + 1)
 
 
 def traced_node(law: type[Interaction], sign: float, node: int, top: float) -> Array:

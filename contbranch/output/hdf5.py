@@ -1,12 +1,16 @@
-"""Results in HDF5 files; the layout is described in ``docs/file-layout.md``."""
+"""Results in HDF5 files; the layout is described in ``docs/file-layout.md``.
+
+A file is made in memory and written at once, behind a block with its checksum; nothing is read of one that differs.
+"""
 
 from __future__ import annotations
 
+import hashlib
+import io
 import json
 import math
-import os
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+import warnings
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, fields, replace
 from itertools import pairwise
 from pathlib import Path
@@ -16,6 +20,7 @@ import numpy as np
 
 from contbranch.contact.height_map import HeightMap
 from contbranch.errors import InputError
+from contbranch.output import files
 from contbranch.output.document import VERSION, document, head
 from contbranch.results.diagram import Branch, Cost, Diagram, Event, LocalExponent, ModelChoice, Solution, State
 from contbranch.results.profile import ModeShape, Profile
@@ -26,13 +31,18 @@ if TYPE_CHECKING:
 
     from contbranch.contact.contact import Contact
 
-__all__ = ["load", "save", "save_document"]
+__all__ = ["content", "load", "save", "save_document"]
 
 Kind = TypeVar("Kind", bound=Record)
+Kept = TypeVar("Kept")
 
 _HEAD: Final = ("control", "stiffness", "accuracy", "status", "message")
 # What stands in a column of a table where there is no value: modes are counted from 1.
 _BLANK: Final = {float: math.nan, int: 0, str: ""}
+# The block before what HDF5 reads: the least size that it allows, and what is written there.
+_BLOCK: Final = 512
+_LABEL: Final = "contbranch: an HDF5 file behind this block of {} bytes\nsha256 {}\n"
+_HDF5: Final = b"\x89HDF\r\n\x1a\n"
 
 
 def save(result: Result, path: str | Path) -> None:
@@ -47,16 +57,20 @@ def save(result: Result, path: str | Path) -> None:
     InputError
         If the file cannot be written.
     """
+    with files.reserved(path) as place:
+        place.write(content(result))
+
+
+def content(result: Result) -> bytes:
+    """What `save` writes."""
     if isinstance(result, Solution):
         result = _as_diagram(result)
-    if not isinstance(result, Diagram):
-        save_document(document(result), path)
-        return
-    with _writable(Path(path)) as file:
-        _write_diagram(file, result)
+    if isinstance(result, Diagram):
+        return _stored(_write_diagram, result)
+    return _stored(_write_object, document(result))
 
 
-def save_document(content: Mapping[str, Any], path: str | Path) -> None:
+def save_document(document: Mapping[str, Any], path: str | Path) -> None:
     """Write a document, such as that of a loop or of a followed event, to an HDF5 file as it is.
 
     Objects are groups, lists of numbers datasets (NaN for null), lists of objects groups numbered from 0, everything
@@ -67,8 +81,24 @@ def save_document(content: Mapping[str, Any], path: str | Path) -> None:
     InputError
         If the file cannot be written.
     """
-    with _writable(Path(path)) as file:
-        _write_object(file, content)
+    with files.reserved(path) as place:
+        place.write(_stored(_write_object, document))
+
+
+def _stored(fill: Callable[[h5py.File, Kept], None], value: Kept) -> bytes:
+    """An HDF5 file with a value, made in memory."""
+    import h5py
+
+    with h5py.File("memory", "w", driver="core", backing_store=False, userblock_size=_BLOCK) as file:
+        fill(file, value)
+        file.flush()
+        image: bytes = file.id.get_file_image()
+    return _label(image) + image
+
+
+def _label(image: bytes) -> bytes:
+    """The block before an image of an HDF5 file, which tells any change of it."""
+    return _LABEL.format(_BLOCK, hashlib.sha256(image).hexdigest()).encode().ljust(_BLOCK, b"\n")
 
 
 def _write_object(group: h5py.Group, content: Mapping[str, Any]) -> None:
@@ -83,35 +113,12 @@ def _write_object(group: h5py.Group, content: Mapping[str, Any]) -> None:
             group.attrs[key] = value
 
 
-@contextmanager
-def _writable(path: Path) -> Iterator[h5py.File]:
-    """A new HDF5 file that takes its name when it is complete.
-
-    Raises
-    ------
-    InputError
-        If it cannot be written.
-    """
-    import h5py
-
-    unfinished = path.with_name(path.name + ".part")
-    try:
-        with h5py.File(unfinished, "w") as file:
-            yield file
-        os.replace(unfinished, path)
-    except OSError as error:
-        reason = error.strerror or " ".join(str(error).split())
-        raise InputError(f"path: '{path}' cannot be written ({reason}); give a writable file") from None
-    finally:
-        unfinished.unlink(missing_ok=True)
-
-
 def _as_diagram(solution: Solution) -> Diagram:
     """A diagram of the states found."""
     contact = solution.contact
     return Diagram(
         contact=contact,
-        branches=tuple(_point(state) for state in solution.states or (solution,)),
+        branches=tuple(_point(state) for state in solution.known),
         events=(),
         thresholds={},
         model=solution.model,
@@ -144,19 +151,36 @@ def load(path: str | Path) -> Diagram:
     import h5py
 
     path = Path(path)
-    if not path.is_file():
-        raise InputError(f"path: '{path}' is not a file; give an HDF5 file that contbranch wrote")
-    if not h5py.is_hdf5(path):
-        raise InputError(f"path: '{path}' is not an HDF5 file; give one that contbranch wrote")
+    image = _verified(path)
     try:
-        with h5py.File(path, "r") as file:
+        with h5py.File(io.BytesIO(image), "r") as file:
             _check_format(file, path)
             return _read_diagram(file)
     except InputError:
         raise
-    except (OSError, KeyError, IndexError, TypeError, ValueError, AttributeError) as error:
+    except Exception as error:  # of a file without checksum: HDF5 and what reads it may stumble over anything
         reason = " ".join(str(error).replace('"', "").split())
         raise InputError(f"path: '{path}' is damaged ({reason}); write it again") from None
+
+
+def _verified(path: Path) -> bytes:
+    """The image of an HDF5 file, if it is what was written."""
+    if not path.is_file():
+        raise InputError(f"path: '{path}' is not a file; give an HDF5 file that contbranch wrote")
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"path: '{path}' cannot be read ({error.strerror}); give a readable file") from None
+    image = data[_BLOCK:]
+    if data[:_BLOCK] == _label(image):
+        return image
+    if data.startswith(_HDF5):
+        text = f"'{path}' has no checksum, as files of contbranch 0.1: what it holds cannot be verified; save it again"
+        warnings.warn(text, stacklevel=3)
+        return data
+    if _HDF5 not in data[: _BLOCK + len(_HDF5)] and not data.startswith(b"contbranch: "):
+        raise InputError(f"path: '{path}' is not an HDF5 file; give one that contbranch wrote")
+    raise InputError(f"path: '{path}' is damaged (it is not what its checksum says); write it again")
 
 
 def _check_format(file: h5py.File, path: Path) -> None:

@@ -6,32 +6,35 @@ those of Okabe and Ito, which stay apart for colour-blind readers; line style an
 
 from __future__ import annotations
 
+import io
 import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-import matplotlib as mpl
 import numpy as np
+from matplotlib import rcParams
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from contbranch.errors import InputError
-from contbranch.output.plot_curve import Line, Piece, fine_profile, pieces, smooth_line
+from contbranch.output.files import write
+from contbranch.output.plot_curve import Line, Piece, coordinate, fine_profile, pieces, smooth_line
 from contbranch.output.plot_labels import place_labels
 from contbranch.output.plot_maps import cell_maps
 from contbranch.output.plot_view import (
     BLUE,
+    DASHES,
     GREY,
     ORANGE,
-    STYLE,
     arrange_panels,
     axis_label,
     check_observables,
     handle,
     has_natural_units,
     new_figure,
+    panel_title,
     view,
 )
 from contbranch.results.diagram import Diagram, Solution
@@ -46,6 +49,7 @@ __all__ = [
     "bifurcation_diagram",
     "check_suffix",
     "draw",
+    "figure_content",
     "local_exponent",
     "overview",
     "profiles",
@@ -59,6 +63,8 @@ SUFFIXES: Final = (".pdf", ".png", ".svg")
 _STABLE, _UNSTABLE, _TOUCH = BLUE, ORANGE, "#009E73"
 _SYMMETRY: Final = "#CC79A7"
 _MODES: Final = 6  # up to so many losses of symmetry are all labelled; of more, those of the least and the largest m
+_MOST: Final = 8  # labels of a panel
+_CLOSE: Final = 6.0  # pixels between points that are not told apart
 _KNOWN: Final = 0.1  # local exponents with a larger error are not drawn
 _SERIES: Final = (_STABLE, _UNSTABLE, _TOUCH, _SYMMETRY, "#E69F00", "#56B4E9")
 
@@ -75,27 +81,56 @@ def draw(result: Any) -> Figure:
     return figure
 
 
-def bifurcation_diagram(diagram: Diagram, x: str = "load", y: str = "contact_radius") -> Figure:
+def bifurcation_diagram(
+    diagram: Diagram,
+    x: str = "load",
+    y: str = "contact_radius",
+    *,
+    ax: Axes | None = None,
+    labels: bool = True,
+    **line: Any,
+) -> Figure:
     """Draw `y` against `x`: solid where stable under the diagram's control, dashed where not, folds and touch marked.
 
     Parameters
     ----------
     diagram : Diagram
     x, y : str
-        Two of ``load``, ``displacement``, ``contact_radius``, ``central_gap`` and ``energy``.
+        Two of ``load``, ``displacement``, ``contact_radius``, ``central_gap`` and ``energy``; for a diagram of a spring
+        also ``piezo`` (its far end, d + F/K) and ``deflection`` (F/K).
+    ax : matplotlib.axes.Axes, optional
+        Where to draw, beside what is there already, in the style of those axes; default: a figure of its own.
+    labels : bool
+        Whether names are written beside the marks.
+    **line
+        What `matplotlib.axes.Axes.plot` takes, for the stable parts: ``color`` is that of the unstable ones, too.
 
     Raises
     ------
     InputError
         For another observable.
     """
+    check_observables(x, y, diagram.stiffness)
+    if ax is not None:
+        _draw_curve(ax, diagram, _lines(diagram), (x, y), {"color": f"C{_curves(ax)}", **line})
+        figure = ax.get_figure(root=True)
+        assert figure is not None
+        if labels:
+            figure.draw_without_rendering()  # what is placed last must know where everything else is
+            _place_labels(ax, diagram, x, y)
+        return figure
     if not _drawable(diagram):
         return _nothing_to_draw(diagram)
     with new_figure(2.7, None) as figure:
         axes = figure.subplots()
-        _draw_curve(axes, diagram, _lines(diagram), x, y)
-        _finish(figure, [axes], diagram, [(x, y)])
+        _draw_curve(axes, diagram, _lines(diagram), (x, y), line)
+        _finish(figure, [axes], diagram, [(x, y)] if labels else [])
     return figure
+
+
+def _curves(axes: Axes) -> int:
+    """The number of curves that axes have."""
+    return len({line.get_gid() for line in axes.get_lines()} - {None})
 
 
 def overview(diagram: Diagram) -> Figure:
@@ -107,8 +142,8 @@ def overview(diagram: Diagram) -> Figure:
         both = list(figure.subplots(2, 1))
         lines = _lines(diagram)
         for axes, (x, y), letter in zip(both, panels, "ab", strict=True):
-            _draw_curve(axes, diagram, lines, x, y)
-            axes.set_title(f"({letter})", loc="left", fontsize=8.5, pad=4.0, y=1.0)
+            _draw_curve(axes, diagram, lines, (x, y), {})
+            panel_title(axes, letter)
         _finish(figure, both, diagram, panels)
     return figure
 
@@ -190,7 +225,7 @@ def local_exponent(diagram: Diagram, events: Sequence[Event] | None = None) -> F
             axes.axhline(level, color=GREY, linewidth=0.6, linestyle=":", zorder=0)
             axes.annotate(
                 text, (1.0, level), (3.0, 0.0), xycoords=axes.get_yaxis_transform(), textcoords="offset points",
-                va="center", color=GREY, fontsize=7.0, annotation_clip=False,
+                va="center", color=GREY, fontsize=rcParams["legend.fontsize"], annotation_clip=False,
             )  # fmt: skip
         for event, color in zip(chosen, _SERIES * (1 + len(chosen) // len(_SERIES)), strict=False):
             _draw_exponent(axes, diagram, event, color)
@@ -222,14 +257,16 @@ def save_figure(figure: Figure, path: str | Path) -> None:
         For another suffix, or if the file cannot be written.
     """
     check_suffix(path)
-    kind = Path(path).suffix.lower()[1:]
+    write(path, figure_content(figure, Path(path).suffix))
+
+
+def figure_content(figure: Figure, suffix: str) -> bytes:
+    """What `save_figure` writes."""
+    drawn = io.BytesIO()
+    kind = suffix.lower()[1:]
     dates = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}.get(kind)
-    try:
-        with mpl.rc_context(STYLE):
-            figure.savefig(path, dpi=300, metadata=dates, format=kind)
-    except OSError as error:
-        reason = error.strerror or error
-        raise InputError(f"path: '{path}' cannot be written ({reason}); give a writable file") from None
+    figure.savefig(drawn, metadata=dates, format=kind)
+    return drawn.getvalue()
 
 
 def _interesting_radius(state: State) -> float:
@@ -245,23 +282,30 @@ def _interesting_radius(state: State) -> float:
 # One curve
 
 
-def _draw_curve(axes: Axes, diagram: Diagram, lines: Sequence[Line], x: str, y: str) -> None:
+def _draw_curve(
+    axes: Axes, diagram: Diagram, lines: Sequence[Line], shown: tuple[str, str], style: dict[str, Any]
+) -> None:
     """Draw the branches with their stability, mark the events and set limits and axis labels."""
-    check_observables(x, y)
+    x, y = shown
     reduced = _has_natural_units(diagram)
     axes.set_xlabel(axis_label(x, diagram.unit_names, reduced))
     axes.set_ylabel(axis_label(y, diagram.unit_names, reduced))
+    known = (axes.get_xlim(), axes.get_ylim()) if axes.get_lines() else None
+    style = {"gid": f"curve {_curves(axes)}", **style}
     for line in lines:
         for piece in pieces(line, x, y):
-            _draw_piece(axes, piece)
+            _draw_piece(axes, piece, style)
+            if piece.stable:  # one name in a legend is enough
+                style = {**style, "label": None}
     for event in _marked(diagram):
         _draw_marker(axes, diagram, event, x, y)
     limits = view(diagram, lines, x, y)
     if limits is not None:
-        axes.set_xlim(*limits.x)
-        axes.set_ylim(*limits.y)
+        wide = [(min(a, b[0]), max(c, b[1])) for (a, c), b in zip(limits, known or limits, strict=True)]
+        axes.set_xlim(*wide[0])
+        axes.set_ylim(*wide[1])
     for name, draw in ((x, axes.axvline), (y, axes.axhline)):
-        if name in ("load", "displacement"):
+        if name in ("load", "displacement", "deflection") and known is None:
             draw(0.0, color=GREY, linewidth=0.4, alpha=0.6, zorder=0)
 
 
@@ -274,11 +318,13 @@ def _has_natural_units(diagram: Diagram) -> bool:
     return not diagram.unit_names and diagram.contact is not None and has_natural_units(diagram.contact)
 
 
-def _draw_piece(axes: Axes, piece: Piece) -> None:
+def _draw_piece(axes: Axes, piece: Piece, style: dict[str, Any]) -> None:
     if piece.stable:
-        axes.plot(piece.x, piece.y, color=_STABLE, solid_capstyle="round", solid_joinstyle="round", zorder=3)
+        known = {"color": _STABLE, "solid_capstyle": "round", "solid_joinstyle": "round", "zorder": 3}
     else:
-        axes.plot(piece.x, piece.y, color=_UNSTABLE, linestyle=(0, (3.2, 1.6)), dash_joinstyle="round", zorder=2)
+        known = {"color": _UNSTABLE, "linestyle": DASHES, "dash_joinstyle": "round", "zorder": 2}
+        style = {key: value for key, value in style.items() if key in ("color", "gid", "linewidth", "alpha")}
+    axes.plot(piece.x, piece.y, **{**known, **style})
 
 
 def _marked(diagram: Diagram) -> list[Event]:
@@ -303,11 +349,9 @@ def _marker(diagram: Diagram, event: Event) -> dict[str, Any]:
 
 
 def _draw_marker(axes: Axes, diagram: Diagram, event: Event, x: str, y: str) -> None:
-    if x == "energy" or y == "energy":
-        return  # events carry no energy
     own = event.control == diagram.control  # drawn on top
     level = 5.0 if event.kind == "touch" else 6.0 if own else 4.0
-    place = (getattr(event, x), getattr(event, y))
+    place = coordinate(diagram, event, x), coordinate(diagram, event, y)
     axes.plot(*place, linestyle="none", markeredgewidth=0.7, zorder=level, **_marker(diagram, event))
 
 
@@ -324,32 +368,48 @@ def _finish(figure: Figure, panels: Sequence[Axes], diagram: Diagram, observable
         borderpad=0.1,
         borderaxespad=0.2,
     )
-    arrange_panels(figure, panels, rows=(len(handles) + 1) // 2)
-    for axes, (x, y) in zip(panels, observables, strict=True):
-        if "energy" in (x, y):
-            continue
-        marked = _labelled(axes, diagram, x, y)
-        texts = [_label(event) for event in marked]
-        points = np.array([[getattr(event, x), getattr(event, y)] for event in marked]).reshape(-1, 2)
-        emphasis = [event.kind != "fold" or event.control == diagram.control for event in marked]
-        place_labels(axes, points, texts, ["black" if own else GREY for own in emphasis])
+    arrange_panels(figure, panels)
+    for axes, (x, y) in zip(panels, observables, strict=False):
+        _place_labels(axes, diagram, x, y)
 
 
-def _labelled(axes: Axes, diagram: Diagram, x: str, y: str) -> list[Event]:
-    """Return the marked events without those that have the label of another one at the same place."""
-    kept: dict[str, list[Array]] = {}
-    events = []
+def _place_labels(axes: Axes, diagram: Diagram, x: str, y: str) -> None:
+    """Write names beside the marks of axes whose layout is final."""
+    shown = _labelled(axes, diagram, x, y)
+    points = np.array([point for _, _, point in shown]).reshape(-1, 2)
+    own = [event.kind != "fold" or event.control == diagram.control for event, _, _ in shown]
+    place_labels(axes, points, [text for _, text, _ in shown], ["black" if one else GREY for one in own])
+
+
+def _labelled(axes: Axes, diagram: Diagram, x: str, y: str) -> list[tuple[Event, str, Array]]:
+    """Return the events that get a label, with it and their place: the most important ones, one of each at a place.
+
+    In a cascade the first and the last fold of a kind are named, and those between numbered where there is room.
+    """
     modes = [e.mode for e in diagram.events if e.mode is not None]
-    shown = set(modes if len(modes) <= _MODES else (min(modes), max(modes)))
-    for event in sorted(_marked(diagram), key=lambda e: e.control != diagram.control):
-        if event.kind == "symmetry" and event.mode not in shown:
-            continue
-        pixel = axes.transData.transform([getattr(event, x), getattr(event, y)])
-        same = kept.setdefault(_label(event), [])
-        if all(np.hypot(*(pixel - other)) > 6.0 for other in same):
-            same.append(pixel)
-            events.append(event)
-    return events
+    ends = set(modes if len(modes) <= _MODES else (min(modes), max(modes)))
+    numbers: dict[str, set[int]] = {}
+    for event in diagram.events:
+        base, _, number = (event.name or "").rpartition("-")
+        if number.isdigit():
+            numbers.setdefault(base, set()).add(int(number))
+    found = []
+    for event in _marked(diagram):
+        base, _, number = _label(event).rpartition("-")
+        between = number.isdigit() and min(numbers[base]) < int(number) < max(numbers[base])
+        if event.kind != "symmetry" or event.mode in ends:
+            found.append((event, number if between else _label(event), between, event.control != diagram.control))
+    kept: list[tuple[Event, str, Array]] = []
+    pixels: list[Array] = []
+    for event, text, between, _ in sorted(found, key=lambda one: one[2:]):
+        point = np.array([coordinate(diagram, event, x), coordinate(diagram, event, y)])
+        pixel = axes.transData.transform(point)
+        close = [text if between else other[1] for other, at in zip(kept, pixels, strict=True)
+                 if np.hypot(*(pixel - at)) <= _CLOSE]  # fmt: skip
+        if text not in close and len(kept) < _MOST:
+            kept.append((event, text, point))
+            pixels.append(pixel)
+    return kept
 
 
 def _label(event: Event) -> str:
@@ -364,7 +424,7 @@ def _legend(diagram: Diagram) -> list[Line2D]:
     if True in stable:
         handles.append(handle(f"stable ({diagram.control} control)", color=_STABLE))
     if True in unstable:
-        handles.append(handle("unstable", color=_UNSTABLE, linestyle=(0, (3.2, 1.6))))
+        handles.append(handle("unstable", color=_UNSTABLE, linestyle=DASHES))
     seen = set()
     for event in sorted(_marked(diagram), key=lambda e: (e.kind == "fold", e.kind, e.control != diagram.control)):
         label = {"touch": "first touch", "symmetry": "loss of symmetry"}.get(
@@ -392,4 +452,5 @@ def _draw_exponent(axes: Axes, diagram: Diagram, event: Event, color: str) -> No
         at = float(np.interp(np.log(crossover), np.log(excess), kappa))
         axes.plot(crossover, at, marker="|", markersize=9.0, color=color)
         symbol = r"$\Delta d_\times$" if event.control == "displacement" else r"$\Delta F_\times$"
-        axes.annotate(symbol, (crossover, at), (2.0, 5.0), textcoords="offset points", color=color, fontsize=7.0)
+        axes.annotate(symbol, (crossover, at), (2.0, 5.0), textcoords="offset points", color=color,
+                      fontsize=rcParams["legend.fontsize"])  # fmt: skip

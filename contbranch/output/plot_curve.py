@@ -14,12 +14,13 @@ from contbranch.results.diagram import Profile
 if TYPE_CHECKING:
     from contbranch.results.diagram import Branch, Diagram, Event
 
-__all__ = ["COORDINATES", "Line", "Piece", "fine_profile", "pieces", "smooth_line"]
+__all__ = ["COORDINATES", "OF_SPRINGS", "Line", "Piece", "coordinate", "fine_profile", "pieces", "smooth_line"]
 
 Array = NDArray[np.float64]
 Columns = dict[str, Array]
 
 COORDINATES: Final = ("load", "displacement", "contact_radius", "central_gap", "energy")
+OF_SPRINGS: Final = ("piezo", "deflection")
 
 _FINE: Final = 24  # points drawn for each step of the trace
 
@@ -80,8 +81,24 @@ def smooth_line(diagram: Diagram, number: int) -> Line:
         fine_coordinate = smooth(length[part], coordinate[part], at[here])
         columns["contact_radius"][here] = np.sqrt(np.maximum(fine_coordinate, 0.0))
         columns["central_gap"][here] = np.maximum(-fine_coordinate, 0.0)
+    if diagram.stiffness:
+        columns["deflection"] = columns["load"] / diagram.stiffness
+        columns["piezo"] = columns["displacement"] + columns["deflection"]
     step = np.minimum(fine.astype(np.int64), len(steps) - 1)
     return Line(columns, step, np.interp(fine, np.arange(len(position)), position), _stability(unstable))
+
+
+def coordinate(diagram: Diagram, event: Event, name: str) -> float:
+    """An observable at an event: its energy, too, by dV = F dd from the points beside it."""
+    if name in OF_SPRINGS:
+        deflection = event.load / (diagram.stiffness or np.inf)
+        return deflection if name == "deflection" else event.displacement + deflection
+    if name != "energy":
+        return float(getattr(event, name))
+    branch = diagram.branches[event.branch]
+    beside = np.clip([int(event.position), int(event.position) + 1], 0, len(branch) - 1)
+    work = 0.5 * (event.load + branch.load[beside]) * (event.displacement - branch.displacement[beside])
+    return float(np.interp(event.position, beside, branch.energy[beside] + work))
 
 
 def pieces(line: Line, x: str, y: str) -> list[Piece]:
@@ -128,11 +145,8 @@ def _knots(
         keep &= np.abs(position - event.position) > 1e-6
     flags = [-1 if e.kind == "fold" and e.control == diagram.control else -2 for e in events]
     unstable = np.asarray(branch.unstable(diagram.control), dtype=np.int64)
-    energy = np.interp([e.position for e in events], position, branch.energy)  # events carry none
     columns = {
-        name: np.concatenate(
-            [getattr(branch, name)[keep], energy if name == "energy" else [getattr(e, name) for e in events]]
-        ).astype(np.float64)
+        name: np.concatenate([getattr(branch, name)[keep], [coordinate(diagram, e, name) for e in events]])
         for name in COORDINATES
     }
     position = np.concatenate([position[keep], [e.position for e in events]])

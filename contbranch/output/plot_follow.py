@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from contbranch.errors import InputError
 from contbranch.output.plot_labels import place_labels
-from contbranch.output.plot_view import BLUE, GREY, ORANGE, axis_label, handle, has_natural_units, new_figure
+from contbranch.output.plot_view import BLUE, DASHES, GREY, ORANGE, axis_label, handle, has_natural_units, new_figure
 from contbranch.output.smooth import smooth_path
 from contbranch.results.record import OBSERVABLES
 
@@ -54,7 +54,6 @@ _MARKERS: Final = {
     "through-touch": "D",
 }
 _LOGARITHMIC: Final = 4.0  # ratio of the largest to the least value from which the axis is logarithmic
-_DASHES: Final = (0, (3.2, 1.6))
 # Colours of the regions (states without contact, states with contact).
 _REGIONS: Final = {
     (0, 0): "#F3F3F3",
@@ -86,12 +85,18 @@ def followed_curve(followed: Followed, y: str = "load") -> Figure:
         axes = figure.subplots()
         logarithmic = _spacing(axes, followed.parameter, followed.curve[followed.parameter])
         for x, values, contact in _lines(followed, y, logarithmic):
-            axes.plot(x, values, color=BLUE, linestyle="-" if contact else _DASHES, zorder=3)
+            axes.plot(x, values, color=BLUE, linestyle="-" if contact else DASHES, zorder=3)
         marked = [one for one in followed.special if one.kind in _MARKERS and np.isfinite(one.value)]
         for one in marked:
             _mark(axes, one.kind, one.value, getattr(one, y))
         _label(axes, followed.parameter, followed.unit_names, y, _natural(followed))
-        axes.legend(handles=_legend(followed), loc="best", title=_title(followed), title_fontsize=7.0, alignment="left")
+        axes.legend(
+            handles=_legend(followed),
+            loc="best",
+            title=_title(followed),
+            title_fontsize=mpl.rcParams["legend.fontsize"],
+            alignment="left",
+        )
         figure.canvas.draw()
         figure.set_layout_engine("none")
         points = np.array([[one.value, getattr(one, y)] for one in marked]).reshape(-1, 2)
@@ -118,7 +123,7 @@ def phase_figure(phase: PhaseDiagram) -> Figure:
         for followed in phase.boundaries:
             touch = followed.event.kind == "touch"
             for x, line, contact in _lines(followed, y, logarithmic):
-                style = "-" if contact or touch else _DASHES
+                style = "-" if contact or touch else DASHES
                 axes.plot(x, line, color=_TOUCH if touch else BLUE if contact else ORANGE, linestyle=style, zorder=3)
             marked += [one for one in followed.special if one.kind in _MARKERS and one.control in (None, y)]
         kept: list[tuple[float, float]] = []
@@ -131,7 +136,7 @@ def phase_figure(phase: PhaseDiagram) -> Figure:
                 _mark(axes, one.kind, *place)
         axes.set_xlim(values[0], values[-1])
         axes.set_ylim(levels[0], levels[-1])
-        _label(axes, phase.parameter, phase.unit_names, y, False)
+        _label(axes, phase.parameter, phase.unit_names, y, _natural(phase))
         figure.legend(handles=_regions(phase, present), loc="outside upper center", ncols=2, columnspacing=1.2)
         figure.canvas.draw()
         figure.set_layout_engine("none")
@@ -203,7 +208,7 @@ def _parameter_label(parameter: str, units: Mapping[str, str]) -> str:
     return words + (f" ({unit})" if unit else "")
 
 
-def _natural(followed: Followed) -> bool:
+def _natural(followed: Followed | PhaseDiagram) -> bool:
     """Whether the axis may name the reduced units: they do not change along the curve."""
     return followed.parameter in ("tabor", "stiffness", "share") and has_natural_units(followed.contact)
 
@@ -219,7 +224,7 @@ def _legend(followed: Followed) -> list[Line2D]:
     if np.any(radius > 0):
         handles.append(handle("with contact", color=BLUE))
     if not np.all(radius > 0):
-        handles.append(handle("without contact", color=BLUE, linestyle=_DASHES))
+        handles.append(handle("without contact", color=BLUE, linestyle=DASHES))
     return handles
 
 
@@ -237,7 +242,7 @@ def _regions(phase: PhaseDiagram, present: list[tuple[int, int]]) -> list[Patch 
     if any(np.any(f.curve["contact_radius"] > 0) for f in folds):
         handles.append(handle("fold with contact", color=BLUE))
     if any(np.any(f.curve["contact_radius"] == 0) for f in folds):
-        handles.append(handle("fold without contact", color=ORANGE, linestyle=_DASHES))
+        handles.append(handle("fold without contact", color=ORANGE, linestyle=DASHES))
     if any(touch for touch, _ in kinds):
         handles.append(handle("first touch", color=_TOUCH))
     return handles

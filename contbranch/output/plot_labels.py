@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
+from matplotlib import rcParams
 from matplotlib.text import Text
 from numpy.typing import NDArray
 
@@ -23,21 +24,25 @@ _LINE, _MARKER, _LABEL, _OUTSIDE = 1.0, 20.0, 20.0, 20.0  # what it costs to cov
 _HALF: Final = 4.5  # half the side of the square that a marker occupies, points
 _DISTANCES: Final = (6.0, 10.0, 16.0, 24.0, 34.0, 46.0, 60.0)  # points, from the marker to the label's edge
 _FAR: Final = 0.1  # the cost of a point of distance
+_DOUBT: Final = 30.0  # that of a label that might belong to another point
 _NEAR: Final = 10.0  # up to this distance a label needs no line to its point
 _DIRECTIONS: Final = 16
 _PASSES: Final = 3
 _ROOM: Final = 1.5  # around a label, points
-_FONT: Final = 7.0
 
 
 class _Places(NamedTuple):
-    """Places of a label, in cells: centres and corners (N, 2), distances (N,) in points, and leaders (N, S, 2)."""
+    """Places of a label, in cells: centres and corners (N, 2), distances (N,) in points, and leaders (N, S, 2).
+
+    `doubt` (N,) is what it costs that a label without a line stands nearer to another point.
+    """
 
     centre: Array
     low: Cells
     high: Cells
     distance: Array
     leader: Cells
+    doubt: Array
 
     def cheapest(self, busy: Array) -> int:
         """The place that covers least of a map."""
@@ -46,7 +51,7 @@ class _Places(NamedTuple):
         (x0, y0), (x1, y1) = self.low.T, self.high.T
         covered = total[x1, y1] - total[x0, y1] - total[x1, y0] + total[x0, y0]
         crossed = np.where(self.distance > _NEAR, busy[self.leader[..., 0], self.leader[..., 1]].sum(axis=1), 0.0)
-        return int(np.argmin(covered + crossed + _FAR * self.distance))
+        return int(np.argmin(covered + crossed + _FAR * self.distance + self.doubt))
 
     def stamp(self, chosen: int, busy: Array) -> None:
         """Mark a place on a map."""
@@ -77,7 +82,10 @@ def place_labels(axes: Axes, points: Array, texts: Sequence[str], colors: Sequen
             busy[tuple(inside.T)] = _LINE
     at = (axes.transData.transform(points) - corner) / cell if len(points) else np.zeros((0, 2))
     seen = [i for i, place in enumerate(at) if np.all((place >= 0.0) & (place <= extent))]
-    places = {i: _places(at[i] + _PAD, _size(figure, texts[i]) / cell, busy.shape) for i in seen}
+    places = {}
+    for i in seen:
+        others = np.array([at[j] + _PAD for j in seen if np.hypot(*(at[j] - at[i])) > 1.0]).reshape(-1, 2)
+        places[i] = _places(at[i] + _PAD, _size(figure, texts[i]) / cell, busy.shape, others)
     for i in seen:
         low, high = (np.round(at[i] + _PAD + side * _HALF / _CELL).astype(int) for side in (-1, 1))
         busy[low[0] : high[0], low[1] : high[1]] = _MARKER
@@ -88,17 +96,21 @@ def place_labels(axes: Axes, points: Array, texts: Sequence[str], colors: Sequen
             for other in chosen.keys() - {i}:
                 places[other].stamp(chosen[other], now)
             chosen[i] = places[i].cheapest(now)
+    size = rcParams["legend.fontsize"]
     for i, place in chosen.items():
         offset = (places[i].centre[place] - _PAD - at[i]) * _CELL
         style = {"arrowstyle": "-", "linewidth": 0.5, "color": colors[i], "shrinkA": 0.0, "shrinkB": 3.0}
         axes.annotate(
             texts[i], tuple(points[i]), tuple(offset), textcoords="offset points", ha="center", va="center",
-            fontsize=_FONT, color=colors[i], arrowprops=style if places[i].distance[place] > _NEAR else None, zorder=6,
+            fontsize=size, color=colors[i], arrowprops=style if places[i].distance[place] > _NEAR else None, zorder=6,
         )  # fmt: skip
 
 
-def _places(at: Array, size: Array, shape: tuple[int, ...]) -> _Places:
-    """Return places all around a point for a label of a size, their edges at about each of the distances from it."""
+def _places(at: Array, size: Array, shape: tuple[int, ...], others: Array) -> _Places:
+    """Return places all around a point for a label of a size, their edges at about each of the distances from it.
+
+    `others` (P, 2) are the other points.
+    """
     angles = 2.0 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
     rays = np.tile(np.column_stack([np.cos(angles), np.sin(angles)]), (len(_DISTANCES), 1))
     distance = np.repeat(_DISTANCES, _DIRECTIONS)
@@ -108,12 +120,17 @@ def _places(at: Array, size: Array, shape: tuple[int, ...]) -> _Places:
     high = np.clip(np.ceil(centre + 0.5 * size), 0, limits).astype(int)
     # From beside the marker to the edge of the label, where its own box is counted.
     along = at + rays[:, None, :] * np.linspace(1.5 * _HALF, distance, 12, axis=1)[:, :, None] / _CELL
-    return _Places(centre, low, high, distance, np.clip(along, 0, limits - 1).astype(int))
+    off = np.abs(others[:, None] - centre) - 0.5 * size
+    nearer = (_CELL * np.hypot(*np.moveaxis(np.maximum(off, 0.0), -1, 0)) < distance + 1.0).any(axis=0)
+    doubt = np.where(nearer & (distance <= _NEAR), _DOUBT, 0.0)
+    return _Places(centre, low, high, distance, np.clip(along, 0, limits - 1).astype(int), doubt)
 
 
 def _size(figure: Any, text: str) -> Array:
     """Return width and height of a text with some room around it, in pixels."""
-    extent = Text(0.0, 0.0, text, fontsize=_FONT, figure=figure).get_window_extent(figure.canvas.get_renderer())
+    extent = Text(0.0, 0.0, text, fontsize=rcParams["legend.fontsize"], figure=figure).get_window_extent(
+        figure.canvas.get_renderer()
+    )
     return np.array([extent.width, extent.height], dtype=np.float64) + 2.0 * _ROOM * float(figure.dpi) / 72.0
 
 

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib import rcParams
 from numpy.typing import NDArray
 
 from contbranch.output.plot_view import (
     BLUE,
+    GREY,
     ORANGE,
     arrange_panels,
     axis_label,
+    check_observables,
     handle,
     has_natural_units,
     new_figure,
+    panel_title,
 )
 from contbranch.output.smooth import smooth_path
 
@@ -22,7 +26,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from contbranch.results.loop import Hysteresis, Jump
+    from contbranch.results.diagram import State
+    from contbranch.results.loop import Hysteresis, Path
 
 __all__ = ["loop_figure"]
 
@@ -30,26 +35,49 @@ Array = NDArray[np.float64]
 
 _UP, _DOWN = BLUE, ORANGE
 _PAD = 0.6  # of the extent of the jumps, shown on either side of them
+_MARGIN = 0.05  # of the axes, so that nothing lies on the frame
 
 
-def loop_figure(loop: Hysteresis) -> Figure:
-    """Draw load (under load control the displacement) and contact radius against what is controlled.
+def loop_figure(loop: Hysteresis, x: str | None = None, y: str | None = None, *, ax: Axes | None = None) -> Figure:
+    """Draw the path with its jumps: the way up and the way down differ in colour; jumps are dotted, with an arrow.
 
-    The way up and the way down differ in colour; jumps are dotted, with an arrow.
+    Parameters
+    ----------
+    loop : Hysteresis
+    x : str, optional
+        Default: what is controlled. ``load``, ``displacement``, ``contact_radius``, ``central_gap``, ``energy``, and
+        with a spring ``piezo`` (its far end, d + F/K) and ``deflection`` (F/K).
+    y : str, optional
+        Likewise. Default: two panels, with the load (under load control the displacement) and the contact radius (where
+        there is no contact at all the central gap).
+    ax : matplotlib.axes.Axes, optional
+        Where to draw, beside what is there already; default: a figure of its own.
+
+    Raises
+    ------
+    InputError
+        For another observable.
     """
-    first = "displacement" if loop.control == "load" else "load"
-    with new_figure(4.9, None) as figure:
+    x = x or {"spring": "piezo"}.get(loop.control, loop.control)
+    for name in (x, y or x):
+        check_observables(name, name, loop.stiffness)
+    first = y or ("displacement" if loop.control == "load" else "load")
+    if ax is not None:
+        _draw(ax, loop, x, first)
+        figure = ax.get_figure(root=True)
+        assert figure is not None
+        return figure
+    touching = bool(np.any(loop.path.contact_radius > 0.0))
+    shown = [y] if y else [first, "contact_radius" if touching else "central_gap"]
+    with new_figure(2.7 if y else 4.9, None) as figure:
         if len(loop.path) < 2:
             figure.text(0.5, 0.5, loop.message or "No path.", ha="center", va="center", wrap=True)
             return figure
-        panels = list(figure.subplots(2, 1))
-        names = loop.contact.units.names if loop.contact is not None else {}
-        natural = loop.contact is not None and has_natural_units(loop.contact)
-        for axes, name, letter in zip(panels, (first, "contact_radius"), "ab", strict=True):
-            _draw(axes, loop, name)
-            axes.set_ylabel(axis_label(name, names, natural))
-            axes.set_xlabel(_position_label(loop, names, natural))
-            axes.set_title(f"({letter})", loc="left", fontsize=8.5, pad=4.0, y=1.0)
+        panels = np.atleast_1d(figure.subplots(len(shown), 1)).tolist()
+        for axes, name, letter in zip(panels, shown, "ab", strict=False):
+            _draw(axes, loop, x, name)
+            if len(panels) > 1:
+                panel_title(axes, letter)
         handles = [
             handle("approach" if loop.control != "load" else "loading", color=_UP),
             handle("retraction" if loop.control != "load" else "unloading", color=_DOWN),
@@ -57,75 +85,86 @@ def loop_figure(loop: Hysteresis) -> Figure:
         if loop.jumps:
             handles.append(handle("jump", color="black", linestyle=":"))
         figure.legend(handles=handles, loc="upper center", ncols=3, bbox_to_anchor=(0.5, 1.0), borderaxespad=0.2)
-        arrange_panels(figure, panels, rows=1)
+        arrange_panels(figure, panels)
     return figure
 
 
-def _position_label(loop: Hysteresis, names: dict[str, str], natural: bool) -> str:
-    if loop.control != "spring":
-        return axis_label(loop.control, names, natural)
-    label = axis_label("displacement", names, natural)
-    unit = f" ({names['displacement']})" if names else label.partition(r"\,/\,")[2].rstrip("$")
-    if names:
-        return f"Position of the spring $d + F_N/K${unit}"
-    return f"$(d + F_N/K)\\,/\\,{unit}$" if unit else "Position of the spring $d + F_N/K$"
+def _seen(source: State | Path, name: str, stiffness: float | None) -> Any:
+    """An observable of a state or a path."""
+    if name in ("piezo", "deflection"):
+        deflection = source.load / (stiffness or np.inf)
+        return deflection if name == "deflection" else source.displacement + deflection
+    return getattr(source, name)
 
 
-def _draw(axes: Axes, loop: Hysteresis, name: str) -> None:
-    path = loop.path
-    limits = _window(loop)
+def _draw(axes: Axes, loop: Hysteresis, across: str, name: str) -> None:
+    path, stiffness = loop.path, loop.stiffness
+    names = loop.contact.units.names if loop.contact is not None else {}
+    natural = loop.contact is not None and has_natural_units(loop.contact)
+    axes.set_xlabel(axis_label(across, names, natural))
+    axes.set_ylabel(axis_label(name, names, natural))
+    low, high = _window(loop)
     shown: list[Array] = []
     for number in np.unique(path.leg):
         here = path.leg == number
         if np.count_nonzero(here) < 2:
             continue
-        x, y = smooth_path(path.position[here], path[name][here])
+        columns = (path.position[here], *(_seen(path, one, stiffness)[here] for one in (across, name)))
+        position, x, y = smooth_path(*columns)
         up = path.direction[here][0] > 0
         axes.plot(x, y, color=_UP if up else _DOWN, linewidth=1.6 if up else 1.1, zorder=2.0 if up else 2.5)
-        inside = (x >= limits[0]) & (x <= limits[1])
-        shown.append(y[inside])
+        inside = (position >= low) & (position <= high)
+        shown.append(np.array([x[inside], y[inside]]))
         _arrow(axes, x[inside], y[inside], _UP if up else _DOWN)
     for jump in loop.jumps:
-        shown.append(np.array([getattr(s, name) for s in (jump.start, jump.to) if s is not None]))
-        _draw_jump(axes, jump, name)
-    values = np.concatenate(shown)
-    if values.size:
-        margin = 0.07 * (np.ptp(values) or 1.0)
-        axes.set_ylim(float(values.min()) - margin, float(values.max()) + margin)
-    axes.set_xlim(*limits)
+        ends = [
+            (_seen(s, across, stiffness), _seen(s, name, stiffness)) for s in (jump.start, jump.to) if s is not None
+        ]
+        shown.append(np.array(ends).T)
+        _draw_jump(axes, ends)
+    points = np.concatenate([*shown, np.zeros((2, 0))], axis=1)
+    if not points.size:
+        return
+    axis_of: tuple[Any, ...] = (axes.set_xlim, axes.axvline), (axes.set_ylim, axes.axhline)
+    for one, values, (limit, line) in zip((across, name), points, axis_of, strict=True):
+        if one in ("load", "deflection"):
+            values = np.append(values, 0.0)
+            line(0.0, color=GREY, linewidth=0.4, alpha=0.6, zorder=0)
+        margin = _MARGIN * (np.ptp(values) or 1.0)
+        limit(float(values.min()) - margin, float(values.max()) + margin)
 
 
 def _window(loop: Hysteresis) -> tuple[float, float]:
-    """The jumps with some context; without jumps, the whole path."""
-    position = loop.path.position
-    low, high = float(position.min()), float(position.max())
+    """Positions that are shown: jumps and zero load in contact, with some context; without jumps, the whole path."""
+    path = loop.path
+    low, high = float(path.position.min()), float(path.position.max())
     at = [jump.position for jump in loop.jumps]
     if not at:
         return low, high
-    pad = _PAD * (max(at) - min(at)) if len(at) > 1 else 0.3 * (high - low)
-    pad = max(pad, 0.02 * max(abs(value) for value in at))
-    # A jump may be where the path ends: some room beside it all the same.
-    first = min(max(low, min(at) - pad), min(at) - 0.1 * pad) if len(at) > 1 else min(low, at[0] - 0.3 * pad)
-    return first, min(high, max(at) + pad)
+    pad = _PAD * (max(at) - min(at)) if max(at) > min(at) else 0.3 * (high - low)
+    turned = (path.load[1:] * path.load[:-1] <= 0.0) & (path.contact_radius[1:] > 0.0) & (np.diff(path.leg) == 0)
+    at += path.position[1:][turned].tolist()
+    pad = max(pad, 0.1 * (max(at) - min(at)), 0.02 * max(abs(value) for value in at))
+    return max(low, min(at) - pad), min(high, max(at) + pad)
 
 
 def _arrow(axes: Axes, x: Array, y: Array, color: str) -> None:
     """An arrow head in the middle of a leg."""
     if len(x) < 3:
         return
-    length = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(x) / np.ptp(x), np.diff(y) / (np.ptp(y) or 1.0)))])
+    scaled = [np.diff(one) / (np.ptp(one) or 1.0) for one in (x, y)]
+    length = np.concatenate([[0.0], np.cumsum(np.hypot(*scaled))])
     k = int(np.clip(np.searchsorted(length, 0.55 * length[-1]), 1, len(x) - 1))
     style = {"arrowstyle": "-|>", "color": color, "shrinkA": 0.0, "shrinkB": 0.0, "linewidth": 0.0}
     axes.annotate("", (x[k], y[k]), (x[k - 1], y[k - 1]), arrowprops=style)
 
 
-def _draw_jump(axes: Axes, jump: Jump, name: str) -> None:
+def _draw_jump(axes: Axes, ends: list[tuple[float, float]]) -> None:
     """A dotted line with an arrow from the fold to where the jump ends, or a mark where it ends nowhere."""
-    start = getattr(jump.start, name)
-    axes.plot(jump.position, start, marker="o", markersize=3.5, color="black", zorder=4.0)
-    if jump.to is None:
-        axes.annotate("to infinity", (jump.position, start), (4.0, 8.0), textcoords="offset points", fontsize=7.0)
+    axes.plot(*ends[0], marker="o", markersize=3.5, color="black", zorder=4.0)
+    if len(ends) < 2:
+        size = rcParams["legend.fontsize"]
+        axes.annotate("to infinity", ends[0], (4.0, 8.0), textcoords="offset points", fontsize=size)
         return
-    end = getattr(jump.to, name)
     style = {"arrowstyle": "-|>", "linestyle": ":", "color": "black", "shrinkA": 0.0, "shrinkB": 0.0, "linewidth": 0.9}
-    axes.annotate("", (jump.position, end), (jump.position, start), arrowprops=style, zorder=4.0)
+    axes.annotate("", ends[1], ends[0], arrowprops=style, zorder=4.0)

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from io import BytesIO
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple
 
-import matplotlib as mpl
 import numpy as np
+from matplotlib import rc_context, rcParams, rcParamsDefault
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties
 from matplotlib.lines import Line2D
-from matplotlib.ticker import ScalarFormatter
+from matplotlib.ticker import MaxNLocator, ScalarFormatter
 from numpy.typing import NDArray
 
 from contbranch.errors import InputError
-from contbranch.output.plot_curve import COORDINATES, Line
+from contbranch.output.plot_curve import COORDINATES, OF_SPRINGS, Line, coordinate
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,13 +26,14 @@ if TYPE_CHECKING:
     from contbranch.contact.contact import Contact
     from contbranch.results.diagram import Diagram
 
-__all__ = ["BLUE", "GREY", "ORANGE", "STYLE", "WIDTH", "Limits", "arrange_panels", "axis_label"]
-__all__ += ["check_observables", "handle", "has_natural_units", "new_figure", "view"]
+__all__ = ["BLUE", "DASHES", "GREY", "ORANGE", "WIDTH", "Limits", "arrange_panels", "axis_label"]
+__all__ += ["check_observables", "handle", "has_natural_units", "new_figure", "panel_title", "view"]
 
 BLUE: Final = "#0072B2"
 ORANGE: Final = "#D55E00"
 GREY: Final = "#555555"
-STYLE: Final[Any] = {
+DASHES: Final = (0, (3.2, 1.6))
+_STYLE: Final[Any] = {
     "font.size": 8.0,
     "axes.labelsize": 8.5,
     "axes.linewidth": 0.7,
@@ -52,6 +56,7 @@ STYLE: Final[Any] = {
     "legend.fontsize": 7.0,
     "legend.frameon": False,
     "legend.handlelength": 2.2,
+    "savefig.dpi": 300,
     "mathtext.fontset": "dejavusans",
     "pdf.fonttype": 42,  # text stays text in the file
     "svg.hashsalt": "contbranch",  # the same diagram gives the same file
@@ -63,13 +68,17 @@ _AXES: Final = {
     "displacement": ("Displacement", "d", r"(R\,|\Delta\gamma|^2/E^2)^{1/3}"),
     "contact_radius": ("Contact radius", "a_c", r"(R^2|\Delta\gamma|/E)^{1/3}"),
     "central_gap": ("Central gap", "g(0)", r"(R\,|\Delta\gamma|^2/E^2)^{1/3}"),
+    "piezo": ("Position of the spring", "d + F_N/K", r"(R\,|\Delta\gamma|^2/E^2)^{1/3}"),
+    "deflection": ("Deflection", "F_N/K", r"(R\,|\Delta\gamma|^2/E^2)^{1/3}"),
     "energy": ("Energy", "V", r"(R^4|\Delta\gamma|^5/E^2)^{1/3}"),
     "gap": ("Gap", "g", ""),
     "pressure": ("Pressure", "p", ""),
     "r": ("Radius", "r", ""),
 }
 WIDTH: Final = 3.4  # inches, one column of a journal
-_LEGEND_ROW, _TITLE, _BELOW, _RIGHT = 0.15, 0.21, 0.37, 0.11  # inches: a legend's row; above, below, right of a panel
+_TITLE, _BELOW, _RIGHT = 0.21, 0.37, 0.11  # inches: above, below, right of a panel
+_APART: Final = 4.0  # points between the labels of two ticks
+_MOST_TICKS: Final = 8
 _PAD: Final = 1.0  # of the extent of the events, shown on either side of them
 _LEAST_PAD: Final = 0.05  # of the events' distance from zero: context for a narrow window
 _MARGIN: Final = 0.07  # of the axis, so that no line lies on the frame
@@ -82,13 +91,42 @@ class Limits(NamedTuple):
     y: tuple[float, float]
 
 
+class _Picture(Figure):
+    """A figure that is saved in the style it was drawn in, and shows itself in a notebook."""
+
+    def savefig(self, fname: Any, **options: Any) -> None:
+        """Write the figure to a file, with 300 points an inch unless another ``dpi`` or ``rcParams`` say otherwise."""
+        with rc_context(_style()):
+            super().savefig(fname, **options)
+
+    def _repr_png_(self) -> bytes:
+        held = BytesIO()
+        self.savefig(held, format="png", dpi=200)
+        return held.getvalue()
+
+
+def _style() -> Any:
+    """The style of all figures, without what the user has set in ``matplotlib.rcParams``."""
+    return {key: value for key, value in _STYLE.items() if rcParams[key] == rcParamsDefault[key]}
+
+
 @contextmanager
 def new_figure(height: float, layout: Literal["constrained"] | None = "constrained") -> Iterator[Figure]:
-    """Make a figure, one column wide, in the style of all; with a layout it is drawn twice, to measure it first."""
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(WIDTH, height), layout=layout)
+    """Make a figure, one column wide, in the style of all; with a layout it is drawn twice, to measure it first.
+
+    Size, style and fonts that the user has set in ``matplotlib.rcParams`` have precedence.
+    """
+    own = list(rcParams["figure.figsize"]) != list(rcParamsDefault["figure.figsize"])
+    size = rcParams["figure.figsize"] if own else (WIDTH, height)
+    with rc_context(_style()):
+        figure = _Picture(figsize=size, layout=layout)
         FigureCanvasAgg(figure)
         yield figure
+
+
+def panel_title(axes: Axes, letter: str) -> None:
+    """Write (a), (b), … above a panel."""
+    axes.set_title(f"({letter})", loc="left", fontsize=rcParams["axes.labelsize"], pad=4.0, y=1.0)
 
 
 def handle(label: str, **style: Any) -> Line2D:
@@ -99,7 +137,8 @@ def handle(label: str, **style: Any) -> Line2D:
 def axis_label(name: str, unit_names: Mapping[str, str], natural: bool) -> str:
     """Return words, symbol and unit of an observable; `natural`: the unit is made of R, E and |Δγ|."""
     words, symbol, reduced_unit = _AXES[name]
-    unit = unit_names.get({"r": "radius"}.get(name, name), "")
+    quantity = {"r": "radius", **dict.fromkeys(OF_SPRINGS, "displacement")}.get(name, name)
+    unit = unit_names.get(quantity, "")
     if unit:
         return f"{words} ${symbol}$ ({unit})"
     if natural and reduced_unit:
@@ -119,11 +158,15 @@ def _bracketed(unit: str) -> str:
     return unit if unit.startswith("(") else f"({unit})"
 
 
-def check_observables(x: str, y: str) -> None:
-    """Raise InputError unless both can be drawn."""
+def check_observables(x: str, y: str, stiffness: float | None) -> None:
+    """Raise InputError unless both can be drawn; those of springs need the stiffness of one."""
     for field, name in (("x", x), ("y", y)):
-        if name not in COORDINATES:
-            raise InputError(f"{field}: {name!r}; must be one of {', '.join(COORDINATES)}")
+        if name not in (*COORDINATES, *OF_SPRINGS):
+            raise InputError(f"{field}: {name!r}; must be one of {', '.join((*COORDINATES, *OF_SPRINGS))}")
+        if name in OF_SPRINGS and not stiffness:
+            raise InputError(
+                f"{field}: {name!r}; there is no spring here: compute it with control=cb.Spring(stiffness)"
+            )
 
 
 def view(diagram: Diagram, lines: Sequence[Line], x: str, y: str) -> Limits | None:
@@ -133,10 +176,9 @@ def view(diagram: Diagram, lines: Sequence[Line], x: str, y: str) -> Limits | No
     is widened on all sides. A trace that starts far away or ends under a large load then does not squeeze its events.
     The contact radius has no window of its own: it is shown over the whole window of the load.
     """
-    check_observables(x, y)
     if not any(_positions(diagram, number) for number in range(len(lines))):
         return None
-    bounds = {name for name in (x, y) if name not in ("contact_radius", "energy")} | {"load"}
+    bounds = {name for name in (x, y) if name not in ("contact_radius", "energy", *OF_SPRINGS)} | {"load"}
     windows = {name: _window(diagram, lines, name) for name in bounds}
     limits = []
     for name in (x, y):
@@ -154,9 +196,7 @@ def _positions(diagram: Diagram, number: int) -> list[float]:
 
 
 def _event_values(diagram: Diagram, name: str) -> list[float]:
-    if name == "energy":
-        return []
-    return [getattr(e, name) for e in diagram.events if e.kind in ("fold", "touch", "symmetry")]
+    return [coordinate(diagram, e, name) for e in diagram.events if e.kind in ("fold", "touch", "symmetry")]
 
 
 def _window(diagram: Diagram, lines: Sequence[Line], name: str) -> tuple[float, float]:
@@ -198,31 +238,42 @@ class _PlainTicks(ScalarFormatter):
         return [label.removeprefix(r"$\mathdefault{").removesuffix("}$") for label in super().format_ticks(values)]
 
 
-def arrange_panels(figure: Figure, panels: Sequence[Axes], rows: int) -> None:
-    """Place panels one above the other below a legend of some rows.
+def arrange_panels(figure: Any, panels: Sequence[Axes]) -> None:
+    """Place panels one above the other below the legend of the figure.
 
-    Only the width of the labels on the left is measured: a general layout engine takes as long as all of the drawing.
+    Only labels are measured: a general layout engine takes as long as all of the drawing.
     """
-    height = figure.get_figheight()
-    slot = (height - _LEGEND_ROW * rows - 0.03) / len(panels)
+    width, height = figure.get_size_inches()
+    renderer, dpi = figure.canvas.get_renderer(), figure.dpi
+    legend = max((one.get_window_extent(renderer).height / dpi for one in figure.legends), default=0.0)
+    below = _BELOW * max(1.0, FontProperties(size=rcParams["axes.labelsize"]).get_size_in_points() / 8.5)
+    slot = (height - legend - 0.05) / len(panels)
     title = _TITLE if len(panels) > 1 else 0.08
-    left = 0.55
+    left, right = 0.55, _RIGHT
     for axes in panels:
         # Written into the axes, since the number of ticks depends on it, also when the figure is saved.
-        axes.tick_params(which="both", labelsize=mpl.rcParams["ytick.labelsize"])
+        axes.tick_params(axis="x", which="both", labelsize=rcParams["xtick.labelsize"])
+        axes.tick_params(axis="y", which="both", labelsize=rcParams["ytick.labelsize"])
         for axis in (axes.xaxis, axes.yaxis):
             axis.set_major_formatter(_PlainTicks())
     for _ in range(2):  # the second time with the ticks that fit
         for i, axes in enumerate(panels):
-            bottom = (len(panels) - 1 - i) * slot + _BELOW
-            size = (WIDTH - left - _RIGHT, slot - _BELOW - title)
-            axes.set_position((left / WIDTH, bottom / height, size[0] / WIDTH, size[1] / height))
-        left = max(_label_width(axes) for axes in panels) + 0.06
+            bottom = (len(panels) - 1 - i) * slot + below
+            size = (width - left - right, slot - below - title)
+            axes.set_position((left / width, bottom / height, size[0] / width, size[1] / height))
+            _space_ticks(axes, renderer)
+        frames = [axes.get_window_extent() for axes in panels]
+        reach = [[axis.get_tightbbox(renderer) for axis in (axes.yaxis, axes.xaxis)] for axes in panels]
+        left = max((frame.x0 - y.x0 for frame, (y, _) in zip(frames, reach, strict=True) if y), default=0) / dpi + 0.06
+        over = max((x.x1 - frame.x1 for frame, (_, x) in zip(frames, reach, strict=True) if x), default=0) / dpi
+        right = max(_RIGHT, over + 0.03)
 
 
-def _label_width(axes: Axes) -> float:
-    """Return how far the ticks' and the axis' labels reach out to the left, in inches."""
-    figure: Any = axes.get_figure(root=True)
-    extent = axes.yaxis.get_tightbbox(figure.canvas.get_renderer())
-    frame = axes.get_window_extent()
-    return 0.0 if extent is None else float(frame.x0 - extent.x0) / float(figure.dpi)
+def _space_ticks(axes: Axes, renderer: Any) -> None:
+    """Take fewer ticks along x until their labels stand apart."""
+    apart = _APART * renderer.points_to_pixels(1.0)
+    for count in range(_MOST_TICKS, 2, -1):
+        boxes = [label.get_window_extent(renderer) for label in axes.get_xticklabels() if label.get_text()]
+        if all(right.x0 - left.x1 > apart for left, right in pairwise(boxes)):
+            return
+        axes.xaxis.set_major_locator(MaxNLocator(count, steps=[1, 2, 2.5, 5, 10]))

@@ -1,4 +1,4 @@
-"""What the command line prints for people: tables of events, thresholds and states, and a progress bar."""
+"""What the command line prints for people: tables of events, thresholds and states, and progress."""
 
 from __future__ import annotations
 
@@ -7,71 +7,104 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from contbranch.results.diagram import Diagram, Event, Solution, State
+from contbranch.results.equilibria import Equilibria
+from contbranch.results.fit import Fit, unit_of_value
 from contbranch.results.followed import Followed
 from contbranch.results.loop import Hysteresis
 from contbranch.results.record import OBSERVABLES, Result
 
-__all__ = ["print_result", "progress_bar", "with_error"]
+__all__ = ["Cells", "as_text", "parts", "progress_bar", "progress_lines", "with_error"]
 
 _DIGITS: Final = 15  # what a double can hold
+_SILENCE: Final = 10.0  # seconds between two lines of progress
 _ROWS: Final = 12  # of a followed curve; all of it is in the JSON document
 _LEFT: Final = ("control", "unit", "stable under")  # columns of words, besides the first
+_FOR_PEOPLE: Final = {"nN·nm": "aJ"}  # the same, as one says it
 _BRACKETS: Final = "Digits in brackets: error estimate in units of the last digit."
 
 
-def print_result(result: Result) -> None:
-    """Print what a result holds as tables with error estimates, then its model, cost, status and message."""
-    told: Any = result  # every result that is printed has contact, model, cost, status and message
+class Cells(NamedTuple):
+    """A table of texts."""
+
+    headings: Sequence[str]
+    rows: Sequence[Sequence[str]]
+
+    @property
+    def sides(self) -> list[str]:
+        """Where the texts of each column stand: words to the left, numbers to the right."""
+        return ["<" if i == 0 or heading in _LEFT else ">" for i, heading in enumerate(self.headings)]
+
+    def lines(self) -> Iterator[str]:
+        """The table as lines, its columns as wide as their longest cell."""
+        lines = [self.headings, *self.rows]
+        widths = [max(len(line[i]) for line in lines) for i in range(len(self.headings))]
+        for line in lines:
+            cells = (f"{cell:{side}{width}}" for cell, side, width in zip(line, self.sides, widths, strict=False))
+            yield "  ".join(cells).rstrip()
+
+
+Parts = Iterator[str | Cells]
+
+
+def as_text(result: Result) -> str:
+    """What a result holds, for people: its `parts` as lines."""
+    return "\n".join(line for part in parts(result) for line in ([part] if isinstance(part, str) else part.lines()))
+
+
+def parts(result: Result) -> Parts:
+    """What a result holds as tables with error estimates, then its model, cost, status and message."""
+    told: Any = result  # every result that is shown has contact, cost, status and message
     units = getattr(result, "unit_names", {}) if told.contact is None else told.contact.units.names
-    _PRINTED[type(result)](result, units)
-    model = told.model
-    print(f"Model: {model.kind}, {model.unknowns} unknowns. {model.why}".rstrip())
+    units = {name: _FOR_PEOPLE.get(unit, unit) for name, unit in units.items()}
+    if type(result) in _SHOWN:
+        yield from _SHOWN[type(result)](result, units)
+    if hasattr(result, "model"):
+        model = told.model
+        yield f"Model: {model.kind}, {model.unknowns} unknowns. {model.why}".rstrip()
     size = {Diagram: lambda: sum(map(len, told.branches)), Hysteresis: lambda: len(told.path)}
     size[Followed] = lambda: len(told.curve["load"])
     points = f"{size[type(result)]()} points in " if type(result) in size else ""
     accuracy = f", accuracy {told.accuracy:g}" if hasattr(result, "accuracy") else ""
-    print(f"{points}{told.cost.wall_s:.2f} s{accuracy}: {told.status}")
+    yield f"{points}{told.cost.wall_s:.2f} s{accuracy}: {told.status}"
     if told.message:
-        print(told.message)
+        yield str(told.message)
 
 
-def _print_diagram(diagram: Diagram, units: Mapping[str, str]) -> None:
+def _diagram(diagram: Diagram, units: Mapping[str, str]) -> Parts:
     if diagram.events:
         rows = [[_title(event), event.control or "", *_cells(event)] for event in diagram.events]
-        _print_table(["event", "control", *_headings(units)], rows)
-        print(_BRACKETS)
+        yield Cells(["event", "control", *_headings(units)], rows)
+        yield _BRACKETS
     single = [branch.state(0) for branch in diagram.branches if len(branch) == 1]
     if single:  # saved by solve
-        _print_states(single, units)
+        yield _states(single, units)
     if diagram.thresholds:
-        rows, known = [], diagram.uncertainties
-        for name, value in diagram.thresholds.items():
-            quantity = "contact_radius" if name.endswith("radius") else name.rsplit("_", 1)[-1]
-            errors = (event.error.get(quantity) for event in diagram.events if getattr(event, quantity, None) == value)
-            spread = [f"{known[name]:.3g}"] if known else []
-            rows.append(
-                [name.replace("_", " "), with_error(value, next(errors, None)), *spread, units.get(quantity, "")]
-            )
-        _print_table(["threshold", "value", *(["uncertainty"] if known else []), *(["unit"] if units else [])], rows)
+        middle = ["uncertainty"] if diagram.uncertainties else []
+        last = ["unit"] if units else []
+        yield Cells(["threshold", "value", *middle, *last], list(_thresholds(diagram, units)))
 
 
-def _print_solution(solution: Solution, units: Mapping[str, str]) -> None:
-    _print_states(solution.states or (solution,), units)
+def _thresholds(diagram: Diagram, units: Mapping[str, str]) -> Iterator[list[str]]:
+    for name, value in diagram.thresholds.items():
+        quantity = "contact_radius" if name.endswith("radius") else name.rsplit("_", 1)[-1]
+        errors = (event.error.get(quantity) for event in diagram.events if getattr(event, quantity, None) == value)
+        spread = [f"{diagram.uncertainties[name]:.3g}"] if diagram.uncertainties else []
+        yield [name.replace("_", " "), with_error(value, next(errors, None)), *spread, units.get(quantity, "")]
 
 
-def _print_states(states: Sequence[State], units: Mapping[str, str]) -> None:
+def _states(states: Sequence[State], units: Mapping[str, str]) -> Cells:
     rows = []
     for state in states:
         known = ("load", "displacement", *(() if state.unstable_spring is None else ("spring",)))
         controls = [control for control in known if state.stable(control)]
         rows.append([*_cells(state), f"{state.energy:.9g}", " and ".join(controls) or "neither"])
-    _print_table([*_headings(units, (*OBSERVABLES, "energy")), "stable under"], rows)
+    return Cells([*_headings(units, (*OBSERVABLES, "energy")), "stable under"], rows)
 
 
-def _print_loop(loop: Hysteresis, units: Mapping[str, str]) -> None:
+def _loop(loop: Hysteresis, units: Mapping[str, str]) -> Parts:
     shown = OBSERVABLES[:3]
     if loop.jumps:
         unit = units.get("load" if loop.control == "load" else "displacement", "")
@@ -82,37 +115,56 @@ def _print_loop(loop: Hysteresis, units: Mapping[str, str]) -> None:
             rows.append([jump.name or "jump", f"{jump.position:.9g}", "from", *_cells(jump.start, shown), loss])
             end = ["infinite separation", "", ""] if jump.to is None else _cells(jump.to, shown)
             rows.append(["", "", "to", *end, ""])
-        headings = ["jump", _with_unit(position, unit), "", *_headings(units, (*shown, "dissipated"))]
-        _print_table(headings, rows)
-        print(_BRACKETS)
+        yield Cells(["jump", _with_unit(position, unit), "", *_headings(units, (*shown, "dissipated"))], rows)
+        yield _BRACKETS
     if loop.dissipated is not None:
-        print(f"Dissipated in the loop: {with_error(loop.dissipated, loop.error)} {units.get('energy', '')}".rstrip())
+        yield f"Dissipated in the loop: {with_error(loop.dissipated, loop.error)} {units.get('energy', '')}".rstrip()
 
 
-def _print_followed(followed: Followed, units: Mapping[str, str]) -> None:
+def _followed(followed: Followed, units: Mapping[str, str]) -> Parts:
     name, curve, error = followed.parameter, followed.curve, followed.error
     count = len(curve["load"])
     rows = []
-    for i in sorted({round(i * (count - 1) / (min(count, _ROWS) - 1)) for i in range(min(count, _ROWS))}):
+    for i in sorted({round(i * (count - 1) / max(1, min(count, _ROWS) - 1)) for i in range(min(count, _ROWS))}):
         cells = (with_error(float(curve[key][i]), float(error[key][i])) for key in OBSERVABLES)
         rows.append([str(i), f"{curve[name][i]:.9g}", *cells])
-    _print_table(["", name, *_headings(units)], rows)
-    print(_BRACKETS)
+    yield Cells(["", name, *_headings(units)], rows)
+    yield _BRACKETS
     if followed.special:
         rows = []
         for one in followed.special:
             title = f"{one.kind} ({one.control})" if one.control else one.kind
             rows.append([title, with_error(one.value, one.error[name] or None), *_cells(one)])
-        _print_table(["special point", name, *_headings(units)], rows)
-        for message in dict.fromkeys(one.message for one in followed.special if one.message):
-            print(message)
+        yield Cells(["special point", name, *_headings(units)], rows)
+        yield from dict.fromkeys(one.message for one in followed.special if one.message)
 
 
-_PRINTED: Final[Mapping[type, Callable[[Any, Mapping[str, str]], None]]] = {
-    Diagram: _print_diagram,
-    Solution: _print_solution,
-    Hysteresis: _print_loop,
-    Followed: _print_followed,
+def _fit(fit: Fit, _: Mapping[str, str]) -> Parts:
+    rows = []
+    for name, value in fit.values.items():
+        known = "" if name in fit.identifiable else "not determined"
+        rows.append([name, f"{value:.6g}", f"{fit.errors[name]:.2g}", unit_of_value(name), known])
+    yield Cells(["value", "fitted", "error", "unit", ""], rows)
+    if fit.jumps:
+        rows = [
+            [f"{jump.name} {word}", *(f"{seen[key]:.6g}" if seen else "–" for key in ("piezo", "force", "step"))]
+            for jump in fit.jumps
+            for word, seen in (("measured", jump.measured), ("fitted", jump.fitted))
+        ]
+        yield Cells(["jump", "piezo (nm)", "force before (nN)", "step (nN)"], rows)
+    if fit.laws:
+        rows = [[one.law, f"{one.rms:.4g}", f"{one.criterion:.3g}"] for one in fit.laws]
+        yield Cells(["law", "rms (nN)", "BIC above the best"], rows)
+    yield f"Residuals: rms {fit.rms:.4g} nN; noise {fit.noise:.3g} nN. Law: {fit.law}."
+
+
+_SHOWN: Final[Mapping[type, Callable[[Any, Mapping[str, str]], Parts]]] = {
+    Diagram: _diagram,
+    Fit: _fit,
+    Solution: lambda solution, units: iter([_states(solution.known, units)]),
+    Equilibria: lambda found, units: iter([_states(found.states, units)]),
+    Hysteresis: _loop,
+    Followed: _followed,
 }
 
 
@@ -133,6 +185,21 @@ def progress_bar() -> Iterator[Callable[[float, str], None]]:
         yield report
     finally:
         print(f"\r{'':{width}s}\r", end="", file=sys.stderr, flush=True)
+
+
+def progress_lines() -> Callable[[float, str], None]:
+    """What prints, for those who read no terminal, a line on standard error every ten seconds."""
+    began = last = time.monotonic()
+
+    def report(fraction: float, text: str) -> None:
+        nonlocal last
+        now = time.monotonic()
+        if now >= last + _SILENCE:
+            last, seconds = now, int(now - began)
+            line = f"{100 * fraction:.0f}% after {seconds // 60}:{seconds % 60:02d}, {text}"
+            print(f"contbranch: {line}", file=sys.stderr, flush=True)
+
+    return report
 
 
 def with_error(value: float, error: float | None) -> str:
@@ -157,16 +224,6 @@ def with_error(value: float, error: float | None) -> str:
     if place <= 0:
         return f"{round(value, place):.0f}({last * 10**-place})"
     return f"{value:.{place}f}({last})"
-
-
-def _print_table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
-    """Print columns as wide as their longest cell: words to the left, numbers to the right."""
-    lines = [headings, *rows]
-    widths = [max(len(line[i]) for line in lines) for i in range(len(headings))]
-    sides = ["<" if i == 0 or heading in _LEFT else ">" for i, heading in enumerate(headings)]
-    for line in lines:
-        cells = (f"{cell:{side}{width}}" for cell, side, width in zip(line, sides, widths, strict=False))
-        print("  ".join(cells).rstrip())
 
 
 def _cells(source: Any, names: Iterable[str] = OBSERVABLES) -> list[str]:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
@@ -16,7 +17,8 @@ from contbranch.contact.contact import Contact
 from contbranch.control import Control
 from contbranch.errors import InputError, ModelError
 from contbranch.results.profile import CellFields, ModeShape, Profile
-from contbranch.results.record import Record, Result, described, late, record
+from contbranch.results.record import OBSERVABLES, Record, Result, described, late, record
+from contbranch.results.table import Table, joined, of_columns, of_records
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -470,6 +472,10 @@ class Diagram(Result):
             for threshold, rates in self.sensitivities.items()
         }
 
+    def told(self) -> str:
+        """Its thresholds."""
+        return ", ".join(f"{name} {value:.7g}" for name, value in self.thresholds.items())
+
     def folds(self, control: str | None = None) -> Iterator[Event]:
         """The folds of one control, or all of them."""
         return (e for e in self.events if e.kind == "fold" and (control is None or e.control == control))
@@ -503,6 +509,26 @@ class Diagram(Result):
                 found[number] = self.local_exponent(event)
         return found
 
+    def tables(self) -> dict[str, Table]:
+        """The points of all branches, and the events."""
+        points = joined("branch", [branch.columns for branch in self.branches])
+        return {
+            "point": of_columns(points, self.unit_names),
+            "event": of_records(Event, self.events, self.unit_names),
+        }
+
+    def events_to_csv(self, path: str | Path) -> None:
+        """Write the events as `to_csv` writes the points.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be written.
+        """
+        from contbranch.output.tables import write_csv
+
+        write_csv(self.tables()["event"], path)
+
     def plot_mode(self, event: Event) -> Figure:
         """Draw the mode that changes stability at a symmetry event: gap and pressure over r, and the gap from above.
 
@@ -517,11 +543,14 @@ class Diagram(Result):
             raise InputError(f"event: {event.kind} has no azimuthal mode; take a symmetry event")
         return mode_figure(event.mode_shape, event.contact_radius, self.unit_names)
 
-    def plot(self, x: str = "load", y: str = "contact_radius") -> Figure:
-        """Draw observable `y` against `x` with dashed unstable parts and marked events."""
+    def plot(self, x: str = "load", y: str = "contact_radius", **options: Any) -> Figure:
+        """Draw observable `y` against `x` with dashed unstable parts and marked events.
+
+        The options are those of `contbranch.output.plot.bifurcation_diagram`: ``ax``, ``labels``, ``color``, ….
+        """
         from contbranch.output.plot import bifurcation_diagram
 
-        return bifurcation_diagram(self, x, y)
+        return bifurcation_diagram(self, x, y, **options)
 
 
 late(Diagram, "sensitivities")
@@ -549,7 +578,21 @@ class Solution(State, Result):
     states: tuple[State, ...] = described(written=False, default=())
     contact: Contact | None = None
 
+    def told(self) -> str:
+        """Where the state is."""
+        return ", ".join(f"{name} {getattr(self, name):.7g}" for name in (*OBSERVABLES, "energy"))
+
+    @property
+    def known(self) -> tuple[State, ...]:
+        """All states found, or this one; none where an interrupted search has not found any."""
+        return self.states or (() if np.isnan(self.load) else (self,))
+
+    def tables(self) -> dict[str, Table]:
+        """The states found, this one first."""
+        names = {} if self.contact is None else self.contact.units.names
+        return {"state": of_records(State, self.known, names)}
+
     def body(self) -> dict[str, Any]:
         """All states found, or this one."""
         told = {name: getattr(self, name) for name in ("model", "cost", "status", "message")}
-        return {"states": [state.items() for state in self.states or (self,)], **told}
+        return {"states": [state.items() for state in self.known], **told}

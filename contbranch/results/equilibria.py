@@ -5,9 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import ClassVar, Literal, NamedTuple
 
+import numpy as np
+
 from contbranch.contact.contact import Contact
 from contbranch.results.diagram import Cost, ModelChoice, State
 from contbranch.results.record import Result, described, record
+from contbranch.results.table import Table, of_records
 
 __all__ = ["Barrier", "Equilibria"]
 
@@ -73,6 +76,16 @@ class Equilibria(Result):
 
     def __getitem__(self, number: int) -> State:
         return self.states[number]
+
+    def told(self) -> str:
+        """How many states there are."""
+        return f"{len(self)} states, {len(self.stable)} stable under {self.control} control"
+
+    def tables(self) -> dict[str, Table]:
+        """The states, and whether each lies on the traced curve."""
+        names = {} if self.contact is None else self.contact.units.names
+        listed = of_records(State, self.states, names)
+        return {"state": listed._replace(columns={**listed.columns, "connected": np.array(self.connected)})}
 
     @property
     def stable(self) -> tuple[State, ...]:

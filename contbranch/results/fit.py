@@ -4,19 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import cached_property
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
 
 from contbranch.arrays import Array
 from contbranch.contact.contact import Contact
 from contbranch.errors import InputError
+from contbranch.results.diagram import Cost
 from contbranch.results.loop import Hysteresis
 from contbranch.results.record import Record, Result, described, record
+from contbranch.results.table import Table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Correlations", "Fit", "FitJump", "LawFit"]
+__all__ = ["Correlations", "Fit", "FitJump", "LawFit", "unit_of_value"]
 
 
 @record
@@ -109,13 +113,14 @@ class Fit(Result):
     law: str
     status: Literal["complete", "incomplete"]
     message: str
+    cost: Cost
     laws: tuple[LawFit, ...] = described(written="if known", default=())
     spring: float = described(written=False, default=float("inf"))
-    piezo: Array | None = described(written=False, default=None, repr=False)
-    force: Array | None = described(written=False, default=None, repr=False)
-    fitted: Array | None = described(written=False, default=None, repr=False)
-    residuals: Array | None = described(written=False, default=None, repr=False)
-    retract: Array | None = described(written=False, default=None, repr=False)
+    piezo: Array = described(written=False, default_factory=lambda: np.empty(0), repr=False)
+    force: Array = described(written=False, default_factory=lambda: np.empty(0), repr=False)
+    fitted: Array = described(written=False, default_factory=lambda: np.empty(0), repr=False)
+    residuals: Array = described(written=False, default_factory=lambda: np.empty(0), repr=False)
+    retract: NDArray[np.bool_] = described(written=False, default_factory=lambda: np.empty(0, bool), repr=False)
     traced: Hysteresis | Callable[[], Hysteresis] | None = described(
         written=False, computed=lambda fit: None, default=None
     )
@@ -133,26 +138,29 @@ class Fit(Result):
             raise InputError("loop: the limits jkr and dmt have none; fit a law with a range")
         return self.traced() if callable(self.traced) else self.traced
 
-    def table(self) -> dict[str, Any]:
-        """Columns of the curve with what was fitted, by names with units."""
-        columns = {"piezo [nm]": self.piezo, "force [nN]": self.force, "fitted [nN]": self.fitted}
-        words = [] if self.retract is None else ["retract" if back else "approach" for back in self.retract]
-        return {**columns, "residual [nN]": self.residuals, "segment": words}
+    def told(self) -> str:
+        """The values that the data determine."""
+        return ", ".join(f"{name} {self.values[name]:.4g} ± {self.errors[name]:.2g}" for name in self.identifiable)
 
-    def to_csv(self, path: str | Path) -> None:
-        """Write the curve, what was fitted to it and the residuals as CSV.
-
-        Raises
-        ------
-        InputError
-            If the file cannot be written.
-        """
-        from contbranch.output.table import write_csv
-
-        write_csv(path, self.table())
+    def tables(self) -> dict[str, Table]:
+        """The samples with what was fitted to them; a CSV file of them is a force curve again."""
+        measured = {"piezo": self.piezo, "force": self.force, "fitted": self.fitted, "residual": self.residuals}
+        segment = np.where(self.retract, "retract", "approach")
+        units = {name: "nm" if name == "piezo" else "nN" for name in measured}
+        return {"sample": Table({**measured, "segment": segment}, units)}
 
     def plot(self) -> Figure:
         """Draw force and residuals over the piezo position, measured and fitted, with the jumps."""
         from contbranch.output.plot_fit import fit_figure
 
         return fit_figure(self)
+
+
+def unit_of_value(name: str) -> str:
+    """The unit of a value: lengths in nm, forces in nN."""
+    known = {"contact_point": "nm", "baseline": "nN", "tilt": "nN/nm", "spring": "nN/nm", "sensitivity": ""}
+    known |= {"modulus": "nN/nm²", "work_of_adhesion": "nN/nm"}
+    return known.get(name.partition("[")[0], "nm" if name.partition("[")[0] in _LENGTHS else "")
+
+
+_LENGTHS: Final = ("range", "radius", "length", "wavelength")

@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from contbranch.arrays import Array
 from contbranch.contact.contact import Contact
+from contbranch.contact.family import dimension_of
 from contbranch.errors import InputError
 from contbranch.results.diagram import Cost, Event, ModelChoice
 from contbranch.results.record import Record, Result, described, record
+from contbranch.results.table import Table, of_columns
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -113,6 +115,19 @@ class Followed(Result):
         event = replace(self.event, critical=None).items()
         del event["exponent"]
         return {**self.items(), "event": event}
+
+    def told(self) -> str:
+        """What was followed, and how far."""
+        values = self.curve[self.parameter]
+        if not len(values):
+            return ""
+        return f"{self.event.name or self.event.kind} for {self.parameter} from {values[0]:.5g} to {values[-1]:.5g}"
+
+    def tables(self) -> dict[str, Table]:
+        """The points of the curve."""
+        errors = {f"{name}_error": values for name, values in self.error.items()}
+        names = {**self.unit_names, self.parameter: self.contact.units.name(dimension_of(self.contact, self.parameter))}
+        return {"point": of_columns({**self.curve, **errors}, names)}
 
     def at(self, value: float) -> tuple[FollowedPoint, ...]:
         """The event at exactly one value of the parameter, as often as the curve passes it: solved, not interpolated.

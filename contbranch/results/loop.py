@@ -12,6 +12,7 @@ from contbranch.arrays import Array, Integers
 from contbranch.contact.contact import Contact
 from contbranch.results.diagram import Cost, ModelChoice, State
 from contbranch.results.record import Record, Result, described, record
+from contbranch.results.table import Table, of_columns
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -142,8 +143,22 @@ class Hysteresis(Result):
         """Work done by the drive over the closed loop, by quadrature along the stable legs; equals `dissipated`."""
         return self._area() if callable(self._area) else self._area
 
-    def plot(self) -> Figure:
-        """Draw the force curve and the contact radius along the loop, with arrows and jumps."""
+    def told(self) -> str:
+        """Its jumps and what they dissipate."""
+        jumps = ", ".join(f"{jump.name or 'jump'} at {jump.position:.7g}" for jump in self.jumps)
+        return (jumps or "no jump") + ("" if self.dissipated is None else f"; dissipated {self.dissipated:.7g}")
+
+    def tables(self) -> dict[str, Table]:
+        """The points of the path."""
+        names = {} if self.contact is None else self.contact.units.names
+        position = "load" if self.control == "load" else "displacement"
+        return {"point": of_columns(self.path.items(), names, position=position)}
+
+    def plot(self, x: str | None = None, y: str | None = None, **options: Any) -> Figure:
+        """Draw the force curve and the contact radius along the loop, with arrows and jumps, or `y` against `x`.
+
+        The options are those of `contbranch.output.plot_loop.loop_figure`: ``ax``.
+        """
         from contbranch.output.plot_loop import loop_figure
 
-        return loop_figure(self)
+        return loop_figure(self, x, y, **options)

@@ -6,13 +6,20 @@ it may be None, its name the quantity in whose unit it is; what else there is to
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import Field, dataclass, field, fields
 from pathlib import Path
-from typing import Any, ClassVar, Final, NamedTuple, Self, TypeVar, dataclass_transform
+from typing import TYPE_CHECKING, Any, ClassVar, Final, NamedTuple, Self, TypeVar, dataclass_transform
 
 import numpy as np
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
+    from contbranch.results.table import Table
 
 __all__ = [
     "OBSERVABLES",
@@ -24,6 +31,7 @@ __all__ = [
     "key_of",
     "kind_of",
     "late",
+    "quantity_of",
     "record",
     "same",
     "unit_of",
@@ -71,8 +79,13 @@ def key_of(item: Field[Any]) -> str:
 
 def unit_of(item: Field[Any]) -> str:
     """The quantity in whose unit a field is."""
-    name = item.name.removesuffix("_error")
-    return str(item.metadata.get("unit", _QUANTITIES.get(name, name)))
+    return str(item.metadata.get("unit", quantity_of(item.name)))
+
+
+def quantity_of(name: str) -> str:
+    """The quantity in whose unit an array of that name is."""
+    name = name.removesuffix("_error")
+    return _QUANTITIES.get(name, name)
 
 
 def kind_of(item: Field[Any]) -> Any:
@@ -83,7 +96,7 @@ def kind_of(item: Field[Any]) -> Any:
 @dataclass_transform(frozen_default=True, eq_default=False, field_specifiers=(described,))
 def record(kind: type[Kind]) -> type[Kind]:
     """Make a class a dataclass, frozen and compared as `Record` says."""
-    return dataclass(frozen=True, eq=False)(kind)
+    return dataclass(frozen=True, eq=False, repr=False)(kind)
 
 
 class Late:
@@ -116,7 +129,7 @@ def late(kind: type[Kind], *names: str) -> type[Kind]:
     return kind
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Record:
     """A frozen dataclass that compares arrays by their values, and is pickled and copied whatever computes its parts.
 
@@ -148,6 +161,12 @@ class Record:
 
     __hash__ = None  # type: ignore[assignment]  # arrays have none
 
+    def __repr__(self) -> str:
+        """The fields that have a value, in three lines at most."""
+        shown = ((item.name, self.__dict__.get(item.name)) for item in fields(self) if item.repr)
+        listed = ", ".join(f"{name}={_brief(value)}" for name, value in shown if not _nothing(value))
+        return shorten(f"{type(self).__name__}({listed})", 3)
+
     def __getstate__(self) -> dict[str, Any]:
         return {item.name: self.held(item.name) for item in fields(self)}
 
@@ -170,6 +189,34 @@ class Result(Record):
 
     format: ClassVar[str]
 
+    def told(self) -> str:
+        """What it says of itself in a line."""
+        return ""
+
+    def __repr__(self) -> str:
+        """Kind, contact and status, what there is to say in a line, and the message: three lines at most."""
+        about: Any = self
+        contact = "" if about.contact is None else f" of {about.contact.brief}"
+        lines = [f"{type(self).__name__}{contact}: {about.status}", self.told(), about.message]
+        return "\n".join(shorten(line, 1) for line in lines if line)
+
+    def __str__(self) -> str:
+        """All that the command line prints."""
+        from contbranch.output.summary import as_text
+
+        return as_text(self)
+
+    def _repr_html_(self) -> str:
+        """What notebooks show: the figure, and what is printed."""
+        from contbranch.output.notebook import as_html
+
+        return as_html(self)
+
+    def _repr_png_(self) -> bytes:
+        from contbranch.output.notebook import as_png
+
+        return as_png(self)
+
     def body(self) -> Mapping[str, Any]:
         """What its document holds besides format, contact and units."""
         return self.items()
@@ -191,6 +238,72 @@ class Result(Record):
         from contbranch.output.hdf5 import save
 
         save(self, path)
+
+    def tables(self) -> dict[str, Table]:
+        """Its tables, by what a row is: the one of `to_csv` and `to_dataframe` first."""
+        raise NotImplementedError(f"{type(self).__name__} has no table")
+
+    def table(self) -> Table:
+        """The first of its `tables`."""
+        return next(iter(self.tables().values()))
+
+    def to_csv(self, path: str | Path) -> None:
+        """Write the table as text: one line of names with units, ``load [nN],displacement [nm],…``, then numbers.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be written.
+        """
+        from contbranch.output.tables import write_csv
+
+        write_csv(self.table(), path)
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """The table for pandas, its columns called as in a CSV file.
+
+        Raises
+        ------
+        InputError
+            If pandas is not installed (extra ``tables``).
+        """
+        from contbranch.output.tables import as_dataframe
+
+        return as_dataframe(self.table())
+
+    def to_xarray(self) -> xr.Dataset:
+        """The tables for xarray: a dimension for each, units as attributes.
+
+        Raises
+        ------
+        InputError
+            If xarray is not installed (extra ``tables``).
+        """
+        from contbranch.output.tables import as_xarray
+
+        return as_xarray(self)
+
+
+def shorten(text: str, lines: int) -> str:
+    """Return a text wrapped into lines, with an ellipsis where it is longer."""
+    return "\n".join(textwrap.wrap(text, 118, max_lines=lines, placeholder=" …", break_on_hyphens=False))
+
+
+def _nothing(value: Any) -> bool:
+    return value is None or (isinstance(value, str | tuple) and not value)
+
+
+def _brief(value: Any) -> str:
+    """A value in a few words: arrays by their shapes, what is computed when asked for not at all."""
+    if isinstance(value, np.ndarray):
+        return f"array {value.shape}"
+    if isinstance(value, float):
+        return f"{value:.9g}"
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{key}: {_brief(one)}" for key, one in value.items()) + "}"
+    if isinstance(value, tuple) and len(value) > 1:
+        return f"{len(value)} × {type(value[0]).__name__}"
+    return "…" if callable(value) else repr(value)
 
 
 class Column(NamedTuple):

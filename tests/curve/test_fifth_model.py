@@ -140,9 +140,9 @@ def test_solved_looped_followed_drawn_saved_and_loaded(diagram, tmp_path):
     ahead = math.sqrt(2 * (EVEN - WETTED) / RING / K)
     assert (out.to.displacement, load(back.to.displacement)) == pytest.approx((ahead, WETTED), abs=1e-8)
     assert out.dissipated == pytest.approx(EVEN * (ahead + REST) - quad(load, -REST, ahead)[0], abs=1e-7)
-    followed = cb.follow(next(diagram.folds("load")), vary="interaction[2].work_of_adhesion", to=0.6)
+    followed = cb.follow(next(diagram.folds("load")), vary="interaction[1].work_of_adhesion", to=0.6)
     assert followed.status == "complete"
-    for work, force in zip(followed.curve["interaction[2].work_of_adhesion"], followed.curve["load"], strict=True):
+    for work, force in zip(followed.curve["interaction[1].work_of_adhesion"], followed.curve["load"], strict=True):
         g = math.log(4 * work / A) / 3
         assert force == pytest.approx(RING * (A * math.exp(-g) - work * math.exp(-4 * g)), abs=1e-9)
     diagram.plot(x="load", y="central_gap")

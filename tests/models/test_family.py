@@ -35,9 +35,9 @@ def test_a_share_moves_between_two_laws_at_full_amplitude():
     [
         ("tip.radius", 3.0, lambda contact: contact.tip.radius),
         ("modulus", 5.0, lambda contact: contact.modulus),
-        ("interaction[1].range", 0.2, lambda contact: contact.interaction.terms[0].range),
-        ("interaction[2].work_of_adhesion", -0.2, lambda contact: contact.interaction.terms[1].work_of_adhesion),
-        ("interaction[2].phase", 0.4, lambda contact: contact.interaction.terms[1].phase),
+        ("interaction[0].range", 0.2, lambda contact: contact.interaction.terms[0].range),
+        ("interaction[1].work_of_adhesion", -0.2, lambda contact: contact.interaction.terms[1].work_of_adhesion),
+        ("interaction[1].phase", 0.4, lambda contact: contact.interaction.terms[1].phase),
     ],
 )
 def test_one_parameter_changes_and_nothing_else(vary, value, read):
@@ -63,7 +63,7 @@ def test_a_stiffness_reaches_load_and_displacement_control():
 
 def test_units_are_those_of_the_start():
     """The second law three times as strong would make other reduced units of its own contact."""
-    family = family_of(SUM, "interaction[2].work_of_adhesion", -9.0)
+    family = family_of(SUM, "interaction[1].work_of_adhesion", -9.0)
     contact, scales = family.reduced(family.coordinate(-9.0))
     assert scales == SUM.scales
     assert contact.interaction.terms[1].work_of_adhesion == pytest.approx(-9.0 / SUM.scales.energy_per_area)

@@ -31,6 +31,7 @@ from contbranch.curve.problem import (
 from contbranch.errors import ModelError
 from contbranch.models.quadrature import start_edges
 from contbranch.results.diagram import ModeShape, Profile
+from contbranch.watch import check
 
 from .adapt import Solver, adapted_edges, defect_error, needed_reach, panel_errors
 from .azimuthal import counted, eigenvalues, mode_shape
@@ -604,6 +605,7 @@ class ContactProblem(EquilibriumProblem):
         """Newton's method at a fixed parameter, up to a relative change that is enough; the best that was reached."""
         best, size = x, math.inf
         for _ in range(iterations):
+            check()
             self.work.newton += 1
             fields = self.fields(x, p)
             if not fields.finite:

@@ -22,6 +22,7 @@ import numpy as np
 
 from contbranch.arrays import Array
 from contbranch.control import Control
+from contbranch.watch import check
 
 from .adapt import adapted_edges, needed_reach
 from .equations import Equations
@@ -233,6 +234,7 @@ def _newton(state: _State, equations: Equations, y: float, s: float, held: _Held
     floor = 0.0 if equations.contact else -math.inf
     last = math.inf
     for _ in range(NEWTON):
+        check()
         fields = equations.fields(h, y)
         if not fields.finite:
             return None

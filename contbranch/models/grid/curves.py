@@ -13,6 +13,7 @@ from contbranch.curve.outcome import RawCurve, state_in_units
 from contbranch.curve.quasi_static import Stop, quasi_static
 from contbranch.curve.trace import Request
 from contbranch.results.diagram import State
+from contbranch.watch import kept, over
 
 from .branches import with_branches
 from .model import FreeSpace, Periodic
@@ -57,7 +58,9 @@ class LatticeCurves:
         """The whole curve with its events, and its branches if the model wants them."""
         setup = self.model.setup(self.reduced, None, request.target, request.accuracy)
         traced = trace(setup, request)
-        return with_branches(setup, traced, request) if self.model.branches else traced.curve
+        if not self.model.branches or over():
+            return traced.curve
+        return kept(lambda: with_branches(setup, traced, request), traced.curve)
 
     def solve(self, request: Request, field: str, value: float, near: State | None = None) -> Coexisting:
         """Equilibria with a load or displacement, one for every start that leads to one.
@@ -87,7 +90,7 @@ class LatticeCurves:
             walk = GridWalk(traced, request.control, request.accuracy)
             legs, jumps = quasi_static(walk) if len(traced.rows) > 1 else ([], [])
             lost = any(jump.end is None and jump.direction > 0 for jump in jumps)
-            if not lost or walk.astray or not traced.curve.complete:
+            if not lost or walk.astray or not traced.curve.complete or over():
                 break
             request = replace(request, target=FURTHER * float(traced.curve.load[-1]))
         curve = traced.curve

@@ -16,6 +16,7 @@ from contbranch.curve.trace import Request
 from contbranch.errors import InputError, ModelError
 from contbranch.results.diagram import State
 from contbranch.results.record import OBSERVABLES
+from contbranch.watch import kept
 
 from .accuracy import held
 from .newton import Equilibrium, Hold, Settings, Sketch, control_held, newton, settings_for
@@ -205,15 +206,19 @@ def find_all(
     settings, hold, problem = asked.settings, asked.hold, setup.problem
     rows = [row for row in traced.rows if row.u is not None]
     states: list[State] = []
-    with quietly():
+
+    def search() -> None:
         for pair in pairwise(rows):
             low, high = (asked.control.value(*row.reading[:2]) - value for row in pair)
             found = crossing(setup, pair, asked.control, value, settings) if low * high < 0.0 or high == 0.0 else None
-            states += [] if found is None else [state_of(asked, found)]
+            states.extend([] if found is None else [state_of(asked, found)])
         if field == "displacement" and rows and value < rows[0].reading.displacement:
             # The curve begins where the interaction is negligible; further away nothing but a rigid shift changes.
             found = newton(problem, np.full(problem.shape, -value), rows[0].load, hold, None, settings)
-            states += [state_of(asked, found)] if found.converged else []
+            states.extend([state_of(asked, found)] if found.converged else [])
+
+    with quietly():
+        kept(search, None)
     curve = traced.curve
     reach = [*curve.displacement.tolist(), *([value] if field == "displacement" else [])]
     used = window or (min(reach), max(reach))

@@ -16,6 +16,7 @@ from contbranch.curve.angle import Hodograph
 from contbranch.curve.outcome import RawCurve
 from contbranch.curve.symmetry import merged
 from contbranch.curve.trace import Request
+from contbranch.watch import kept, over, tell
 
 from .accuracy import compared, no_comparison, touched
 from .arcs import arcs
@@ -32,7 +33,7 @@ from .switching import first_index
 from .symmetry import Breaking
 from .symmetry_events import symmetry_events
 from .verdicts import LARGEST_REFINED, MOST_REFINED, judge, raw_event
-from .verification import verify_curve
+from .verification import Verification, verify_curve
 from .walk import Measure, Point, Walker, WalkOptions, following, quietly
 
 __all__ = ["Traced", "followed", "trace"]
@@ -229,9 +230,8 @@ class _Tracer:
         return message + (remedy if self.resolution.ratio > 1.0 else "; try a finer grid or a larger cell")
 
     def _report(self, point: Point) -> None:
-        if self.request.progress is not None:
-            done = min(0.98, max(0.0, point.load / self._goal()))
-            self.request.progress(done, f"load {point.load * self.setup.units.load:.4g}, {len(self.rows)} points")
+        done = min(0.98, max(0.0, point.load / self._goal()))
+        tell(done, f"load {point.load * self.setup.units.load:.4g}, {len(self.rows)} points")
 
     @property
     def finer(self) -> bool:
@@ -439,19 +439,21 @@ class _Tracer:
         setup, rows, request = self.setup, self.rows, self.request
         seen = np.array([row.reading[:5] for row in rows]).reshape(-1, 5)
         errors = self._errors(seen)
-        judge(setup, rows, request.controls, errors, self.settings)
+        kept(lambda: judge(setup, rows, request.controls, errors, self.settings), None)
         marks = [(k, row.mark) for k, row in enumerate(rows) if row.mark is not None]
         folds = [(k, mark.control.kind, mark.unresolved) for k, mark in marks if mark.control is not None]
         # Pairs of folds that are the lattice's own do not count for stability.
         counted = [(k, kind) for k, kind, unresolved in folds if not unresolved]
         turning = [k for k, kind in counted if kind != "spring"]
         inner = [[k for k, own, doubtful in folds if doubtful and own == kind] for kind in ("load", "displacement")]
-        first = 0 if self.symmetry is None else first_index(setup, rows, turning, self.symmetry)
+        first = 0 if self.symmetry is None else kept(partial(first_index, setup, rows, turning, self.symmetry), 0)
         rates = np.diff(seen[:2, :2], axis=0).ravel()
         indices = morse_indices(len(rows), counted, rates.tolist(), first, request.controls, partial(_one, seen))
-        checked = verify_curve(setup, rows, indices, turning, request.accuracy, request.modes, self.symmetry, inner)
+        verify = partial(verify_curve, setup, rows, indices, turning, request.accuracy)
+        checked = kept(lambda: verify(request.modes, self.symmetry, inner), Verification())
         events = [raw_event(setup, rows, k, mark, errors[k], indices) for k, mark in marks]
-        events = merged(events, symmetry_events(setup, rows, checked.breakings, errors, self.settings))
+        breaking = partial(symmetry_events, setup, rows, checked.breakings, errors, self.settings)
+        events = merged(events, kept(breaking, []))
         by_load, held, *by_spring = [indices.rows(control)[: len(rows)] for control in request.controls]
         load, displacement, radius, gap, energy = seen.T
         curve = RawCurve(
@@ -517,8 +519,8 @@ def trace(setup: Setup, request: Request, verdicts: bool = True, beyond: float |
         for note in tracer.notes:
             warn(note)
         coarse = tracer.finer and tracer.resolution.ratio > (COARSE if setup.lattice.size > SMALL else FEW)
-        message = "" if coarse else tracer.run()
-        if (message or coarse) and setup.averaging and not setup.crowded and tracer.finer:
+        message = "" if coarse else kept(tracer.run, "")
+        if (message or coarse) and not over() and setup.averaging and not setup.crowded and tracer.finer:
             finer = trace(setup.fine, request, verdicts, beyond)
             note = f"On a grid of {setup.grid} nodes the curve cannot be followed: this is that on twice as many."
             return replace(finer, curve=replace(finer.curve, message=f"{note} {finer.curve.message}".strip()))
@@ -533,7 +535,7 @@ def followed(
     request: Request,
     start: tuple[Equilibrium, Equilibrium],
     ending: Ending,
-    kept: Callable[[Array], Array],
+    image: Callable[[Array], Array],
 ) -> Traced:
     """Follow a curve from two of its states to where it ends.
 
@@ -546,13 +548,13 @@ def followed(
     start : two Equilibrium
         The first, and one close to it in the direction in which to go.
     ending : callable
-    kept : callable
-        The symmetry that the states have: the image of a field.
+    image : callable
+        Of a field, which is that field: the symmetry that the states have.
     """
     began = time.perf_counter()
-    tracer = _Tracer(setup, request, start=start, ending=ending, symmetry=kept)
+    tracer = _Tracer(setup, request, start=start, ending=ending, symmetry=image)
     with quietly():
-        message = tracer.run()
+        message = kept(tracer.run, "")
         return tracer.outcome(message, began)
 
 

@@ -14,6 +14,7 @@ import numpy as np
 import pyfftw
 
 from contbranch.results.diagram import Cost
+from contbranch.watch import check
 
 from .arrays import Array
 
@@ -38,6 +39,7 @@ class Counter:
 
     def add(self) -> None:
         """Count one pair."""
+        check()
         setattr(self, self.target, getattr(self, self.target) + 1)
 
     def cost(self, wall: float = 0.0) -> Cost:

@@ -1,0 +1,81 @@
+"""Tables of results: CSV with units in the header, pandas, xarray."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from contbranch.errors import InputError
+from contbranch.output.document import head
+from contbranch.output.files import write
+from contbranch.results.table import Table
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
+    from contbranch.results.record import Result
+
+__all__ = ["as_csv", "as_dataframe", "as_xarray", "write_csv"]
+
+
+def write_csv(table: Table, path: str | Path) -> None:
+    """Write the table as `as_csv` has it.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
+    """
+    write(path, as_csv(table).encode())
+
+
+def as_csv(table: Table) -> str:
+    """The table as text: a line of names with units, then numbers with all their digits, ``nan`` for what is not known.
+
+    Read it with `pandas.read_csv`, or without names by ``numpy.loadtxt(path, delimiter=",", skiprows=1)``.
+    """
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(table.headings)
+    writer.writerows(zip(*(values.tolist() for values in table.columns.values()), strict=True))
+    return text.getvalue()
+
+
+def as_dataframe(table: Table) -> pd.DataFrame:
+    """The table for pandas, its columns called as in CSV files.
+
+    Raises
+    ------
+    InputError
+        If pandas is not installed.
+    """
+    try:
+        import pandas as pd
+    except ModuleNotFoundError:
+        raise InputError("to_dataframe: pandas is not installed; install contbranch[tables]") from None
+    return pd.DataFrame(dict(zip(table.headings, table.columns.values(), strict=True)))
+
+
+def as_xarray(result: Result) -> xr.Dataset:
+    """The tables of a result for xarray: a dimension a table, with units as attributes.
+
+    Raises
+    ------
+    InputError
+        If xarray is not installed.
+    """
+    try:
+        import xarray as xr
+    except ModuleNotFoundError:
+        raise InputError("to_xarray: xarray is not installed; install contbranch[tables]") from None
+    found: dict[str, Any] = {}
+    for number, (row, table) in enumerate(result.tables().items()):
+        for name, values in table.columns.items():
+            units = {"units": table.units[name]} if name in table.units else {}
+            found[f"{row}_{name}" if number else name] = (row, values, units)
+    about: dict[str, Any] = {**head(result), **{key: getattr(result, key) for key in ("status", "message")}}
+    return xr.Dataset(found, attrs={key: json.dumps(v) if isinstance(v, dict) else v for key, v in about.items()})

@@ -1,0 +1,66 @@
+"""Columns of numbers with names and units: what tables for people and programs are made from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbranch.results.record import Record, columns, quantity_of
+
+__all__ = ["Table", "joined", "of_columns", "of_records"]
+
+_LEAD: Final = ("load", "displacement", "contact_radius", "central_gap", "energy")
+# What stands where there is no value, by the kind of the column; integers with gaps are written as floats.
+_BLANK: Final = {float: np.nan, int: np.nan, str: ""}
+
+
+class Table(NamedTuple):
+    """Columns of one length.
+
+    Attributes
+    ----------
+    columns : dict of array (M,)
+        By name, in order.
+    units : dict
+        Units of those that have one.
+    """
+
+    columns: Mapping[str, NDArray[Any]]
+    units: Mapping[str, str]
+
+    @property
+    def headings(self) -> list[str]:
+        """Names with units, ``load [nN]``."""
+        return [f"{name} [{self.units[name]}]" if name in self.units else name for name in self.columns]
+
+
+def of_columns(columns: Mapping[str, NDArray[Any]], unit_names: Mapping[str, str], **other: str) -> Table:
+    """Return a table of arrays; their names tell their units, save those of `other`, which are in that quantity's."""
+    units = {name: unit_names.get(other.get(name, quantity_of(name)), "") for name in columns}
+    return Table(columns, {name: unit for name, unit in units.items() if unit})
+
+
+def of_records(kind: type[Record], records: Sequence[Record], unit_names: Mapping[str, str]) -> Table:
+    """Return a table of records, without the columns that none of them has a value for."""
+    found, units = {}, {}
+    for column in columns(kind):
+        values = [column.of(record) for record in records]
+        if records and all(value is None for value in values):
+            continue
+        blank = _BLANK[column.kind]
+        found[column.name] = np.array([blank if value is None else value for value in values])
+        units[column.name] = unit_names.get(column.unit, "")
+    return Table(found, {name: unit for name, unit in units.items() if unit})
+
+
+def joined(name: str, parts: Iterable[Mapping[str, NDArray[Any]]]) -> dict[str, NDArray[Any]]:
+    """Return the columns of several parts one below the other, with a column that counts the parts."""
+    listed = list(parts)
+    names = [key for key in listed[0] if all(key in part for part in listed)] if listed else []
+    found: dict[str, NDArray[Any]] = {key: np.concatenate([part[key] for part in listed]) for key in names}
+    number = {name: np.repeat(np.arange(len(listed)), [len(part[names[0]]) for part in listed] if names else [])}
+    lead: dict[str, NDArray[Any]] = {key: found.pop(key) for key in _LEAD if key in found}
+    return {**lead, **number, **found}

@@ -1,0 +1,188 @@
+"""Progress, the clock, and what ends a computation early: with what it has, not with nothing.
+
+A computation runs inside `watched`. What takes long says how far it is (`tell`), or only that it is alive (`check`);
+either raises an `Interruption` once the time is over or the progress callback has wanted an end, and from then on at
+once, so that whatever is still under way ends soon. What has something to keep calls `kept`, or `caught`, and goes on
+to its result, which `Watch.passed` hands over: returned, or as the attribute `partial` of what was raised.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from contextvars import ContextVar
+from time import perf_counter
+from typing import Final, TypeVar
+
+from contbranch.errors import Stop
+
+__all__ = [
+    "INTERRUPTIONS",
+    "Interruption",
+    "Progress",
+    "Watch",
+    "caught",
+    "check",
+    "finishing",
+    "kept",
+    "over",
+    "part",
+    "tell",
+    "told",
+    "watched",
+]
+
+Progress = Callable[[float, str], None]
+Kind = TypeVar("Kind")
+
+# Seconds without news after which what was said last is said again, so that the callback is asked.
+SILENCE: Final = 0.2
+
+
+class Interruption(BaseException):
+    """A computation ends with what it has. No `Exception`: those are taken for failures of what is evaluated."""
+
+
+INTERRUPTIONS: Final = (Interruption, KeyboardInterrupt)
+
+
+class Watch:
+    """Progress and clock of one computation.
+
+    Attributes
+    ----------
+    reason : str
+        Why the computation ends early, a sentence; empty while it does not.
+    cause : BaseException or None
+        What is raised with the result: KeyboardInterrupt, or what the callback raised apart from `Stop`.
+    """
+
+    def __init__(self, progress: Progress | None = None, limit: float | None = None) -> None:
+        self.reason = ""
+        self.cause: BaseException | None = None
+        self._progress, self._limit = progress, limit
+        self._deadline = float("inf") if limit is None else perf_counter() + limit
+        self._span, self._said, self._next, self._finishing = (0.0, 1.0), (0.0, ""), 0.0, False
+
+    def end(self, error: BaseException) -> None:
+        """Note what ends the computation."""
+        if not isinstance(error, Interruption) and not self.reason:
+            own = isinstance(error, KeyboardInterrupt)
+            self.reason = f"The computation was {'interrupted' if own else 'stopped by its progress callback'}."
+            self.cause = None if isinstance(error, Stop) else error
+
+    def passed(self, result: Kind) -> Kind:
+        """The result of a computation that is no longer watched; if something was raised, that, with the result."""
+        if self.cause is None or _present.get() is self:
+            return result
+        with suppress(AttributeError):  # of an exception that takes no attributes
+            self.cause.partial = result  # type: ignore[attr-defined]
+        raise self.cause
+
+    def _look(self) -> None:
+        """Raise Interruption where the computation is to end; otherwise call back, now and then."""
+        now = perf_counter()
+        if self._finishing or (not self.reason and now < self._next):
+            return
+        if now >= self._deadline:
+            self.reason = self.reason or f"The time limit of {self._limit:g} s was reached."
+        if self.reason:
+            raise Interruption(self.reason)
+        self._next = min(now + SILENCE, self._deadline)
+        if self._progress is not None and self._said[1]:
+            own = _present.set(None)  # a callback may compute something of its own
+            try:
+                self._progress(*self._said)
+            except BaseException as error:
+                self.end(error)
+                raise Interruption(self.reason) from error
+            finally:
+                _present.reset(own)
+
+    def _tell(self, fraction: float, text: str) -> None:
+        low, high = self._span
+        self._said, self._next = (low + (high - low) * min(max(fraction, 0.0), 1.0), text), 0.0
+        self._look()
+
+
+_present: ContextVar[Watch | None] = ContextVar("present", default=None)
+
+
+@contextmanager
+def watched(progress: Progress | None = None, limit: float | None = None) -> Iterator[Watch]:
+    """Watch a computation; what is part of another one has that one's watch."""
+    outer = _present.get()
+    if outer is not None:
+        yield outer
+        return
+    watch = Watch(progress, limit)
+    own = _present.set(watch)
+    try:
+        yield watch
+    finally:
+        _present.reset(own)
+
+
+def check() -> None:
+    """Raise Interruption if the present computation is to end; asked wherever the next answer may take long."""
+    watch = _present.get()
+    if watch is not None:
+        watch._look()
+
+
+def tell(fraction: float, text: str) -> None:
+    """Say how far the present computation is (a guess), and what is being done; raises as `check` does."""
+    watch = _present.get()
+    if watch is not None:
+        watch._tell(fraction, text)
+
+
+def over() -> bool:
+    """Whether the present computation has been interrupted."""
+    watch = _present.get()
+    return watch is not None and bool(watch.reason)
+
+
+def told(message: str) -> str:
+    """The message of a result, behind why its computation was interrupted."""
+    watch = _present.get()
+    return message if watch is None else " ".join(dict.fromkeys(filter(None, (watch.reason, message))))
+
+
+def caught(error: BaseException) -> None:
+    """Go on to the result of an interrupted computation; where none is watched, the error is raised again."""
+    watch = _present.get()
+    if watch is None:
+        raise error
+    watch.end(error)
+
+
+def kept(compute: Callable[[], Kind], otherwise: Kind) -> Kind:
+    """What is computed, or something else if that is interrupted."""
+    try:
+        return compute()
+    except INTERRUPTIONS as error:
+        caught(error)
+        return otherwise
+
+
+@contextmanager
+def finishing() -> Iterator[None]:
+    """The little that an interrupted computation still has to do for its result is not interrupted."""
+    watch = _present.get() or Watch()
+    before, watch._finishing = watch._finishing, True
+    try:
+        yield
+    finally:
+        watch._finishing = before
+
+
+@contextmanager
+def part(begin: float, end: float) -> Iterator[None]:
+    """Fractions told are of this part of the whole."""
+    watch = _present.get() or Watch()
+    before, watch._span = watch._span, (begin, end)
+    try:
+        yield
+    finally:
+        watch._span = before
