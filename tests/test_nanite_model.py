@@ -44,7 +44,13 @@ def test_a_curve_is_fitted_in_nanites_pipeline():
     force = force + 1e-10 * rng.standard_normal(force.size)
     segment = np.append(np.zeros(400, dtype=np.uint8), np.ones(400, dtype=np.uint8))
     data = {"force": force, "tip position": tip, "height (measured)": tip + force, "segment": segment}
-    metadata = {"spring constant": 1.0, "imaging mode": "force-distance", "point count": tip.size, "path": "made.csv", "enum": 0}
+    metadata = {
+        "spring constant": 1.0,
+        "imaging mode": "force-distance",
+        "point count": tip.size,
+        "path": "made.csv",
+        "enum": 0,
+    }
     curve = nanite.Indentation(data=data, metadata=metadata)
     start = model.get_parameter_defaults()
     for name, factor in (("E", 1.5), ("R", 1.0), ("nu", 1.0), ("w", 0.7), ("z0", 1.0), ("contact_point", 0.9)):

@@ -9,12 +9,11 @@ change smoothly with the parameters, and where the jumps are is a residual of it
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
 
 from contbranch.arrays import Array
 from contbranch.measure.features import Features, MeasuredJump
@@ -25,6 +24,8 @@ __all__ = ["Comparison", "Leg", "ModelJump", "legs"]
 
 # Points of the curve between two of its table.
 FINER: Final = 5
+# Jumps below this multiple of the noise have no place in a curve.
+SMALL: Final = 2.0
 # Neighbours of an extremum of z that are this much more unlike than this are a corner.
 CORNER: Final = 20.0
 
@@ -59,9 +60,7 @@ class Leg(NamedTuple):
 
 def legs(curve: Curve, stiffness: float) -> tuple[Leg, Leg]:
     """Approach and retraction of a curve on a spring; an infinite stiffness is a rigid drive."""
-    count = curve.load.size - 1
-    places = np.linspace(0.0, count - 1.0, FINER * (count - 1) + 1)
-    columns = PchipInterpolator(np.arange(count), np.array([curve.load[1:], curve.displacement[1:]]), axis=1)(places)
+    columns = _finer(np.array([curve.load[1:], curve.displacement[1:]]))
     force, displacement = (
         np.append(first, own) for first, own in zip((curve.load[0], curve.displacement[0]), columns, strict=True)
     )
@@ -69,6 +68,21 @@ def legs(curve: Curve, stiffness: float) -> tuple[Leg, Leg]:
     rising = piezo > np.append(-math.inf, np.maximum.accumulate(piezo)[:-1])
     falling = piezo < np.append(np.minimum.accumulate(piezo[::-1])[::-1][1:], math.inf)
     return _leg(piezo, force, np.flatnonzero(rising), 1), _leg(piezo, force, np.flatnonzero(falling), -1)
+
+
+def _finer(rows: Array) -> Array:
+    """Rows (2, M) interpolated at `FINER` times as many places, by cubics that keep to monotone data (PCHIP)."""
+    steps = np.diff(rows, axis=1)
+    before, after = steps[:, :-1], steps[:, 1:]
+    product = before * after
+    slopes = np.zeros_like(rows)
+    np.divide(2 * product, before + after, out=slopes[:, 1:-1], where=product > 0)
+    slopes[:, 0], slopes[:, -1] = steps[:, 0], steps[:, -1]
+    s = (np.arange(FINER) / FINER)[:, None]
+    bend = 3 * steps - 2 * slopes[:, :-1] - slopes[:, 1:]
+    twist = slopes[:, :-1] + slopes[:, 1:] - 2 * steps
+    pieces = rows[:, None, :-1] + s * (slopes[:, None, :-1] + s * (bend[:, None] + s * twist[:, None]))
+    return np.concatenate([pieces.transpose(0, 2, 1).reshape(2, -1), rows[:, -1:]], axis=1)
 
 
 def _leg(piezo: Array, force: Array, kept: NDArray[np.intp], direction: int) -> Leg:
@@ -139,6 +153,39 @@ class Comparison:
             else:
                 whole[retract] = kept
         return cls(curve, seen, np.concatenate(far), np.concatenate(near), *whole)
+
+    def labelled(
+        self, approach: Leg, retract: Leg, contact_point: float, recorded: Array, most: int | None
+    ) -> Comparison:
+        """With the place of a jump in legs where none stands out, where the branches of a model put it most likely.
+
+        Parameters
+        ----------
+        recorded : array (M,)
+            The forces of all samples as the model has them: less the baseline.
+        """
+        branches = approach.part(False), retract.part(True)
+        piezo, found = self.curve.piezo - contact_point, {}
+        for back, name, leg in ((False, "jump_in", approach), (True, "pull_off", retract)):
+            if getattr(self.seen, name) is not None or leg.jump is None or (back and not self.seen.returned):
+                continue
+            if abs(leg.jump.after - leg.jump.before) < SMALL * self.seen.noise:
+                continue
+            own = self.curve.leg(back)
+            apart = [((recorded[own] - np.interp(piezo[own], *branch)) / self.seen.noise) ** 2 for branch in branches]
+            first, last = apart[::-1] if back else apart
+            score = np.cumsum(first - last)[:-1]
+            weights = np.exp(-0.5 * (score - score.min()))
+            weights /= weights.sum()
+            middle = 0.5 * (self.curve.piezo[own][1:] + self.curve.piezo[own][:-1])
+            place = float(weights @ middle)
+            spread = math.sqrt(max(float(weights @ (middle - place) ** 2), 0.0))
+            k = int(np.argmin(score))
+            width = math.hypot(float(abs(np.diff(self.curve.piezo[own[k : k + 2]])[0])), math.sqrt(12.0) * spread)
+            before, after = int(own[k]), int(own[k + 1])
+            step = leg.jump.after - leg.jump.before
+            found[name] = MeasuredJump(before, after, place, float(self.curve.force[before]), step, width)
+        return Comparison.of(self.curve, replace(self.seen, **found), most) if found else self
 
     @property
     def samples(self) -> NDArray[np.intp]:

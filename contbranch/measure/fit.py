@@ -36,11 +36,11 @@ __all__ = ["COMPARED", "fit"]
 # Laws that are compared.
 COMPARED: Final = ("maugis-dugdale", "exponential", "van-der-waals", *LIMITS)
 # Tabor coefficients from which fits start, where the range is free; and factors of the modulus otherwise.
-STARTS, FACTORS = (0.2, 0.8, 3.0, 12.0), (0.1, 1.0, 10.0)
+STARTS, FACTORS = (0.2, 0.8, 3.0, 12.0), (0.2, 1.0, 5.0)
 # Samples of a leg while starts are tried, the evaluations they may take, and those of the last fit.
 FEW, TRIED, MOST = 250, 40, 120
 # Starts that are followed to their end: the best ones, as far as their sums of squares are within this factor.
-BEST, WITHIN = 2, 9.0
+BEST, WITHIN = 2, 3.0
 # Residuals beyond so many standard deviations count less.
 ROBUST: Final = 3.0
 # Where the residuals' standard deviation exceeds the noise by this, or their correlation length a sample, the model is
@@ -125,9 +125,10 @@ def fit(
 
 @dataclass(frozen=True)
 class _Minimum:
-    """Where a minimisation has ended: with what weights, the vector, the residuals, and their derivatives."""
+    """Where a minimisation has ended: samples and their branches, vector, residuals, derivatives, and weights."""
 
     problem: Problem
+    comparison: Comparison
     x: Array
     cost: float
     residuals: Array
@@ -183,10 +184,8 @@ class _Fitting:
                 found.append((name, self.law(name)))
             if over():
                 break
-        count = len(self.all.samples)
-        scores = {
-            name: count * math.log(_square(one, count) / count) + one.x.size * math.log(count) for name, one in found
-        }
+        count = len(self.curve)
+        scores = {name: count * math.log(self._rms(one) ** 2) + one.x.size * math.log(count) for name, one in found}
         best = min(scores.values())
         order = sorted(found, key=lambda item: scores[item[0]])
         fits = [LawFit(name, self._rms(one), scores[name] - best, one.problem.values(one.x)) for name, one in order]
@@ -337,9 +336,9 @@ class _Fitting:
             caught(error)
             with finishing():
                 last = residuals(reached)
-                return _Minimum(problem, reached, _loss(last), last, slopes(reached), False, spread)
+                return _Minimum(problem, comparison, reached, _loss(last), last, slopes(reached), False, spread)
         last = np.asarray(found.fun)
-        return _Minimum(problem, found.x, _loss(last), last, slopes(found.x), found.status > 0, spread)
+        return _Minimum(problem, comparison, found.x, _loss(last), last, slopes(found.x), found.status > 0, spread)
 
     def _followed(self, problem: Problem, guess: State) -> _Minimum:
         """The best minimum: starts tried on few samples, the best of them followed on all."""
@@ -355,8 +354,7 @@ class _Fitting:
                 break
             try:
                 tell(0.1 * k, f"start {k + 1}")
-                first = self._minimised(pilot, guess, x, self.few, rough, TRIED)
-                tried.append(self._minimised(pilot, guess, first.x, self.few, max(noise, 0.2 * rough), TRIED))
+                tried.append(self._minimised(pilot, guess, x, self.few, rough, TRIED))
             except (ModelError, InputError, FloatingPointError) as error:
                 failure = error
             except INTERRUPTIONS as error:
@@ -370,7 +368,8 @@ class _Fitting:
             if over() and found:
                 break
             coarse = self._minimised(problem, guess, one.x, self.few, max(noise, 0.2 * rough), TRIED)
-            found.append(self._minimised(problem, guess, coarse.x, self.all, noise, MOST))
+            coarse = self._minimised(problem, guess, coarse.x, self._labelled(coarse, FEW), noise, TRIED)
+            found.append(self._minimised(problem, guess, coarse.x, self._labelled(coarse), noise, MOST))
         best = min(found, key=lambda one: one.cost)
         last = self._reweighted(best, guess)
         if last is not best:
@@ -379,26 +378,36 @@ class _Fitting:
             best, others=tuple(one.x for one in _distinct([best, *found])[1:] if one.cost < best.cost + TOLD)
         )
 
+    def _labelled(self, found: _Minimum, most: int | None = None) -> Comparison:
+        """The samples on the branches on which a fit puts them."""
+        state = found.problem.state(found.x)
+        place, baseline, tilt = state.line
+        factor = self.stiffness / state.spring if self.curve.deflected and math.isfinite(state.spring) else 1.0
+        recorded = (self.curve.force - baseline - tilt * self.curve.piezo) * state.sensitivity / factor
+        known = self.all if most is None else self.few
+        return known.labelled(*self._legs(found.problem, state), place, recorded, most)
+
     def _reweighted(self, found: _Minimum, guess: State) -> _Minimum:
         """The minimum with weights that residuals which are no white noise deserve."""
         spread = self._spread(found)
         if spread <= MISFIT * found.spread:
             return found
-        return self._minimised(found.problem, guess, found.x, self.all, spread, MOST)
+        return self._minimised(found.problem, guess, found.x, found.comparison, spread, MOST)
 
     def _spread(self, found: _Minimum) -> float:
         """Standard deviation that independent residuals would have, were there as many as they are worth."""
-        own = found.residuals[: self.all.samples.size] * found.spread
+        own = found.residuals[: found.comparison.samples.size] * found.spread
         size = 1.4826 * float(np.median(np.abs(own)))
         length = 1.0
         if size > MISFIT * self.seen.noise or found.spread > self.seen.noise:
-            order = np.argsort(self.all.samples)
+            order = np.argsort(found.comparison.samples)
             length = _correlation_length(own[order])
         return max(size, self.seen.noise * 0.5) * math.sqrt(length if length > LONG else 1.0)
 
     # -- results ------------------------------------------------------------------------------------------------------
     def _rms(self, found: _Minimum) -> float:
-        return math.sqrt(_square(found, self.all.samples.size) / self.all.samples.size)
+        own = found.residuals[: found.comparison.samples.size] * found.spread
+        return float(np.sqrt(np.mean(own**2)))
 
     def result(self, found: _Minimum) -> Fit:
         """The minimum as a result."""
@@ -411,11 +420,11 @@ class _Fitting:
         spreads = dict(zip(values, map(float, errors), strict=True))
         known = self._known(found, values, spreads) if not tied else ()
         approach, retract = self._legs(problem, state)
-        jumps = self._jumps(state, approach, retract)
+        jumps = self._jumps(found.comparison.seen, state, approach, retract)
         law = problem.limit or (terms_of(state.contact.interaction)[0].name or "law")
-        force, _ = self._model(problem, found.x, self.all)
+        force, _ = self._model(problem, found.x, found.comparison)
         fitted = np.full(len(self.curve), math.nan)
-        fitted[self.all.samples] = force
+        fitted[found.comparison.samples] = force
         message = self._message(found, values, spreads, matrix, known, jumps)
         rigid, contact = math.isinf(state.spring), state.contact
         control = "displacement" if rigid else Spring(state.spring)
@@ -473,14 +482,14 @@ class _Fitting:
                 known.append(name)
         return tuple(known)
 
-    def _jumps(self, state: State, approach: Leg, retract: Leg) -> tuple[FitJump, ...]:
+    def _jumps(self, seen: Features, state: State, approach: Leg, retract: Leg) -> tuple[FitJump, ...]:
         """The jumps measured and fitted, in recorded forces less the baseline."""
         place, baseline, tilt = state.line
         factor = self.stiffness / state.spring if self.curve.deflected and math.isfinite(state.spring) else 1.0
         attracts = self.seen.lowest < -6 * self.seen.noise
         names = ("jump-in", "pull-off") if attracts else ("squeeze-out", "wetting")
         found = []
-        for name, leg, jump in ((names[0], approach, self.seen.jump_in), (names[1], retract, self.seen.pull_off)):
+        for name, leg, jump in ((names[0], approach, seen.jump_in), (names[1], retract, seen.pull_off)):
             measured = fitted = None
             if jump is not None:
                 measured = {"piezo": jump.piezo, "force": jump.force - baseline - tilt * jump.piezo, "step": jump.step}
@@ -569,12 +578,6 @@ def _with_law(contact: Contact, name: str) -> Contact:
 def _loss(residuals: Array) -> float:
     """Sum of squares, those of large residuals cut short."""
     return float(2 * ROBUST**2 * (np.sqrt(1 + (residuals / ROBUST) ** 2) - 1).sum())
-
-
-def _square(found: _Minimum, count: int) -> float:
-    """Sum of squares of the forces' residuals (nN²)."""
-    own = found.residuals[:count] * found.spread
-    return float(own @ own)
 
 
 def _distinct(found: list[_Minimum]) -> list[_Minimum]:
