@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -165,7 +165,8 @@ class Comparison:
             The forces of all samples as the model has them: less the baseline.
         """
         branches = approach.part(False), retract.part(True)
-        piezo, found = self.curve.piezo - contact_point, {}
+        piezo = self.curve.piezo - contact_point
+        found: dict[str, Any] = {}
         for back, name, leg in ((False, "jump_in", approach), (True, "pull_off", retract)):
             if getattr(self.seen, name) is not None or leg.jump is None or (back and not self.seen.returned):
                 continue
