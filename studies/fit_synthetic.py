@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import PchipInterpolator
 
 import contbranch as cb
 
@@ -34,32 +34,26 @@ class Case:
     kind: str
 
 
-def force_curve(contact: cb.Contact, spring: float, piezo: np.ndarray[Any, Any], direction: int, most: float) -> Any:
-    """The force over piezo positions on one way, from a loop."""
-    loop = cb.hysteresis(contact, control=cb.Spring(spring), accuracy=1e-7, max_load=most)
+def force_curve(loop: cb.Hysteresis, spring: float, piezo: np.ndarray[Any, Any], direction: int) -> Any:
+    """The force over piezo positions on one way of a loop: leg after leg, from jump to jump."""
     path = loop.path
-    force = np.empty_like(piezo)
     place = path.displacement + path.load / spring
     legs = [leg for leg in np.unique(path.leg) if path.direction[path.leg == leg][0] == direction]
-    bounds = []
-    for leg in legs:
+    ends = [place[path.leg == leg][-1] for leg in legs[:-1]]
+    force = np.zeros_like(piezo)
+    began = -math.inf
+    for leg, end in zip(legs, [*(direction * z for z in ends), math.inf], strict=True):
         own = path.leg == leg
-        order = np.argsort(place[own])
-        z, f = place[own][order], path.load[own][order]
-        z, first = np.unique(z, return_index=True)
-        bounds.append((z[0], z[-1], z, f[first]))
-    bounds.sort(key=lambda item: item[0])
-    force[:] = 0.0
-    for k, (low, high, z, f) in enumerate(bounds):
-        inside = (piezo >= (low if k else -math.inf)) & (piezo <= (high if k < len(bounds) - 1 else math.inf))
-        values = np.interp(piezo, z, f)
-        if z.size > 8:
-            # as a function of the arclength, since the slope is infinite at folds
+        inside = (direction * piezo >= began) & (direction * piezo < end)
+        began = end
+        z, first = np.unique(place[own], return_index=True)
+        f = path.load[own][first]
+        if z.size > 4:
+            # as functions of the arclength, since the slope is infinite at folds
             length = np.append(0.0, np.cumsum(np.hypot(np.diff(z) / np.ptp(z), np.diff(f) / max(np.ptp(f), 1e-12))))
             fine = np.linspace(0.0, length[-1], 40 * z.size)
-            values = np.interp(piezo, CubicSpline(length, z)(fine), CubicSpline(length, f)(fine))
-        values = np.where(piezo < low, f[0] * (k == 0 and 0.0), values) if k == 0 else values
-        force[inside] = values[inside]
+            z, f = PchipInterpolator(length, z)(fine), PchipInterpolator(length, f)(fine)
+        force[inside] = np.interp(piezo[inside], z, f, left=0.0)
     return force
 
 
@@ -76,7 +70,7 @@ def make(rng: np.random.Generator, number: int) -> Case:
     spring = scales.stiffness * float(np.exp(rng.uniform(math.log(0.05), math.log(5.0))))
     pull = 5.0 * scales.load
     most = pull * float(rng.uniform(0.5, 4.0))
-    loop = cb.hysteresis(contact, control=cb.Spring(spring), accuracy=1e-6, max_load=most)
+    loop = cb.hysteresis(contact, control=cb.Spring(spring), accuracy=1e-7, max_load=most)
     place = loop.path.displacement + loop.path.load / spring
     high = float(place.max())
     low = min([jump.position for jump in loop.jumps] + [-3.0 * scales.normal, -8 * width])
@@ -84,10 +78,13 @@ def make(rng: np.random.Generator, number: int) -> Case:
     count = int(np.exp(rng.uniform(math.log(200), math.log(4000)))) // 2
     kind = ["whole", "whole", "whole", "no jump-in", "cut"][number % 5] if number >= 5 else "whole"
     up, down = np.linspace(low, high, count), np.linspace(high, low, count)
+    if kind == "no jump-in":  # it begins behind it
+        begin = max((jump.position for jump in loop.jumps[:1]), default=low)
+        up = up[up > begin + 0.1 * (high - begin)]
     if kind == "cut":
         end = min([jump.position for jump in loop.jumps], default=low)
         down = down[down > end + 0.15 * (high - end)]
-    force = np.append(*(force_curve(contact, spring, way, sign, most) for way, sign in ((up, 1), (down, -1))))
+    force = np.append(*(force_curve(loop, spring, way, sign) for way, sign in ((up, 1), (down, -1))))
     piezo = np.append(up, down)
     segment = np.append(np.zeros(up.size), np.ones(down.size)).astype(int)
     truth = {
@@ -101,8 +98,6 @@ def make(rng: np.random.Generator, number: int) -> Case:
     noise = float(rng.uniform(0.005, 0.03)) * abs(float(force.min()))
     piezo = piezo + truth["contact_point"]
     force = force + truth["baseline"] + truth["tilt"] * piezo + noise * rng.standard_normal(piezo.size)
-    if kind == "no jump-in":  # begins in contact on approach, as where the surface was not left
-        pass
     curve = cb.ForceCurve(piezo=piezo, force=force, spring=spring, segment=segment)
     factors = [float(np.exp(rng.uniform(-1.0, 1.0))) for _ in range(3)]
     start = cb.Contact.physical(

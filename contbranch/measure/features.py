@@ -92,21 +92,18 @@ def features(curve: ForceCurve, adhesive: bool) -> Features:
     """
     approach, retract = curve.leg(False), curve.leg(True)
     noise = max(_noise(curve, approach, retract), QUIET * float(np.ptp(curve.force)), 1e-300)
-    baseline, tilt = _baseline(curve, approach, noise)
+    baseline, tilt = _baseline(curve, _far_leg(curve, approach, retract), noise)
     force = curve.force - baseline - tilt * curve.piezo
     allowed = SEEN * noise
-    deep = np.argsort(curve.piezo)[-max(3, len(curve) // 40) :]
+    deep = approach[np.argsort(curve.piezo[approach])[-max(5, approach.size // 20) :]]
     lowest, largest = float(np.min(force)), float(np.max(force))
     if max(-lowest, largest) < allowed:
         raise InputError(
             f"curve: nothing but noise, of {noise:.3g} nN: the force leaves its baseline by "
             f"{max(-lowest, largest):.3g} nN at most; there is no contact to fit"
         )
-    if (
-        float(np.median(force[deep])) <= lowest + 0.02 * (largest - lowest)
-        and -lowest > 2 * allowed
-        and largest < -lowest
-    ):
+    pressed, rise = float(np.median(force[deep])), float(np.polyfit(curve.piezo[deep], force[deep], 1)[0])
+    if pressed < -allowed and rise * float(np.ptp(curve.piezo[deep])) < -0.5 * allowed:
         raise InputError(
             "curve: the force falls where the tip is pressed on; it must be positive in repulsion (give its negative)"
         )
@@ -136,8 +133,16 @@ def _noise(curve: ForceCurve, approach: NDArray[np.intp], retract: NDArray[np.in
     return sorted(found)[len(found) // 3] if found else 0.0
 
 
+def _far_leg(curve: ForceCurve, approach: NDArray[np.intp], retract: NDArray[np.intp]) -> NDArray[np.intp]:
+    """The approach, or the retraction backwards where that begins clearly farther away."""
+    if not retract.size:
+        return approach
+    begin, end = (float(curve.piezo[leg].min()) for leg in (approach, retract))
+    return retract[::-1] if end < begin - 0.1 * float(np.ptp(curve.piezo)) else approach
+
+
 def _baseline(curve: ForceCurve, approach: NDArray[np.intp], noise: float) -> tuple[float, float]:
-    """A line through the far part of the approach, as far as it fits."""
+    """A line through the far part of a leg towards the surface, as far as it fits."""
     piezo, force = curve.piezo[approach], curve.force[approach]
     count = max(6, approach.size // 8)
     line = np.polyfit(piezo[:count], force[:count], 1)

@@ -184,8 +184,16 @@ class _Fitting:
                 found.append((name, self.law(name)))
             if over():
                 break
-        count = len(self.curve)
-        scores = {name: count * math.log(self._rms(one) ** 2) + one.x.size * math.log(count) for name, one in found}
+        count, noise = len(self.curve), self.seen.noise
+        losses = {}
+        for name, one in found:
+            with finishing():
+                losses[name] = _loss(self._residuals(one.problem, one.comparison, noise)(one.x))
+        close = min(found, key=lambda item: losses[item[0]])[1]
+        worth = max(1.0, losses_per := min(losses.values()) / count)
+        if losses_per > MISFIT**2:  # of residuals that are correlated fewer count
+            worth *= max(1.0, _correlation_length(close.residuals[: close.comparison.samples.size]))
+        scores = {name: losses[name] / worth + one.x.size * math.log(count) for name, one in found}
         best = min(scores.values())
         order = sorted(found, key=lambda item: scores[item[0]])
         fits = [LawFit(name, self._rms(one), scores[name] - best, one.problem.values(one.x)) for name, one in order]

@@ -19,8 +19,8 @@ __all__ = ["COLUMNS", "ForceCurve"]
 COLUMNS: Final = {"piezo": "length", "tip": "length", "force": "force", "deflection": "length"}
 # Legs with fewer samples than this say nothing.
 LEAST: Final = 8
-# A drive that moves: its net way on approach as a share of all its ways.
-STEADY: Final = 0.3
+# A drive that moves steadily: the median of its ways in parts of a leg as a share of their mean.
+STEADY: Final = 0.2
 WORDS: Final = ("approach", "retract")
 
 
@@ -137,13 +137,15 @@ class ForceCurve:
                 "the surface (if it falls, give its negative)"
             )
         for retract, word in enumerate(WORDS):
-            ways = np.diff(self.piezo[self.leg(bool(retract))])
-            net, total = float(ways.sum()), float(np.abs(ways).sum())
-            if (not retract or ways.size > LEAST) and not (1 - 2 * retract) * net > STEADY * total:
+            leg = self.piezo[self.leg(bool(retract))]
+            if leg.size < 2 * LEAST:
+                continue
+            ways = (1 - 2 * retract) * np.diff([float(part.mean()) for part in np.array_split(leg, LEAST)])
+            if not np.median(ways) > STEADY * abs(float(ways.mean())):
                 sense = "grow" if not retract else "fall"
                 raise InputError(
-                    f"curve: the piezo position does not {sense} on {word}; are columns swapped, or does it grow away "
-                    "from the surface (then give its negative)?"
+                    f"curve: the piezo position does not {sense} steadily on {word}; are columns swapped, or does it "
+                    "grow away from the surface (then give its negative)?"
                 )
 
 
