@@ -148,7 +148,7 @@ class Comparison:
             if jump is not None:
                 (near if retract else far).append(kept[kept <= jump.before])
                 (far if retract else near).append(kept[kept >= jump.after])
-            elif retract and not seen.returned:
+            elif not (seen.returned if retract else seen.begun):
                 near.append(kept)
             else:
                 whole[retract] = kept
@@ -168,7 +168,9 @@ class Comparison:
         piezo = self.curve.piezo - contact_point
         found: dict[str, Any] = {}
         for back, name, leg in ((False, "jump_in", approach), (True, "pull_off", retract)):
-            if getattr(self.seen, name) is not None or leg.jump is None or (back and not self.seen.returned):
+            if getattr(self.seen, name) is not None or leg.jump is None:
+                continue
+            if not (self.seen.returned if back else self.seen.begun):
                 continue
             if abs(leg.jump.after - leg.jump.before) < SMALL * self.seen.noise:
                 continue

@@ -63,8 +63,8 @@ class Features:
         On approach and on retraction.
     lowest, largest : float
         Least and largest force above the baseline.
-    returned : bool
-        Whether the retraction comes back to the baseline.
+    begun, returned : bool
+        Whether the approach begins at the baseline, and the retraction comes back to it.
     """
 
     noise: float
@@ -74,6 +74,7 @@ class Features:
     pull_off: MeasuredJump | None
     lowest: float
     largest: float
+    begun: bool
     returned: bool
 
 
@@ -92,7 +93,8 @@ def features(curve: ForceCurve, adhesive: bool) -> Features:
     """
     approach, retract = curve.leg(False), curve.leg(True)
     noise = max(_noise(curve, approach, retract), QUIET * float(np.ptp(curve.force)), 1e-300)
-    baseline, tilt = _baseline(curve, _far_leg(curve, approach, retract), noise)
+    far_leg = _far_leg(curve, approach, retract)
+    baseline, tilt = _baseline(curve, far_leg, noise)
     force = curve.force - baseline - tilt * curve.piezo
     allowed = SEEN * noise
     deep = approach[np.argsort(curve.piezo[approach])[-max(5, approach.size // 20) :]]
@@ -115,10 +117,12 @@ def features(curve: ForceCurve, adhesive: bool) -> Features:
     far = np.argsort(curve.piezo[retract])[: max(3, retract.size // 50)]
     end = float(np.median(force[retract][far])) if retract.size else math.nan
     returned = bool(retract.size) and abs(end) < max(2 * allowed, 0.05 * (largest - lowest))
+    near = max(2 * allowed, 0.05 * (largest - lowest))
+    begun = far_leg is approach or abs(float(np.median(force[approach][: max(3, approach.size // 50)]))) < near
     sign = -1.0 if adhesive else 1.0
     jump_in = _jump(curve, force, approach, sign, noise)
     pull_off = _jump(curve, force, retract, -sign, noise) if retract.size else None
-    return Features(noise, baseline, tilt, jump_in, pull_off, lowest, largest, returned)
+    return Features(noise, baseline, tilt, jump_in, pull_off, lowest, largest, begun, returned)
 
 
 def _noise(curve: ForceCurve, approach: NDArray[np.intp], retract: NDArray[np.intp]) -> float:
@@ -130,7 +134,7 @@ def _noise(curve: ForceCurve, approach: NDArray[np.intp], retract: NDArray[np.in
         bends = np.diff(curve.force[leg], 2) / math.sqrt(6.0)
         parts = np.array_split(bends, max(1, min(5, bends.size // 10)))
         found += [1.4826 * float(np.median(np.abs(part - np.median(part)))) for part in parts]
-    return sorted(found)[len(found) // 3] if found else 0.0
+    return float(np.median(found)) if found else 0.0
 
 
 def _far_leg(curve: ForceCurve, approach: NDArray[np.intp], retract: NDArray[np.intp]) -> NDArray[np.intp]:

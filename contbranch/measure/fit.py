@@ -49,10 +49,14 @@ MISFIT, LONG = 1.25, 2.0
 # Largest relative error of a value that the data determine, largest correlation with one that they do not, and the
 # part of the length of the contact by which its place is to be known.
 KNOWN, TIED, PLACED = 0.2, 0.98, 0.3
+# Unknowns with larger errors (of their logarithm) are held at other values, a range at so many between its bounds.
+SHARP, GRID, HELD = 0.04, 6, 1e-7
 # Change of the sum of squares by which two minima are told apart.
 TOLD: Final = 9.0
 # Relative steps of derivatives.
 STEP: Final = 1e-5
+# A contact that takes a part of the spring's motion: slope in contact over the stiffness.
+COMPLIANT: Final = 0.8
 # Jumps agree within this share of the force.
 AGREE: Final = 0.05
 
@@ -136,6 +140,7 @@ class _Minimum:
     converged: bool
     spread: float
     others: tuple[Array, ...] = ()
+    near: tuple[tuple[Array, float], ...] = ()
 
 
 @dataclass
@@ -190,10 +195,11 @@ class _Fitting:
             with finishing():
                 losses[name] = _loss(self._residuals(one.problem, one.comparison, noise)(one.x))
         close = min(found, key=lambda item: losses[item[0]])[1]
-        worth = max(1.0, losses_per := min(losses.values()) / count)
-        if losses_per > MISFIT**2:  # of residuals that are correlated fewer count
-            worth *= max(1.0, _correlation_length(close.residuals[: close.comparison.samples.size]))
-        scores = {name: losses[name] / worth + one.x.size * math.log(count) for name, one in found}
+        misfit, length = max(1.0, min(losses.values()) / count), 1.0
+        if misfit > MISFIT**2:  # residuals that are correlated are worth fewer
+            length = max(1.0, _correlation_length(close.residuals[: close.comparison.samples.size]))
+        penalty = math.log(max(count / length, 8.0))
+        scores = {name: losses[name] / (misfit * length) + one.x.size * penalty for name, one in found}
         best = min(scores.values())
         order = sorted(found, key=lambda item: scores[item[0]])
         fits = [LawFit(name, self._rms(one), scores[name] - best, one.problem.values(one.x)) for name, one in order]
@@ -219,13 +225,16 @@ class _Fitting:
 
     def _modulus(self, radius: float, pull: float) -> float:
         """E² = k³/(6 F R) of a contact of stiffness k under F, by Hertz."""
-        leg = self.curve.leg(False)
-        top = leg[np.argsort(self.curve.piezo[leg])[-max(5, leg.size // 25) :]]
-        slope = abs(float(np.polyfit(self.curve.piezo[top], self.curve.force[top], 1)[0]))
-        slope = min(slope, 0.95 * self.stiffness) or 1e-9
+        slope = min(self._slope(), 0.95 * self.stiffness) or 1e-9
         stiffness = slope / (1.0 - slope / self.stiffness)
         force = max(self.seen.largest, 0.0) + pull
         return math.sqrt(stiffness**3 / (6.0 * force * radius))
+
+    def _slope(self) -> float:
+        """Slope of the force where the tip is pressed most, on approach."""
+        leg = self.curve.leg(False)
+        top = leg[np.argsort(self.curve.piezo[leg])[-max(5, leg.size // 25) :]]
+        return abs(float(np.polyfit(self.curve.piezo[top], self.curve.force[top], 1)[0]))
 
     def _starts(self, problem: Problem, guess: State) -> Iterator[Array]:
         """Vectors from which to start: around the guess, and the contact given."""
@@ -294,16 +303,25 @@ class _Fitting:
         return residuals
 
     def _minimised(
-        self, problem: Problem, guess: State, x: Array, comparison: Comparison, spread: float, evaluations: int
+        self,
+        problem: Problem,
+        guess: State,
+        x: Array,
+        comparison: Comparison,
+        limits: tuple[float, int],
+        held: int | None = None,
     ) -> _Minimum:
-        """A minimum from a start.
+        """A minimum from a start, with a standard deviation and a number of evaluations; one unknown may be held.
 
         Raises
         ------
         ModelError
             If the model has no curve at the start.
         """
+        spread, evaluations = limits
         low, high = problem.bounds(guess)
+        if held is not None:
+            low[held], high[held] = x[held] - HELD, x[held] + HELD
         residuals = self._residuals(problem, comparison, spread)
         middle = self.curve.piezo[comparison.samples] - problem.middle
 
@@ -332,7 +350,7 @@ class _Fitting:
                 reached,
                 jac=derivatives,
                 bounds=(low, high),
-                x_scale="jac",
+                x_scale=self._scale(problem, reached),
                 loss="soft_l1",
                 f_scale=ROBUST,
                 ftol=1e-9,
@@ -348,6 +366,12 @@ class _Fitting:
         last = np.asarray(found.fun)
         return _Minimum(problem, comparison, found.x, _loss(last), last, slopes(found.x), found.status > 0, spread)
 
+    def _scale(self, problem: Problem, x: Array) -> Array:
+        """Sizes of steps that matter alike."""
+        length, noise = problem.state(x).contact.scales.normal, self.seen.noise
+        own = {"contact_point": 0.1 * length, "baseline": noise, "tilt": noise / float(np.ptp(self.curve.piezo))}
+        return np.array([own.get(name, 0.1) for name in problem.names])
+
     def _followed(self, problem: Problem, guess: State) -> _Minimum:
         """The best minimum: starts tried on few samples, the best of them followed on all."""
         noise = self.seen.noise
@@ -362,7 +386,7 @@ class _Fitting:
                 break
             try:
                 tell(0.1 * k, f"start {k + 1}")
-                tried.append(self._minimised(pilot, guess, x, self.few, rough, TRIED))
+                tried.append(self._minimised(pilot, guess, x, self.few, (rough, TRIED)))
             except (ModelError, InputError, FloatingPointError) as error:
                 failure = error
             except INTERRUPTIONS as error:
@@ -375,16 +399,13 @@ class _Fitting:
         for one in chosen:
             if over() and found:
                 break
-            coarse = self._minimised(problem, guess, one.x, self.few, max(noise, 0.2 * rough), TRIED)
-            coarse = self._minimised(problem, guess, coarse.x, self._labelled(coarse, FEW), noise, TRIED)
-            found.append(self._minimised(problem, guess, coarse.x, self._labelled(coarse), noise, MOST))
+            coarse = self._minimised(problem, guess, one.x, self.few, (max(noise, 0.2 * rough), TRIED))
+            coarse = self._minimised(problem, guess, coarse.x, self._labelled(coarse, FEW), (noise, TRIED))
+            found.append(self._minimised(problem, guess, coarse.x, self._labelled(coarse), (noise, MOST)))
         best = min(found, key=lambda one: one.cost)
-        last = self._reweighted(best, guess)
-        if last is not best:
-            return last
-        return replace(
-            best, others=tuple(one.x for one in _distinct([best, *found])[1:] if one.cost < best.cost + TOLD)
-        )
+        last = self._profiled(self._reweighted(best, guess), guess)
+        others = [one.x for one in _distinct([best, *found])[1:] if one.cost < best.cost + TOLD]
+        return replace(last, others=() if last.spread != best.spread else tuple(others))
 
     def _labelled(self, found: _Minimum, most: int | None = None) -> Comparison:
         """The samples on the branches on which a fit puts them."""
@@ -400,7 +421,31 @@ class _Fitting:
         spread = self._spread(found)
         if spread <= MISFIT * found.spread:
             return found
-        return self._minimised(found.problem, guess, found.x, found.comparison, spread, MOST)
+        return self._minimised(found.problem, guess, found.x, found.comparison, (spread, MOST))
+
+    def _profiled(self, found: _Minimum, guess: State) -> _Minimum:
+        """The minimum with what else fits as well: minima with an unknown held elsewhere that the data hardly tell."""
+        low, high = found.problem.bounds(guess)
+        errors = np.sqrt(np.maximum(np.diag(self._inverse(found)[0]), 0.0))
+        near = []
+        for k, name in enumerate(found.problem.names):
+            if name in LINE or errors[k] < SHARP:
+                continue
+            tried = [found.x[k] + s * errors[k] for s in (-2.0, 2.0)]
+            tried += list(np.linspace(low[k], high[k], GRID)) if name == "range" and found.problem.by_tabor else []
+            for value in tried:
+                if over() or not low[k] <= value <= high[k]:
+                    continue
+                x = found.x.copy()
+                x[k] = value
+                one = self._minimised(found.problem, guess, x, found.comparison, (found.spread, TRIED), held=k)
+                if one.cost < found.cost - 0.5 and not over():  # a better one has been found by the way
+                    better = self._minimised(found.problem, guess, one.x, found.comparison, (found.spread, MOST))
+                    if better.cost < found.cost - 0.5:
+                        return self._profiled(better, guess) if not found.near else better
+                if one.cost < found.cost + 4.0:
+                    near.append((one.x, max(one.cost - found.cost, 1.0)))
+        return replace(found, near=tuple(near))
 
     def _spread(self, found: _Minimum) -> float:
         """Standard deviation that independent residuals would have, were there as many as they are worth."""
@@ -459,20 +504,30 @@ class _Fitting:
             traced=None if problem.limit else lambda: hysteresis(contact, control, 1e-5, max_load=most),
         )
 
-    def _covariance(self, found: _Minimum) -> tuple[Array, bool]:
-        """Covariance of the values by robust weights and the residuals' size, and whether it could not be had."""
+    def _inverse(self, found: _Minimum) -> tuple[Array, bool]:
+        """Covariance of the unknowns by robust weights and the residuals' size, and whether it could not be had."""
         weights = 1.0 / (1.0 + (found.residuals / ROBUST) ** 2) ** 0.75
         slopes = found.slopes * np.sqrt(weights)[:, None]
         size = np.linalg.norm(slopes, axis=0)
-        scaled = slopes / np.where(size > 0, size, 1.0)
-        _, singular, rows = np.linalg.svd(scaled, full_matrices=False)
+        size = np.where(size > 0, size, 1e-12)
+        _, singular, rows = np.linalg.svd(slopes / size, full_matrices=False)
         floor = 1e-9 * singular[0]
-        inverse = (
-            (rows.T / np.maximum(singular, floor) ** 2) @ rows / np.outer(*(2 * (np.where(size > 0, size, 1e-12),)))
-        )
-        spread = self._spread(found) / found.spread
+        inverse = (rows.T / np.maximum(singular, floor) ** 2) @ rows / np.outer(size, size)
+        return inverse * max(self._spread(found) / found.spread, 0.8) ** 2, bool(singular[-1] < floor)
+
+    def _covariance(self, found: _Minimum) -> tuple[Array, bool]:
+        """Covariance of the values, no smaller than what fits as well is apart, and whether it could not be had."""
+        inverse, tied = self._inverse(found)
         to_values = found.problem.derivatives(found.x)
-        return to_values @ (inverse * max(spread, 0.8) ** 2) @ to_values.T, bool(singular[-1] < floor)
+        covariance = to_values @ inverse @ to_values.T
+        values = np.array(list(found.problem.values(found.x).values()))
+        apart = [
+            np.abs(np.array(list(found.problem.values(x).values())) - values) / math.sqrt(more)
+            for x, more in found.near
+        ]
+        errors = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+        factor = np.max([errors, *apart], axis=0) / errors
+        return covariance * np.outer(factor, factor), tied
 
     def _known(self, found: _Minimum, values: dict[str, float], errors: dict[str, float]) -> tuple[str, ...]:
         """What the data determine."""
@@ -533,6 +588,12 @@ class _Fitting:
         ]
         if tied:
             words.append(f"{'; '.join(tied)}."[0].upper() + f"{'; '.join(tied)}."[1:])
+        if "sensitivity" in names and self._slope() < COMPLIANT * self.stiffness:
+            words.append(
+                f"Pressed most, the force rises by {self._slope():.3g} nN/nm, {self._slope() / self.stiffness:.2f} of "
+                "the spring's stiffness: a compliant contact, or a recorded deflection that is too small. The slope "
+                "alone does not tell which; here the curve's bend and its jumps have decided."
+            )
         if {"work_of_adhesion", "radius"} <= set(names) and not {"work_of_adhesion", "radius"} <= set(known):
             words.append("The pull-off fixes the product of work_of_adhesion and radius.")
         if problem.by_tabor:
