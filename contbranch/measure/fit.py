@@ -37,6 +37,8 @@ __all__ = ["COMPARED", "fit"]
 COMPARED: Final = ("maugis-dugdale", "exponential", "van-der-waals", *LIMITS)
 # Tabor coefficients from which fits start, where the range is free; and factors of the modulus otherwise.
 STARTS, FACTORS = (0.2, 0.8, 3.0, 12.0), (0.2, 1.0, 5.0)
+# Contact points that are tried.
+PLACES: Final = 24
 # Samples of a leg while starts are tried, the evaluations they may take, and those of the last fit.
 FEW, TRIED, MOST = 250, 40, 120
 # Starts that are followed to their end: the best ones, as far as their sums of squares are within this factor.
@@ -254,21 +256,31 @@ class _Fitting:
             yield self._placed(problem, vector)
 
     def _placed(self, problem: Problem, x: Array) -> Array:
-        """A vector with the contact point where a jump, or else the largest force, is right."""
+        """A vector with the contact point where the curve is closest, tried where jumps and extreme forces agree."""
         if "contact_point" not in problem.names:
             return x
         try:
-            approach, retract = self._legs(problem, problem.state(x))
+            state = problem.state(x)
+            approach, retract = self._legs(problem, state)
         except (ModelError, InputError):
             return x
+        piezo, force = self.curve.piezo, self.curve.force
         measured = [(retract, self.seen.pull_off), (approach, self.seen.jump_in)]
-        place = next((jump.piezo - leg.jump.piezo for leg, jump in measured if jump and leg.jump), None)
-        if place is None:
-            deep = int(np.argmax(self.curve.force))
-            at = float(np.interp(self.seen.largest, approach.force, approach.piezo)) if approach.jump is None else 0.0
-            place = float(self.curve.piezo[deep]) - at
+        places = [jump.piezo - leg.jump.piezo for leg, jump in measured if jump and leg.jump]
+        lowest = int(np.argmin(retract.force))
+        deep = float(np.interp(self.seen.largest, retract.force[lowest:], retract.piezo[lowest:]))
+        places += [float(piezo[np.argmax(force)]) - deep, float(piezo[np.argmin(force)] - retract.piezo[lowest])]
+        if not places[:-2]:  # no jump to go by
+            around = state.contact.scales.normal
+            places += list(np.linspace(min(places) - around, max(places) + around, PLACES))
+        k, losses = problem.names.index("contact_point"), []
+        comparison, (_, baseline, tilt) = self.few, state.line
+        recorded = force[comparison.samples] - baseline - tilt * piezo[comparison.samples]
+        for place in places:
+            own = comparison.forces(approach, retract, place) / state.sensitivity
+            losses.append(float(np.abs(own - recorded).sum()))
         placed = x.copy()
-        placed[problem.names.index("contact_point")] = place
+        placed[k] = places[int(np.argmin(losses))]
         return placed
 
     # -- minimisation -------------------------------------------------------------------------------------------------

@@ -24,8 +24,8 @@ def fit_figure(fit: Fit) -> Figure:
             own = np.flatnonzero(fit.retract == back)
             order = own[np.argsort(fit.piezo[own], kind="stable")]
             place, kept = fit.piezo[order], np.isfinite(fit.fitted[order])
-            above.plot(place, fit.force[order], ".", color=colour, markersize=1.6, alpha=0.4, markeredgewidth=0)
-            above.plot(place[kept], fit.fitted[order][kept], color=colour, linewidth=1.0)
+            above.plot(place, fit.force[order], ".", color=colour, markersize=3.0, markeredgewidth=0)
+            above.plot(place[kept], fit.fitted[order][kept], color="black", linewidth=0.5)
             below.plot(place, fit.residuals[order], ".", color=colour, markersize=1.6, markeredgewidth=0)
         line = {name: fit.values.get(name, 0.0) for name in ("baseline", "tilt")}
         for jump in fit.jumps:
