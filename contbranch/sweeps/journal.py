@@ -157,16 +157,18 @@ class Journal:
             return {}
         batch = Records(path, wait=True)
         begun: dict[str, float] = {}
-        for entry in batch.entries:
-            if "begun" in entry.about:
-                begun[entry.about["key"]] = entry.about["begun"]
-                continue
-            begun.pop(entry.about["key"], None)
-            if entry.about["run"] not in self._runs:
-                self.add(batch.bytes_of(entry.start, entry.stop), sync=False)
-        self._records.append(b"")
-        path.unlink()
-        batch.close()
+        try:
+            for entry in batch.entries:
+                if "begun" in entry.about:
+                    begun[entry.about["key"]] = entry.about["begun"]
+                    continue
+                begun.pop(entry.about["key"], None)
+                if entry.about["run"] not in self._runs:
+                    self.add(batch.bytes_of(entry.start, entry.stop), sync=False)
+            self._records.append(b"")
+            path.unlink()
+        finally:
+            batch.close()
         return begun
 
     def record(self, key: str) -> bytes:
