@@ -371,9 +371,9 @@ function drawTables() {
 }
 function redraw() {
   const status = item().status === "complete" ? "" : `${item().status}: ${item().message}`;
-  const at = Object.entries(item().parameters || {}).map(([name, value]) => `${name} = ${digits(value, 5)} ${unit(name)}`).join(", ");
+  const at = Object.entries(item().parameters || {}).map(([name, value]) => `${name} = ${digits(value, 5)} ${unit(name)}`.trim()).join(", ");
   byId("status").textContent = [at, status].filter(Boolean).join(" · ");
-  if (item().controls && !item().controls.includes(view.control)) view.control = item().controls[0];
+  if (item().controls.length && !item().controls.includes(view.control)) view.control = item().controls[0];
   drawDiagram();
   drawTables();
   const slider = byId("loop");
