@@ -12,9 +12,11 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
+from contbranch.arrays import Array
 from contbranch.contact.contact import Contact
 from contbranch.contact.family import Vary, family_of
 from contbranch.contact.units import finite_number, positive_number
+from contbranch.contact.validity import notes
 from contbranch.control import Control, Spring, as_control
 from contbranch.curve.curves import Coexisting, Curves, Model, Route
 from contbranch.curve.loop import loop
@@ -97,7 +99,8 @@ def trace(
         asked = _ask(contact, control, accuracy, model)
         request = replace(asked.request, target=_limit(contact, max_load), modes=modes)
         raw = asked.answer(partial(asked.curves.trace, request), no_curve())
-        raw = replace(raw, cost=asked.timed(raw.cost))
+        message = asked.noted(raw.message, raw.load, raw.contact_radius)
+        raw = replace(raw, cost=asked.timed(raw.cost), message=message)
         diagram = assemble(contact, raw, asked.choice(raw.unknowns), asked.control, accuracy)
     return watch.passed(diagram)
 
@@ -169,7 +172,7 @@ def _solution(asked: _Asked, found: Coexisting, states: tuple[State, ...], near:
         model=asked.choice(found.unknowns),
         cost=asked.timed(found.cost),
         status="complete" if found.complete else "incomplete",
-        message=message,
+        message=asked.noted_of(message, found.states),
         states=(best, *(state for state in states if state is not best))[: len(states)],
         contact=asked.contact,
     )
@@ -242,7 +245,7 @@ def _found(asked: _Asked, found: Coexisting) -> Equilibria:
         model=asked.choice(found.unknowns),
         cost=asked.timed(found.cost),
         status="complete" if found.complete else "incomplete",
-        message=f"{words}; {found.searched}. {found.message}".strip(),
+        message=asked.noted_of(f"{words}; {found.searched}. {found.message}".strip(), found.states),
         contact=contact,
     )
 
@@ -316,6 +319,7 @@ def hysteresis(
         request = replace(asked.request, target=_limit(contact, max_load))
         route = asked.answer(partial(asked.curves.path, request), Route(CurveWalk.empty(asked.request.control)))
         curve = route.curve
+        route = replace(route, message=asked.noted(route.message, curve.load, curve.contact_radius))
         found = loop(contact, route, asked.control, asked.choice(curve.unknowns), asked.timed(curve.cost))
     return watch.passed(found)
 
@@ -409,6 +413,17 @@ class _Asked:
         """What is computed, incomplete if that is interrupted."""
         found = kept(compute, nothing)
         return replace(found, complete=False, message=told(found.message)) if over() else found
+
+    def noted(self, message: str, load: Array, contact_radius: Array) -> str:
+        """A message, and what is to be said of states outside of the theory; loads and radii in reduced units."""
+        scales = self.contact.scales
+        said = notes(self.contact, np.multiply(load, scales.load), np.multiply(contact_radius, scales.in_plane))
+        return f"{message} {said}".strip()
+
+    def noted_of(self, message: str, states: Sequence[State]) -> str:
+        """The same for single states."""
+        load, contact_radius = np.array([(one.load, one.contact_radius) for one in states]).reshape(-1, 2).T
+        return self.noted(message, load, contact_radius)
 
     def timed(self, cost: Cost) -> Cost:
         """A cost with the time since the question was asked."""

@@ -382,8 +382,8 @@ def _print_version() -> int:
 
 
 def _show_warning(message: Warning | str, category: type[Warning], *_: object, **__: object) -> None:
-    """Print a warning about a grid as one line on standard error; others with their kind."""
-    kind = "" if category.__name__ == "GridWarning" else f"{category.__name__}: "
+    """Print a warning of ours as one line on standard error; others with their kind."""
+    kind = "" if issubclass(category, UserWarning) else f"{category.__name__}: "
     print(f"contbranch: warning: {kind}{' '.join(str(message).split())}", file=sys.stderr)
 
 

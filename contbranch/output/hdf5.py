@@ -178,7 +178,7 @@ def _point(state: State) -> Branch:
 def load(path: str | Path) -> Diagram | Hysteresis | Followed | Sweep:
     """Read a diagram, a loop, a followed event or a sweep from an HDF5 file that the package wrote.
 
-    The contact is None where it cannot be made again: a law or tip defined outside the package.
+    The contact is None, with a warning, where it cannot be made again: a law or tip of the user's that is not imported.
 
     Raises
     ------
@@ -199,12 +199,16 @@ def load(path: str | Path) -> Diagram | Hysteresis | Followed | Sweep:
             _try_out(image)
         with h5py.File(io.BytesIO(image), "r") as file:
             kind = _kind_of(file, path)
-            return _read_diagram(file) if kind is Diagram else _made(kind, _read_object(file))
+            found = _read_diagram(file) if kind is Diagram else _made(kind, _read_object(file))
     except InputError:
         raise
     except Exception as error:  # of a file without checksum: HDF5 and what reads it may stumble over anything
         reason = " ".join(str(error).replace('"', "").split())
         raise InputError(f"path: '{path}' is damaged ({reason}); write it again") from None
+    if found.contact is None:
+        text = f"'{path}': the contact has a tip or law that is not at hand; import its class first, or do without"
+        warnings.warn(text, stacklevel=2)
+    return found
 
 
 def _try_out(image: bytes) -> None:

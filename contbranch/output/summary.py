@@ -65,6 +65,10 @@ def parts(result: Result) -> Parts:
     if hasattr(result, "model"):
         model = told.model
         yield f"Model: {model.kind}, {model.unknowns} unknowns. {model.why}".rstrip()
+    if told.contact is not None and told.contact.tabor is not None:
+        from contbranch.advice import regime
+
+        yield regime(told.contact, told.thresholds.get("pull_off_load") if isinstance(result, Diagram) else None)
     size = {Diagram: lambda: sum(map(len, told.branches)), Hysteresis: lambda: len(told.path)}
     size[Followed] = lambda: len(told.curve["load"])
     points = f"{size[type(result)]()} points in " if type(result) in size else ""
@@ -144,8 +148,6 @@ def _advice(advice: Advice, units: Mapping[str, str]) -> Parts:
         for one in advice.candidates
     ]
     yield Cells(["candidate", *(f"error of {name}" for name in names), "seconds"], rows)
-    if advice.tabor is not None:
-        yield f"Tabor coefficient {advice.tabor:.4g} (DMT is the limit of small ones, JKR that of large ones)."
     yield f"Take {advice.chosen}. {advice.why}"
 
 
