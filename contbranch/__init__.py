@@ -38,6 +38,9 @@ if TYPE_CHECKING:
     from contbranch.control import Spring
     from contbranch.curve.follow import follow
     from contbranch.errors import InputError, ModelError, Stop
+    from contbranch.measure.fit import fit
+    from contbranch.measure.force_curve import ForceCurve
+    from contbranch.measure.reading import read_force_curve, read_force_curves
     from contbranch.models.axisymmetric.model import Axisymmetric
     from contbranch.models.exact.model import Exact
     from contbranch.models.grid.model import FreeSpace, Periodic
@@ -46,10 +49,14 @@ if TYPE_CHECKING:
     from contbranch.results.advice import Advice, Candidate
     from contbranch.results.diagram import Branch, Diagram, Event, Exponent, LocalExponent, Solution, State, Window
     from contbranch.results.equilibria import Barrier, Equilibria
+    from contbranch.results.fit import Fit
     from contbranch.results.followed import Followed, FollowedPoint, Special
     from contbranch.results.loop import Hysteresis
     from contbranch.results.phase import PhaseDiagram
     from contbranch.results.profile import CellFields
+    from contbranch.results.sweep import Sweep, SweepTask
+    from contbranch.sweeps.design import Design, varied
+    from contbranch.sweeps.sweep import sweep
 
 __version__ = "0.1.0"
 
@@ -62,6 +69,7 @@ __all__ = [
     "CellFields",
     "Cone",
     "Contact",
+    "Design",
     "Diagram",
     "EllipticParaboloid",
     "Equilibria",
@@ -69,8 +77,10 @@ __all__ = [
     "Exact",
     "Exponent",
     "Exponential",
+    "Fit",
     "Followed",
     "FollowedPoint",
+    "ForceCurve",
     "FreeSpace",
     "Gauss",
     "GridWarning",
@@ -96,6 +106,8 @@ __all__ = [
     "State",
     "Stop",
     "Sum",
+    "Sweep",
+    "SweepTask",
     "Tabulated",
     "Tip",
     "TipShape",
@@ -103,12 +115,17 @@ __all__ = [
     "Window",
     "advise",
     "find_all",
+    "fit",
     "follow",
     "hysteresis",
     "load",
     "phase_diagram",
+    "read_force_curve",
+    "read_force_curves",
     "solve",
+    "sweep",
     "trace",
+    "varied",
 ]
 
 __getattr__, __dir__ = lazily(
@@ -124,6 +141,9 @@ __getattr__, __dir__ = lazily(
         ".results.advice": "Advice Candidate",
         ".api": "find_all hysteresis phase_diagram solve trace",
         ".curve.follow": "follow",
+        ".measure.fit": "fit",
+        ".measure.force_curve": "ForceCurve",
+        ".measure.reading": "read_force_curve read_force_curves",
         ".models.axisymmetric.model": "Axisymmetric",
         ".models.exact.model": "Exact",
         ".models.grid.model": "FreeSpace Periodic",
@@ -131,12 +151,17 @@ __getattr__, __dir__ = lazily(
         ".output.hdf5": "load",
         ".results.diagram": "Branch Diagram Event Exponent LocalExponent Solution State Window",
         ".results.equilibria": "Barrier Equilibria",
+        ".results.fit": "Fit",
         ".results.followed": "Followed FollowedPoint Special",
         ".results.loop": "Hysteresis",
         ".results.phase": "PhaseDiagram",
         ".results.profile": "CellFields",
+        ".results.sweep": "Sweep SweepTask",
+        ".sweeps.design": "Design varied",
+        ".sweeps.sweep": "sweep",
         ".contact": "",
         ".continuation": "",
+        ".measure": "",
         ".models": "",
         ".output": "",
         ".results": "",

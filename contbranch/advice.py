@@ -22,9 +22,9 @@ from contbranch.models.choice import axisymmetric, choose
 from contbranch.models.exact.model import Exact
 from contbranch.results.advice import Advice, Candidate
 from contbranch.results.diagram import Cost, Diagram, ModelChoice
-from contbranch.theory import dmt, jkr
+from contbranch.theory import dmt, jkr, maugis
 
-__all__ = ["advise"]
+__all__ = ["advise", "regime"]
 
 FINEST, COARSEST = 1e-13, 0.5
 # The trace that tells the truth: a tenth of what is asked, within limits that keep it short, and seconds at most.
@@ -35,6 +35,9 @@ REACHES, DIGIT = 1e-11, 1.35
 # and the relative error of a fold's load there with nodes as far apart as the range is long, with its order.
 GRID_SECONDS: Final = {64: 2.0, 128: 8.0, 256: 40.0, 512: 250.0}
 GRID_ERROR, ORDER = 0.02, 1.5
+
+# A contact is near a limit whose pull-off load is off by less; a theory that is better than this is recommended.
+NEAR, ENOUGH = 0.05, 0.01
 
 LOST: Final = ("pull_off", "jump_in", "squeeze_out", "wetting")
 
@@ -105,6 +108,36 @@ def advise(contact: Contact, accuracy: float = 0.01, control: str | Spring = "lo
         message=note,
         unit_names=contact.units.names,
     )
+
+
+def regime(contact: Contact, pull_off: float | None = None) -> str:
+    """A sentence on the Tabor coefficient: what it means for this contact, by what the closed forms would give.
+
+    Parameters
+    ----------
+    pull_off : float, optional
+        Its pull-off load; without, that of the Maugis-Dugdale law of the same work and range is taken.
+    """
+    tabor, reduced = f"Tabor coefficient {contact.tabor:.4g}", contact.to_reduced()
+    limits = {"JKR": _jkr(reduced), "DMT": _dmt(reduced)}
+    if reduced.interaction is None or not isinstance(reduced.tip, Parabola) or None in limits.values():
+        return f"{tabor}: adhesion (or repulsion) of this work deforms the body by about as many ranges."
+    known = {name: found["pull_off_load"] for name, found in limits.items() if found is not None}
+    work, length = _work(reduced), reduced.interaction.range
+    substitute = float(maugis.load_fold(work_of_adhesion=work, interaction_range=length).load)
+    truth = substitute if pull_off is None else pull_off / contact.scales.load
+    if pull_off is not None and not isinstance(reduced.interaction, MaugisDugdale):
+        known["Maugis-Dugdale"] = substitute
+    errors = {name: abs(value / truth - 1.0) for name, value in known.items()}
+    near = min(limits, key=errors.__getitem__)
+    place = f"near {near}" if errors[near] < NEAR else "between DMT and JKR"
+    listed = ", ".join(f"{name} {value:.2g}" for name, value in sorted(errors.items(), key=lambda item: item[1]))
+    against = "of the pull-off load" if pull_off is not None else "of Maugis-Dugdale's pull-off load"
+    said = f"{tabor}, {place}. Relative errors {against} by closed forms: {listed}."
+    best = min(errors, key=errors.__getitem__)
+    if pull_off is not None and errors[best] < ENOUGH:
+        said += f" To 1 % {best} would do, in milliseconds (see advise)."
+    return said
 
 
 def _judged(diagram: Diagram, control: Control) -> dict[str, tuple[float, float]]:

@@ -12,9 +12,12 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
+from contbranch.arrays import Array
 from contbranch.contact.contact import Contact
 from contbranch.contact.family import Vary, family_of
+from contbranch.contact.law_check import check_laws
 from contbranch.contact.units import finite_number, positive_number
+from contbranch.contact.validity import notes
 from contbranch.control import Control, Spring, as_control
 from contbranch.curve.curves import Coexisting, Curves, Model, Route
 from contbranch.curve.loop import loop
@@ -97,7 +100,9 @@ def trace(
         asked = _ask(contact, control, accuracy, model)
         request = replace(asked.request, target=_limit(contact, max_load), modes=modes)
         raw = asked.answer(partial(asked.curves.trace, request), no_curve())
-        raw = replace(raw, cost=asked.timed(raw.cost))
+        asked.refuse_below(request, raw)
+        message = asked.noted(raw.message, raw.load, raw.contact_radius)
+        raw = replace(raw, cost=asked.timed(raw.cost), message=message)
         diagram = assemble(contact, raw, asked.choice(raw.unknowns), asked.control, accuracy)
     return watch.passed(diagram)
 
@@ -169,7 +174,7 @@ def _solution(asked: _Asked, found: Coexisting, states: tuple[State, ...], near:
         model=asked.choice(found.unknowns),
         cost=asked.timed(found.cost),
         status="complete" if found.complete else "incomplete",
-        message=message,
+        message=asked.noted_of(message, found.states),
         states=(best, *(state for state in states if state is not best))[: len(states)],
         contact=asked.contact,
     )
@@ -242,7 +247,7 @@ def _found(asked: _Asked, found: Coexisting) -> Equilibria:
         model=asked.choice(found.unknowns),
         cost=asked.timed(found.cost),
         status="complete" if found.complete else "incomplete",
-        message=f"{words}; {found.searched}. {found.message}".strip(),
+        message=asked.noted_of(f"{words}; {found.searched}. {found.message}".strip(), found.states),
         contact=contact,
     )
 
@@ -316,6 +321,8 @@ def hysteresis(
         request = replace(asked.request, target=_limit(contact, max_load))
         route = asked.answer(partial(asked.curves.path, request), Route(CurveWalk.empty(asked.request.control)))
         curve = route.curve
+        asked.refuse_below(request, curve)
+        route = replace(route, message=asked.noted(route.message, curve.load, curve.contact_radius))
         found = loop(contact, route, asked.control, asked.choice(curve.unknowns), asked.timed(curve.cost))
     return watch.passed(found)
 
@@ -410,6 +417,26 @@ class _Asked:
         found = kept(compute, nothing)
         return replace(found, complete=False, message=told(found.message)) if over() else found
 
+    def refuse_below(self, request: Request, curve: RawCurve) -> None:
+        """Raise InputError for a largest load below that with which the curve begins."""
+        if request.target is not None and len(curve.load) and request.target <= curve.load[0]:
+            unit = self.contact.scales.load
+            raise InputError(
+                f"max_load: {request.target * unit:g}; must be greater than the load with which the curve begins, "
+                f"{curve.load[0] * unit:.4g}"
+            )
+
+    def noted(self, message: str, load: Array, contact_radius: Array) -> str:
+        """A message, and what is to be said of states outside of the theory; loads and radii in reduced units."""
+        scales = self.contact.scales
+        said = notes(self.contact, np.multiply(load, scales.load), np.multiply(contact_radius, scales.in_plane))
+        return f"{message} {said}".strip()
+
+    def noted_of(self, message: str, states: Sequence[State]) -> str:
+        """The same for single states."""
+        load, contact_radius = np.array([(one.load, one.contact_radius) for one in states]).reshape(-1, 2).T
+        return self.noted(message, load, contact_radius)
+
     def timed(self, cost: Cost) -> Cost:
         """A cost with the time since the question was asked."""
         return replace(cost, wall_s=time.perf_counter() - self.began)
@@ -426,6 +453,7 @@ def _ask(contact: Contact, control: object, accuracy: float, model: str | Model)
     number = finite_number(accuracy, "accuracy")
     if not FINEST <= number <= COARSEST:
         raise InputError(f"accuracy: {number:g}; must lie between {FINEST:g} and {COARSEST:g}")
+    check_laws(contact.interaction)
     chosen, why = choose(contact, model)
     request = Request(number, driven.scaled(contact.scales.stiffness))
     return _Asked(contact, curves(contact, chosen), request, driven, chosen.name, why, began)

@@ -12,9 +12,11 @@ from typing import Any, Final, NamedTuple
 from contbranch.results.advice import Advice, Candidate
 from contbranch.results.diagram import Diagram, Event, Solution, State
 from contbranch.results.equilibria import Equilibria
+from contbranch.results.fit import Fit, unit_of_value
 from contbranch.results.followed import Followed
 from contbranch.results.loop import Hysteresis
 from contbranch.results.record import OBSERVABLES, Result
+from contbranch.results.sweep import Sweep
 
 __all__ = ["Cells", "as_text", "parts", "progress_bar", "progress_lines", "with_error"]
 
@@ -64,6 +66,10 @@ def parts(result: Result) -> Parts:
     if hasattr(result, "model"):
         model = told.model
         yield f"Model: {model.kind}, {model.unknowns} unknowns. {model.why}".rstrip()
+    if told.contact is not None and told.contact.tabor is not None:
+        from contbranch.advice import regime
+
+        yield regime(told.contact, told.thresholds.get("pull_off_load") if isinstance(result, Diagram) else None)
     size = {Diagram: lambda: sum(map(len, told.branches)), Hysteresis: lambda: len(told.path)}
     size[Followed] = lambda: len(told.curve["load"])
     points = f"{size[type(result)]()} points in " if type(result) in size else ""
@@ -82,14 +88,17 @@ def _diagram(diagram: Diagram, units: Mapping[str, str]) -> Parts:
     if single:  # saved by solve
         yield _states(single, units)
     if diagram.thresholds:
-        yield Cells(["threshold", "value", *(["unit"] if units else [])], list(_thresholds(diagram, units)))
+        middle = ["uncertainty"] if diagram.uncertainties else []
+        last = ["unit"] if units else []
+        yield Cells(["threshold", "value", *middle, *last], list(_thresholds(diagram, units)))
 
 
 def _thresholds(diagram: Diagram, units: Mapping[str, str]) -> Iterator[list[str]]:
     for name, value in diagram.thresholds.items():
         quantity = "contact_radius" if name.endswith("radius") else name.rsplit("_", 1)[-1]
         errors = (event.error.get(quantity) for event in diagram.events if getattr(event, quantity, None) == value)
-        yield [name.replace("_", " "), with_error(value, next(errors, None)), units.get(quantity, "")]
+        spread = [f"{diagram.uncertainties[name]:.3g}"] if diagram.uncertainties else []
+        yield [name.replace("_", " "), with_error(value, next(errors, None)), *spread, units.get(quantity, "")]
 
 
 def _states(states: Sequence[State], units: Mapping[str, str]) -> Cells:
@@ -143,8 +152,6 @@ def _advice(advice: Advice, units: Mapping[str, str]) -> Parts:
         for one in advice.candidates
     ]
     yield Cells(["candidate", *(f"error of {name}" for name in names), "seconds"], rows)
-    if advice.tabor is not None:
-        yield f"Tabor coefficient {advice.tabor:.4g} (DMT is the limit of small ones, JKR that of large ones)."
     yield f"Take {advice.chosen}. {advice.why}"
 
 
@@ -153,13 +160,46 @@ def _error_of(candidate: Candidate, name: str) -> str:
     return "none" if error is None else f"{error:.1e}"
 
 
+def _sweep(sweep: Sweep, units: Mapping[str, str]) -> Parts:
+    yield f"{sweep.told()}; {sweep.computed} computed, {sweep.reused} known before"
+    table = sweep.table()
+    if sweep.names and len(sweep.tasks) <= _ROWS:
+        shown = [name for name in table.columns if name != "message"]
+        rows = [[f"{cell:.9g}" if isinstance(cell, float) else str(cell) for cell in row]
+                for row in zip(*(table.columns[name].tolist() for name in shown), strict=True)]  # fmt: skip
+        yield Cells([_with_unit(name.replace("_", " "), table.units.get(name, "")) for name in shown], rows)
+    for task in sweep.failed[:_ROWS]:
+        yield f"Task {task.index} failed: {task.message}"
+
+
+def _fit(fit: Fit, _: Mapping[str, str]) -> Parts:
+    rows = []
+    for name, value in fit.values.items():
+        known = "" if name in fit.identifiable else "not determined"
+        rows.append([name, f"{value:.6g}", f"{fit.errors[name]:.2g}", unit_of_value(name), known])
+    yield Cells(["value", "fitted", "error", "unit", ""], rows)
+    if fit.jumps:
+        rows = [
+            [f"{jump.name} {word}", *(f"{seen[key]:.6g}" if seen else "–" for key in ("piezo", "force", "step"))]
+            for jump in fit.jumps
+            for word, seen in (("measured", jump.measured), ("fitted", jump.fitted))
+        ]
+        yield Cells(["jump", "piezo (nm)", "force before (nN)", "step (nN)"], rows)
+    if fit.laws:
+        rows = [[one.law, f"{one.rms:.4g}", f"{one.criterion:.3g}"] for one in fit.laws]
+        yield Cells(["law", "rms (nN)", "BIC above the best"], rows)
+    yield f"Residuals: rms {fit.rms:.4g} nN; noise {fit.noise:.3g} nN. Law: {fit.law}."
+
+
 _SHOWN: Final[Mapping[type, Callable[[Any, Mapping[str, str]], Parts]]] = {
     Advice: _advice,
     Diagram: _diagram,
+    Fit: _fit,
     Solution: lambda solution, units: iter([_states(solution.known, units)]),
     Equilibria: lambda found, units: iter([_states(found.states, units)]),
     Hysteresis: _loop,
     Followed: _followed,
+    Sweep: _sweep,
 }
 
 
