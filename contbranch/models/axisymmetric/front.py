@@ -27,7 +27,7 @@ __all__ = ["Front", "felt", "steepest"]
 BEGINS, ENDS, FLATTER = 1.5, 1.0, 0.2
 # Radius over which the interaction is felt in units of the length on which elasticity answers it, from which on steps
 # are limited by fronts.
-STIFF = 6.0
+STIFF = 16.0
 
 
 @dataclass(frozen=True)

@@ -60,7 +60,7 @@ JUMP = 1e-4
 LEAP = 30.0
 # While tracing, a gap or a wall pressure may be this much below zero, in the interaction's own units: errors of the
 # discretisation close to the rim are not to look like a wall that pulls.
-TOLERATED = 1e-4
+TOLERATED = 1e-3
 # Share of the accuracy that the load at the start of the trace may have.
 START_SHARE = 0.5
 # A trace with a spring starts where the stiffness of the interaction is about this share of the spring's.
