@@ -161,8 +161,8 @@ def _largest_gap(description: Mapping[str, Any]) -> float:
 
 
 def _of_sweep(sweep: Sweep, packed: _Packed) -> Iterator[dict[str, Any]]:
+    from contbranch.contact.family import member
     from contbranch.output.sweep_file import diagram_of, records_of
-    from contbranch.sweeps.design import member
 
     packed.count = max(1, len(sweep.tasks) - len(sweep.failed))
     for task, record in zip(sweep.tasks, records_of(sweep, range(len(sweep.tasks))), strict=True):
