@@ -38,6 +38,9 @@ if TYPE_CHECKING:
     from contbranch.control import Spring
     from contbranch.curve.follow import follow
     from contbranch.errors import InputError, ModelError, Stop
+    from contbranch.measure.fit import fit
+    from contbranch.measure.force_curve import ForceCurve
+    from contbranch.measure.reading import read_force_curve, read_force_curves
     from contbranch.models.axisymmetric.model import Axisymmetric
     from contbranch.models.exact.model import Exact
     from contbranch.models.grid.model import FreeSpace, Periodic
@@ -46,6 +49,7 @@ if TYPE_CHECKING:
     from contbranch.results.advice import Advice, Candidate
     from contbranch.results.diagram import Branch, Diagram, Event, Exponent, LocalExponent, Solution, State, Window
     from contbranch.results.equilibria import Barrier, Equilibria
+    from contbranch.results.fit import Fit
     from contbranch.results.followed import Followed, FollowedPoint, Special
     from contbranch.results.loop import Hysteresis
     from contbranch.results.phase import PhaseDiagram
@@ -73,8 +77,10 @@ __all__ = [
     "Exact",
     "Exponent",
     "Exponential",
+    "Fit",
     "Followed",
     "FollowedPoint",
+    "ForceCurve",
     "FreeSpace",
     "Gauss",
     "GridWarning",
@@ -109,10 +115,13 @@ __all__ = [
     "Window",
     "advise",
     "find_all",
+    "fit",
     "follow",
     "hysteresis",
     "load",
     "phase_diagram",
+    "read_force_curve",
+    "read_force_curves",
     "solve",
     "sweep",
     "trace",
@@ -132,6 +141,9 @@ __getattr__, __dir__ = lazily(
         ".results.advice": "Advice Candidate",
         ".api": "find_all hysteresis phase_diagram solve trace",
         ".curve.follow": "follow",
+        ".measure.fit": "fit",
+        ".measure.force_curve": "ForceCurve",
+        ".measure.reading": "read_force_curve read_force_curves",
         ".models.axisymmetric.model": "Axisymmetric",
         ".models.exact.model": "Exact",
         ".models.grid.model": "FreeSpace Periodic",
@@ -139,6 +151,7 @@ __getattr__, __dir__ = lazily(
         ".output.hdf5": "load",
         ".results.diagram": "Branch Diagram Event Exponent LocalExponent Solution State Window",
         ".results.equilibria": "Barrier Equilibria",
+        ".results.fit": "Fit",
         ".results.followed": "Followed FollowedPoint Special",
         ".results.loop": "Hysteresis",
         ".results.phase": "PhaseDiagram",
@@ -148,6 +161,7 @@ __getattr__, __dir__ = lazily(
         ".sweeps.sweep": "sweep",
         ".contact": "",
         ".continuation": "",
+        ".measure": "",
         ".models": "",
         ".output": "",
         ".results": "",

@@ -15,6 +15,7 @@ import numpy as np
 from contbranch.arrays import Array
 from contbranch.contact.contact import Contact
 from contbranch.contact.family import Vary, family_of
+from contbranch.contact.law_check import check_laws
 from contbranch.contact.units import finite_number, positive_number
 from contbranch.contact.validity import notes
 from contbranch.control import Control, Spring, as_control
@@ -99,6 +100,7 @@ def trace(
         asked = _ask(contact, control, accuracy, model)
         request = replace(asked.request, target=_limit(contact, max_load), modes=modes)
         raw = asked.answer(partial(asked.curves.trace, request), no_curve())
+        asked.refuse_below(request, raw)
         message = asked.noted(raw.message, raw.load, raw.contact_radius)
         raw = replace(raw, cost=asked.timed(raw.cost), message=message)
         diagram = assemble(contact, raw, asked.choice(raw.unknowns), asked.control, accuracy)
@@ -319,6 +321,7 @@ def hysteresis(
         request = replace(asked.request, target=_limit(contact, max_load))
         route = asked.answer(partial(asked.curves.path, request), Route(CurveWalk.empty(asked.request.control)))
         curve = route.curve
+        asked.refuse_below(request, curve)
         route = replace(route, message=asked.noted(route.message, curve.load, curve.contact_radius))
         found = loop(contact, route, asked.control, asked.choice(curve.unknowns), asked.timed(curve.cost))
     return watch.passed(found)
@@ -414,6 +417,15 @@ class _Asked:
         found = kept(compute, nothing)
         return replace(found, complete=False, message=told(found.message)) if over() else found
 
+    def refuse_below(self, request: Request, curve: RawCurve) -> None:
+        """Raise InputError for a largest load below that with which the curve begins."""
+        if request.target is not None and len(curve.load) and request.target <= curve.load[0]:
+            unit = self.contact.scales.load
+            raise InputError(
+                f"max_load: {request.target * unit:g}; must be greater than the load with which the curve begins, "
+                f"{curve.load[0] * unit:.4g}"
+            )
+
     def noted(self, message: str, load: Array, contact_radius: Array) -> str:
         """A message, and what is to be said of states outside of the theory; loads and radii in reduced units."""
         scales = self.contact.scales
@@ -441,6 +453,7 @@ def _ask(contact: Contact, control: object, accuracy: float, model: str | Model)
     number = finite_number(accuracy, "accuracy")
     if not FINEST <= number <= COARSEST:
         raise InputError(f"accuracy: {number:g}; must lie between {FINEST:g} and {COARSEST:g}")
+    check_laws(contact.interaction)
     chosen, why = choose(contact, model)
     request = Request(number, driven.scaled(contact.scales.stiffness))
     return _Asked(contact, curves(contact, chosen), request, driven, chosen.name, why, began)

@@ -47,6 +47,11 @@ _OPTIONS: Final = {
     "--all": ("", "Report all equilibria found, not only one."),
     "--event": ("NAME", "Name of a fold under --control, or touch."),
     "--vary": ("NAME=FROM:TO", "Parameter to vary, for example tabor=0.25:4."),
+    "--uncertainty": ("NAME=X", "Of a parameter: adds those of the thresholds; may be given several times."),
+    "--free": ("NAMES", "What is fitted, such as work_of_adhesion,modulus,range (the default: the first two)."),
+    "--fixed": ("NAMES", "Which of contact_point, baseline and tilt are held at 0."),
+    "--spring": ("K", "Stiffness of the cantilever, such as '0.5 N/m', in place of the curve's."),
+    "--law": ("NAME", "Another law than the contact's; jkr, dmt, or compare."),
     "--max-load": ("F", "Largest load.  [default: beyond all events]"),
     "--time-limit": ("S", "Seconds after which what has been found is given.  [default: none]"),
     "--workers": ("N", "Traces at a time.  [default: one for each core]"),
@@ -95,6 +100,7 @@ class Command(NamedTuple):
     options: tuple[str, ...]
     argument: tuple[str, str] = ("[CONTACT]", "TOML file that describes the contact.")
     own: tuple[str, ...] = ()
+    second: tuple[str, str] | None = None
 
     @property
     def summary(self) -> str:
@@ -103,11 +109,14 @@ class Command(NamedTuple):
 
     def parser(self, name: str) -> _Parser:
         """The parser of its options."""
-        argument = "\nArguments:\n  {:11s} {}\n".format(*self.argument)
-        parser = _Parser(f"contbranch {name}", f"[OPTIONS] {self.argument[0]}", self.summary, argument)
+        told = [one for one in (self.argument, self.second) if one is not None]
+        listed = "".join("  {:11s} {}\n".format(*one) for one in told)
+        usage = " ".join(["[OPTIONS]", *(one[0] for one in told)])
+        parser = _Parser(f"contbranch {name}", usage, self.summary, f"\nArguments:\n{listed}")
         for flags in self.options:
             value, words = _OPTIONS[flags]
             kind: dict[str, Any] = {"metavar": value} if value else {"action": "store_true", "default": False}
+            kind |= {"action": "append", "default": []} if flags == "--uncertainty" else {}
             if flags == "--plot":
                 kind["action"] = "append"
             parser.add_option(*flags.split(), help=words, **kind)
@@ -119,7 +128,16 @@ class Command(NamedTuple):
 def _trace(asked: Values) -> Any:
     """Trace the whole curve of equilibria, stable and unstable, with its folds and first touch."""
     request = _request(asked)
-    return _computed("trace", request, max_load=request.limit(asked.max_load))
+    limit = request.limit(asked.max_load)
+    if not asked.uncertainty:
+        return _computed("trace", request, max_load=limit)
+    from dataclasses import replace
+
+    from contbranch.cli.request import parse_uncertainties
+
+    given = parse_uncertainties(asked.uncertainty, request)
+    diagram = _computed("trace", request, max_load=limit)
+    return replace(diagram, uncertainties=diagram.propagate(given))
 
 
 def _solve(asked: Values) -> Any:
@@ -202,6 +220,18 @@ def _sweep(asked: Values) -> Result:
             raise InputError(words) from None
 
 
+def _fit(asked: Values) -> Any:
+    """Fit a contact to a measured force curve, and say what the curve can tell."""
+    from contbranch.cli.request import names_of
+    from contbranch.contact.file import read_contact
+    from contbranch.measure.fit import fit
+    from contbranch.measure.reading import read_force_curve
+
+    curve, (contact, _) = read_force_curve(asked.source, asked.spring), read_contact(asked.contact)
+    free = names_of(asked.free) or ("work_of_adhesion", "modulus")
+    return fit(curve, contact, free, fixed=names_of(asked.fixed), law=asked.law)
+
+
 def _show(asked: Values) -> Result:
     """Print what a saved result holds, and draw it; exit status 0 even if the trace was incomplete."""
     from contbranch.output.hdf5 import load
@@ -238,7 +268,7 @@ def _view(asked: Values) -> Result:
 
 
 COMMANDS: Final = {
-    "trace": Command(_trace, (*_SHARED, "--max-load", *_OUTPUTS, "--events-csv")),
+    "trace": Command(_trace, (*_SHARED, "--max-load", "--uncertainty", *_OUTPUTS, "--events-csv")),
     "solve": Command(_solve, (*_SHARED, "--load", "--displacement", "--all", *_OUTPUTS)),
     "loop": Command(_loop, (*_SHARED, "--max-load", *_OUTPUTS)),
     "follow": Command(_follow, (*_SHARED, "--event", "--vary", "--max-load", *_OUTPUTS)),
@@ -251,6 +281,12 @@ COMMANDS: Final = {
     ),
     "show": Command(_show, ("--plot",), ("FILE.h5", "What trace, solve, loop or follow saved by -o.")),
     "view": Command(_view, ("-o --page",), ("FILE.h5", "Saved by trace, loop or sweep -o.")),
+    "fit": Command(
+        _fit,
+        ("--free", "--fixed", "--spring", "--law", *_OUTPUTS),
+        ("CURVE", "Force curve: CSV (piezo [nm],force [nN]), .ibw, .jpk-force, …"),
+        second=("CONTACT", "TOML file with the contact: what stays, and where to start."),
+    ),
 }
 
 
@@ -298,14 +334,17 @@ def _run(given: list[str]) -> int:
     asked, rest = _parsed(parser, rest)
     if asked.help:
         return COMPLETE
-    if rest[1:]:
+    wanted = [one[0] for one in (command.argument, command.second) if one is not None]
+    extra = rest[len(wanted) :]
+    if extra:
         from contbranch.contact.units import is_unit
 
-        quote = "; quote a quantity: '265 nN'" if any(map(is_unit, rest)) else ""
-        parser.error(f"Got unexpected extra argument ({next(filter(is_unit, rest), rest[1])}){quote}")
-    if not rest and not command.argument[0].startswith("["):
-        parser.error(f"Missing argument '{command.argument[0]}'")
-    asked.source, asked.notes = rest[0] if rest else None, []
+        quote = "; quote a quantity: '265 nN'" if any(map(is_unit, extra)) else ""
+        parser.error(f"Got unexpected extra argument ({next(filter(is_unit, extra), extra[0])}){quote}")
+    missing = [word for word in wanted[len(rest) :] if not word.startswith("[")]
+    if missing:
+        parser.error(f"Missing argument '{missing[0]}'")
+    asked.source, asked.contact, asked.notes = rest[0] if rest else None, rest[1] if rest[1:] else None, []
     interrupted = False
     with ExitStack() as stack:
         outputs = [(field, path) for field, path in _outputs(asked) if field not in command.own]

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from optparse import Values
 from typing import TYPE_CHECKING, Any, Final
 
 from contbranch.contact.contact import Contact, nearest
 from contbranch.contact.family import dimension_of
+from contbranch.contact.parameters import read_quantities
 from contbranch.contact.units import positive_number
 from contbranch.control import Spring, as_control
 from contbranch.errors import InputError
@@ -17,7 +19,16 @@ if TYPE_CHECKING:
     from contbranch.models.grid import FreeSpace, Periodic
     from contbranch.results.diagram import Diagram, Event
 
-__all__ = ["Request", "find_event", "make_request", "parse_vary", "seconds", "whole_number"]
+__all__ = [
+    "Request",
+    "find_event",
+    "make_request",
+    "names_of",
+    "parse_uncertainties",
+    "parse_vary",
+    "seconds",
+    "whole_number",
+]
 
 _LOWEST: Final = ("pull-off", "wetting")
 
@@ -156,6 +167,27 @@ def _control(value: object, contact: Contact) -> str | Spring:
 
     parsed = value if isinstance(value, float) else parse_control(value, contact.units, "--control")
     return Spring(parsed) if isinstance(parsed, float) else parsed
+
+
+def names_of(text: str | None) -> tuple[str, ...]:
+    """Return the names of a list with commas."""
+    return tuple(filter(None, (name.strip() for name in (text or "").split(","))))
+
+
+def parse_uncertainties(texts: Sequence[str], request: Request) -> dict[str, float]:
+    """Return the standard uncertainties of ``NAME=X``, by parameter, in the contact's units.
+
+    Raises
+    ------
+    InputError
+        If a text is none.
+    """
+    pairs = [text.partition("=") for text in texts]
+    for text, (name, _, value) in zip(texts, pairs, strict=True):
+        if not (name.strip() and value.strip()):
+            raise InputError(f"--uncertainty: {text!r}; write NAME=X, for example range=0.1nm")
+    given = {name.strip(): value.strip() for name, _, value in pairs}
+    return read_quantities(request.contact, given, "--uncertainty")
 
 
 # What is followed, and where

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Sequence
 
 from contbranch.contact.interaction_law import terms_of
 from contbranch.contact.interactions import Interaction, Layered
 from contbranch.results.diagram import Event
 
-__all__ = ["fold_name", "number_layers", "thresholds"]
+__all__ = ["fold_name", "number_layers", "threshold_events", "thresholds"]
 
 # Folds at which a control has a maximum along the curve, and a minimum.
 MAXIMA, MINIMA = ("squeeze-out", "jump-in"), ("wetting", "pull-off")
@@ -71,26 +72,37 @@ def number_layers(
 
 
 def thresholds(events: Sequence[Event], repulsive: bool) -> dict[str, float]:
-    """Named loads, displacements and radii of a diagram's events; no key for what does not exist.
+    """Named loads, displacements and radii of a diagram's events; no key for what does not exist."""
+    return {name: getattr(event, key) for name, (event, key) in threshold_events(events, repulsive).items()}
+
+
+def threshold_events(events: Sequence[Event], repulsive: bool) -> dict[str, tuple[Event, str]]:
+    """Named loads, displacements and radii: the event and its quantity by the threshold's name, where it exists.
 
     Of several folds with one name the outermost counts: the lowest for pull-off and wetting, the highest for the
-    others. A repulsion without folds squeezes out continuously, at first touch.
+    others. A repulsion without folds squeezes out continuously, at first touch. Folds of a spring have both a load and
+    a displacement.
     """
-    found: dict[str, float] = {}
-    for control, with_radius in (("load", ("pull-off", "squeeze-out", "wetting")), ("displacement", ATTRACTIVE)):
+    found: dict[str, tuple[Event, str]] = {}
+    outer = {"load": ("pull-off", "squeeze-out", "wetting"), "displacement": ATTRACTIVE, "spring": MAXIMA + MINIMA}
+    for control, with_radius in outer.items():
         for name in ("pull-off", "jump-in", "squeeze-out", "wetting"):
             named = [e for e in events if e.kind == "fold" and e.control == control and _base(e.name) == name]
             if not named or (name == "jump-in" and control == "load"):
                 continue
-            outermost = (min if name in MINIMA else max)(named, key=lambda e: getattr(e, control))
-            key = name.replace("-", "_")
-            found[f"{key}_{control}"] = getattr(outermost, control)
+            key, spring = name.replace("-", "_"), control == "spring"
+            quantity = "displacement" if spring else control
+            outermost = (min if name in MINIMA else max)(named, key=operator.attrgetter(quantity))
+            if spring:
+                key += "_spring"
+                found[f"{key}_load"] = outermost, "load"
+            found[f"{key}_{quantity}"] = outermost, quantity
             if outermost.contact_radius > 0 and name in with_radius:
-                radius = "radius" if control == "load" else "displacement_radius"
-                found[f"{key}_{radius}"] = outermost.contact_radius
+                radius = "displacement_radius" if control == "displacement" else "radius"
+                found[f"{key}_{radius}"] = outermost, "contact_radius"
     touches = [e for e in events if e.kind == "touch"]
     if touches:
-        found["touch_load"], found["touch_displacement"] = touches[0].load, touches[0].displacement
+        found["touch_load"], found["touch_displacement"] = (touches[0], "load"), (touches[0], "displacement")
         for control in ("load", "displacement") if repulsive else ():
             if not any(e.kind == "fold" and e.control == control for e in events):
                 for name in ("squeeze_out", "wetting"):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import operator
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any, TypeVar
@@ -14,8 +14,10 @@ from contbranch.arrays import Array, Integers
 from contbranch.contact.contact import Contact
 from contbranch.contact.interaction_law import terms_of
 from contbranch.contact.units import Scales
-from contbranch.control import Control
-from contbranch.curve.naming import fold_name, number_layers, thresholds
+from contbranch.continuation import Point
+from contbranch.control import Control, Spring, as_control
+from contbranch.curve.naming import fold_name, number_layers, threshold_events
+from contbranch.curve.problem import EquilibriumProblem
 from contbranch.errors import InputError
 from contbranch.results.diagram import (
     Branch,
@@ -66,6 +68,8 @@ class RawEvent:
         The azimuthal mode, which of its eigenvalues, and the shape (symmetry).
     place : object
         Where the model has it, from which it can be followed; None if it cannot.
+    margin : str
+        Of the place's problem, which vanishes there; empty for a fold, and where its parameter is known.
     point : object
         The point of the curve, where the model has it but cannot follow it.
     exponent, local_exponent : callable
@@ -86,6 +90,7 @@ class RawEvent:
     name: str | None = None
     stiffness: float | None = None
     place: Any = None
+    margin: str = ""
     point: Any = None
     position: float | None = None
     mode: int | None = None
@@ -252,6 +257,7 @@ def assemble(contact: Contact, curve: RawCurve, choice: ModelChoice, control: Co
         events += tuple(replace(event, branch=number) for event in others)
     terms = terms_of(contact.interaction)
     repulsive = bool(terms) and all(term.work_of_adhesion < 0 for term in terms)
+    told = threshold_events(events[: len(curve.events)], repulsive) if curve.complete or events else {}
 
     @one_thread
     def local_exponents(event: Event) -> LocalExponent:
@@ -271,7 +277,7 @@ def assemble(contact: Contact, curve: RawCurve, choice: ModelChoice, control: Co
         contact=contact,
         branches=tuple(branches),
         events=events,
-        thresholds=thresholds(events[: len(curve.events)], repulsive) if curve.complete or events else {},
+        thresholds={name: getattr(event, key) for name, (event, key) in told.items()},
         model=choice,
         cost=curve.cost,
         control=control.kind,
@@ -282,7 +288,25 @@ def assemble(contact: Contact, curve: RawCurve, choice: ModelChoice, control: Co
         description=contact.describe(),
         unit_names=contact.units.names,
         local_exponents=local_exponents,
+        sensitivities=one_thread(lambda: _sensitivities(contact, told)),  # type: ignore[arg-type]
     )
+
+
+def _sensitivities(contact: Contact, told: Mapping[str, tuple[Event, str]]) -> dict[str, dict[str, float]] | None:
+    """Derivatives of the thresholds by parameter, in the contact's units; None of lattices."""
+    from contbranch.curve.sensitivity import sensitivities
+
+    known: dict[int, dict[str, dict[str, float]]] = {}
+    for event, _ in told.values():
+        place = event.origin.raw.place if isinstance(event.origin, Origin) else None
+        if not (isinstance(place, Point) and isinstance(place.problem, EquilibriumProblem)):
+            return None
+        if id(event) not in known:
+            driven = event.control if event.stiffness is None else Spring(event.stiffness)
+            control = None if driven is None else as_control(driven)
+            wanted = {key for other, key in told.values() if other is event}
+            known[id(event)] = sensitivities(contact, place, control, event.origin.raw.margin, wanted)
+    return {name: known[id(event)][key] for name, (event, key) in told.items()}
 
 
 def state_in_units(contact: Contact, state: State) -> State:

@@ -404,6 +404,10 @@ class EquilibriumProblem(Problem):
         """
         raise NotImplementedError
 
+    def varied(self, contact: Contact) -> EquilibriumProblem:
+        """The same equations, states and parameter for a contact that differs a little; by default the `member`."""
+        return self.member(contact)
+
     @property
     def power(self) -> float:
         """m where load and displacement are smooth functions of p^(1/m) next to p = 0."""

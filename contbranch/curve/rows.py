@@ -130,7 +130,10 @@ def _sharpen(track: Track, found: list[Found], accuracy: float) -> None:
 
 
 def _event(track: Track, mark: Mark, found: Found) -> RawEvent:
-    event = RawEvent(mark.kind, mark.row, found.numbers, found.error, place=found.point, message=mark.message)
+    margin = "" if mark.margin == "edge" else mark.margin
+    event = RawEvent(
+        mark.kind, mark.row, found.numbers, found.error, place=found.point, margin=margin, message=mark.message
+    )
     if mark.control is not None:
         control = mark.control
         pieces, rising = track.hodograph.pieces(control)

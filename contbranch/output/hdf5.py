@@ -330,6 +330,15 @@ def _read_diagram(file: h5py.File) -> Diagram:
         local_exponents={
             int(key): _read_record(LocalExponent, group) for key, group in file["local_exponents"].items()
         },
+        sensitivities={
+            name: {key: float(value) for key, value in group.attrs.items()}
+            for name, group in file["sensitivities"].items()
+        }
+        if "sensitivities" in file
+        else None,
+        uncertainties={key: float(value) for key, value in file["uncertainties"].attrs.items()}
+        if "uncertainties" in file
+        else None,
         **{key: _python(file.attrs[key]) for key in _HEAD if key in file.attrs},
     )
 

@@ -12,6 +12,7 @@ from typing import Any, Final, NamedTuple
 from contbranch.results.advice import Advice, Candidate
 from contbranch.results.diagram import Diagram, Event, Solution, State
 from contbranch.results.equilibria import Equilibria
+from contbranch.results.fit import Fit, unit_of_value
 from contbranch.results.followed import Followed
 from contbranch.results.loop import Hysteresis
 from contbranch.results.record import OBSERVABLES, Result
@@ -87,14 +88,17 @@ def _diagram(diagram: Diagram, units: Mapping[str, str]) -> Parts:
     if single:  # saved by solve
         yield _states(single, units)
     if diagram.thresholds:
-        yield Cells(["threshold", "value", *(["unit"] if units else [])], list(_thresholds(diagram, units)))
+        middle = ["uncertainty"] if diagram.uncertainties else []
+        last = ["unit"] if units else []
+        yield Cells(["threshold", "value", *middle, *last], list(_thresholds(diagram, units)))
 
 
 def _thresholds(diagram: Diagram, units: Mapping[str, str]) -> Iterator[list[str]]:
     for name, value in diagram.thresholds.items():
         quantity = "contact_radius" if name.endswith("radius") else name.rsplit("_", 1)[-1]
         errors = (event.error.get(quantity) for event in diagram.events if getattr(event, quantity, None) == value)
-        yield [name.replace("_", " "), with_error(value, next(errors, None)), units.get(quantity, "")]
+        spread = [f"{diagram.uncertainties[name]:.3g}"] if diagram.uncertainties else []
+        yield [name.replace("_", " "), with_error(value, next(errors, None)), *spread, units.get(quantity, "")]
 
 
 def _states(states: Sequence[State], units: Mapping[str, str]) -> Cells:
@@ -168,9 +172,29 @@ def _sweep(sweep: Sweep, units: Mapping[str, str]) -> Parts:
         yield f"Task {task.index} failed: {task.message}"
 
 
+def _fit(fit: Fit, _: Mapping[str, str]) -> Parts:
+    rows = []
+    for name, value in fit.values.items():
+        known = "" if name in fit.identifiable else "not determined"
+        rows.append([name, f"{value:.6g}", f"{fit.errors[name]:.2g}", unit_of_value(name), known])
+    yield Cells(["value", "fitted", "error", "unit", ""], rows)
+    if fit.jumps:
+        rows = [
+            [f"{jump.name} {word}", *(f"{seen[key]:.6g}" if seen else "–" for key in ("piezo", "force", "step"))]
+            for jump in fit.jumps
+            for word, seen in (("measured", jump.measured), ("fitted", jump.fitted))
+        ]
+        yield Cells(["jump", "piezo (nm)", "force before (nN)", "step (nN)"], rows)
+    if fit.laws:
+        rows = [[one.law, f"{one.rms:.4g}", f"{one.criterion:.3g}"] for one in fit.laws]
+        yield Cells(["law", "rms (nN)", "BIC above the best"], rows)
+    yield f"Residuals: rms {fit.rms:.4g} nN; noise {fit.noise:.3g} nN. Law: {fit.law}."
+
+
 _SHOWN: Final[Mapping[type, Callable[[Any, Mapping[str, str]], Parts]]] = {
     Advice: _advice,
     Diagram: _diagram,
+    Fit: _fit,
     Solution: lambda solution, units: iter([_states(solution.known, units)]),
     Equilibria: lambda found, units: iter([_states(found.states, units)]),
     Hysteresis: _loop,

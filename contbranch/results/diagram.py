@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import cached_property
@@ -416,6 +417,12 @@ class Diagram(Result):
         Error allowed to every event, relative to max(1, |value|) in reduced units.
     status, message : str
         ``"complete"`` or ``"incomplete"``, and the reason.
+    sensitivities : mapping or None
+        Derivatives ``sensitivities[threshold][parameter]`` of the thresholds in the contact's units, computed when they
+        are asked for: `modulus`, the tip's numbers, and every law's, with its place in a sum (``range[1]``). None of
+        grid models.
+    uncertainties : mapping or None
+        Standard uncertainties of the thresholds, from `propagate`, where the command line was asked for them.
     """
 
     format: ClassVar[str] = "contbranch-diagram"
@@ -435,6 +442,35 @@ class Diagram(Result):
         written=False, computed=lambda diagram: diagram.known_exponents(), default=None
     )
     stiffness: float | None = described(written="if known", default=None)
+    sensitivities: Mapping[str, Mapping[str, float]] | None = described(
+        written="if known", computed=lambda diagram: diagram.sensitivities, default=None
+    )
+    uncertainties: Mapping[str, float] | None = described(written="if known", default=None)
+
+    def propagate(self, uncertainties: Mapping[str, object]) -> dict[str, float]:
+        """Standard uncertainties of the thresholds, to first order, from those of parameters that are independent.
+
+        Parameters
+        ----------
+        uncertainties : mapping
+            By the parameters' names in `sensitivities`: numbers in the contact's units, or texts with a unit.
+
+        Raises
+        ------
+        InputError
+            For a name that is not known or a value that cannot be used, and where there are no sensitivities.
+        """
+        from contbranch.contact.parameters import read_quantities
+
+        if self.contact is None or self.sensitivities is None:
+            raise InputError(
+                "uncertainties: this diagram has no sensitivities; trace by the exact or axisymmetric model"
+            )
+        given = read_quantities(self.contact, uncertainties, "uncertainty")
+        return {
+            threshold: math.hypot(*(rates[name] * value for name, value in given.items()))
+            for threshold, rates in self.sensitivities.items()
+        }
 
     def told(self) -> str:
         """Its thresholds."""
@@ -523,6 +559,9 @@ class Diagram(Result):
         from contbranch.output.plot import bifurcation_diagram
 
         return bifurcation_diagram(self, x, y, **options)
+
+
+late(Diagram, "sensitivities")
 
 
 @record

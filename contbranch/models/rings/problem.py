@@ -10,6 +10,7 @@ from typing import Self
 import numpy as np
 
 from contbranch.arrays import Array
+from contbranch.contact.contact import Contact
 from contbranch.continuation import Adaptation, Options, Point
 from contbranch.continuation.metric import Balance
 from contbranch.continuation.newton import border, linearise, solve
@@ -20,6 +21,7 @@ from contbranch.results.profile import Profile
 from .changes import born, vanished
 from .constraints import NARROW_RING, least_margin, narrowness
 from .equations import RingEquations
+from .law import BandedLaw
 from .meshing import adapted, finer
 from .profile import profile_of
 from .stability import unstable_modes
@@ -118,6 +120,11 @@ class RingProblem(RingEquations):
     def rounding(self) -> float:
         """Rounding errors of values, and what jumps in place of narrow rings leave out."""
         return ROUNDING + JUMP * NARROW_RING**2 * self.layout.jumps
+
+    def varied(self, contact: Contact) -> Self:
+        """The same layout on the same panels."""
+        setting = replace(self.setting, tip=contact.axisymmetric_tip, law=BandedLaw(contact.interaction))
+        return type(self)(setting, self.layout, self.panels, self.vanishing)
 
     # -- what is seen -------------------------------------------------------------------------------------------------
     def unstable(self, x: Array, p: float) -> int:

@@ -1,0 +1,1 @@
+"""What measures contacts: force curves, read and fitted."""

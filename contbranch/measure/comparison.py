@@ -1,0 +1,240 @@
+"""The force that a cantilever feels over the position of its piezo, and how far a measured curve is from it.
+
+The far end of the spring is at z = d + F/K. Approaching, the contact follows its curve as long as z grows and jumps at
+a maximum of z to the next part on which z is larger; retracting, from a minimum to the next part with smaller z. Each
+sample is compared with the branch on which it was measured, before or after the jump seen in its leg: so the residuals
+change smoothly with the parameters, and where the jumps are is a residual of its own.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbranch.arrays import Array
+from contbranch.measure.features import Features, MeasuredJump
+from contbranch.measure.force_curve import ForceCurve
+from contbranch.measure.reduced import Curve
+
+__all__ = ["Comparison", "Leg", "ModelJump", "legs"]
+
+# Points of the curve between two of its table.
+FINER: Final = 5
+# Jumps below this multiple of the noise have no place in a curve.
+SMALL: Final = 2.0
+# Neighbours of an extremum of z that are this much more unlike than this are a corner.
+CORNER: Final = 20.0
+
+
+class ModelJump(NamedTuple):
+    """A jump at a piezo position, from a force to a force."""
+
+    piezo: float
+    before: float
+    after: float
+
+
+class Leg(NamedTuple):
+    """Force over growing piezo position, vertical at jumps; and its largest jump, if there is one."""
+
+    piezo: Array
+    force: Array
+    jump: ModelJump | None
+
+    def at(self, piezo: Array) -> Array:
+        """The force."""
+        return np.interp(piezo, self.piezo, self.force)
+
+    def part(self, above: bool) -> tuple[Array, Array]:
+        """The part above or below the jump, which ends with the force at the jump."""
+        if self.jump is None:
+            return self.piezo, self.force
+        k = int(np.searchsorted(self.piezo, self.jump.piezo, side="right" if above else "left"))
+        chosen = slice(k - 1, None) if above else slice(0, k + 1)
+        return self.piezo[chosen], self.force[chosen]
+
+
+def legs(curve: Curve, stiffness: float) -> tuple[Leg, Leg]:
+    """Approach and retraction of a curve on a spring; an infinite stiffness is a rigid drive."""
+    columns = _finer(np.array([curve.load[1:], curve.displacement[1:]]))
+    force, displacement = (
+        np.append(first, own) for first, own in zip((curve.load[0], curve.displacement[0]), columns, strict=True)
+    )
+    piezo = displacement + force / stiffness
+    rising = piezo > np.append(-math.inf, np.maximum.accumulate(piezo)[:-1])
+    falling = piezo < np.append(np.minimum.accumulate(piezo[::-1])[::-1][1:], math.inf)
+    return _leg(piezo, force, np.flatnonzero(rising), 1), _leg(piezo, force, np.flatnonzero(falling), -1)
+
+
+def _finer(rows: Array) -> Array:
+    """Rows (2, M) interpolated at `FINER` times as many places, by cubics that keep to monotone data (PCHIP)."""
+    steps = np.diff(rows, axis=1)
+    before, after = steps[:, :-1], steps[:, 1:]
+    product = before * after
+    slopes = np.zeros_like(rows)
+    np.divide(2 * product, before + after, out=slopes[:, 1:-1], where=product > 0)
+    slopes[:, 0], slopes[:, -1] = steps[:, 0], steps[:, -1]
+    s = (np.arange(FINER) / FINER)[:, None]
+    bend = 3 * steps - 2 * slopes[:, :-1] - slopes[:, 1:]
+    twist = slopes[:, :-1] + slopes[:, 1:] - 2 * steps
+    pieces = rows[:, None, :-1] + s * (slopes[:, None, :-1] + s * (bend[:, None] + s * twist[:, None]))
+    return np.concatenate([pieces.transpose(0, 2, 1).reshape(2, -1), rows[:, -1:]], axis=1)
+
+
+def _leg(piezo: Array, force: Array, kept: NDArray[np.intp], direction: int) -> Leg:
+    """The leg of the points kept; at a gap between them the fold, and where the jump lands."""
+    gaps = np.flatnonzero(np.diff(kept) > 1)
+    places, values = [piezo[kept]], [force[kept]]
+    jumps, inserts = [], []
+    for gap in gaps:
+        fold, beyond = (kept[gap], kept[gap + 1]) if direction > 0 else (kept[gap + 1], kept[gap])
+        at, before = _vertex(piezo, force, int(fold))
+        beside = beyond - direction
+        low, high = piezo[beside], piezo[beyond]
+        share = (at - low) / (high - low) if high != low else 1.0
+        after = float(force[beside] + min(max(share, 0.0), 1.0) * (force[beyond] - force[beside]))
+        jumps.append(ModelJump(at, before, after))
+        inserts.append((gap + 1, at, (before, after) if direction > 0 else (after, before)))
+    for place, at, pair in reversed(inserts):
+        places[0] = np.insert(places[0], place, [at, at])
+        values[0] = np.insert(values[0], place, pair)
+    largest = max(jumps, key=lambda jump: abs(jump.after - jump.before), default=None)
+    return Leg(np.maximum.accumulate(places[0]), values[0], largest)
+
+
+def _vertex(piezo: Array, force: Array, k: int) -> tuple[float, float]:
+    """Piezo position and force at the extremum of the position next to a point; a corner is its own."""
+    if not 0 < k < piezo.size - 1:
+        return float(piezo[k]), float(force[k])
+    below, above = piezo[k - 1] - piezo[k], piezo[k + 1] - piezo[k]
+    if below * above <= 0.0 or max(abs(below), abs(above)) > CORNER * min(abs(below), abs(above)):
+        return float(piezo[k]), float(force[k])
+    s = 0.5 * (below - above) / (below + above)
+    half = 0.5 * (force[k + 1] - force[k - 1]), 0.5 * (force[k + 1] - 2 * force[k] + force[k - 1])
+    return float(piezo[k] - (above - below) ** 2 / (8 * (above + below))), float(force[k] + s * (half[0] + s * half[1]))
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Samples of a curve with the branches on which they were measured.
+
+    Attributes
+    ----------
+    curve : ForceCurve
+    seen : Features
+    far, near, approach, retract : integer arrays
+        Samples compared with the branch without and with contact (behind or before a jump), and with whole legs.
+    """
+
+    curve: ForceCurve
+    seen: Features
+    far: NDArray[np.intp]
+    near: NDArray[np.intp]
+    approach: NDArray[np.intp]
+    retract: NDArray[np.intp]
+
+    @classmethod
+    def of(cls, curve: ForceCurve, seen: Features, most: int | None = None) -> Comparison:
+        """Sort the samples; keep about so many of each leg, all of them around jumps."""
+        none = np.empty(0, dtype=np.intp)
+        far, near, whole = [none], [none], [none, none]
+        for retract, jump in ((False, seen.jump_in), (True, seen.pull_off)):
+            leg = curve.leg(retract)
+            kept = _thinned(leg, jump, most)
+            if jump is not None:
+                (near if retract else far).append(kept[kept <= jump.before])
+                (far if retract else near).append(kept[kept >= jump.after])
+            elif not (seen.returned if retract else seen.begun):
+                near.append(kept)
+            else:
+                whole[retract] = kept
+        return cls(curve, seen, np.concatenate(far), np.concatenate(near), *whole)
+
+    def labelled(
+        self, approach: Leg, retract: Leg, contact_point: float, recorded: Array, most: int | None
+    ) -> Comparison:
+        """With the place of a jump in legs where none stands out, where the branches of a model put it most likely.
+
+        Parameters
+        ----------
+        recorded : array (M,)
+            The forces of all samples as the model has them: less the baseline.
+        """
+        branches = approach.part(False), retract.part(True)
+        piezo = self.curve.piezo - contact_point
+        found: dict[str, Any] = {}
+        for back, name, leg in ((False, "jump_in", approach), (True, "pull_off", retract)):
+            if getattr(self.seen, name) is not None or leg.jump is None:
+                continue
+            if not (self.seen.returned if back else self.seen.begun):
+                continue
+            if abs(leg.jump.after - leg.jump.before) < SMALL * self.seen.noise:
+                continue
+            own = self.curve.leg(back)
+            apart = [((recorded[own] - np.interp(piezo[own], *branch)) / self.seen.noise) ** 2 for branch in branches]
+            first, last = apart[::-1] if back else apart
+            score = np.cumsum(first - last)[:-1]
+            weights = np.exp(-0.5 * (score - score.min()))
+            weights /= weights.sum()
+            middle = 0.5 * (self.curve.piezo[own][1:] + self.curve.piezo[own][:-1])
+            place = float(weights @ middle)
+            spread = math.sqrt(max(float(weights @ (middle - place) ** 2), 0.0))
+            k = int(np.argmin(score))
+            width = math.hypot(float(abs(np.diff(self.curve.piezo[own[k : k + 2]])[0])), math.sqrt(12.0) * spread)
+            before, after = int(own[k]), int(own[k + 1])
+            step = leg.jump.after - leg.jump.before
+            found[name] = MeasuredJump(before, after, place, float(self.curve.force[before]), step, width)
+        return Comparison.of(self.curve, replace(self.seen, **found), most) if found else self
+
+    @property
+    def samples(self) -> NDArray[np.intp]:
+        """All samples, in the order of the residuals."""
+        return np.concatenate([self.far, self.near, self.approach, self.retract])
+
+    def forces(self, approach: Leg, retract: Leg, contact_point: float) -> Array:
+        """The model's force at the samples."""
+        piezo = self.curve.piezo - contact_point
+        return np.concatenate(
+            [
+                np.interp(piezo[self.far], *approach.part(False)),
+                np.interp(piezo[self.near], *retract.part(True)),
+                approach.at(piezo[self.approach]),
+                retract.at(piezo[self.retract]),
+            ]
+        )
+
+    def places(self, approach: Leg, retract: Leg, contact_point: float) -> Array:
+        """How far jumps are from where they were seen, in standard deviations; a pull-off behind the last sample: 0."""
+        found = []
+        for leg, jump in ((approach, self.seen.jump_in), (retract, self.seen.pull_off)):
+            if jump is not None:
+                found.append((_jump_place(leg) + contact_point - jump.piezo) * math.sqrt(12.0) / jump.width)
+        if self.seen.pull_off is None and not self.seen.returned and retract.jump is not None:
+            samples = self.curve.piezo[self.curve.leg(True)]
+            if samples.size:
+                last, width = float(samples.min()), float(np.ptp(samples)) / samples.size
+                found.append(max(0.0, retract.jump.piezo + contact_point - last) / width)
+            else:
+                found.append(0.0)
+        elif self.seen.pull_off is None and not self.seen.returned:
+            found.append(0.0)
+        return np.array(found)
+
+
+def _thinned(leg: NDArray[np.intp], jump: MeasuredJump | None, most: int | None) -> NDArray[np.intp]:
+    if most is None or leg.size <= most:
+        return leg
+    kept = leg[:: max(1, leg.size // most)]
+    return kept if jump is None else np.union1d(kept, leg[np.abs(leg - jump.before) <= most // 20])
+
+
+def _jump_place(leg: Leg) -> float:
+    """Where the leg jumps; where it is steepest if it does not."""
+    if leg.jump is not None:
+        return leg.jump.piezo
+    slopes = np.diff(leg.force) / np.maximum(np.diff(leg.piezo), 1e-300)
+    return float(leg.piezo[int(np.argmin(slopes))])

@@ -1,0 +1,188 @@
+"""What is seen in a force curve before any model: noise, baseline, jumps, and whether there is anything to fit."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbranch.arrays import Array
+from contbranch.errors import InputError
+from contbranch.measure.force_curve import ForceCurve
+
+__all__ = ["Features", "MeasuredJump", "features"]
+
+# A jump takes so many samples at most, is so many times larger than noise, and than steps beside it.
+SAMPLES, ABOVE_NOISE, ABOVE_STEPS = 3, 8.0, 5.0
+# Steps beside a jump are those this near to it.
+BESIDE: Final = 12
+# Adhesion and contact are seen where the force leaves the baseline by so many times the noise.
+SEEN: Final = 6.0
+# Noise is taken to be at least this share of the range of forces: numbers in files are rounded.
+QUIET: Final = 2e-5
+
+
+@dataclass(frozen=True)
+class MeasuredJump:
+    """A jump within a leg.
+
+    Attributes
+    ----------
+    before, after : int
+        Last sample before and first after it, as numbers of the curve's samples.
+    piezo, force : float
+        In its middle, and just before it, the baseline left in.
+    step : float
+        Change of the force.
+    width : float
+        Piezo positions between which it lies.
+    """
+
+    before: int
+    after: int
+    piezo: float
+    force: float
+    step: float
+    width: float
+
+
+@dataclass(frozen=True)
+class Features:
+    """What is seen in a curve.
+
+    Attributes
+    ----------
+    noise : float
+        Standard deviation of the force between neighbouring samples.
+    baseline, tilt : float
+        Of the far part of the approach: force = baseline + tilt · piezo.
+    jump_in, pull_off : MeasuredJump or None
+        On approach and on retraction.
+    lowest, largest : float
+        Least and largest force above the baseline.
+    begun, returned : bool
+        Whether the approach begins at the baseline, and the retraction comes back to it.
+    """
+
+    noise: float
+    baseline: float
+    tilt: float
+    jump_in: MeasuredJump | None
+    pull_off: MeasuredJump | None
+    lowest: float
+    largest: float
+    begun: bool
+    returned: bool
+
+
+def features(curve: ForceCurve, adhesive: bool) -> Features:
+    """Look at a curve.
+
+    Parameters
+    ----------
+    adhesive : bool
+        Whether the contact to be fitted attracts.
+
+    Raises
+    ------
+    InputError
+        If there is no contact in it, no adhesion where the contact attracts, or its force is reversed.
+    """
+    approach, retract = curve.leg(False), curve.leg(True)
+    noise = max(_noise(curve, approach, retract), QUIET * float(np.ptp(curve.force)), 1e-300)
+    far_leg = _far_leg(curve, approach, retract)
+    baseline, tilt = _baseline(curve, far_leg, noise)
+    force = curve.force - baseline - tilt * curve.piezo
+    allowed = SEEN * noise
+    deep = approach[np.argsort(curve.piezo[approach])[-max(5, approach.size // 20) :]]
+    lowest, largest = float(np.min(force)), float(np.max(force))
+    if max(-lowest, largest) < allowed:
+        raise InputError(
+            f"curve: nothing but noise, of {noise:.3g} nN: the force leaves its baseline by "
+            f"{max(-lowest, largest):.3g} nN at most; there is no contact to fit"
+        )
+    pressed, rise = float(np.median(force[deep])), float(np.polyfit(curve.piezo[deep], force[deep], 1)[0])
+    if pressed < -allowed and rise * float(np.ptp(curve.piezo[deep])) < -0.5 * allowed:
+        raise InputError(
+            "curve: the force falls where the tip is pressed on; it must be positive in repulsion (give its negative)"
+        )
+    if adhesive and -lowest < allowed:
+        raise InputError(
+            f"curve: no adhesion: the force stays above {lowest:.3g} nN of its baseline, and the noise is "
+            f"{noise:.3g} nN; work of adhesion and range cannot be found from it, Hertz' theory may do"
+        )
+    far = np.argsort(curve.piezo[retract])[: max(3, retract.size // 50)]
+    end = float(np.median(force[retract][far])) if retract.size else math.nan
+    returned = bool(retract.size) and abs(end) < max(2 * allowed, 0.05 * (largest - lowest))
+    near = max(2 * allowed, 0.05 * (largest - lowest))
+    begun = far_leg is approach or abs(float(np.median(force[approach][: max(3, approach.size // 50)]))) < near
+    sign = -1.0 if adhesive else 1.0
+    jump_in = _jump(curve, force, approach, sign, noise)
+    pull_off = _jump(curve, force, retract, -sign, noise) if retract.size else None
+    return Features(noise, baseline, tilt, jump_in, pull_off, lowest, largest, begun, returned)
+
+
+def _noise(curve: ForceCurve, approach: NDArray[np.intp], retract: NDArray[np.intp]) -> float:
+    """From second differences where the force is flattest."""
+    found = []
+    for leg in (approach, retract):
+        if leg.size < 12:
+            continue
+        bends = np.diff(curve.force[leg], 2) / math.sqrt(6.0)
+        parts = np.array_split(bends, max(1, min(5, bends.size // 10)))
+        found += [1.4826 * float(np.median(np.abs(part - np.median(part)))) for part in parts]
+    return float(np.median(found)) if found else 0.0
+
+
+def _far_leg(curve: ForceCurve, approach: NDArray[np.intp], retract: NDArray[np.intp]) -> NDArray[np.intp]:
+    """The approach, or the retraction backwards where that begins clearly farther away."""
+    if not retract.size:
+        return approach
+    begin, end = (float(curve.piezo[leg].min()) for leg in (approach, retract))
+    return retract[::-1] if end < begin - 0.1 * float(np.ptp(curve.piezo)) else approach
+
+
+def _baseline(curve: ForceCurve, approach: NDArray[np.intp], noise: float) -> tuple[float, float]:
+    """A line through the far part of a leg towards the surface, as far as it fits."""
+    piezo, force = curve.piezo[approach], curve.force[approach]
+    count = max(6, approach.size // 8)
+    line = np.polyfit(piezo[:count], force[:count], 1)
+    far = piezo[0] + 0.15 * float(np.ptp(piezo))
+    if piezo[count - 1] < far:
+        count = max(count, int(np.searchsorted(np.maximum.accumulate(piezo), far)))
+    spread = 4 * max(noise, float(np.std(force[:count] - np.polyval(line, piezo[:count]))))
+    for _ in range(4):  # longer as long as the line holds
+        longer = min(int(1.4 * count), int(0.6 * approach.size))
+        trial = np.polyfit(piezo[:longer], force[:longer], 1)
+        if longer <= count or np.abs(force[:longer] - np.polyval(trial, piezo[:longer])).max() > spread:
+            break
+        count, line = longer, trial
+    return float(line[1]), float(line[0])
+
+
+def _jump(curve: ForceCurve, force: Array, leg: NDArray[np.intp], sign: float, noise: float) -> MeasuredJump | None:
+    """The largest change of a sign within few samples that stands out from those beside it."""
+    own = force[leg]
+    if own.size < 2 * SAMPLES + 2:
+        return None
+    steps = sign * np.diff(own)
+    k = int(np.argmax(steps))
+    low = high = k
+    while high - low + 1 < SAMPLES:  # neighbours that belong to it
+        sides = [(steps[j], j) for j in (low - 1, high + 1) if 0 <= j < steps.size]
+        size, j = max(sides)
+        if size < max(0.08 * steps[k], 3 * noise):
+            break
+        low, high = min(low, j), max(high, j)
+    step = float(own[high + 1] - own[low])
+    beside = np.abs(np.concatenate([steps[max(0, low - BESIDE) : low], steps[high + 1 : high + 1 + BESIDE]]))
+    usual = float(np.sort(beside)[-2:].mean()) if beside.size > 1 else 0.0
+    if sign * step < ABOVE_NOISE * noise or steps[k] < 0.5 * ABOVE_STEPS * usual:
+        return None
+    before, after = int(leg[low]), int(leg[high + 1])
+    piezo = float(curve.piezo[before]), float(curve.piezo[after])
+    width = max(abs(piezo[1] - piezo[0]), 0.5 * float(np.median(np.abs(np.diff(curve.piezo[leg])))), 1e-9)
+    return MeasuredJump(before, after, 0.5 * sum(piezo), float(curve.force[before]), step, width)

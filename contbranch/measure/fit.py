@@ -1,0 +1,686 @@
+"""`fit`: a contact fitted to a measured force curve, jumps included, and what the curve can tell of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from time import perf_counter
+from typing import Final
+
+import numpy as np
+import scipy
+
+from contbranch.api import hysteresis
+from contbranch.arrays import Array
+from contbranch.contact.contact import Contact
+from contbranch.contact.interaction_law import terms_of
+from contbranch.contact.interactions import INTERACTIONS
+from contbranch.contact.parameters import parameters_of
+from contbranch.contact.tips import Parabola
+from contbranch.control import Spring
+from contbranch.errors import InputError, ModelError
+from contbranch.measure.comparison import Comparison, Leg, legs
+from contbranch.measure.features import Features, MeasuredJump, features
+from contbranch.measure.force_curve import ForceCurve
+from contbranch.measure.quantities import LINE, Problem, State
+from contbranch.measure.reduced import LIMITS, TABOR, curve_of, tabulated
+from contbranch.results.diagram import Cost
+from contbranch.results.fit import Correlations, Fit, FitJump, LawFit
+from contbranch.threads import one_thread
+from contbranch.watch import INTERRUPTIONS, Progress, caught, check, finishing, over, part, tell, told, watched
+
+__all__ = ["COMPARED", "fit"]
+
+# Laws that are compared.
+COMPARED: Final = ("maugis-dugdale", "exponential", "van-der-waals", *LIMITS)
+# Tabor coefficients from which fits start, where the range is free; and factors of the modulus otherwise.
+STARTS, FACTORS = (0.2, 0.8, 3.0, 12.0), (0.2, 1.0, 5.0)
+# Contact points that are tried.
+PLACES: Final = 24
+# Samples of a leg while starts are tried, the evaluations they may take, and those of the last fit.
+FEW, TRIED, MOST = 250, 40, 120
+# Starts that are followed to their end: the best ones, as far as their sums of squares are within this factor.
+BEST, WITHIN = 2, 3.0
+# Residuals beyond so many standard deviations count less.
+ROBUST: Final = 3.0
+# Where the residuals' standard deviation exceeds the noise by this, or their correlation length a sample, the model is
+# not the curve's, and weights are those of residuals with that deviation and correlation.
+MISFIT, LONG = 1.25, 2.0
+# Largest relative error of a value that the data determine, largest correlation with one that they do not, and the
+# part of the length of the contact by which its place is to be known.
+KNOWN, TIED, PLACED = 0.2, 0.98, 0.3
+# Unknowns with larger errors (of their logarithm) are held at other values, a range at so many between its bounds.
+SHARP, GRID, HELD = 0.04, 6, 1e-7
+# Change of the sum of squares by which two minima are told apart.
+TOLD: Final = 9.0
+# Relative steps of derivatives.
+STEP: Final = 1e-5
+# A contact that takes a part of the spring's motion: slope in contact over the stiffness.
+COMPLIANT: Final = 0.8
+# Jumps agree within this share of the force.
+AGREE: Final = 0.05
+
+
+@one_thread
+def fit(
+    curve: ForceCurve,
+    contact: Contact,
+    free: Sequence[str] = ("work_of_adhesion", "modulus"),
+    *,
+    fixed: Sequence[str] = (),
+    spring: float | str | None = None,
+    law: str | None = None,
+    progress: Progress | None = None,
+    time_limit: float | None = None,
+) -> Fit:
+    """Fit a contact to a measured force curve.
+
+    Model and data are compared over the piezo position, on each leg where the force has one value: up to a jump on one
+    branch, behind it on the other, and the places of the jumps besides. Several starts are tried, made from the curve
+    and from the contact given; bounds keep positive what is positive.
+
+    Parameters
+    ----------
+    curve : ForceCurve
+    contact : Contact
+        Physical; its values are those that stay, and a start for those that are free.
+    free : sequence of str
+        Numbers of the contact (``work_of_adhesion``, ``modulus``, ``range``, ``radius``, …, in a sum of laws
+        ``range[0]``, …), ``spring`` and ``sensitivity``, the factor between the true deflection and the recorded one.
+    fixed : sequence of str
+        Which of `contact_point`, `baseline` and `tilt` are held at 0; otherwise they are free.
+    spring : float or str, optional
+        Stiffness of the cantilever in place of the curve's.
+    law : str, optional
+        A law in place of the contact's, with the same work of adhesion and range; ``"jkr"`` or ``"dmt"``, its limits;
+        or ``"compare"``: all of them in turn, and the best one by the Bayesian information criterion.
+    progress : callable, optional
+        Called as ``progress(fraction, text)`` now and then; where it raises `Stop`, the fit ends with what it has.
+    time_limit : float, optional
+        Seconds after which it does.
+
+    Returns
+    -------
+    Fit
+        With status ``incomplete`` where the minimisation did not converge.
+
+    Raises
+    ------
+    InputError
+        If an argument cannot be used, or the curve has nothing to fit: no contact, no adhesion, reversed signs.
+    ModelError
+        If the contact cannot be traced anywhere near the curve.
+    """
+    if not isinstance(curve, ForceCurve):
+        raise InputError(f"curve: {type(curve).__name__}; must be a ForceCurve, such as cb.read_force_curve(path)")
+    if not isinstance(contact, Contact) or not contact.units.physical:
+        raise InputError("contact: must be a Contact with units, made by cb.Contact.physical(...) or from a file")
+    if not terms_of(contact.interaction):
+        raise InputError("contact: it has no interaction; give a law, with a start for its work of adhesion")
+    if isinstance(free, str):
+        free = tuple(name.strip() for name in free.split(","))
+    began = perf_counter()
+    with watched(progress, time_limit) as watch:
+        fitting = _Fitting(curve.with_spring(spring), contact, tuple(free), tuple(fixed))
+        found = fitting.compared() if law == "compare" else fitting.result(fitting.law(law))
+        found = replace(found, message=told(found.message), cost=Cost(perf_counter() - began, fitting.evaluations))
+    return watch.passed(found)
+
+
+@dataclass(frozen=True)
+class _Minimum:
+    """Where a minimisation has ended: samples and their branches, vector, residuals, derivatives, and weights."""
+
+    problem: Problem
+    comparison: Comparison
+    x: Array
+    cost: float
+    residuals: Array
+    slopes: Array
+    converged: bool
+    spread: float
+    others: tuple[Array, ...] = ()
+    near: tuple[tuple[Array, float], ...] = ()
+
+
+@dataclass
+class _Fitting:
+    """A curve that is fitted."""
+
+    curve: ForceCurve
+    contact: Contact
+    free: tuple[str, ...]
+    fixed: tuple[str, ...]
+    evaluations: int = 0
+
+    def __post_init__(self) -> None:
+        work = sum(term.work_of_adhesion for term in terms_of(self.contact.interaction))
+        self.seen = features(self.curve, adhesive=work > 0)
+        self.all = Comparison.of(self.curve, self.seen)
+        self.few = Comparison.of(self.curve, self.seen, FEW)
+        if not self.curve.rigid and self.curve.spring is None:
+            raise InputError("spring: missing; give the stiffness of the cantilever, such as spring='0.5 N/m'")
+        self.stiffness = math.inf if self.curve.spring is None else self.curve.spring
+
+    # -- laws ---------------------------------------------------------------------------------------------------------
+    def law(self, name: str | None) -> _Minimum:
+        """The fit with a law, by name; None for the contact's own."""
+        contact, limit = self.contact, ""
+        if name is not None:
+            if name in LIMITS:
+                limit = name
+            elif name not in INTERACTIONS:
+                raise InputError(f"law: {name!r}; must be one of {', '.join((*INTERACTIONS, *LIMITS, 'compare'))}")
+            contact = _with_law(contact, "maugis-dugdale" if limit else name)
+        if limit and not isinstance(contact.tip, Parabola):
+            raise InputError(f"law: {limit}; is for a parabola")
+        middle = float(np.mean(self.curve.piezo[self.curve.leg(False)][: max(3, len(self.curve) // 10)]))
+        start = State(contact, self.stiffness)
+        problem = Problem.of(start, self.free, self.fixed, limit, middle)
+        return self._followed(problem, self._guess(problem))
+
+    def compared(self) -> Fit:
+        """The best of several laws."""
+        if not tabulated(_with_law(self.contact, "exponential")):
+            raise InputError("law: compare; is for a parabola")
+        found: list[tuple[str, _Minimum]] = []
+        for k, name in enumerate(COMPARED):
+            with part(k / len(COMPARED), (k + 1) / len(COMPARED)):
+                found.append((name, self.law(name)))
+            if over():
+                break
+        count, noise = len(self.curve), self.seen.noise
+        losses = {}
+        for name, one in found:
+            with finishing():
+                losses[name] = _loss(self._residuals(one.problem, one.comparison, noise)(one.x))
+        close = min(found, key=lambda item: losses[item[0]])[1]
+        misfit, length = max(1.0, min(losses.values()) / count), 1.0
+        if misfit > MISFIT**2:  # residuals that are correlated are worth fewer
+            length = max(1.0, _correlation_length(close.residuals[: close.comparison.samples.size]))
+        penalty = math.log(max(count / length, 8.0))
+        scores = {name: losses[name] / (misfit * length) + one.x.size * penalty for name, one in found}
+        best = min(scores.values())
+        order = sorted(found, key=lambda item: scores[item[0]])
+        fits = [LawFit(name, self._rms(one), scores[name] - best, one.problem.values(one.x)) for name, one in order]
+        result = self.result(order[0][1])
+        near = [one.law for one in fits[1:] if one.criterion < 10.0]
+        words = f"Of the laws compared {fits[0].law} fits best"
+        words += f"; the curve does not exclude {' and '.join(near)}." if near else "; the others are excluded by it."
+        return replace(result, laws=tuple(fits), message=f"{words} {result.message}")
+
+    # -- starts -------------------------------------------------------------------------------------------------------
+    def _guess(self, problem: Problem) -> State:
+        """A contact made from the curve: adhesion by the pull-off, modulus by the slope where it is pressed most."""
+        seen, state = self.seen, problem.start
+        contact, known = state.contact, parameters_of(state.contact)
+        pull = max(abs(seen.lowest), 6 * seen.noise)
+        radius = contact.tip.radius if isinstance(contact.tip, Parabola) else None
+        if radius is not None and "work_of_adhesion" in problem.free:
+            work = math.copysign(pull / (1.75 * math.pi * radius), known["work_of_adhesion"].value)
+            contact = parameters_of(contact)["work_of_adhesion"].contact(work)
+        if radius is not None and "modulus" in problem.free:
+            contact = parameters_of(contact)["modulus"].contact(self._modulus(radius, pull))
+        return replace(state, contact=contact, line=(0.0, seen.baseline, seen.tilt))
+
+    def _modulus(self, radius: float, pull: float) -> float:
+        """E² = k³/(6 F R) of a contact of stiffness k under F, by Hertz."""
+        slope = min(self._slope(), 0.95 * self.stiffness) or 1e-9
+        stiffness = slope / (1.0 - slope / self.stiffness)
+        force = max(self.seen.largest, 0.0) + pull
+        return math.sqrt(stiffness**3 / (6.0 * force * radius))
+
+    def _slope(self) -> float:
+        """Slope of the force where the tip is pressed most, on approach."""
+        leg = self.curve.leg(False)
+        top = leg[np.argsort(self.curve.piezo[leg])[-max(5, leg.size // 25) :]]
+        return abs(float(np.polyfit(self.curve.piezo[top], self.curve.force[top], 1)[0]))
+
+    def _starts(self, problem: Problem, guess: State) -> Iterator[Array]:
+        """Vectors from which to start: around the guess, and the contact given."""
+        states = [replace(guess, contact=problem.start.contact)]
+        if problem.by_tabor:
+            normal, known = guess.contact.scales.normal, parameters_of(guess.contact)
+            states += [replace(guess, contact=known["range"].contact(normal / tabor)) for tabor in STARTS]
+        else:
+            known = parameters_of(guess.contact)
+            factors = FACTORS if "modulus" in problem.free else (1.0,)
+            factors = factors if tabulated(problem.start.contact) or problem.limit else (1.0,)
+            states += [replace(guess, contact=known["modulus"].contact(known["modulus"].value * f)) for f in factors]
+        low, high = problem.bounds(guess)
+        inside = 1e-6 * np.minimum(high - low, 1.0)
+        for state in states:
+            vector = np.clip(problem.vector(state), low + inside, high - inside)
+            yield self._placed(problem, vector)
+
+    def _placed(self, problem: Problem, x: Array) -> Array:
+        """A vector with the contact point where the curve is closest, tried where jumps and extreme forces agree."""
+        if "contact_point" not in problem.names:
+            return x
+        try:
+            state = problem.state(x)
+            approach, retract = self._legs(problem, state)
+        except (ModelError, InputError):
+            return x
+        piezo, force = self.curve.piezo, self.curve.force
+        measured = [(retract, self.seen.pull_off), (approach, self.seen.jump_in)]
+        places = [jump.piezo - leg.jump.piezo for leg, jump in measured if jump and leg.jump]
+        lowest = int(np.argmin(retract.force))
+        deep = float(np.interp(self.seen.largest, retract.force[lowest:], retract.piezo[lowest:]))
+        places += [float(piezo[np.argmax(force)]) - deep, float(piezo[np.argmin(force)] - retract.piezo[lowest])]
+        if not places[:-2]:  # no jump to go by
+            around = state.contact.scales.normal
+            places += list(np.linspace(min(places) - around, max(places) + around, PLACES))
+        k, losses = problem.names.index("contact_point"), []
+        comparison, (_, baseline, tilt) = self.few, state.line
+        recorded = force[comparison.samples] - baseline - tilt * piezo[comparison.samples]
+        for place in places:
+            own = comparison.forces(approach, retract, place) / state.sensitivity
+            losses.append(float(np.abs(own - recorded).sum()))
+        placed = x.copy()
+        placed[k] = places[int(np.argmin(losses))]
+        return placed
+
+    # -- minimisation -------------------------------------------------------------------------------------------------
+    def _legs(self, problem: Problem, state: State) -> tuple[Leg, Leg]:
+        """Approach and retraction of the model."""
+        largest = (self.seen.largest + 3 * self.seen.noise) * max(state.sensitivity, 1.0) * 1.1
+        if self.curve.deflected:
+            largest *= max(1.0, state.spring / self.stiffness)
+        return legs(curve_of(state.contact, largest, problem.limit), state.spring)
+
+    def _model(self, problem: Problem, x: Array, comparison: Comparison) -> tuple[Array, Array]:
+        """The recorded force at the samples, and how far the jumps are from their places."""
+        state = problem.state(x)
+        place, baseline, tilt = state.line
+        pair = self._legs(problem, state)
+        force = comparison.forces(*pair, place) / state.sensitivity
+        if self.curve.deflected and math.isfinite(state.spring):
+            force *= self.stiffness / state.spring
+        return force + baseline + tilt * self.curve.piezo[comparison.samples], comparison.places(*pair, place)
+
+    def _residuals(self, problem: Problem, comparison: Comparison, spread: float) -> Callable[[Array], Array]:
+        """Differences of force and of places of jumps in standard deviations."""
+        measured = self.curve.force[comparison.samples]
+        wide = max(1.0, spread / self.seen.noise / math.sqrt(len(measured)))
+
+        def residuals(x: Array) -> Array:
+            check()
+            self.evaluations += 1
+            force, places = self._model(problem, x, comparison)
+            return np.append((force - measured) / spread, places / wide)
+
+        return residuals
+
+    def _minimised(
+        self,
+        problem: Problem,
+        guess: State,
+        x: Array,
+        comparison: Comparison,
+        limits: tuple[float, int],
+        held: int | None = None,
+    ) -> _Minimum:
+        """A minimum from a start, with a standard deviation and a number of evaluations; one unknown may be held.
+
+        Raises
+        ------
+        ModelError
+            If the model has no curve at the start.
+        """
+        spread, evaluations = limits
+        low, high = problem.bounds(guess)
+        if held is not None:
+            low[held], high[held] = x[held] - HELD, x[held] + HELD
+        residuals = self._residuals(problem, comparison, spread)
+        middle = self.curve.piezo[comparison.samples] - problem.middle
+
+        def slopes(at: Array) -> Array:
+            base, columns = residuals(at), []
+            for k, name in enumerate(problem.names):
+                if name in ("baseline", "tilt"):
+                    column = (np.ones_like(middle) if name == "baseline" else middle) / spread
+                    columns.append(np.append(column, np.zeros(base.size - middle.size)))
+                    continue
+                step = STEP * (1.0 if name != "contact_point" else problem.state(at).contact.scales.normal)
+                step = step if at[k] + step < high[k] else -step
+                columns.append((residuals(at + step * np.eye(at.size)[k]) - base) / step)
+            return np.array(columns).T
+
+        reached = np.clip(x, low, high)
+
+        def derivatives(at: Array) -> Array:
+            nonlocal reached
+            reached = at.copy()
+            return slopes(at)
+
+        try:
+            found = scipy.optimize.least_squares(
+                residuals,
+                reached,
+                jac=derivatives,
+                bounds=(low, high),
+                x_scale=self._scale(problem, reached),
+                loss="soft_l1",
+                f_scale=ROBUST,
+                ftol=1e-9,
+                xtol=1e-9,
+                gtol=1e-9,
+                max_nfev=evaluations,
+            )
+        except INTERRUPTIONS as error:
+            caught(error)
+            with finishing():
+                last = residuals(reached)
+                return _Minimum(problem, comparison, reached, _loss(last), last, slopes(reached), False, spread)
+        last = np.asarray(found.fun)
+        return _Minimum(problem, comparison, found.x, _loss(last), last, slopes(found.x), found.status > 0, spread)
+
+    def _scale(self, problem: Problem, x: Array) -> Array:
+        """Sizes of steps that matter alike."""
+        length, noise = problem.state(x).contact.scales.normal, self.seen.noise
+        own = {"contact_point": 0.1 * length, "baseline": noise, "tilt": noise / float(np.ptp(self.curve.piezo))}
+        return np.array([own.get(name, 0.1) for name in problem.names])
+
+    def _followed(self, problem: Problem, guess: State) -> _Minimum:
+        """The best minimum: starts tried on few samples, the best of them followed on all."""
+        noise = self.seen.noise
+        tried: list[_Minimum] = []
+        failure: Exception | None = None
+        rough = max(noise, 0.02 * max(abs(self.seen.lowest), self.seen.largest * 0.1))
+        pilot = problem
+        if problem.by_tabor and not problem.limit:  # Maugis' closed form leads close enough
+            pilot = problem.with_law(_with_law(problem.start.contact, "maugis-dugdale"))
+        for k, x in enumerate(self._starts(pilot, guess)):
+            if over() and tried:
+                break
+            try:
+                tell(0.1 * k, f"start {k + 1}")
+                tried.append(self._minimised(pilot, guess, x, self.few, (rough, TRIED)))
+            except (ModelError, InputError, FloatingPointError) as error:
+                failure = error
+            except INTERRUPTIONS as error:
+                caught(error)
+        if not tried:
+            raise ModelError(f"fit: the contact cannot be traced near the curve. {failure}")
+        tried.sort(key=lambda one: one.cost)
+        chosen = _distinct([one for one in tried if one.cost <= WITHIN * tried[0].cost + TOLD])[:BEST]
+        found: list[_Minimum] = []
+        for one in chosen:
+            if over() and found:
+                break
+            coarse = self._minimised(problem, guess, one.x, self.few, (max(noise, 0.2 * rough), TRIED))
+            coarse = self._minimised(problem, guess, coarse.x, self._labelled(coarse, FEW), (noise, TRIED))
+            found.append(self._minimised(problem, guess, coarse.x, self._labelled(coarse), (noise, MOST)))
+        best = min(found, key=lambda one: one.cost)
+        last = self._profiled(self._reweighted(best, guess), guess)
+        others = [one.x for one in _distinct([best, *found])[1:] if one.cost < best.cost + TOLD]
+        return replace(last, others=() if last.spread != best.spread else tuple(others))
+
+    def _labelled(self, found: _Minimum, most: int | None = None) -> Comparison:
+        """The samples on the branches on which a fit puts them."""
+        state = found.problem.state(found.x)
+        place, baseline, tilt = state.line
+        factor = self.stiffness / state.spring if self.curve.deflected and math.isfinite(state.spring) else 1.0
+        recorded = (self.curve.force - baseline - tilt * self.curve.piezo) * state.sensitivity / factor
+        known = self.all if most is None else self.few
+        return known.labelled(*self._legs(found.problem, state), place, recorded, most)
+
+    def _reweighted(self, found: _Minimum, guess: State) -> _Minimum:
+        """The minimum with weights that residuals which are no white noise deserve."""
+        spread = self._spread(found)
+        if spread <= MISFIT * found.spread:
+            return found
+        return self._minimised(found.problem, guess, found.x, found.comparison, (spread, MOST))
+
+    def _profiled(self, found: _Minimum, guess: State) -> _Minimum:
+        """The minimum with what else fits as well: minima with an unknown held elsewhere that the data hardly tell."""
+        low, high = found.problem.bounds(guess)
+        errors = np.sqrt(np.maximum(np.diag(self._inverse(found)[0]), 0.0))
+        near = []
+        for k, name in enumerate(found.problem.names):
+            if name in LINE or errors[k] < SHARP:
+                continue
+            tried = [found.x[k] + s * errors[k] for s in (-2.0, 2.0)]
+            tried += list(np.linspace(low[k], high[k], GRID)) if name == "range" and found.problem.by_tabor else []
+            for value in tried:
+                if over() or not low[k] <= value <= high[k]:
+                    continue
+                x = found.x.copy()
+                x[k] = value
+                one = self._minimised(found.problem, guess, x, found.comparison, (found.spread, TRIED), held=k)
+                if one.cost < found.cost - 0.5 and not over():  # a better one has been found by the way
+                    better = self._minimised(found.problem, guess, one.x, found.comparison, (found.spread, MOST))
+                    if better.cost < found.cost - 0.5:
+                        return self._profiled(better, guess) if not found.near else better
+                if one.cost < found.cost + 4.0:
+                    near.append((one.x, max(one.cost - found.cost, 1.0)))
+        return replace(found, near=tuple(near))
+
+    def _spread(self, found: _Minimum) -> float:
+        """Standard deviation that independent residuals would have, were there as many as they are worth."""
+        own = found.residuals[: found.comparison.samples.size] * found.spread
+        size = 1.4826 * float(np.median(np.abs(own)))
+        length = 1.0
+        if size > MISFIT * self.seen.noise or found.spread > self.seen.noise:
+            order = np.argsort(found.comparison.samples)
+            length = _correlation_length(own[order])
+        return max(size, self.seen.noise * 0.5) * math.sqrt(length if length > LONG else 1.0)
+
+    # -- results ------------------------------------------------------------------------------------------------------
+    def _rms(self, found: _Minimum) -> float:
+        own = found.residuals[: found.comparison.samples.size] * found.spread
+        return float(np.sqrt(np.mean(own**2)))
+
+    def result(self, found: _Minimum) -> Fit:
+        """The minimum as a result."""
+        problem = found.problem
+        state, values = problem.state(found.x), problem.values(found.x)
+        covariance, tied = self._covariance(found)
+        errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        safe = np.where(errors > 0, errors, 1.0)
+        matrix = covariance / np.outer(safe, safe)
+        spreads = dict(zip(values, map(float, errors), strict=True))
+        known = self._known(found, values, spreads) if not tied else ()
+        approach, retract = self._legs(problem, state)
+        jumps = self._jumps(found.comparison.seen, state, approach, retract)
+        law = problem.limit or (terms_of(state.contact.interaction)[0].name or "law")
+        force, _ = self._model(problem, found.x, found.comparison)
+        fitted = np.full(len(self.curve), math.nan)
+        fitted[found.comparison.samples] = force
+        message = self._message(found, values, spreads, matrix, known, jumps)
+        rigid, contact = math.isinf(state.spring), state.contact
+        control = "displacement" if rigid else Spring(state.spring)
+        most = max(self.seen.largest * state.sensitivity, 1e-3 * contact.scales.load)
+        return Fit(
+            values=values,
+            errors=spreads,
+            correlations=Correlations(tuple(values), matrix),
+            identifiable=known,
+            jumps=jumps,
+            rms=self._rms(found),
+            noise=self.seen.noise,
+            contact=contact,
+            law=law,
+            status="complete" if found.converged else "incomplete",
+            message=message,
+            spring=state.spring,
+            piezo=self.curve.piezo,
+            force=self.curve.force,
+            fitted=fitted,
+            residuals=self.curve.force - fitted,
+            retract=self.curve.retract,
+            cost=Cost(0.0, 0),
+            traced=None if problem.limit else lambda: hysteresis(contact, control, 1e-5, max_load=most),
+        )
+
+    def _inverse(self, found: _Minimum) -> tuple[Array, bool]:
+        """Covariance of the unknowns by robust weights and the residuals' size, and whether it could not be had."""
+        weights = 1.0 / (1.0 + (found.residuals / ROBUST) ** 2) ** 0.75
+        slopes = found.slopes * np.sqrt(weights)[:, None]
+        size = np.linalg.norm(slopes, axis=0)
+        size = np.where(size > 0, size, 1e-12)
+        _, singular, rows = np.linalg.svd(slopes / size, full_matrices=False)
+        floor = 1e-9 * singular[0]
+        inverse = (rows.T / np.maximum(singular, floor) ** 2) @ rows / np.outer(size, size)
+        return inverse * max(self._spread(found) / found.spread, 0.8) ** 2, bool(singular[-1] < floor)
+
+    def _covariance(self, found: _Minimum) -> tuple[Array, bool]:
+        """Covariance of the values, no smaller than what fits as well is apart, and whether it could not be had."""
+        inverse, tied = self._inverse(found)
+        to_values = found.problem.derivatives(found.x)
+        covariance = to_values @ inverse @ to_values.T
+        values = np.array(list(found.problem.values(found.x).values()))
+        apart = [
+            np.abs(np.array(list(found.problem.values(x).values())) - values) / math.sqrt(more)
+            for x, more in found.near
+        ]
+        errors = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+        factor = np.max([errors, *apart], axis=0) / errors
+        return covariance * np.outer(factor, factor), tied
+
+    def _known(self, found: _Minimum, values: dict[str, float], errors: dict[str, float]) -> tuple[str, ...]:
+        """What the data determine."""
+        low, high = found.problem.bounds(self._guess(found.problem))
+        relative = found.problem.relative()
+        length = found.problem.state(found.x).contact.scales.normal
+        known = []
+        for k, name in enumerate(values):
+            near = min(found.x[k] - low[k], high[k] - found.x[k]) < 0.05 if relative[name] else False
+            sure = errors[name] <= (KNOWN * abs(values[name]) if relative[name] else math.inf)
+            if name == "contact_point":
+                sure = errors[name] <= PLACED * length
+            apart = [abs(found.problem.values(x)[name] - values[name]) > 3 * errors[name] for x in found.others]
+            if sure and not near and not any(apart):
+                known.append(name)
+        return tuple(known)
+
+    def _jumps(self, seen: Features, state: State, approach: Leg, retract: Leg) -> tuple[FitJump, ...]:
+        """The jumps measured and fitted, in recorded forces less the baseline."""
+        place, baseline, tilt = state.line
+        factor = self.stiffness / state.spring if self.curve.deflected and math.isfinite(state.spring) else 1.0
+        attracts = self.seen.lowest < -6 * self.seen.noise
+        names = ("jump-in", "pull-off") if attracts else ("squeeze-out", "wetting")
+        found = []
+        for name, leg, jump in ((names[0], approach, seen.jump_in), (names[1], retract, seen.pull_off)):
+            measured = fitted = None
+            if jump is not None:
+                measured = {"piezo": jump.piezo, "force": jump.force - baseline - tilt * jump.piezo, "step": jump.step}
+            if leg.jump is not None and _worth(leg.jump.after - leg.jump.before, self.seen, jump):
+                before, after = (factor * f / state.sensitivity for f in leg.jump[1:])
+                fitted = {"piezo": leg.jump.piezo + place, "force": before, "step": after - before}
+            if measured or fitted:
+                found.append(FitJump(name, measured, fitted))
+        return tuple(found)
+
+    def _message(
+        self,
+        found: _Minimum,
+        values: dict[str, float],
+        errors: dict[str, float],
+        matrix: Array,
+        known: tuple[str, ...],
+        jumps: tuple[FitJump, ...],
+    ) -> str:
+        """What the data tell, and what not."""
+        names, problem, words = list(values), found.problem, []
+        if not found.converged:
+            words.append("The minimisation did not converge.")
+        words.append(f"The data determine {_listed(known)}." if known else "The data determine none of the values.")
+        open_ = [name for name in names if name not in known]
+        for name in open_:
+            error = abs(errors[name] / values[name]) if values[name] else math.inf
+            words.append(f"They do not determine {name}{f' (± {100 * error:.0f} %)' if 0.0 < error < 10 else ''}.")
+        tied = [
+            f"{a} and {b} are {matrix[names.index(a), names.index(b)]:.2f} correlated"
+            for a, b in combinations((n for n in names if n not in ("baseline", "tilt")), 2)
+            if abs(matrix[names.index(a), names.index(b)]) > 0.9
+        ]
+        if tied:
+            words.append(f"{'; '.join(tied)}."[0].upper() + f"{'; '.join(tied)}."[1:])
+        if "sensitivity" in names and self._slope() < COMPLIANT * self.stiffness:
+            words.append(
+                f"Pressed most, the force rises by {self._slope():.3g} nN/nm, {self._slope() / self.stiffness:.2f} of "
+                "the spring's stiffness: a compliant contact, or a recorded deflection that is too small. The slope "
+                "alone does not tell which; here the curve's bend and its jumps have decided."
+            )
+        if {"work_of_adhesion", "radius"} <= set(names) and not {"work_of_adhesion", "radius"} <= set(known):
+            words.append("The pull-off fixes the product of work_of_adhesion and radius.")
+        if problem.by_tabor:
+            tabor = problem.state(found.x).contact.tabor or 0.0
+            if tabor < 1.1 * TABOR[0] or tabor > TABOR[1] / 1.1:
+                words.append(
+                    f"The range is at the end of what is tabulated: the {'DMT' if tabor < 1 else 'JKR'} limit fits."
+                )
+        if found.others:
+            words.append("Another minimum fits as well, with other values.")
+        rms = self._rms(found)
+        if rms > 2 * self.seen.noise:
+            words.append(
+                f"The residuals (rms {rms:.3g} nN) exceed the noise ({self.seen.noise:.3g} nN): the model is not all "
+                "there is in the curve; errors allow for that."
+            )
+        return " ".join([*words, *_disagreements(jumps)])
+
+
+def _disagreements(jumps: tuple[FitJump, ...]) -> Iterator[str]:
+    """Sentences on jumps that are not fitted."""
+    for jump in jumps:
+        one, other = jump.measured, jump.fitted
+        if one is None or other is None:
+            yield f"The {jump.name} was {'fitted but not seen' if one is None else 'seen but not fitted'}."
+            continue
+        key = "step" if jump.name in ("jump-in", "squeeze-out") else "force"
+        share = other[key] / one[key] - 1.0 if one[key] else 0.0
+        if abs(share) > AGREE:
+            yield (
+                f"No such contact has the {jump.name} measured beside all else: its {key} is {one[key]:.3g} nN, the "
+                f"fitted one {other[key]:.3g} nN ({100 * share:+.0f} %)."
+            )
+
+
+def _worth(step: float, seen: Features, measured: MeasuredJump | None) -> bool:
+    """Whether a jump of the model is one: it was seen, or should have been."""
+    return measured is not None or abs(step) > 8 * seen.noise
+
+
+def _with_law(contact: Contact, name: str) -> Contact:
+    """The contact with another law of the same work of adhesion and range."""
+    law = contact.interaction
+    if law is None:
+        raise InputError("contact: it has no interaction")
+    if law.name == name:
+        return contact
+    return replace(contact, interaction=INTERACTIONS[name](law.work_of_adhesion, law.range))
+
+
+def _loss(residuals: Array) -> float:
+    """Sum of squares, those of large residuals cut short."""
+    return float(2 * ROBUST**2 * (np.sqrt(1 + (residuals / ROBUST) ** 2) - 1).sum())
+
+
+def _distinct(found: list[_Minimum]) -> list[_Minimum]:
+    """Minima that differ."""
+    kept: list[_Minimum] = []
+    for one in found:
+        positive = [k for k, name in enumerate(one.problem.names) if name not in LINE]
+        if all(np.abs(one.x[positive] - other.x[positive]).max(initial=0.0) > 0.05 for other in kept):
+            kept.append(one)
+    return kept
+
+
+def _correlation_length(values: Array) -> float:
+    """1 + 2 Σ ρ_k up to the first ρ_k below 0.05."""
+    centred = np.clip(values - np.median(values), *np.quantile(values - np.median(values), (0.01, 0.99)))
+    size = 1 << (2 * centred.size - 1).bit_length()
+    spectrum = np.abs(np.fft.rfft(centred, size)) ** 2
+    rho = np.fft.irfft(spectrum)[: centred.size // 2]
+    rho /= rho[0] or 1.0
+    low = np.flatnonzero(rho < 0.05)
+    return float(1.0 + 2.0 * rho[1 : int(low[0]) if low.size else rho.size].sum())
+
+
+def _listed(names: Sequence[str]) -> str:
+    return f"{', '.join(names[:-1])} and {names[-1]}" if len(names) > 1 else "".join(names)

@@ -1,0 +1,177 @@
+"""A measured force curve: force against piezo position on approach and retraction, its conventions checked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from contbranch.arrays import Array
+from contbranch.contact.units import parse, positive_number
+from contbranch.errors import InputError
+
+__all__ = ["COLUMNS", "ForceCurve"]
+
+# What a curve can be made of, and its dimension.
+COLUMNS: Final = {"piezo": "length", "tip": "length", "force": "force", "deflection": "length"}
+# Legs with fewer samples than this say nothing.
+LEAST: Final = 8
+# A drive that moves steadily: the median of its ways in parts of a leg as a share of their mean.
+STEADY: Final = 0.2
+WORDS: Final = ("approach", "retract")
+
+
+@dataclass(frozen=True, eq=False)
+class ForceCurve:
+    """Force against piezo position, in the order in which it was measured; lengths in nm, forces in nN.
+
+    The piezo position grows towards the surface and the force is positive in repulsion. A tip position is turned into
+    that of the piezo with the spring, ``piezo = tip + force/K``, and a deflection into a force, ``force = K δ``.
+    Without a spring a tip position is taken for that of a rigid drive.
+
+    Parameters
+    ----------
+    piezo, tip : array (M,)
+        One of the two.
+    force, deflection : array (M,)
+        One of the two; a deflection needs the spring.
+    spring : float or str, optional
+        Stiffness of the cantilever in nN/nm, or with a unit.
+    segment : array (M,), optional
+        ``"approach"`` and ``"retract"`` (or 0 and 1); without it the curve is split at its largest piezo position.
+    units : mapping, optional
+        Units of `piezo`, `tip`, `force` and `deflection` where they are not nm and nN, such as ``{"piezo": "um"}``.
+    source : str
+        Where it is from.
+
+    Raises
+    ------
+    InputError
+        For arrays of different lengths, values that are not finite, and piezo positions that do not grow on approach.
+    """
+
+    piezo: Array
+    force: Array
+    spring: float | None
+    retract: NDArray[np.bool_]
+    source: str = ""
+    deflected: bool = False
+    rigid: bool = field(default=False)
+
+    def __init__(
+        self,
+        piezo: ArrayLike | None = None,
+        force: ArrayLike | None = None,
+        spring: float | str | None = None,
+        segment: Sequence[Any] | NDArray[Any] | None = None,
+        **others: Any,
+    ) -> None:
+        units: Mapping[str, str] = others.pop("units", None) or {}
+        source = str(others.pop("source", ""))
+        given = {"piezo": piezo, "force": force, **others}
+        unknown = [name for name in (*given, *units) if name not in COLUMNS]
+        if unknown:
+            raise InputError(f"curve: {unknown[0]!r} is not known; must be one of {', '.join(COLUMNS)}, units, source")
+        columns = {name: _column(values, name, units.get(name)) for name, values in given.items() if values is not None}
+        for one, other in (("piezo", "tip"), ("force", "deflection")):
+            if (one in columns) == (other in columns):
+                raise InputError(f"curve: give either {one} or {other}")
+        sizes = {name: values.size for name, values in columns.items()}
+        if len(set(sizes.values())) > 1:
+            raise InputError(
+                f"curve: {' and '.join(f'{n} {name}' for name, n in sizes.items())} values; must be as many"
+            )
+        stiffness = None if spring is None else positive_number(parse(spring, "stiffness", "spring"), "spring")
+        if "deflection" in columns and stiffness is None:
+            raise InputError("spring: missing; a deflection becomes a force with the stiffness of the cantilever")
+        found = columns["force"] if "force" in columns else (stiffness or 0.0) * columns["deflection"]
+        drive = columns["piezo"] if "piezo" in columns else columns["tip"] + (found / stiffness if stiffness else 0.0)
+        made = {
+            "piezo": drive,
+            "force": found,
+            "spring": stiffness,
+            "retract": _retract(segment, drive),
+            "source": source,
+            "deflected": "deflection" in columns,
+            "rigid": "tip" in columns and stiffness is None,
+        }
+        for name, value in made.items():
+            object.__setattr__(self, name, value)
+        self._check()
+
+    def __len__(self) -> int:
+        return self.piezo.size
+
+    def with_spring(self, spring: float | str | None) -> Self:
+        """The curve with another spring, if one is given; a force made of a deflection changes with it.
+
+        Raises
+        ------
+        InputError
+            If a tip position was taken for that of a rigid drive: give the spring when the curve is made.
+        """
+        if spring is None:
+            return self
+        stiffness = positive_number(parse(spring, "stiffness", "spring"), "spring")
+        changed = object.__new__(type(self))
+        changed.__dict__.update(self.__dict__ | {"spring": stiffness, "rigid": False})
+        if self.rigid:
+            changed.__dict__["piezo"] = self.piezo + self.force / stiffness
+        if self.deflected and self.spring:
+            changed.__dict__["force"] = self.force * (stiffness / self.spring)
+        return changed
+
+    def leg(self, retract: bool) -> NDArray[np.intp]:
+        """Numbers of the samples of approach or retraction, in the order in which they were measured."""
+        return np.flatnonzero(self.retract == retract)
+
+    def _check(self) -> None:
+        approach = self.leg(False)
+        if approach.size < LEAST:
+            much = f"{approach.size} of {len(self)} samples"
+            raise InputError(
+                f"curve: {much} on approach, before the largest piezo position; the piezo position must grow towards "
+                "the surface (if it falls, give its negative)"
+            )
+        for retract, word in enumerate(WORDS):
+            leg = self.piezo[self.leg(bool(retract))]
+            if leg.size < 2 * LEAST:
+                continue
+            ways = (1 - 2 * retract) * np.diff([float(part.mean()) for part in np.array_split(leg, LEAST)])
+            if not np.median(ways) > STEADY * abs(float(ways.mean())):
+                sense = "grow" if not retract else "fall"
+                raise InputError(
+                    f"curve: the piezo position does not {sense} steadily on {word}; are columns swapped, or does it "
+                    "grow away from the surface (then give its negative)?"
+                )
+
+
+def _column(values: ArrayLike, name: str, unit: str | None) -> Array:
+    """Values in nm or nN."""
+    try:
+        found = np.array(values, dtype=np.float64).ravel()
+    except (TypeError, ValueError) as error:
+        raise InputError(f"curve: {name} must be numbers ({error})") from None
+    if found.size < 2 * LEAST:
+        raise InputError(f"curve: {found.size} values of {name}; must be at least {2 * LEAST}")
+    wrong = int((~np.isfinite(found)).sum())
+    if wrong:
+        raise InputError(f"curve: {wrong} of {found.size} values of {name} are not finite; leave those samples out")
+    return found if unit is None else found * parse(f"1 {unit}", COLUMNS[name], f"curve: unit of {name}")
+
+
+def _retract(segment: Sequence[Any] | NDArray[Any] | None, drive: Array) -> NDArray[np.bool_]:
+    """Which samples belong to the retraction."""
+    if segment is None:
+        return np.arange(drive.size) > int(np.argmax(drive))
+    words = np.asarray(segment).ravel()
+    if words.size != drive.size:
+        raise InputError(f"curve: {words.size} values of segment and {drive.size} positions; must be as many")
+    texts = np.char.lower(np.char.strip(words.astype(str)))
+    known = np.isin(texts, ("approach", "retract", "0", "1", "false", "true"))
+    if not known.all():
+        raise InputError(f"curve: segment {str(texts[~known][0])!r}; must be approach or retract")
+    return np.isin(texts, ("retract", "1", "true"))

@@ -1,0 +1,166 @@
+"""What is varied in a fit: numbers of the contact, the instrument's, and the straight line below the curve."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from contbranch.arrays import Array
+from contbranch.contact.contact import Contact, nearest
+from contbranch.contact.parameters import parameters_of
+from contbranch.errors import InputError
+from contbranch.measure.reduced import TABOR, tabulated
+
+__all__ = ["LINE", "Problem", "State"]
+
+LINE: Final = ("contact_point", "baseline", "tilt")
+INSTRUMENT: Final = ("spring", "sensitivity")
+# Factors from the first guess within which a positive number may lie.
+WIDE, NARROW = 1e3, 5.0
+
+
+@dataclass(frozen=True)
+class State:
+    """A contact with its instrument.
+
+    Attributes
+    ----------
+    contact : Contact
+    spring : float
+        Infinite for a rigid drive.
+    sensitivity : float
+        True deflection over the recorded one.
+    line : (float, float, float)
+        Contact point, baseline and tilt: the recorded force is ``F/sensitivity + baseline + tilt · piezo``.
+    """
+
+    contact: Contact
+    spring: float
+    sensitivity: float = 1.0
+    line: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Problem:
+    """The unknowns as a vector: logarithms of positive numbers, the Tabor coefficient for a range that is free.
+
+    Attributes
+    ----------
+    start : State
+    free : tuple of str
+    fixed : tuple of str
+        Of `LINE`, held at 0.
+    middle : float
+        Piezo position at which the baseline is taken, so that it does not depend on the tilt.
+    limit : str
+        ``"jkr"`` or ``"dmt"``: without a range.
+    """
+
+    start: State
+    free: tuple[str, ...]
+    fixed: tuple[str, ...] = ()
+    middle: float = 0.0
+    limit: str = ""
+
+    @classmethod
+    def of(cls, start: State, free: Sequence[str], fixed: Sequence[str], limit: str, middle: float) -> Problem:
+        """The problem of names that a user gives.
+
+        Raises
+        ------
+        InputError
+            For a name that is not known, or cannot be varied.
+        """
+        known = parameters_of(start.contact)
+        rest = [name for name in free if name not in known and name not in INSTRUMENT]
+        if rest:
+            possible = (*known, *INSTRUMENT)
+            raise InputError(f"free: {rest[0]!r}; must be one of {', '.join(possible)}{nearest(rest[0], possible)}")
+        wrong = [name for name in fixed if name not in LINE]
+        if wrong:
+            raise InputError(f"fixed: {wrong[0]!r}; must be one of {', '.join(LINE)}")
+        zero = [name for name in free if name in known and known[name].value == 0.0]
+        if zero:
+            raise InputError(f"free: {zero[0]} is 0, and is varied by a factor; give another start")
+        if "spring" in free and math.isinf(start.spring):
+            raise InputError("free: spring; the curve has none, give its stiffness to start with")
+        names = tuple(dict.fromkeys(name for name in free if not (limit and name == "range")))
+        return cls(start, names, tuple(fixed), middle, limit)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """All that is varied."""
+        return (*self.free, *(name for name in LINE if name not in self.fixed))
+
+    @property
+    def by_tabor(self) -> bool:
+        """Whether the Tabor coefficient stands for the range."""
+        return "range" in self.free and tabulated(self.start.contact)
+
+    def state(self, x: Array) -> State:
+        """What a vector means."""
+        numbers = dict(zip(self.names, map(float, x), strict=True))
+        contact, known = self.start.contact, parameters_of(self.start.contact)
+        for name in self.free:
+            if name in known and not (name == "range" and self.by_tabor):
+                changed = math.copysign(math.exp(numbers[name]), known[name].value)
+                contact = parameters_of(contact)[name].contact(changed)
+        if self.by_tabor:
+            wide = contact.scales.normal * math.exp(-numbers["range"])
+            contact = parameters_of(contact)["range"].contact(wide)
+        spring, sensitivity = (
+            math.exp(numbers[name]) if name in numbers else getattr(self.start, name) for name in INSTRUMENT
+        )
+        place, baseline, tilt = (numbers.get(name, 0.0) for name in LINE)
+        return State(contact, spring, sensitivity, (place, baseline - tilt * self.middle, tilt))
+
+    def vector(self, state: State) -> Array:
+        """The vector of a state."""
+        known, (place, baseline, tilt) = parameters_of(state.contact), state.line
+        own: dict[str, float] = {"contact_point": place, "baseline": baseline + tilt * self.middle, "tilt": tilt}
+        own |= {"spring": math.log(state.spring) if self.start.spring < math.inf else 0.0}
+        own |= {"sensitivity": math.log(state.sensitivity)}
+        own |= {name: math.log(abs(one.value)) for name, one in known.items() if one.value}
+        if self.by_tabor:
+            own["range"] = math.log(min(max(state.contact.tabor or 1.0, 1.02 * TABOR[0]), TABOR[1] / 1.02))
+        return np.array([own[name] for name in self.names])
+
+    def bounds(self, guess: State) -> tuple[Array, Array]:
+        """Bounds around a guess made from the curve."""
+        centre = self.vector(guess)
+        width = {"spring": math.log(NARROW), "sensitivity": math.log(NARROW), "radius": math.log(30.0)}
+        spread = np.array([math.inf if name in LINE else width.get(name, math.log(WIDE)) for name in self.names])
+        low, high = centre - spread, centre + spread
+        if self.by_tabor:
+            k = self.names.index("range")
+            low[k], high[k] = map(math.log, TABOR)
+        return low, high
+
+    def values(self, x: Array) -> dict[str, float]:
+        """The numbers by name, in nm and nN."""
+        state = self.state(x)
+        own: dict[str, float] = {name: one.value for name, one in parameters_of(state.contact).items()}
+        own |= {"spring": state.spring, "sensitivity": state.sensitivity, **dict(zip(LINE, state.line, strict=True))}
+        return {name: own[name] for name in self.names}
+
+    def derivatives(self, x: Array) -> Array:
+        """Of the numbers with respect to the vector."""
+        step = 1e-5
+        columns = []
+        for k in range(x.size):
+            ends = [np.array(list(self.values(x + h * np.eye(x.size)[k]).values())) for h in (step, -step)]
+            columns.append((ends[0] - ends[1]) / (2 * step))
+        return np.array(columns).T
+
+    def with_law(self, contact: Contact, limit: str = "") -> Problem:
+        """The same unknowns for another law."""
+        free = tuple(name for name in self.free if not (limit and name == "range"))
+        return replace(self, start=replace(self.start, contact=contact), free=free, limit=limit)
+
+    def relative(self) -> Mapping[str, bool]:
+        """Which unknowns are positive numbers, with relative errors."""
+        return {name: name not in LINE for name in self.names}

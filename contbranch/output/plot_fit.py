@@ -1,0 +1,46 @@
+"""Figure of a fitted force curve: measured and fitted forces over the piezo position, and residuals."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from contbranch.output.plot_view import BLUE, GREY, ORANGE, handle, new_figure
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from contbranch.results.fit import Fit
+
+__all__ = ["fit_figure"]
+
+
+def fit_figure(fit: Fit) -> Figure:
+    """Draw force and residuals over the piezo position; samples are dots, the fit is a line, jumps are crosses."""
+    with new_figure(4.2) as figure:
+        above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
+        for back, colour in ((False, BLUE), (True, ORANGE)):
+            own = np.flatnonzero(fit.retract == back)
+            order = own[np.argsort(fit.piezo[own], kind="stable")]
+            place, kept = fit.piezo[order], np.isfinite(fit.fitted[order])
+            above.plot(place, fit.force[order], ".", color=colour, markersize=3.0, markeredgewidth=0)
+            above.plot(place[kept], fit.fitted[order][kept], color="black", linewidth=0.5)
+            below.plot(place, fit.residuals[order], ".", color=colour, markersize=1.6, markeredgewidth=0)
+        line = {name: fit.values.get(name, 0.0) for name in ("baseline", "tilt")}
+        for jump in fit.jumps:
+            for seen, mark in ((jump.measured, "x"), (jump.fitted, "+")):
+                if seen is not None:
+                    force = seen["force"] + line["baseline"] + line["tilt"] * seen["piezo"]
+                    above.plot(seen["piezo"], force, mark, color="black", markersize=5.0, markeredgewidth=0.8)
+        below.axhline(0.0, color=GREY, linewidth=0.6)
+        above.margins(0.04, 0.07)
+        below.margins(0.04, 0.1)
+        above.set_ylabel("Force (nN)")
+        below.set_ylabel("Residual (nN)")
+        below.set_xlabel("Piezo position (nm)")
+        handles = [handle("approach", color=BLUE), handle("retraction", color=ORANGE)]
+        handles += [handle("jump measured", color="black", marker="x", linestyle="none")]
+        handles += [handle("fitted", color="black", marker="+", linestyle="none")]
+        figure.legend(handles=handles, loc="outside upper center", ncols=4, columnspacing=1.0, handlelength=1.4)
+    return figure

@@ -1,0 +1,166 @@
+"""The result of a fit of a force curve: values with their errors, jumps, and what the data can tell. Plain data."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import cached_property
+from typing import TYPE_CHECKING, ClassVar, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbranch.arrays import Array
+from contbranch.contact.contact import Contact
+from contbranch.errors import InputError
+from contbranch.results.diagram import Cost
+from contbranch.results.loop import Hysteresis
+from contbranch.results.record import Record, Result, described, record
+from contbranch.results.table import Table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["Correlations", "Fit", "FitJump", "LawFit", "unit_of_value"]
+
+
+@record
+class Correlations(Record):
+    """Correlations of the values.
+
+    Attributes
+    ----------
+    names : tuple of str
+    matrix : array (N, N)
+    """
+
+    names: tuple[str, ...]
+    matrix: Array
+
+
+@record
+class FitJump(Record):
+    """A jump as it was measured and as it is fitted: piezo position, force just before it, and its step.
+
+    Attributes
+    ----------
+    name : str
+    measured, fitted : mapping or None
+        With ``piezo`` (nm), ``force`` and ``step`` (nN), less the baseline; None where there is none.
+    """
+
+    name: str
+    measured: Mapping[str, float] | None
+    fitted: Mapping[str, float] | None
+
+
+@record
+class LawFit(Record):
+    """How well a law fits.
+
+    Attributes
+    ----------
+    law : str
+    rms : float
+        Of the residuals (nN).
+    criterion : float
+        Bayesian information criterion less that of the best law: above 10 the law is as good as excluded.
+    values : mapping
+    """
+
+    law: str
+    rms: float
+    criterion: float
+    values: Mapping[str, float]
+
+
+@record
+class Fit(Result):
+    """A fitted force curve, in nm, nN, nN/nm (work of adhesion, spring, tilt) and nN/nm² (modulus).
+
+    Attributes
+    ----------
+    values, errors : mapping
+        By name: what was free, `contact_point`, `baseline` and `tilt`; errors are one standard deviation.
+    correlations : Correlations
+    identifiable : tuple of str
+        Names of the values that the data determine.
+    jumps : tuple of FitJump
+    rms, noise : float
+        Of the residuals, and of neighbouring samples (nN).
+    contact : Contact
+        With the values found.
+    law : str
+    laws : tuple of LawFit
+        Where laws were compared, the best one first.
+    status, message : str
+        ``"complete"`` if the fit converged; what the data tell and what not.
+    piezo, force, fitted, residuals : array (M,)
+        The curve with what was fitted to it (nN).
+    retract : array (M,)
+    spring : float
+        The stiffness (nN/nm); infinite for a rigid drive.
+    """
+
+    format: ClassVar[str] = "contbranch-fit"
+    values: Mapping[str, float]
+    errors: Mapping[str, float]
+    correlations: Correlations
+    identifiable: tuple[str, ...]
+    jumps: tuple[FitJump, ...]
+    rms: float
+    noise: float
+    contact: Contact
+    law: str
+    status: Literal["complete", "incomplete"]
+    message: str
+    cost: Cost
+    laws: tuple[LawFit, ...] = described(written="if known", default=())
+    spring: float = described(written=False, default=float("inf"))
+    piezo: Array = described(written=False, default_factory=lambda: np.empty(0), repr=False)
+    force: Array = described(written=False, default_factory=lambda: np.empty(0), repr=False)
+    fitted: Array = described(written=False, default_factory=lambda: np.empty(0), repr=False)
+    residuals: Array = described(written=False, default_factory=lambda: np.empty(0), repr=False)
+    retract: NDArray[np.bool_] = described(written=False, default_factory=lambda: np.empty(0, bool), repr=False)
+    traced: Hysteresis | Callable[[], Hysteresis] | None = described(
+        written=False, computed=lambda fit: None, default=None
+    )
+
+    @cached_property
+    def loop(self) -> Hysteresis:
+        """The quasi-static loop of the fitted contact on its spring, traced when it is asked for.
+
+        Raises
+        ------
+        InputError
+            For the limits jkr and dmt, which have no curve to trace.
+        """
+        if self.traced is None:
+            raise InputError("loop: the limits jkr and dmt have none; fit a law with a range")
+        return self.traced() if callable(self.traced) else self.traced
+
+    def told(self) -> str:
+        """The values that the data determine."""
+        return ", ".join(f"{name} {self.values[name]:.4g} ± {self.errors[name]:.2g}" for name in self.identifiable)
+
+    def tables(self) -> dict[str, Table]:
+        """The samples with what was fitted to them; a CSV file of them is a force curve again."""
+        measured = {"piezo": self.piezo, "force": self.force, "fitted": self.fitted, "residual": self.residuals}
+        segment = np.where(self.retract, "retract", "approach")
+        units = {name: "nm" if name == "piezo" else "nN" for name in measured}
+        return {"sample": Table({**measured, "segment": segment}, units)}
+
+    def plot(self) -> Figure:
+        """Draw force and residuals over the piezo position, measured and fitted, with the jumps."""
+        from contbranch.output.plot_fit import fit_figure
+
+        return fit_figure(self)
+
+
+def unit_of_value(name: str) -> str:
+    """The unit of a value: lengths in nm, forces in nN."""
+    known = {"contact_point": "nm", "baseline": "nN", "tilt": "nN/nm", "spring": "nN/nm", "sensitivity": ""}
+    known |= {"modulus": "nN/nm²", "work_of_adhesion": "nN/nm"}
+    return known.get(name.partition("[")[0], "nm" if name.partition("[")[0] in _LENGTHS else "")
+
+
+_LENGTHS: Final = ("range", "radius", "length", "wavelength")

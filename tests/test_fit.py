@@ -1,0 +1,200 @@
+"""Force curves read, refused and fitted: against contacts that made them, and a measured one."""
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import contbranch as cb
+from contbranch.cli import main
+from contbranch.measure.comparison import legs
+from contbranch.measure.features import features
+from contbranch.measure.reduced import curve_of
+
+SIN = Path(__file__).parents[1] / "studies" / "sin_force_curve.csv"
+TRUE = {"radius": 1000.0, "modulus": 0.02, "work_of_adhesion": 0.03, "range": 5.0}
+SPRING = 5.0
+NOISE = 0.3 * np.random.default_rng(0).standard_normal(800)
+
+
+def contact(law="maugis-dugdale", **changes):
+    values = TRUE | changes
+    return cb.Contact.physical(interaction=law, **values)
+
+
+def made(law="maugis-dugdale", spring=SPRING, noise=0.01, count=400, **options):
+    """A curve made from the traced loop of a contact, contact point 30 nm, baseline 5 nN, tilt 0.02 nN/nm."""
+    loop = cb.hysteresis(contact(law, **options), control=cb.Spring(spring), accuracy=1e-6, max_load=300.0)
+    path, columns = loop.path, []
+    place = path.displacement + path.load / spring
+    top = place.max()
+    for direction in (1, -1):
+        own = path.direction == direction
+        way = np.linspace(-120.0, top, count)[::direction]
+        z, f = place[own][::direction], path.load[own][::direction]
+        columns.append((way, np.interp(way, z + 1e-9 * np.arange(z.size), f, left=0.0)))
+    piezo, force = (np.append(*pair) for pair in zip(*columns, strict=True))
+    piezo = piezo + 30.0
+    pull = -force.min()
+    force = force + 5.0 + 0.02 * piezo + noise * pull * np.random.default_rng(1).standard_normal(piezo.size)
+    return cb.ForceCurve(piezo=piezo, force=force, spring=spring, segment=np.repeat([0, 1], count))
+
+
+@pytest.fixture(scope="module")
+def curve():
+    return made()
+
+
+# -- reading ----------------------------------------------------------------------------------------------------------
+def test_the_measured_curve_has_the_numbers_stated_for_it():
+    """Stiffness, points, noise, baseline, jump-in and pull-off as they are known of this file."""
+    curve = cb.read_force_curve(SIN, spring="1.1841 N/m")
+    assert (curve.leg(False).size, curve.leg(True).size) == (1009, 1007)
+    seen = features(curve, adhesive=True)
+    assert seen.noise == pytest.approx(0.006, rel=0.3)
+    assert seen.baseline + seen.tilt * curve.piezo[0] == pytest.approx(-3.9, abs=0.05)
+    assert seen.jump_in.step == pytest.approx(-3.0, rel=0.06)
+    assert seen.lowest == pytest.approx(-12.8, abs=0.05)
+    assert seen.pull_off.after - seen.pull_off.before <= 3
+    top = np.flatnonzero(curve.force > 3.0)
+    assert np.polyfit(curve.piezo[top], curve.force[top], 1)[0] == pytest.approx(0.55, rel=0.05)
+
+
+def test_an_instruments_file_is_read_like_its_csv(tmp_path):
+    pytest.importorskip("afmformats")
+    raw = Path("/work/shared/data/fmt-igor-fd_SiN_FD_plot.ibw")
+    if raw.exists():
+        curve, listed = cb.read_force_curve(raw), cb.read_force_curve(SIN)
+        assert curve.spring == pytest.approx(1.1841)
+        assert np.allclose(curve.piezo, listed.piezo, atol=1e-3)
+        assert (curve.retract == listed.retract).all()
+    (tmp_path / "x.ibw").write_bytes(b"nothing")
+    with pytest.raises(cb.InputError, match="afmformats"):
+        cb.read_force_curve(tmp_path / "x.ibw")
+
+
+def test_units_columns_and_maps(tmp_path, curve):
+    file = tmp_path / "map.csv"
+    lines = ["# a comment", "curve,tip [um],deflection (nm),segment"]
+    deflection = curve.force / SPRING
+    tip = (curve.piezo - deflection) / 1000.0
+    words = np.where(curve.retract, "retract", "approach")
+    rows = [f"{k},{a},{b},{w}" for k in (0, 1) for a, b, w in zip(tip, deflection, words, strict=True)]
+    file.write_text("\n".join([*lines, *rows]))
+    with pytest.raises(cb.InputError, match="spring"):
+        cb.read_force_curve(file)
+    both = cb.read_force_curves(file, spring=f"{SPRING} N/m")
+    assert len(both) == 2
+    assert np.allclose(both[1].piezo, curve.piezo)
+    assert np.allclose(both[1].force, curve.force)
+    stiffer = both[0].with_spring(2 * SPRING)
+    assert np.allclose(stiffer.force, 2 * curve.force)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda z, f: (z, f + np.where(np.arange(z.size) == 7, math.nan, 0.0)), "not finite"),
+        (lambda z, f: (-z, f), "grow"),
+        (lambda z, f: (f, z), "swapped|grow"),
+        (lambda z, f: (z, -f), "positive in repulsion"),
+        (lambda z, f: (z, NOISE), "noise"),
+        (lambda z, f: (z, np.maximum(f - 8.0 - 0.02 * z, 0.0) + NOISE), "no adhesion"),
+    ],
+    ids=["nan", "piezo reversed", "swapped", "force reversed", "noise", "no adhesion"],
+)  # fmt: skip
+def test_what_cannot_be_fitted_ends_in_a_sentence(curve, change, words):
+    piezo, force = change(curve.piezo, curve.force)
+    with pytest.raises(cb.InputError, match=words):
+        cb.fit(cb.ForceCurve(piezo=piezo, force=force, spring=SPRING, segment=curve.retract), contact())
+
+
+# -- the model --------------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("law", ["maugis-dugdale", "exponential", "van-der-waals", "gauss"])
+def test_interpolated_curves_have_the_jumps_of_traced_loops(law):
+    """The loop on a spring from the table against one traced to 1e-7."""
+    own = contact(law)
+    loop = cb.hysteresis(own, control=cb.Spring(SPRING), accuracy=1e-7, max_load=300.0)
+    for leg, jump in zip(legs(curve_of(own, 300.0), SPRING), loop.jumps, strict=True):
+        assert leg.jump.piezo == pytest.approx(jump.position, abs=2e-3)
+        assert leg.jump.before == pytest.approx(jump.start.load, abs=3e-2)
+        assert leg.jump.after == pytest.approx(jump.to.load, abs=3e-2)
+
+
+# -- fits -------------------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("law", ["maugis-dugdale", "exponential"])
+def test_values_come_back_within_their_errors(law, curve):
+    data = curve if law == "maugis-dugdale" else made(law)
+    start = contact(law, modulus=0.05, work_of_adhesion=0.01, range=2.0)
+    fit = cb.fit(data, start, ("work_of_adhesion", "modulus", "range"))
+    true = TRUE | {"contact_point": 30.0, "baseline": 5.0, "tilt": 0.02}
+    assert fit.status == "complete"
+    assert {"work_of_adhesion", "modulus"} <= set(fit.identifiable)
+    for name in fit.identifiable:
+        assert abs(fit.values[name] - true[name]) < 4 * fit.errors[name], name
+    assert fit.rms == pytest.approx(fit.noise, rel=0.3)
+    assert [jump.name for jump in fit.jumps] == ["jump-in", "pull-off"]
+    for jump in fit.jumps:
+        assert jump.fitted["piezo"] == pytest.approx(jump.measured["piezo"], abs=1.0)
+
+
+@pytest.mark.parametrize("factor", [0.1, 10.0])
+def test_the_same_minimum_from_values_ten_times_off(factor):
+    """100 MPa and 30 mN/m on 0.5 N/m, R = 2 µm: a least-squares script without bounds ends at 2.2 MPa."""
+    values = {"radius": 2000.0, "modulus": 0.1, "range": 1.0, "work_of_adhesion": 0.03}
+    data = made("exponential", 0.5, **values)
+    start = contact("exponential", **values | {"modulus": 0.1 * factor, "work_of_adhesion": 0.03 * factor})
+    fit = cb.fit(data, start)
+    assert fit.values["modulus"] == pytest.approx(0.1, abs=4 * fit.errors["modulus"])
+    assert fit.values["work_of_adhesion"] == pytest.approx(0.03, rel=0.01)
+
+
+def test_what_the_data_cannot_tell_is_said(curve):
+    fit = cb.fit(curve, contact(), ("work_of_adhesion", "modulus", "radius", "sensitivity"))
+    assert not {"work_of_adhesion", "radius"} <= set(fit.identifiable)
+    assert "not determine" in fit.message
+
+
+def test_laws_are_compared(curve):
+    fit = cb.fit(curve, contact("exponential"), ("work_of_adhesion", "modulus", "range"), law="compare")
+    assert fit.law == fit.laws[0].law
+    assert {one.law for one in fit.laws} == {"maugis-dugdale", "exponential", "van-der-waals", "jkr", "dmt"}
+    above = {one.law: one.criterion for one in fit.laws}
+    assert above["maugis-dugdale"] < 3.0
+    assert min(above["jkr"], above["dmt"], above["van-der-waals"]) > 10.0
+
+
+def test_a_fit_can_be_stopped_and_wrong_names_are_refused(curve):
+    fit = cb.fit(curve, contact(), time_limit=0.05)
+    assert fit.status == "incomplete"
+    assert "time limit" in fit.message
+    for wrong in ({"free": ("modulos",)}, {"law": "magic"}, {"fixed": ("range",)}, {"free": ("range[1]",)}):
+        with pytest.raises(cb.InputError, match="must be one of"):
+            cb.fit(curve, contact(), **wrong)
+
+
+def test_the_command_writes_json_csv_and_a_figure(tmp_path, curve, capsys):
+    data, file = tmp_path / "curve.csv", tmp_path / "c.toml"
+    words = np.where(curve.retract, "retract", "approach")
+    rows = [f"{z},{f},{w}" for z, f, w in zip(curve.piezo, curve.force, words, strict=True)]
+    data.write_text("\n".join(["piezo [nm],force [nN],segment", *rows]))
+    file.write_text(
+        '[tip]\nshape = "parabola"\nradius = "1 um"\n[material]\nmodulus = "50 MPa"\n[[interaction]]\n'
+        'law = "maugis-dugdale"\nwork_of_adhesion = "10 mN/m"\nrange = "5 nm"\n'
+    )
+    out, table, figure = (tmp_path / name for name in ("f.json", "f.csv", "f.png"))
+    options = ["--spring", "5 N/m", "--json", out, "--csv", table, "--plot", figure]
+    assert main(["fit", str(data), str(file), *map(str, options)]) == 0
+    assert "work_of_adhesion" in capsys.readouterr().out
+    document = json.loads(out.read_text())
+    assert document["format"] == "contbranch-fit"
+    assert document["values"].keys() == {"work_of_adhesion", "modulus", "contact_point", "baseline", "tilt"}
+    assert np.array(document["correlations"]["matrix"]).shape == (5, 5)
+    assert {"piezo", "force"} <= document["jumps"][1]["measured"].keys()
+    assert figure.stat().st_size > 10_000
+    again = cb.read_force_curve(table, spring=5.0)
+    assert np.allclose(again.force, curve.force)
+    assert main(["fit", str(data)]) == 2
+    assert main(["fit", str(data), str(file)]) == 2  # without the stiffness

@@ -1,0 +1,87 @@
+"""Derivatives of thresholds against central differences of traces, closed forms and scaling laws."""
+
+import json
+import math
+
+import pytest
+
+import contbranch as cb
+from contbranch.cli import main
+from contbranch.contact.parameters import parameters_of
+
+CASES = {  # contact, control, accuracy of the traces, parameters varied
+    "spring": (cb.Contact.reduced(cb.Exponential, tabor=1.0), cb.Spring(2.0), 1e-11, ""),
+    "repulsion": (cb.Contact.reduced(cb.Gauss, tabor=1.0, sign=-1), "load", 1e-11, ""),
+    "exact": (cb.Contact.reduced(cb.MaugisDugdale, tabor=1.5), cb.Spring(1.0), 1e-11, ""),
+    "sum": (cb.Contact(cb.Parabola(1.0), cb.Gauss(1.0, 0.8) + cb.Exponential(-0.4, 1.0)), "load", 1e-10, "range[1]"),
+    "cone": (cb.Contact(cb.Cone(0.5), cb.Exponential(1.0, 0.7)), "load", 1e-10, "slope"),
+    "ring": (cb.Contact.reduced(cb.MaugisDugdale, tabor=0.5, sign=-1), "load", 1e-8, "range"),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_derivatives_agree_with_differences_of_traces(name):
+    contact, control, accuracy, varied = CASES[name]
+    diagram = cb.trace(contact, control=control)
+    assert diagram.sensitivities.keys() == diagram.thresholds.keys()
+    step = 2e-3 if accuracy > 1e-9 else 2e-4
+    for key, parameter in parameters_of(contact).items():
+        if not key.startswith(varied):
+            continue
+        above, below = (
+            cb.trace(
+                parameter.contact(parameter.value * (1 + h)), control=control, accuracy=accuracy, modes=0
+            ).thresholds
+            for h in (step, -step)
+        )
+        for threshold, value in diagram.thresholds.items():
+            expected = (above[threshold] - below[threshold]) / (2 * step * parameter.value)
+            found = diagram.sensitivities[threshold][key]
+            # the difference itself is wrong by the square of its step
+            allowed = step * step * 10
+            assert found == pytest.approx(expected, rel=3e-6 + allowed, abs=2e-7 * abs(value / parameter.value)), (
+                threshold
+            )
+
+
+def test_jkr_limit_and_dimensions():
+    """Far in the JKR limit F = −(3π/2) R Δγ (in these units −1.5π): linear in both, whatever E and the range."""
+    contact = cb.Contact(cb.Parabola(2.0), cb.MaugisDugdale(3.0, 1e-3))
+    rates = cb.trace(contact).sensitivities["pull_off_load"]
+    assert rates["radius"] == pytest.approx(-1.5 * math.pi * 3.0, rel=1e-3)
+    assert rates["work_of_adhesion"] == pytest.approx(-1.5 * math.pi * 2.0, rel=1e-3)
+    assert abs(rates["modulus"]) < 1e-3
+    assert abs(rates["range"]) * 1e-3 < 1e-2
+
+
+def test_propagation_adds_squares_in_the_units_of_the_contact(tmp_path, capsys):
+    contact = cb.Contact.physical(
+        radius="1 um", modulus="5 GPa", interaction="gauss", work_of_adhesion="-40 mN/m", range="1 nm"
+    )
+    diagram = cb.trace(contact)
+    rates = diagram.sensitivities["squeeze_out_load"]
+    spread = diagram.propagate({"range": "0.1 nm", "radius": 50.0})["squeeze_out_load"]
+    assert spread == pytest.approx(math.hypot(rates["range"] * 0.1, rates["radius"] * 50.0))
+    for wrong in ({"rnage": 0.1}, {"range": "1 N"}, {"range": -1.0}):
+        with pytest.raises(cb.InputError, match="uncertainty"):
+            diagram.propagate(wrong)
+    diagram.save(tmp_path / "d.h5")
+    assert cb.load(tmp_path / "d.h5").sensitivities == diagram.sensitivities
+    file = tmp_path / "c.toml"
+    file.write_text(
+        '[tip]\nshape = "parabola"\nradius = "1 um"\n[material]\nmodulus = "5 GPa"\n[[interaction]]\nlaw = "gauss"\n'
+        'work_of_adhesion = "-40 mN/m"\nrange = "1 nm"\n'
+    )
+    assert (
+        main(["trace", str(file), "--uncertainty", "range=0.1nm", "--uncertainty", "radius=50 nm", "--json", "-"]) == 0
+    )
+    document = json.loads(capsys.readouterr().out)
+    assert document["uncertainties"]["squeeze_out_load"] == pytest.approx(spread)
+    assert document["sensitivities"]["wetting_load"].keys() == {"modulus", "radius", "work_of_adhesion", "range"}
+    assert main(["trace", str(file), "--uncertainty", "range"]) == 2
+
+
+def test_without_interaction_nothing_moves():
+    """Without interaction first touch is at no load and no displacement, whatever the parameters are."""
+    rates = cb.trace(cb.Contact.reduced(None)).sensitivities
+    assert all(rate == pytest.approx(0.0, abs=1e-9) for one in rates.values() for rate in one.values())
