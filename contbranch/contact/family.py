@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -20,7 +20,7 @@ from contbranch.contact.units import Scales, finite_number, positive_number
 from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.errors import InputError
 
-__all__ = ["Family", "Vary", "dimension_of", "family_of"]
+__all__ = ["Family", "Vary", "changed", "dimension_of", "family_of"]
 
 Vary = str | Callable[[float], Contact]
 
@@ -141,6 +141,13 @@ def family_of(
     # a phase may change sign, or be zero: steps in it are not relative
     relative = not vary.endswith(".phase") and present * finite_number(to, "to") > 0
     return Family(vary, present, contact, member, "logarithmic" if relative else "linear")
+
+
+def changed(contact: Contact, parameters: Mapping[str, float]) -> Contact:
+    """A contact with other values of some parameters."""
+    for name, value in parameters.items():
+        contact = family_of(contact, name, value).member(value)
+    return contact
 
 
 def _own(contact: Contact, vary: Callable[[float], Contact], start: float | None) -> Family:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from contbranch.contact.contact import Contact
+from contbranch.contact.family import changed
 from contbranch.errors import InputError
 from contbranch.output.document import plain
 from contbranch.output.plot_curve import COORDINATES, coordinate, smooth_line
@@ -104,7 +105,7 @@ class _Packed:
         branches = [self._branch(diagram, number, controls, limit) for number in range(len(diagram.branches))]
         kept = ("status", "message", "thresholds", "control", "stiffness")
         found = {name: getattr(diagram, name) for name in kept} | {"events": events, "branches": branches, **about}
-        if contact is not None and limit:
+        if contact is not None and contact.tip.axisymmetric is not None and limit:
             with suppress(InputError):
                 reach = max((max(branch.get("reach", 0.0), 0.0) for branch in branches), default=0.0)
                 r = np.linspace(0.0, reach or 1.0, 65)
@@ -162,7 +163,6 @@ def _largest_gap(description: Mapping[str, Any]) -> float:
 
 def _of_sweep(sweep: Sweep, packed: _Packed) -> Iterator[dict[str, Any]]:
     from contbranch.output.sweep_file import diagram_of, records_of
-    from contbranch.sweeps.design import member
 
     packed.count = max(1, len(sweep.tasks) - len(sweep.failed))
     for task, record in zip(sweep.tasks, records_of(sweep, range(len(sweep.tasks))), strict=True):
@@ -179,7 +179,7 @@ def _of_sweep(sweep: Sweep, packed: _Packed) -> Iterator[dict[str, Any]]:
         else:
             contact = None
             with suppress(InputError):
-                contact = None if sweep.contact is None else member(sweep.contact, task.parameters)
+                contact = None if sweep.contact is None else changed(sweep.contact, task.parameters)
             diagram = diagram_of(sweep, task.index, record)
             described = diagram.description if contact is None else contact.describe()
             yield packed.diagram(replace(diagram, description=described), contact, about)
