@@ -20,7 +20,7 @@ from contbranch.contact.units import Scales, finite_number, positive_number
 from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.errors import InputError
 
-__all__ = ["Family", "Vary", "changed", "dimension_of", "family_of"]
+__all__ = ["Family", "Vary", "dimension_of", "family_of", "member"]
 
 Vary = str | Callable[[float], Contact]
 
@@ -143,13 +143,6 @@ def family_of(
     return Family(vary, present, contact, member, "logarithmic" if relative else "linear")
 
 
-def changed(contact: Contact, parameters: Mapping[str, float]) -> Contact:
-    """A contact with other values of some parameters."""
-    for name, value in parameters.items():
-        contact = family_of(contact, name, value).member(value)
-    return contact
-
-
 def _own(contact: Contact, vary: Callable[[float], Contact], start: float | None) -> Family:
     if start is None:
         raise InputError("start: missing; give the present value of the parameter that the function takes")
@@ -208,6 +201,19 @@ def _share(contact: Contact) -> Family:
         return replace(contact, interaction=sum(laws))
 
     return Family("share", abs(second.work_of_adhesion) / full, contact, member, "linear")
+
+
+def member(contact: Contact, parameters: Mapping[str, float]) -> Contact:
+    """A contact with other values of some parameters.
+
+    Raises
+    ------
+    InputError
+        As `family_of`.
+    """
+    for name, value in parameters.items():
+        contact = family_of(contact, name, value).member(value)
+    return contact
 
 
 def _named(contact: Contact, vary: str) -> tuple[float, Callable[[float], Contact]]:

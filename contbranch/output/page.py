@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from contbranch.contact.contact import Contact
-from contbranch.contact.family import changed
+from contbranch.contact.family import member
 from contbranch.errors import InputError
 from contbranch.output.document import plain
 from contbranch.output.plot_curve import COORDINATES, coordinate, smooth_line
@@ -179,7 +179,7 @@ def _of_sweep(sweep: Sweep, packed: _Packed) -> Iterator[dict[str, Any]]:
         else:
             contact = None
             with suppress(InputError):
-                contact = None if sweep.contact is None else changed(sweep.contact, task.parameters)
+                contact = None if sweep.contact is None else member(sweep.contact, task.parameters)
             diagram = diagram_of(sweep, task.index, record)
             described = diagram.description if contact is None else contact.describe()
             yield packed.diagram(replace(diagram, description=described), contact, about)

@@ -11,7 +11,7 @@ from typing import Any, Final, Literal
 import numpy as np
 
 from contbranch.contact.contact import Contact, look_up, refuse_unknown
-from contbranch.contact.family import changed, dimension_of, family_of
+from contbranch.contact.family import dimension_of, family_of, member
 from contbranch.contact.file import parsed, read_contact
 from contbranch.contact.units import finite_number, positive_number
 from contbranch.errors import InputError
@@ -60,7 +60,7 @@ class Design(Sequence[Contact]):
             return [self[k] for k in range(*index.indices(len(self)))]
         if not -len(self) <= index < len(self):
             raise IndexError(f"index {index} of {len(self)} contacts")
-        return changed(self.contact, self.parameters(index % len(self)))
+        return member(self.contact, self.parameters(index % len(self)))
 
     def __iter__(self) -> Iterator[Contact]:
         return (self[k] for k in range(len(self)))
