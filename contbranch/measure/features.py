@@ -118,7 +118,8 @@ def features(curve: ForceCurve, adhesive: bool) -> Features:
     end = float(np.median(force[retract][far])) if retract.size else math.nan
     returned = bool(retract.size) and abs(end) < max(2 * allowed, 0.05 * (largest - lowest))
     near = max(2 * allowed, 0.05 * (largest - lowest))
-    begun = far_leg is approach or abs(float(np.median(force[approach][: max(3, approach.size // 50)]))) < near
+    first = np.array_split(force[approach][: max(9, approach.size // 8)], 3)
+    begun = far_leg is approach or all(abs(float(np.median(part))) < near for part in first)
     sign = -1.0 if adhesive else 1.0
     jump_in = _jump(curve, force, approach, sign, noise)
     pull_off = _jump(curve, force, retract, -sign, noise) if retract.size else None
