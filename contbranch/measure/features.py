@@ -118,8 +118,12 @@ def features(curve: ForceCurve, adhesive: bool) -> Features:
     end = float(np.median(force[retract][far])) if retract.size else math.nan
     returned = bool(retract.size) and abs(end) < max(2 * allowed, 0.05 * (largest - lowest))
     near = max(2 * allowed, 0.05 * (largest - lowest))
-    first = np.array_split(force[approach][: max(9, approach.size // 8)], 3)
-    begun = far_leg is approach or all(abs(float(np.median(part))) < near for part in first)
+    parts = np.array_split(force[approach][: max(9, approach.size // 8)], 3)
+    first, second, third = (float(np.median(part)) for part in parts)
+    sure, flat = 6 * noise / math.sqrt(len(parts[0])), 0.03 * (largest - lowest)
+    # in contact the force rises
+    outside = max(map(abs, (first, second, third))) < max(sure, flat) and third - first < sure
+    begun = far_leg is approach or outside
     sign = -1.0 if adhesive else 1.0
     jump_in = _jump(curve, force, approach, sign, noise)
     pull_off = _jump(curve, force, retract, -sign, noise) if retract.size else None
