@@ -9,6 +9,7 @@ from contbranch._lazy import lazily
 
 TYPE_CHECKING = False  # of `typing`, which takes as long to import as everything else here
 if TYPE_CHECKING:
+    from contbranch.advice import advise
     from contbranch.api import find_all, hysteresis, phase_diagram, solve, trace
     from contbranch.contact.contact import Contact
     from contbranch.contact.interactions import (
@@ -45,6 +46,7 @@ if TYPE_CHECKING:
     from contbranch.models.grid.model import FreeSpace, Periodic
     from contbranch.models.grid.resolution import GridWarning
     from contbranch.output.hdf5 import load
+    from contbranch.results.advice import Advice, Candidate
     from contbranch.results.diagram import Branch, Diagram, Event, Exponent, LocalExponent, Solution, State, Window
     from contbranch.results.equilibria import Barrier, Equilibria
     from contbranch.results.fit import Fit
@@ -52,16 +54,22 @@ if TYPE_CHECKING:
     from contbranch.results.loop import Hysteresis
     from contbranch.results.phase import PhaseDiagram
     from contbranch.results.profile import CellFields
+    from contbranch.results.sweep import Sweep, SweepTask
+    from contbranch.sweeps.design import Design, varied
+    from contbranch.sweeps.sweep import sweep
 
 __version__ = "0.1.0"
 
 __all__ = [
+    "Advice",
     "Axisymmetric",
     "Barrier",
     "Branch",
+    "Candidate",
     "CellFields",
     "Cone",
     "Contact",
+    "Design",
     "Diagram",
     "EllipticParaboloid",
     "Equilibria",
@@ -98,11 +106,14 @@ __all__ = [
     "State",
     "Stop",
     "Sum",
+    "Sweep",
+    "SweepTask",
     "Tabulated",
     "Tip",
     "TipShape",
     "VanDerWaals",
     "Window",
+    "advise",
     "find_all",
     "fit",
     "follow",
@@ -112,7 +123,9 @@ __all__ = [
     "read_force_curve",
     "read_force_curves",
     "solve",
+    "sweep",
     "trace",
+    "varied",
 ]
 
 __getattr__, __dir__ = lazily(
@@ -124,6 +137,8 @@ __getattr__, __dir__ = lazily(
         ".contact.tips": "Cone EllipticParaboloid HeightMap Parabola PowerLaw Profile SphericalCap Tip TipShape",
         ".control": "Spring",
         ".errors": "InputError ModelError Stop",
+        ".advice": "advise",
+        ".results.advice": "Advice Candidate",
         ".api": "find_all hysteresis phase_diagram solve trace",
         ".curve.follow": "follow",
         ".measure.fit": "fit",
@@ -141,6 +156,9 @@ __getattr__, __dir__ = lazily(
         ".results.loop": "Hysteresis",
         ".results.phase": "PhaseDiagram",
         ".results.profile": "CellFields",
+        ".results.sweep": "Sweep SweepTask",
+        ".sweeps.design": "Design varied",
+        ".sweeps.sweep": "sweep",
         ".contact": "",
         ".continuation": "",
         ".measure": "",

@@ -12,9 +12,12 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
+from contbranch.arrays import Array
 from contbranch.contact.contact import Contact
 from contbranch.contact.family import Vary, family_of
+from contbranch.contact.law_check import check_laws
 from contbranch.contact.units import finite_number, positive_number
+from contbranch.contact.validity import notes
 from contbranch.control import Control, Spring, as_control
 from contbranch.curve.curves import Coexisting, Curves, Model, Route
 from contbranch.curve.loop import loop
@@ -46,7 +49,7 @@ def trace(
     contact: Contact,
     control: str | Spring = "load",
     accuracy: float = 1e-6,
-    max_load: float | None = None,
+    max_load: float | str | None = None,
     model: str | Model = "auto",
     progress: Progress | None = None,
     modes: int = 32,
@@ -63,8 +66,8 @@ def trace(
     accuracy : float
         Error allowed to every event and threshold, relative to max(1, |value|) in reduced units; 1e-13 to 1e-2.
     max_load : float, optional
-        Load (in the contact's units) at which the curve ends; default: in contact, at 1.4 times the largest load of any
-        event, and at least 10 in reduced units.
+        Load (in the contact's units, or a text such as ``"100 nN"``) at which the curve ends; default: in contact, at
+        1.4 times the largest load of any event, and at least 10 in reduced units.
     model : str or model object
         ``"auto"``, ``"exact"``, ``"axisymmetric"``, ``"periodic"``, ``"free"``, or an object such as ``cb.Exact()`` or
         ``cb.Periodic(cell=10.0, grid=256)``. ``"auto"`` takes a grid only for tips without axial symmetry. Any object
@@ -97,7 +100,9 @@ def trace(
         asked = _ask(contact, control, accuracy, model)
         request = replace(asked.request, target=_limit(contact, max_load), modes=modes)
         raw = asked.answer(partial(asked.curves.trace, request), no_curve())
-        raw = replace(raw, cost=asked.timed(raw.cost))
+        asked.refuse_below(request, raw)
+        message = asked.noted(raw.message, raw.load, raw.contact_radius)
+        raw = replace(raw, cost=asked.timed(raw.cost), message=message)
         diagram = assemble(contact, raw, asked.choice(raw.unknowns), asked.control, accuracy)
     return watch.passed(diagram)
 
@@ -106,9 +111,9 @@ def trace(
 def solve(
     contact: Contact,
     *,
-    load: float | None = None,
-    displacement: float | None = None,
-    contact_radius: float | None = None,
+    load: float | str | None = None,
+    displacement: float | str | None = None,
+    contact_radius: float | str | None = None,
     near: State | None = None,
     control: str | Spring | None = None,
     accuracy: float = 1e-6,
@@ -139,7 +144,7 @@ def solve(
     ModelError
         If the computation failed.
     """
-    field, value = _only(load=load, displacement=displacement, contact_radius=contact_radius)
+    field, value = _only(contact, load=load, displacement=displacement, contact_radius=contact_radius)
     if near is not None and not isinstance(near, State):
         raise InputError(f"near: {type(near).__name__}; must be a State, such as a solution or a branch's state")
     held = control or ("displacement" if field == "displacement" else "load")
@@ -169,7 +174,7 @@ def _solution(asked: _Asked, found: Coexisting, states: tuple[State, ...], near:
         model=asked.choice(found.unknowns),
         cost=asked.timed(found.cost),
         status="complete" if found.complete else "incomplete",
-        message=message,
+        message=asked.noted_of(message, found.states),
         states=(best, *(state for state in states if state is not best))[: len(states)],
         contact=asked.contact,
     )
@@ -179,8 +184,8 @@ def _solution(asked: _Asked, found: Coexisting, states: tuple[State, ...], near:
 def find_all(
     contact: Contact,
     *,
-    load: float | None = None,
-    displacement: float | None = None,
+    load: float | str | None = None,
+    displacement: float | str | None = None,
     window: tuple[float, float] | None = None,
     control: str | Spring | None = None,
     accuracy: float = 1e-6,
@@ -215,7 +220,7 @@ def find_all(
     InputError
         If an argument cannot be used.
     """
-    field, value = _only(load=load, displacement=displacement)
+    field, value = _only(contact, load=load, displacement=displacement)
     normal = contact.scales.normal
     inside = None if window is None else _window(window, normal)
     with _watched(progress, time_limit) as watch:
@@ -242,7 +247,7 @@ def _found(asked: _Asked, found: Coexisting) -> Equilibria:
         model=asked.choice(found.unknowns),
         cost=asked.timed(found.cost),
         status="complete" if found.complete else "incomplete",
-        message=f"{words}; {found.searched}. {found.message}".strip(),
+        message=asked.noted_of(f"{words}; {found.searched}. {found.message}".strip(), found.states),
         contact=contact,
     )
 
@@ -276,7 +281,7 @@ def hysteresis(
     contact: Contact,
     control: str | Spring = "load",
     accuracy: float = 1e-6,
-    max_load: float | None = None,
+    max_load: float | str | None = None,
     model: str | Model = "auto",
     progress: Progress | None = None,
     time_limit: float | None = None,
@@ -316,6 +321,8 @@ def hysteresis(
         request = replace(asked.request, target=_limit(contact, max_load))
         route = asked.answer(partial(asked.curves.path, request), Route(CurveWalk.empty(asked.request.control)))
         curve = route.curve
+        asked.refuse_below(request, curve)
+        route = replace(route, message=asked.noted(route.message, curve.load, curve.contact_radius))
         found = loop(contact, route, asked.control, asked.choice(curve.unknowns), asked.timed(curve.cost))
     return watch.passed(found)
 
@@ -410,6 +417,26 @@ class _Asked:
         found = kept(compute, nothing)
         return replace(found, complete=False, message=told(found.message)) if over() else found
 
+    def refuse_below(self, request: Request, curve: RawCurve) -> None:
+        """Raise InputError for a largest load below that with which the curve begins."""
+        if request.target is not None and len(curve.load) and request.target <= curve.load[0]:
+            unit = self.contact.scales.load
+            raise InputError(
+                f"max_load: {request.target * unit:g}; must be greater than the load with which the curve begins, "
+                f"{curve.load[0] * unit:.4g}"
+            )
+
+    def noted(self, message: str, load: Array, contact_radius: Array) -> str:
+        """A message, and what is to be said of states outside of the theory; loads and radii in reduced units."""
+        scales = self.contact.scales
+        said = notes(self.contact, np.multiply(load, scales.load), np.multiply(contact_radius, scales.in_plane))
+        return f"{message} {said}".strip()
+
+    def noted_of(self, message: str, states: Sequence[State]) -> str:
+        """The same for single states."""
+        load, contact_radius = np.array([(one.load, one.contact_radius) for one in states]).reshape(-1, 2).T
+        return self.noted(message, load, contact_radius)
+
     def timed(self, cost: Cost) -> Cost:
         """A cost with the time since the question was asked."""
         return replace(cost, wall_s=time.perf_counter() - self.began)
@@ -421,27 +448,40 @@ def _watched(progress: Progress | None, time_limit: float | None) -> AbstractCon
 
 def _ask(contact: Contact, control: object, accuracy: float, model: str | Model) -> _Asked:
     began = time.perf_counter()
-    if not isinstance(contact, Contact):
-        raise InputError(f"contact: {type(contact).__name__}; must be a Contact, made by cb.Contact(...)")
-    driven = as_control(control)
+    contact = _contact(contact)
+    driven = as_control(control, contact.units)
     number = finite_number(accuracy, "accuracy")
     if not FINEST <= number <= COARSEST:
         raise InputError(f"accuracy: {number:g}; must lie between {FINEST:g} and {COARSEST:g}")
+    check_laws(contact.interaction)
     chosen, why = choose(contact, model)
     request = Request(number, driven.scaled(contact.scales.stiffness))
     return _Asked(contact, curves(contact, chosen), request, driven, chosen.name, why, began)
 
 
-def _only(**given: float | None) -> tuple[str, float]:
+def _only(contact: Contact, **given: float | str | None) -> tuple[str, float]:
     """The one quantity that is given."""
-    asked = [(name, finite_number(value, name)) for name, value in given.items() if value is not None]
+    dimension = {"load": "force"}
+    asked = [
+        (name, _contact(contact).units.read(value, dimension.get(name, "length"), name))
+        for name, value in given.items()
+        if value is not None
+    ]
     if len(asked) != 1:
         raise InputError(f"give exactly one of {', '.join(given)}, not {len(asked)}")
     return asked[0]
 
 
-def _limit(contact: Contact, max_load: float | None) -> float | None:
-    return None if max_load is None else positive_number(max_load, "max_load") / contact.scales.load
+def _limit(contact: Contact, max_load: float | str | None) -> float | None:
+    if max_load is None:
+        return None
+    return positive_number(contact.units.read(max_load, "force", "max_load"), "max_load") / contact.scales.load
+
+
+def _contact(contact: object) -> Contact:
+    if not isinstance(contact, Contact):
+        raise InputError(f"contact: {type(contact).__name__}; must be a Contact, made by cb.Contact(...)")
+    return contact
 
 
 def _unit(contact: Contact, field: str) -> float:

@@ -8,10 +8,10 @@ displacement held where ``dF/dd + K < 0``.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Final, Literal
 
-from contbranch.contact.units import finite_number
+from contbranch.contact.units import PHYSICAL, Units, parse
 from contbranch.errors import InputError
 
 __all__ = ["DISPLACEMENT", "LOAD", "Control", "Spring", "as_control"]
@@ -26,13 +26,18 @@ class Spring:
     Attributes
     ----------
     stiffness : float
-        K > 0, a load per displacement in the contact's units (nN/nm for a physical contact).
+        K > 0, a load per displacement in the contact's units (nN/nm for a physical contact), or a text with a unit such
+        as ``"0.5 N/m"`` for a physical contact.
+    quantity : bool
+        Whether it was given with a unit, which a contact in reduced units cannot have.
     """
 
     stiffness: float
+    quantity: bool = field(default=False, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        number = finite_number(self.stiffness, "stiffness")
+        object.__setattr__(self, "quantity", isinstance(self.stiffness, str))
+        number = parse(self.stiffness, "stiffness", "stiffness")
         if number <= 0.0:
             raise InputError(f"stiffness: {number:g}; must be greater than zero (0 is load control)")
         object.__setattr__(self, "stiffness", number)
@@ -106,8 +111,10 @@ LOAD: Final = Control("load", 0.0)
 DISPLACEMENT: Final = Control("displacement", math.inf)
 
 
-def as_control(control: object) -> Control:
+def as_control(control: object, units: Units = PHYSICAL) -> Control:
     """Return the control that a user names: ``"load"``, ``"displacement"``, ``"spring:2.5"`` or ``Spring(2.5)``.
+
+    Stiffnesses of physical contacts may have a unit: ``"spring:0.5 N/m"``, ``Spring("0.5 N/m")``.
 
     Raises
     ------
@@ -117,16 +124,13 @@ def as_control(control: object) -> Control:
     if isinstance(control, Control):
         return control
     if isinstance(control, Spring):
+        if control.quantity and not units.physical:
+            raise InputError("control: a spring in N/m; the contact is in reduced units: give a bare number")
         return Control("spring", control.stiffness)
     if control == "load":
         return LOAD
     if control == "displacement":
         return DISPLACEMENT
     if isinstance(control, str) and control.startswith("spring:"):
-        try:
-            stiffness = float(control.removeprefix("spring:"))
-        except ValueError:
-            stiffness = math.nan
-        if math.isfinite(stiffness):
-            return as_control(Spring(stiffness))
+        return as_control(Spring(units.read(control.removeprefix("spring:").strip(), "stiffness", "control")))
     raise InputError(f"control: {control!r}; must be load, displacement or cb.Spring(stiffness)")

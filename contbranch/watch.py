@@ -8,19 +8,21 @@ to its result, which `Watch.passed` hands over: returned, or as the attribute `p
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from contextvars import ContextVar
 from time import perf_counter
 from typing import Final, TypeVar
 
-from contbranch.errors import Stop
+from contbranch.errors import ModelError, Stop
 
 __all__ = [
     "INTERRUPTIONS",
     "Interruption",
     "Progress",
     "Watch",
+    "blame",
     "caught",
     "check",
     "finishing",
@@ -37,6 +39,8 @@ Kind = TypeVar("Kind")
 
 # Seconds without news after which what was said last is said again, so that the callback is asked.
 SILENCE: Final = 0.2
+# Whose frames tell nothing of whose fault an error is.
+_OURS: Final = ("contbranch", "numpy", "scipy", "pyfftw")
 
 
 class Interruption(BaseException):
@@ -54,7 +58,8 @@ class Watch:
     reason : str
         Why the computation ends early, a sentence; empty while it does not.
     cause : BaseException or None
-        What is raised with the result: KeyboardInterrupt, or what the callback raised apart from `Stop`.
+        What is raised with the result: KeyboardInterrupt, what the callback raised apart from `Stop`, or what a law or
+        model of the user's own did.
     """
 
     def __init__(self, progress: Progress | None = None, limit: float | None = None) -> None:
@@ -110,17 +115,34 @@ _present: ContextVar[Watch | None] = ContextVar("present", default=None)
 
 @contextmanager
 def watched(progress: Progress | None = None, limit: float | None = None) -> Iterator[Watch]:
-    """Watch a computation; what is part of another one has that one's watch."""
+    """Watch a computation; what is part of another one has that one's watch. In notebooks a bar is the default."""
     outer = _present.get()
     if outer is not None:
         yield outer
         return
-    watch = Watch(progress, limit)
-    own = _present.set(watch)
-    try:
-        yield watch
-    finally:
-        _present.reset(own)
+    with _bar() if progress is None and _in_notebook() else nullcontext(progress) as report:
+        watch = Watch(report, limit)
+        own = _present.set(watch)
+        try:
+            yield watch
+        except ModelError:
+            if watch.cause is None:
+                raise
+            raise watch.cause from None
+        finally:
+            _present.reset(own)
+
+
+def _in_notebook() -> bool:
+    shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
+    return hasattr(shell, "kernel")
+
+
+def _bar() -> AbstractContextManager[Progress]:
+    """The bar that notebooks show."""
+    from contbranch.output.notebook import progress_bar
+
+    return progress_bar()
 
 
 def check() -> None:
@@ -155,6 +177,16 @@ def caught(error: BaseException) -> None:
     if watch is None:
         raise error
     watch.end(error)
+
+
+def blame(error: BaseException | None) -> None:
+    """Pass on with the result what a user's own code has raised, which has ended a computation."""
+    watch, place = _present.get(), None if error is None else error.__traceback__
+    while watch is not None and watch.cause is None and place is not None:
+        module = place.tb_frame.f_globals.get("__name__", "").partition(".")[0]
+        if module not in _OURS and module not in sys.stdlib_module_names:
+            watch.cause = error
+        place = place.tb_next
 
 
 def kept(compute: Callable[[], Kind], otherwise: Kind) -> Kind:

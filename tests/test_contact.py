@@ -141,7 +141,7 @@ class Mine(Gauss):  # inherits the name of a law but is another
     helper: object = len
 
 
-def test_law_of_the_users_own_is_described_but_not_made_again():
+def test_law_of_the_users_own_is_made_again_where_its_class_is_there():
     contact = Contact(Parabola(1.0), Mine(1.0, 0.5))
     description = json.loads(json.dumps(contact.describe()))
     (law,) = description["interaction"]
@@ -149,7 +149,9 @@ def test_law_of_the_users_own_is_described_but_not_made_again():
     assert law["user_defined"] is True
     assert law["table"] == [1.0, 2.0]
     assert law["range"] == 0.5
-    with pytest.raises(InputError, match=r"^interaction\[1\]: '.*Mine' is not part of contbranch; make the contact"):
+    assert Contact.from_description(description) == contact
+    law["law"] = "elsewhere.Mine"
+    with pytest.raises(InputError, match=r"^interaction\[0\]: '.*Mine' is not part of contbranch; make the contact"):
         Contact.from_description(description)
     assert Contact.reduced(Mine, 2.0, table=(3.0,)).interaction == Mine(1.0, 0.5, (3.0,))
 
@@ -161,7 +163,7 @@ def test_broken_descriptions():
         ({"tip": {"shape": "parabola"}}, "tip.radius: missing"),
         ({"material": {}}, "modulus: None; must be"),
         ({"units": "SI"}, "units: 'SI'"),
-        ({"interaction": [{"law": "gauss", "range": 1.0}]}, r"interaction\[1\].work_of_adhesion: missing"),
+        ({"interaction": [{"law": "gauss", "range": 1.0}]}, r"interaction\[0\].work_of_adhesion: missing"),
     ):
         with pytest.raises(InputError, match=message):
             Contact.from_description({**good, **change})

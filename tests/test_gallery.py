@@ -148,4 +148,4 @@ def test_a_figure_is_saved_as_finely_as_from_the_command_line_and_shows_itself(t
     figure = cb.trace(cb.Contact.reduced("gauss", tabor=1.0, sign=-1), accuracy=1e-4).plot()
     figure.savefig(tmp_path / "x.png")
     assert imread(tmp_path / "x.png").shape[1] == round(3.4 * 300)
-    assert figure._repr_png_().startswith(b"\x89PNG")
+    assert figure._repr_png_()[0].startswith(b"\x89PNG")

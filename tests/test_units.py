@@ -8,6 +8,7 @@ import numpy as np
 import pint
 import pytest
 
+from contbranch.contact.contact import Contact
 from contbranch.contact.units import (
     PHYSICAL,
     REDUCED,
@@ -191,3 +192,21 @@ def test_pint_is_imported_for_unusual_units_only():
         "assert Contact.physical(radius='1 inch', modulus=5).tip.radius == 25.4e6; assert 'pint' in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
+
+
+@pytest.mark.parametrize(
+    ("text", "number"), [("30 mJ/m2", 0.03), ("3 Angstrom", 0.3), ("40 mN/m", 0.04)], ids=lambda value: str(value)
+)
+def test_units_as_they_are_written(text, number):
+    dimension = "length" if "strom" in text else "energy per area"
+    assert parse(text, dimension, "range") == pytest.approx(number, rel=1e-15)
+
+
+def test_a_decimal_comma_is_answered_with_a_point():
+    with pytest.raises(InputError, match=r"'0\.3 nm'"):
+        parse("0,3 nm", "length", "range")
+
+
+def test_youngs_modulus_is_told_from_the_effective_one():
+    with pytest.raises(InputError, match=r"effective modulus, E/\(1 − ν²\)"):
+        Contact.physical(radius="1 um", youngs_modulus="3 GPa")

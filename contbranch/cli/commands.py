@@ -1,4 +1,4 @@
-"""The command ``contbranch``: trace, solve, loop, follow and show.
+"""The command ``contbranch``: trace, solve, loop, follow, sweep, show and view.
 
 Exit status: 0 complete; 1 incomplete (whatever was traced is written all the same); 2 wrong input, in one line; 130
 interrupted (as 1). Heavy libraries are imported where they are needed: the start of the command is a good part of its
@@ -54,11 +54,16 @@ _OPTIONS: Final = {
     "--law": ("NAME", "Another law than the contact's; jkr, dmt, or compare."),
     "--max-load": ("F", "Largest load.  [default: beyond all events]"),
     "--time-limit": ("S", "Seconds after which what has been found is given.  [default: none]"),
+    "--workers": ("N", "Traces at a time.  [default: one for each core]"),
+    "--scheduler": ("ADDRESS", "Of a Dask cluster, instead of the cores of this machine."),
+    "--resume": ("", "Go on with an earlier sweep of that file, if there is one."),
+    "--retry": ("", "Compute again what failed."),
     "--json": ("FILE", "Write JSON; - for standard output."),
     "--csv": ("FILE", "Write the points as a table, with units in its first line."),
     "--events-csv": ("FILE", "Write the events as a table."),
     "--plot": ("FILE", "Draw to a .png, .pdf or .svg file."),
     "-o --output": ("FILE.h5", "Save arrays and profiles."),
+    "-o --page": ("FILE.html", "Write the page."),
 }
 _SHARED: Final = tuple(_OPTIONS)[:8]
 _SUFFIXES: Final = {
@@ -89,11 +94,12 @@ class _Parser(OptionParser):
 
 
 class Command(NamedTuple):
-    """A command: what computes its result, its options, and its argument with what that is."""
+    """A command: what computes its result, its options, its argument with what that is, and what it writes itself."""
 
     compute: Callable[[Values], Any]
     options: tuple[str, ...]
     argument: tuple[str, str] = ("[CONTACT]", "TOML file that describes the contact.")
+    own: tuple[str, ...] = ()
     second: tuple[str, str] | None = None
 
     @property
@@ -114,7 +120,8 @@ class Command(NamedTuple):
             if flags == "--plot":
                 kind["action"] = "append"
             parser.add_option(*flags.split(), help=words, **kind)
-        parser.set_defaults(json=None, output=None, csv=None, events_csv=None, time_limit=None)
+        absent = ("json", "output", "plot", "csv", "events_csv", "model", "cell", "grid", "time_limit")
+        parser.set_defaults(**dict.fromkeys(absent))
         return parser
 
 
@@ -187,6 +194,32 @@ def _follow(asked: Values) -> Any:
         raise InputError(f"--vary: {str(error).removeprefix('vary: ')}") from None
 
 
+def _sweep(asked: Values) -> Result:
+    """Trace all contacts of a sweep file, on all cores or on a cluster; what has ended is never computed again."""
+    if asked.output is None:
+        raise InputError("-o: missing; a sweep needs a file, for example -o results.h5")
+    from contbranch.cli.request import whole_number
+    from contbranch.sweeps.design import read_sweep
+    from contbranch.sweeps.sweep import sweep
+
+    design, settings = read_sweep(asked.source)
+    if asked.workers is not None:
+        settings["workers"] = whole_number(asked.workers, "--workers")
+    with ExitStack() as stack:
+        executor = None
+        if asked.scheduler is not None:
+            from contbranch.sweeps.cluster import dask_executor
+
+            executor, count = stack.enter_context(dask_executor(asked.scheduler))
+            settings.setdefault("workers", count)
+        resume = asked.resume or asked.retry
+        try:
+            return sweep(design, asked.output, executor, resume, retry=asked.retry, **settings)
+        except InputError as error:
+            words = str(error).replace("path: ", "-o: ", 1).replace("resume that sweep", "add --resume")
+            raise InputError(words) from None
+
+
 def _fit(asked: Values) -> Any:
     """Fit a contact to a measured force curve, and say what the curve can tell."""
     from contbranch.cli.request import names_of
@@ -200,10 +233,38 @@ def _fit(asked: Values) -> Any:
 
 
 def _show(asked: Values) -> Result:
-    """Print what a saved diagram holds, and draw it; exit status 0 even if the trace was incomplete."""
+    """Print what a saved result holds, and draw it; exit status 0 even if the trace was incomplete."""
     from contbranch.output.hdf5 import load
 
     return load(asked.source)
+
+
+def _advise(asked: Values) -> Any:
+    """Say which model or theory is enough for the folds of a contact, and what it would take."""
+    request = _request(asked)
+    from contbranch.advice import advise
+
+    return advise(request.contact, 0.01 if asked.accuracy is None else request.accuracy, request.control)
+
+
+def _view(asked: Values) -> Result:
+    """Write a page on which a saved diagram, loop or sweep is explored: one file, no network."""
+    from contbranch.output.files import write
+    from contbranch.output.hdf5 import load
+    from contbranch.output.page import page
+    from contbranch.results.loop import Hysteresis
+
+    if asked.page is None or not asked.page.endswith((".html", ".htm")):
+        raise InputError(f"-o: {asked.page or 'missing'}; give a file for the page, for example -o page.html")
+    result = load(asked.source)
+    curve = None
+    if isinstance(result, Hysteresis) and result.contact is not None and result.contact.tip.axisymmetric:
+        from contbranch.api import trace
+        from contbranch.control import Spring
+
+        curve = trace(result.contact, result.control if result.stiffness is None else Spring(result.stiffness))
+    write(asked.page, page(result, curve).encode())
+    return result
 
 
 COMMANDS: Final = {
@@ -211,13 +272,21 @@ COMMANDS: Final = {
     "solve": Command(_solve, (*_SHARED, "--load", "--displacement", "--all", *_OUTPUTS)),
     "loop": Command(_loop, (*_SHARED, "--max-load", *_OUTPUTS)),
     "follow": Command(_follow, (*_SHARED, "--event", "--vary", "--max-load", *_OUTPUTS)),
+    "advise": Command(_advise, (*_SHARED[:5], "--json")),
+    "sweep": Command(
+        _sweep,
+        ("--workers", "--scheduler", "--resume", "--retry", "--time-limit", "--json", "--csv", "-o --output"),
+        ("SWEEP", "TOML file: a contact file with a table [sweep.vary]."),
+        own=("-o",),
+    ),
+    "show": Command(_show, ("--plot",), ("FILE.h5", "What trace, solve, loop or follow saved by -o.")),
+    "view": Command(_view, ("-o --page",), ("FILE.h5", "Saved by trace, loop or sweep -o.")),
     "fit": Command(
         _fit,
         ("--free", "--fixed", "--spring", "--law", *_OUTPUTS),
         ("CURVE", "Force curve: CSV (piezo [nm],force [nN]), .ibw, .jpk-force, …"),
-        ("CONTACT", "TOML file with the contact: what stays, and where to start."),
+        second=("CONTACT", "TOML file with the contact: what stays, and where to start."),
     ),
-    "show": Command(_show, ("--plot",), ("FILE.h5", "Diagram saved by trace -o.")),
 }
 
 
@@ -266,28 +335,35 @@ def _run(given: list[str]) -> int:
     if asked.help:
         return COMPLETE
     wanted = [one[0] for one in (command.argument, command.second) if one is not None]
-    if rest[len(wanted) :]:
-        parser.error(f"Got unexpected extra argument ({rest[len(wanted)]})")
+    extra = rest[len(wanted) :]
+    if extra:
+        from contbranch.contact.units import is_unit
+
+        quote = "; quote a quantity: '265 nN'" if any(map(is_unit, extra)) else ""
+        parser.error(f"Got unexpected extra argument ({next(filter(is_unit, extra), extra[0])}){quote}")
     missing = [word for word in wanted[len(rest) :] if not word.startswith("[")]
     if missing:
         parser.error(f"Missing argument '{missing[0]}'")
-    asked.source, asked.contact = rest[0] if rest else None, rest[1] if rest[1:] else None
+    asked.source, asked.contact, asked.notes = rest[0] if rest else None, rest[1] if rest[1:] else None, []
     interrupted = False
     with ExitStack() as stack:
-        places = [stack.enter_context(reserved(path, field)) for field, path in _outputs(asked)]
+        outputs = [(field, path) for field, path in _outputs(asked) if field not in command.own]
+        places = [stack.enter_context(reserved(path, field)) for field, path in outputs]
         interrupts.unfinished = [place.unfinished for place in places if place.unfinished is not None]
         try:
-            result = command.compute(asked) if name == "show" else _watched(command, asked)
+            result = command.compute(asked) if name in ("show", "advise") else _watched(command, asked)
         except KeyboardInterrupt as error:
             if not hasattr(error, "partial"):
                 raise
             result, interrupted = error.partial, True
         interrupts.keeping = True
+        for note in asked.notes:
+            print(f"contbranch: warning: {note}", file=sys.stderr)
         _deliver(result, asked, places)
     if interrupts.pending or interrupted:
         late = "what was asked for is complete all the same" if result.status == "complete" else result.message
         return _fail(f"interrupted: {late}", INTERRUPTED)
-    if name == "show" or result.status == "complete":
+    if name in ("show", "view") or result.status == "complete":
         return COMPLETE
     return _fail(f"incomplete: {result.message}", INCOMPLETE)
 
@@ -345,8 +421,8 @@ def _print_version() -> int:
 
 
 def _show_warning(message: Warning | str, category: type[Warning], *_: object, **__: object) -> None:
-    """Print a warning about a grid as one line on standard error; others with their kind."""
-    kind = "" if category.__name__ == "GridWarning" else f"{category.__name__}: "
+    """Print a warning of ours as one line on standard error; others with their kind."""
+    kind = "" if issubclass(category, UserWarning) else f"{category.__name__}: "
     print(f"contbranch: warning: {kind}{' '.join(str(message).split())}", file=sys.stderr)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from optparse import Values
 from typing import TYPE_CHECKING, Any, Final
 
@@ -19,14 +19,26 @@ if TYPE_CHECKING:
     from contbranch.models.grid import FreeSpace, Periodic
     from contbranch.results.diagram import Diagram, Event
 
-__all__ = ["Request", "find_event", "make_request", "names_of", "parse_uncertainties", "parse_vary", "seconds"]
+__all__ = [
+    "Request",
+    "find_event",
+    "make_request",
+    "names_of",
+    "parse_uncertainties",
+    "parse_vary",
+    "seconds",
+    "whole_number",
+]
 
 _LOWEST: Final = ("pull-off", "wetting")
 
 
 @dataclass(frozen=True)
 class Request:
-    """A contact and the settings of a computation, in the contact's units; `controlled`: the control was asked for."""
+    """A contact and the settings of a computation, in the contact's units.
+
+    `controlled`: the control was asked for; `notes`: what the user is told besides the result.
+    """
 
     contact: Contact
     control: str | Spring
@@ -36,6 +48,7 @@ class Request:
     controlled: bool = True
     cell: float | None = None
     grid: int | None = None
+    notes: list[str] = field(default_factory=list)
 
     @property
     def chosen_model(self) -> str | Periodic | FreeSpace:
@@ -48,7 +61,11 @@ class Request:
 
     def quantity(self, text: str, dimension: str, option: str) -> float:
         """Return the value of an option: a bare number in the contact's units, or a quantity of a physical contact."""
-        return self.contact.units.read(_bare(text), dimension, option)
+        value = _bare(text)
+        unit = self.contact.units.name(dimension)
+        if unit and isinstance(value, float):
+            self.notes.append(f"{option} {text}: taken as {unit}; write '{text} {unit}'")
+        return self.contact.units.read(value, dimension, option)
 
     def limit(self, max_load: str | None) -> float | None:
         """The largest load, from the option or the contact file; None for the default."""
@@ -89,6 +106,7 @@ def make_request(asked: Values) -> Request:
         controlled="control" in chosen,
         cell=chosen.get("cell"),
         grid=chosen.get("grid"),
+        notes=asked.notes,
     )
 
 
@@ -120,6 +138,13 @@ def _contact(asked: Values) -> tuple[Contact, dict[str, Any]]:
 def seconds(text: str) -> float:
     """Return the value of --time-limit."""
     return positive_number(_number(_bare(text), "--time-limit"), "--time-limit")
+
+
+def whole_number(text: str, option: str) -> int:
+    """Return the value of an option that counts something."""
+    if not text.isdigit() or int(text) < 1:
+        raise InputError(f"{option}: {text!r}; must be a whole number, 1 or greater")
+    return int(text)
 
 
 def _bare(text: str) -> float | str:

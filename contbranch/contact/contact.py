@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import difflib
+import re
+import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, dataclass, fields
 from functools import cached_property
@@ -15,6 +17,7 @@ from contbranch.contact.interaction_law import terms_of
 from contbranch.contact.interactions import INTERACTIONS, Interaction
 from contbranch.contact.tips import TIPS, HeightMap, Parabola, Tip, TipShape
 from contbranch.contact.units import PHYSICAL, REDUCED, Scales, Units, parse, positive_number
+from contbranch.contact.validity import warn_of_units
 from contbranch.errors import InputError
 
 __all__ = ["Contact", "dimensions", "look_up", "make", "nearest", "refuse_unknown"]
@@ -37,6 +40,8 @@ def refuse_unknown(names: Iterable[str], known: Iterable[str], prefix: str = "")
     """Raise InputError, with `prefix` in front, for the first of `names` that is not among the `known` ones."""
     for name in names:
         if name not in known:
+            if re.search("young|poisson", name.lower()):
+                raise InputError(f"{prefix}{name}: give the effective modulus, E/(1 − ν²) for a rigid tip, as modulus")
             raise InputError(f"{prefix}{name}: not known; must be one of {', '.join(known)}{nearest(name, known)}")
 
 
@@ -90,13 +95,21 @@ def _description(part: TipShape | Interaction, known: Mapping[str, Any], key: st
 
 
 def _rebuilt(description: Mapping[str, object], known: Mapping[str, Any], key: str, field: str) -> Any:
-    """Return the tip or law of a description."""
+    """Return the tip or law of a description; one of the user's if its class is there."""
+    values = {name: value for name, value in description.items() if name not in (key, "user_defined")}
     if description.get("user_defined"):
+        module, _, name = str(description.get(key)).rpartition(".")
+        own = getattr(sys.modules.get(module), name, None)
+        if isinstance(own, type) and issubclass(own, TipShape | Interaction):
+            told = {k: tuple(v) if isinstance(v, list) else v for k, v in values.items() if not str(v).startswith("<")}
+            made = make(own, told, f"{field}.")
+            if _description(made, known, key) == description:
+                return made
         raise InputError(
-            f"{field}: {description.get(key)!r} is not part of contbranch; make the contact with that class"
+            f"{field}: {description.get(key)!r} is not part of contbranch; make the contact with that class, or import "
+            f"{module} first"
         )
     kind = look_up(description.get(key), known, f"{field}.{key}")
-    values = {name: value for name, value in description.items() if name != key}
     return HeightMap.restored(values, field) if kind is HeightMap else make(kind, values, f"{field}.")
 
 
@@ -132,6 +145,8 @@ class Contact:
         if not isinstance(self.units, Units):
             raise InputError(f"units: {self.units!r}; must be REDUCED or PHYSICAL")
         object.__setattr__(self, "modulus", positive_number(self.modulus, "modulus"))
+        if self.units.physical:
+            warn_of_units(self)
 
     @staticmethod
     def reduced(law: type[Interaction] | str | None, tabor: float = 1.0, sign: int = 1, **shape: object) -> Contact:
@@ -162,7 +177,7 @@ class Contact:
     @staticmethod
     def physical(
         *,
-        modulus: object,
+        modulus: object = None,
         tip: str | TipShape = "parabola",
         interaction: str | type[Interaction] | Interaction | None = None,
         **quantities: object,
@@ -194,6 +209,8 @@ class Contact:
             name: dimension for kind in (shape_kind, law_kind) if kind for name, dimension in dimensions(kind).items()
         }
         refuse_unknown(quantities, known)
+        if modulus is None:
+            raise InputError("modulus: missing; give the effective modulus, for example '5 GPa'")
         values = {name: _quantity(value, known[name], name) for name, value in quantities.items()}
 
         def built(kind: Any) -> Any:
@@ -217,8 +234,8 @@ class Contact:
         Raises
         ------
         InputError
-            If the tip or a law is a class of the user's, of which a description holds only name and parameters, or a
-            height map that is not from a file or whose file has changed.
+            If the tip or a law is a class of the user's, of which a description has name and parameters, that has
+            not been imported, or a height map that is not from a file or whose file has changed.
         """
         units = Units(description.get("units", "reduced"))
         tip = _rebuilt(description.get("tip", {}), TIPS, "shape", "tip")

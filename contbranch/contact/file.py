@@ -33,7 +33,8 @@ The parameters of a shape or law are the fields of its class in `tips` and `inte
   ``length_unit = "nm"`` and ``energy_unit = "mJ/m^2"`` or ``pressure_unit = "MPa"`` make them physical.
 
 A file is searched beside the contact file. One of numbers has two columns, separated by commas, semicolons or blanks;
-text after # and a first line of names are skipped.
+text after # and a first line of names are skipped. A table ``[sweep]`` says what varies in a sweep
+(`contbranch.sweeps.design.read_sweep`) and nothing to a single contact.
 """
 
 from __future__ import annotations
@@ -54,9 +55,9 @@ from contbranch.contact.units import PHYSICAL, REDUCED, Units, finite_number, pa
 from contbranch.errors import InputError
 from contbranch.grid_size import MODELS, grid_points
 
-__all__ = ["parse_control", "read_contact"]
+__all__ = ["parse_control", "parsed", "read_contact"]
 
-_TABLES: Final = ("tip", "material", "interaction", "trace")
+_TABLES: Final = ("tip", "material", "interaction", "trace", "sweep")
 # The dimension of a table's unit, by its key.
 _UNITS: Final = {
     "length_unit": "length",
@@ -95,7 +96,7 @@ def read_contact(path: str | Path) -> tuple[Contact, dict[str, Any]]:
         For a missing file, wrong TOML, an unknown table, key, shape or law, a missing or wrong value, a wrong unit, and
         for bare numbers beside numbers with units; the message is one line and names the field.
     """
-    document = _parsed(Path(path))
+    document = parsed(Path(path))
     refuse_unknown(document, _TABLES)
     for name in ("tip", "material"):
         if name not in document:
@@ -134,7 +135,8 @@ def parse_control(control: object, units: Units, field: str = "control") -> str 
     return positive_number(units.read(stiffness.strip(), "stiffness", field), field)
 
 
-def _parsed(path: Path) -> dict[str, Any]:
+def parsed(path: Path) -> dict[str, Any]:
+    """Return the tables of a TOML file; InputError if it is none."""
     try:
         return tomllib.loads(read_text(path))
     except tomllib.TOMLDecodeError as error:

@@ -22,6 +22,7 @@ __all__ = [
     "Scales",
     "Units",
     "finite_number",
+    "is_unit",
     "make_positive",
     "maugis_to_reduced",
     "parse",
@@ -55,7 +56,7 @@ _POWERS: Final = {
         for prefix, power in {**_PREFIXES, "M": 6, "G": 9, "T": 12}.items()
         for symbol, (ten, *dimension) in _SYMBOLS.items()
     },
-    "angstrom": (-10, 0, 1),
+    **dict.fromkeys(("angstrom", "Angstrom", "ångström", "Ångström"), (-10, 0, 1)),
     "Å": (-10, 0, 1),
 }
 _WRITTEN: Final = {"**": "^", "⁻¹": "^-1", "⁻²": "^-2", "²": "^2", "³": "^3", "·": "*"}
@@ -71,12 +72,17 @@ def _powers(unit: str) -> tuple[int, ...] | None:
     factors += [(divisor.strip(), -1) for divisor in divisors]
     total: tuple[int, ...] = (0, 0, 0)
     for factor, sign in factors:
-        match = re.fullmatch(r"([^\W\d]+)(?:\^(-?\d))?", factor)
+        match = re.fullmatch(r"([^\W\d]+)\^?(-?\d)?", factor)
         if match is None or match[1] not in _POWERS:
             return None
         power = sign * int(match[2] or 1)
         total = tuple(have + power * one for have, one in zip(total, _POWERS[match[1]], strict=True))
     return total
+
+
+def is_unit(text: str) -> bool:
+    """Whether a text is one of the usual units of lengths, forces, pressures, energies and stiffnesses."""
+    return _powers(text) is not None
 
 
 @cache
@@ -157,8 +163,10 @@ def parse(value: object, dimension: str, field: str) -> float:
         return finite_number(value, field)
     example = _DIMENSIONS[dimension][2]
     match = _QUANTITY.fullmatch(value)
-    if match is None:
-        raise InputError(f"{field}: {value!r} is not a number with a unit; write for example {example}")
+    if match is None or re.match(r",\d", match[2] or ""):
+        dotted = value.replace(",", ".")
+        example = repr(dotted) if _QUANTITY.fullmatch(dotted) else f"for example {example}"
+        raise InputError(f"{field}: {value!r} is not a number with a unit; write {example}")
     number, unit = finite_number(float(match[1]), field), match[2]
     if unit is None:
         if dimension == "dimensionless":

@@ -58,10 +58,11 @@ _COMPLETE = frozenset(
 
 @dataclass(frozen=True, slots=True)
 class End:
-    """One end of a curve: why it is there, and details (an error's text, a residual) where there are any."""
+    """One end of a curve: why it is there, details (an error's text, a residual) where there are any, and the error."""
 
     outcome: Outcome
     detail: str = ""
+    cause: BaseException | None = None
 
     @property
     def message(self) -> str:

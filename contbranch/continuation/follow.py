@@ -86,7 +86,7 @@ class _Direction:
                 step, count = taken.factor * metric.norm(begin.problem, dx, dp), taken.count
                 here, carry = adapted(here, metric, options)
             except CorrectionError as error:
-                return replace(branch, end=End(error.outcome, error.detail))
+                return replace(branch, end=End(error.outcome, error.detail, error.__cause__))
             except INTERRUPTIONS as error:
                 caught(error)
                 return replace(branch, end=End(Outcome.INTERRUPTED))

@@ -74,6 +74,7 @@ def trace_curve(
     # Overflow in a trial point is answered by a shorter step; a warning would only alarm.
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         try:
+            _check_shapes(problem, x, float(p0))
             start, balance = _start(problem, x, float(p0), interval, options)
         except CorrectionError as error:
             end = End(Outcome.START_FAILED if error.outcome.complete else _at_start(error.outcome), error.detail)
@@ -90,6 +91,15 @@ def interval_around(parameter_range: tuple[float, float], p0: float) -> Range:
     if not (math.isfinite(p0) and low <= p0 <= high):
         raise InputError(f"p0 is {p0}: give a start inside parameter_range ({low}, {high}).")
     return Range(low, high)
+
+
+def _check_shapes(problem: Problem, x: Array, p: float) -> None:
+    """Raise InputError where what the problem returns at the start has another shape than it must have."""
+    at = linearise(problem, x, p)
+    parts = ("residual", at.residual, (x.size,)), ("parameter_derivative", at.parameter_derivative, (x.size,))
+    for name, value, wanted in (*parts, ("jacobian", at.jacobian, (x.size, x.size))):
+        if np.shape(value) != wanted and getattr(value, "shape", ()) != wanted:
+            raise InputError(f"{type(problem).__name__}.{name} has the shape {np.shape(value)}: return {wanted}.")
 
 
 def _at_start(outcome: Outcome) -> Outcome:

@@ -17,7 +17,7 @@ from contbranch.curve.problem import EquilibriumProblem, Succession, equilibrium
 from contbranch.curve.spacing import Spacing
 from contbranch.curve.track import Mark, Track
 from contbranch.errors import InputError, ModelError
-from contbranch.watch import finishing, kept, over, tell
+from contbranch.watch import blame, finishing, kept, over, tell
 
 __all__ = ["Request", "trace"]
 
@@ -76,12 +76,17 @@ def trace(problem: EquilibriumProblem, request: Request) -> Track:
         except InputError:
             raise
         except CorrectionError as error:
+            blame(error.__cause__)
             return _nothing(problem, request, f"{Outcome.START_FAILED.value} {error.detail} {problem.limitation}")
         except Exception as error:  # a law written by the user may raise anything; its text is kept
+            blame(error)
             message = f"The interaction cannot be evaluated far away: {type(error).__name__}: {error}"
             return _nothing(problem, request, message)
         tracing = _Tracing(request)
-        kept(lambda: tracing.follow(start), None)
+        if request.held is LOAD and start.observables["load"] >= tracing.end.target:
+            tracing.points, tracing.message = [start], "The curve begins at a larger load."
+        else:
+            kept(lambda: tracing.follow(start), None)
         if request.events and not over():  # otherwise nothing but single states is wanted of the curve
             kept(tracing.fill, None)
         with finishing():
@@ -143,6 +148,7 @@ class _Tracing:
         if over():
             return None
         if not name:
+            blame(branch.end.cause)
             self.message = f"{branch.end.message} {problem.ending('', last)}".strip()
             return None
         try:

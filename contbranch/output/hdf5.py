@@ -9,6 +9,9 @@ import hashlib
 import io
 import json
 import math
+import re
+import subprocess
+import sys
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, fields, replace
@@ -22,7 +25,22 @@ from contbranch.contact.height_map import HeightMap
 from contbranch.errors import InputError
 from contbranch.output import files
 from contbranch.output.document import VERSION, document, head
-from contbranch.results.diagram import Branch, Cost, Diagram, Event, LocalExponent, ModelChoice, Solution, State
+from contbranch.output.sweep_file import is_sweep, load_sweep
+from contbranch.results.diagram import (
+    Branch,
+    Cost,
+    Diagram,
+    Event,
+    Exponent,
+    LocalExponent,
+    ModelChoice,
+    Solution,
+    State,
+    Window,
+)
+from contbranch.results.followed import Followed, Special
+from contbranch.results.loop import Hysteresis, Jump
+from contbranch.results.loop import Path as LoopPath
 from contbranch.results.profile import ModeShape, Profile
 from contbranch.results.record import Record, Result, columns, key_of, kind_of, same, unit_of
 
@@ -30,6 +48,7 @@ if TYPE_CHECKING:
     import h5py
 
     from contbranch.contact.contact import Contact
+    from contbranch.results.sweep import Sweep
 
 __all__ = ["content", "load", "save", "save_document"]
 
@@ -39,8 +58,26 @@ Kept = TypeVar("Kept")
 _HEAD: Final = ("control", "stiffness", "accuracy", "status", "message")
 # What stands in a column of a table where there is no value: modes are counted from 1.
 _BLANK: Final = {float: math.nan, int: 0, str: ""}
+# Records within documents.
+_PARTS: Final[dict[str, Any]] = {
+    one.__name__: one for one in (LoopPath, Jump, State, ModelChoice, Cost, Event, Special, Exponent, Window)
+}
 # The block before what HDF5 reads: the least size that it allows, and what is written there.
 _BLOCK: Final = 512
+# A program that reads everything in a file.
+_READER: Final = """import h5py, io, sys
+
+def read(name, item):
+    list(item.attrs.items())
+    if isinstance(item, h5py.Dataset):
+        item[()]
+
+file = h5py.File(io.BytesIO(sys.stdin.buffer.read()))
+read("", file)
+file.visititems(read)
+"""
+# Seconds for which a file without checksum is tried out.
+PATIENCE: Final = 20.0
 _LABEL: Final = "contbranch: an HDF5 file behind this block of {} bytes\nsha256 {}\n"
 _HDF5: Final = b"\x89HDF\r\n\x1a\n"
 
@@ -138,10 +175,10 @@ def _point(state: State) -> Branch:
     return Branch(**found, profiles=() if state.profile is None else (state.profile,))
 
 
-def load(path: str | Path) -> Diagram:
-    """Read a diagram from an HDF5 file that `save` wrote.
+def load(path: str | Path) -> Diagram | Hysteresis | Followed | Sweep:
+    """Read a diagram, a loop, a followed event or a sweep from an HDF5 file that the package wrote.
 
-    The contact is None where it cannot be made again: a law or tip defined outside the package.
+    The contact is None, with a warning, where it cannot be made again: a law or tip of the user's that is not imported.
 
     Raises
     ------
@@ -151,20 +188,44 @@ def load(path: str | Path) -> Diagram:
     import h5py
 
     path = Path(path)
-    image = _verified(path)
+    if is_sweep(path):
+        return load_sweep(path)
+    image, verified = _verified(path)
+    if not verified:
+        text = f"'{path}' has no checksum, as older versions wrote it: what it holds cannot be verified; save it again"
+        warnings.warn(text, stacklevel=2)
     try:
+        if not verified:
+            _try_out(image)
         with h5py.File(io.BytesIO(image), "r") as file:
-            _check_format(file, path)
-            return _read_diagram(file)
+            kind = _kind_of(file, path)
+            found = _read_diagram(file) if kind is Diagram else _made(kind, _read_object(file))
     except InputError:
         raise
     except Exception as error:  # of a file without checksum: HDF5 and what reads it may stumble over anything
         reason = " ".join(str(error).replace('"', "").split())
         raise InputError(f"path: '{path}' is damaged ({reason}); write it again") from None
+    if found.contact is None:
+        text = f"'{path}': the contact has a tip or law that is not at hand; import its class first, or do without"
+        warnings.warn(text, stacklevel=2)
+    return found
 
 
-def _verified(path: Path) -> bytes:
-    """The image of an HDF5 file, if it is what was written."""
+def _try_out(image: bytes) -> None:
+    """Raise OSError for a file on which HDF5 hangs or crashes: a process of its own reads everything in it first.
+
+    (Damaged as they may be, files that it survives do nothing worse than raise errors.)
+    """
+    try:
+        child = subprocess.run([sys.executable, "-c", _READER], input=image, capture_output=True, timeout=PATIENCE)
+    except subprocess.TimeoutExpired:
+        raise OSError("HDF5 comes to no end with it") from None
+    if child.returncode not in (0, 1):  # 1: an error that is raised here as well
+        raise OSError("HDF5 crashes on it")
+
+
+def _verified(path: Path) -> tuple[bytes, bool]:
+    """The image of an HDF5 file that is what was written, or of one that has no checksum, and which of them it is."""
     if not path.is_file():
         raise InputError(f"path: '{path}' is not a file; give an HDF5 file that contbranch wrote")
     try:
@@ -173,26 +234,28 @@ def _verified(path: Path) -> bytes:
         raise InputError(f"path: '{path}' cannot be read ({error.strerror}); give a readable file") from None
     image = data[_BLOCK:]
     if data[:_BLOCK] == _label(image):
-        return image
+        return image, True
     if data.startswith(_HDF5):
-        text = f"'{path}' has no checksum, as files of contbranch 0.1: what it holds cannot be verified; save it again"
-        warnings.warn(text, stacklevel=3)
-        return data
+        return data, False
     if _HDF5 not in data[: _BLOCK + len(_HDF5)] and not data.startswith(b"contbranch: "):
         raise InputError(f"path: '{path}' is not an HDF5 file; give one that contbranch wrote")
     raise InputError(f"path: '{path}' is damaged (it is not what its checksum says); write it again")
 
 
-def _check_format(file: h5py.File, path: Path) -> None:
-    """Raise InputError unless the file holds a diagram of a version that can be read here."""
+def _kind_of(file: h5py.File, path: Path) -> type[Diagram | Hysteresis | Followed]:
+    """What the file holds; InputError if it is nothing that can be read here, or of a later version."""
     found = file.attrs.get("format")
-    if found != Diagram.format:
-        raise InputError(f"path: '{path}' holds {found or 'something else'}; must hold a {Diagram.format}")
+    kinds: dict[str, type[Diagram | Hysteresis | Followed]] = {
+        kind.format: kind for kind in (Diagram, Hysteresis, Followed)
+    }
+    if found not in kinds:
+        raise InputError(f"path: '{path}' holds {found or 'something else'}; must hold one of {', '.join(kinds)}")
     version = int(file.attrs["version"])
     if version > VERSION:
         raise InputError(
             f"path: '{path}' has version {version} of {found}; must be at most {VERSION}: use a later contbranch"
         )
+    return kinds[found]
 
 
 # Writing
@@ -278,6 +341,36 @@ def _read_diagram(file: h5py.File) -> Diagram:
         else None,
         **{key: _python(file.attrs[key]) for key in _HEAD if key in file.attrs},
     )
+
+
+def _read_object(group: h5py.Group) -> Any:
+    """A document, or a part of it, as `_write_object` wrote it."""
+    found = {key: _read_object(item) if hasattr(item, "attrs") and hasattr(item, "keys") else item[()]
+             for key, item in group.items()}  # fmt: skip
+    if found and all(key.isdigit() for key in found) and not group.attrs:
+        return [found[str(number)] for number in range(len(found))]
+    return {**found, **{key: _python(value) for key, value in group.attrs.items()}}
+
+
+def _made(kind: type[Kind], content: Mapping[str, Any]) -> Kind:
+    """The record of an object of a document; KeyError where something is missing that has no default."""
+    found: dict[str, Any] = {}
+    for item in fields(kind):
+        name, said = key_of(item), str(item.type)
+        inner = next((_PARTS[word] for word in re.findall(r"\w+", said) if word in _PARTS), None)
+        if name == "contact" and name in content:
+            found[item.name] = _rebuilt(content[name], None)
+        elif name in content and inner is not None and "tuple" in said:
+            found[item.name] = tuple(_made(inner, one) for one in content[name])
+        elif name in content and inner is not None:
+            found[item.name] = _made(inner, content[name])
+        elif name in content:
+            found[item.name] = content[name].astype(np.int64) if said == "Integers" else content[name]
+        elif "None" in said:
+            found[item.name] = None
+        elif item.default is MISSING and item.default_factory is MISSING:
+            raise KeyError(f"{kind.__name__} has no {name}")
+    return kind(**found)
 
 
 def _python(value: Any) -> Any:

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import base64
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from html import escape
+from importlib import import_module
 from io import BytesIO
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from contbranch.output.plot import draw
 from contbranch.output.summary import Cells, parts
@@ -13,7 +17,10 @@ from contbranch.output.summary import Cells, parts
 if TYPE_CHECKING:
     from contbranch.results.record import Result
 
-__all__ = ["as_html", "as_png"]
+__all__ = ["as_html", "as_png", "progress_bar"]
+
+# Seconds before a progress bar is worth its room.
+PATIENCE = 1.0
 
 
 def as_png(result: Result) -> bytes:
@@ -29,6 +36,29 @@ def as_html(result: Result) -> str:
     shown = [f"<p>{escape(part)}</p>" if isinstance(part, str) else _table(part) for part in parts(result)]
     image = f'<img alt="{escape(repr(result).splitlines()[0])}" width="440" src="data:image/png;base64,{picture}">'
     return "\n".join(["<div>", image, *shown, "</div>"])
+
+
+@contextmanager
+def progress_bar() -> Iterator[Callable[[float, str], None]]:
+    """Show a progress bar below the cell of what takes longer than a second; it leaves nothing behind."""
+    page: Any = import_module("IPython.display")  # only where there is a notebook
+
+    shown: list[Any] = []
+    began = time.monotonic()
+
+    def report(fraction: float, text: str) -> None:
+        if time.monotonic() > began + PATIENCE:
+            bar = page.HTML(f'<progress value="{fraction:.3f}" style="width:20em"></progress> {escape(text)}')
+            if shown:
+                shown[0].update(bar)
+            else:
+                shown.append(page.display(bar, display_id=True))
+
+    try:
+        yield report
+    finally:
+        for handle in shown:
+            handle.update(page.HTML(""))
 
 
 def _table(cells: Cells) -> str:

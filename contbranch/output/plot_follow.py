@@ -119,28 +119,22 @@ def phase_figure(phase: PhaseDiagram) -> Figure:
             values, levels, index.T, cmap=colors, vmin=-0.5, vmax=len(present) - 0.5, shading="nearest", zorder=0,
             rasterized=True,
         )  # fmt: skip
-        marked = []
         for followed in phase.boundaries:
             touch = followed.event.kind == "touch"
             for x, line, contact in _lines(followed, y, logarithmic):
                 style = "-" if contact or touch else DASHES
                 axes.plot(x, line, color=_TOUCH if touch else BLUE if contact else ORANGE, linestyle=style, zorder=3)
-            marked += [one for one in followed.special if one.kind in _MARKERS and one.control in (None, y)]
-        kept: list[tuple[float, float]] = []
-        texts = []
-        for one in sorted(marked, key=lambda one: one.kind == "fold-through-touch"):
-            place = (one.value, getattr(one, y))
-            if all(not np.allclose(place, other, rtol=1e-4, atol=1e-4) for other in kept):
-                kept.append(place)
-                texts.append(one.kind.replace("-", " "))
-                _mark(axes, one.kind, *place)
+        marked = [one for one in phase.special if one.kind in _MARKERS and one.control in (None, y)]
+        for one in marked:
+            _mark(axes, one.kind, one.value, getattr(one, y))
         axes.set_xlim(values[0], values[-1])
         axes.set_ylim(levels[0], levels[-1])
         _label(axes, phase.parameter, phase.unit_names, y, _natural(phase))
         figure.legend(handles=_regions(phase, present), loc="outside upper center", ncols=2, columnspacing=1.2)
         figure.canvas.draw()
         figure.set_layout_engine("none")
-        place_labels(axes, np.array(kept).reshape(-1, 2), texts, ["black"] * len(texts))
+        points = np.array([[one.value, getattr(one, y)] for one in marked]).reshape(-1, 2)
+        place_labels(axes, points, [one.kind.replace("-", " ") for one in marked], ["black"] * len(marked))
     return figure
 
 

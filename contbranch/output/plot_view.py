@@ -79,6 +79,7 @@ WIDTH: Final = 3.4  # inches, one column of a journal
 _TITLE, _BELOW, _RIGHT = 0.21, 0.37, 0.11  # inches: above, below, right of a panel
 _APART: Final = 4.0  # points between the labels of two ticks
 _MOST_TICKS: Final = 8
+SCREEN: Final = 120  # pixels an inch in notebooks, of two points each
 _PAD: Final = 1.0  # of the extent of the events, shown on either side of them
 _LEAST_PAD: Final = 0.05  # of the events' distance from zero: context for a narrow window
 _MARGIN: Final = 0.07  # of the axis, so that no line lies on the frame
@@ -99,10 +100,10 @@ class _Picture(Figure):
         with rc_context(_style()):
             super().savefig(fname, **options)
 
-    def _repr_png_(self) -> bytes:
+    def _repr_png_(self) -> tuple[bytes, dict[str, float]]:
         held = BytesIO()
-        self.savefig(held, format="png", dpi=200)
-        return held.getvalue()
+        self.savefig(held, format="png", dpi=2 * SCREEN)
+        return held.getvalue(), {"width": round(SCREEN * self.get_figwidth())}
 
 
 def _style() -> Any:

@@ -9,12 +9,14 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any, Final, NamedTuple
 
+from contbranch.results.advice import Advice, Candidate
 from contbranch.results.diagram import Diagram, Event, Solution, State
 from contbranch.results.equilibria import Equilibria
 from contbranch.results.fit import Fit, unit_of_value
 from contbranch.results.followed import Followed
 from contbranch.results.loop import Hysteresis
 from contbranch.results.record import OBSERVABLES, Result
+from contbranch.results.sweep import Sweep
 
 __all__ = ["Cells", "as_text", "parts", "progress_bar", "progress_lines", "with_error"]
 
@@ -64,6 +66,10 @@ def parts(result: Result) -> Parts:
     if hasattr(result, "model"):
         model = told.model
         yield f"Model: {model.kind}, {model.unknowns} unknowns. {model.why}".rstrip()
+    if told.contact is not None and told.contact.tabor is not None:
+        from contbranch.advice import regime
+
+        yield regime(told.contact, told.thresholds.get("pull_off_load") if isinstance(result, Diagram) else None)
     size = {Diagram: lambda: sum(map(len, told.branches)), Hysteresis: lambda: len(told.path)}
     size[Followed] = lambda: len(told.curve["load"])
     points = f"{size[type(result)]()} points in " if type(result) in size else ""
@@ -139,6 +145,33 @@ def _followed(followed: Followed, units: Mapping[str, str]) -> Parts:
         yield from dict.fromkeys(one.message for one in followed.special if one.message)
 
 
+def _advice(advice: Advice, units: Mapping[str, str]) -> Parts:
+    names = [name.replace("_", " ") for name in advice.thresholds]
+    rows = [
+        [one.model, *(_error_of(one, name) for name in advice.thresholds), f"{one.seconds:.2g}"]
+        for one in advice.candidates
+    ]
+    yield Cells(["candidate", *(f"error of {name}" for name in names), "seconds"], rows)
+    yield f"Take {advice.chosen}. {advice.why}"
+
+
+def _error_of(candidate: Candidate, name: str) -> str:
+    error = candidate.errors.get(name)
+    return "none" if error is None else f"{error:.1e}"
+
+
+def _sweep(sweep: Sweep, units: Mapping[str, str]) -> Parts:
+    yield f"{sweep.told()}; {sweep.computed} computed, {sweep.reused} known before"
+    table = sweep.table()
+    if sweep.names and len(sweep.tasks) <= _ROWS:
+        shown = [name for name in table.columns if name != "message"]
+        rows = [[f"{cell:.9g}" if isinstance(cell, float) else str(cell) for cell in row]
+                for row in zip(*(table.columns[name].tolist() for name in shown), strict=True)]  # fmt: skip
+        yield Cells([_with_unit(name.replace("_", " "), table.units.get(name, "")) for name in shown], rows)
+    for task in sweep.failed[:_ROWS]:
+        yield f"Task {task.index} failed: {task.message}"
+
+
 def _fit(fit: Fit, _: Mapping[str, str]) -> Parts:
     rows = []
     for name, value in fit.values.items():
@@ -159,12 +192,14 @@ def _fit(fit: Fit, _: Mapping[str, str]) -> Parts:
 
 
 _SHOWN: Final[Mapping[type, Callable[[Any, Mapping[str, str]], Parts]]] = {
+    Advice: _advice,
     Diagram: _diagram,
     Fit: _fit,
     Solution: lambda solution, units: iter([_states(solution.known, units)]),
     Equilibria: lambda found, units: iter([_states(found.states, units)]),
     Hysteresis: _loop,
     Followed: _followed,
+    Sweep: _sweep,
 }
 
 

@@ -477,8 +477,16 @@ class Diagram(Result):
         return ", ".join(f"{name} {value:.7g}" for name, value in self.thresholds.items())
 
     def folds(self, control: str | None = None) -> Iterator[Event]:
-        """The folds of one control, or all of them."""
-        return (e for e in self.events if e.kind == "fold" and (control is None or e.control == control))
+        """The folds of one control, ``"load"``, ``"displacement"`` or ``"spring"``, or all of them.
+
+        Raises
+        ------
+        InputError
+            For any other control.
+        """
+        if control not in (None, "load", "displacement", "spring"):
+            raise InputError(f"control: {control!r}; must be load, displacement or spring")
+        return (e for e in self.events if e.kind == "fold" and control in (None, e.control))
 
     def local_exponent(self, event: Event) -> LocalExponent:
         """Local exponent κ_local(ΔF) on the contact side of a fold or touch, with its error estimate.

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 __all__ = ["Part", "PhaseDiagram"]
 
 FINE = 320
+# Special points closer than this are one.
+SAME = 1e-4
 # Ends of parts that merge in a special point: two folds, or two folds with first touch between them.
 MERGING = {"cusp": 2, "cusp-at-touch": 3}
 
@@ -90,8 +92,14 @@ class PhaseDiagram(Result):
 
     @property
     def special(self) -> tuple[Any, ...]:
-        """Special points of all boundaries."""
-        return tuple(one for followed in self.boundaries for one in followed.special)
+        """Special points of all boundaries, each once: where two boundaries meet, the one that says more."""
+        found: list[Any] = []
+        every = [one for followed in self.boundaries for one in followed.special]
+        for one in sorted(every, key=lambda one: one.kind == "fold-through-touch"):
+            place = (one.value, one.load, one.displacement)
+            if all(not np.allclose(place, (k.value, k.load, k.displacement), SAME, SAME, True) for k in found):
+                found.append(one)
+        return tuple(sorted(found, key=lambda one: float(one.value)))
 
     def fine(self) -> tuple[Array, Array, Integers, Integers]:
         """Values (V,) and levels (W,) of a finer grid with the numbers of stable states (V, W), for drawing.

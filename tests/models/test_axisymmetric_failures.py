@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import contbranch as cb
+from contbranch.contact.law_check import check_laws
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,14 @@ class Broken(cb.Interaction):
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_law_that_fails_leaves_the_part_traced(way, sign):
     contact = cb.Contact(cb.Parabola(1.0), Broken(sign, 1.0, way), 1.0)
-    diagram = cb.trace(contact)
+    if way == "raise":  # what it raises is passed on, with what was traced
+        with pytest.raises(ZeroDivisionError, match="the user's law") as caught:
+            cb.trace(contact)
+        diagram = caught.value.partial
+        assert "shape" in [entry.name for entry in caught.traceback]
+    else:
+        with pytest.warns(UserWarning, match="Broken: is not finite at gaps of 0, 0.1, 0.2, 0.4 ranges"):
+            diagram = cb.trace(contact)
     assert diagram.status == "incomplete"
     assert diagram.message
     assert "\n" not in diagram.message
@@ -58,10 +66,58 @@ def test_a_law_that_fails_at_once_is_told():
         def shape(self, x):
             return np.nan * x, np.nan * x, np.nan * x
 
-    diagram = cb.trace(cb.Contact(cb.Parabola(1.0), Never(1.0, 1.0), 1.0))
-    assert diagram.status == "incomplete"
-    assert diagram.message
-    assert diagram.thresholds == {}
+    with pytest.raises(cb.InputError, match="interaction: Never: is finite at none of the gaps"):
+        cb.trace(cb.Contact(cb.Parabola(1.0), Never(1.0, 1.0), 1.0))
+
+
+def of_shape(function):
+    class Mine(cb.Interaction):
+        def shape(self, x):
+            return function(x)
+
+    return cb.Contact(cb.Parabola(1.0), cb.Exponential(1.0, 0.5) + Mine(1.0, 2.0), 1.0)
+
+
+WRONG = {
+    "f' is not the derivative of f: at x = 0 it is 1, and differences give -1": lambda f: (f, f, f),
+    "f'' is not the derivative of f': at x = 0 it is 1.01, and differences give 1": lambda f: (f, -f, 1.01 * f),
+    r"returns arrays of shapes \(5,\), \(\), \(\) for x of shape \(5,\); must be the same": lambda f: (f, -1.0, 1.0),
+}
+
+
+@pytest.mark.parametrize("words", WRONG)
+def test_a_law_with_a_slip_is_refused_with_the_numbers(words):
+    contact = of_shape(lambda x: WRONG[words](np.exp(-x)))
+    for compute in (cb.trace, cb.hysteresis, lambda contact: cb.solve(contact, load=1.0)):
+        with pytest.raises(cb.InputError, match=r"interaction\[1\]: Mine: " + words):
+            compute(contact)
+
+
+def test_a_law_with_another_work_of_adhesion_draws_a_warning():
+    with pytest.warns(UserWarning, match=r"f\(0\) is 0.5, documented as 1"):
+        assert (
+            cb.trace(of_shape(lambda x: (0.5 * np.exp(-x), -0.5 * np.exp(-x), 0.5 * np.exp(-x)))).status == "complete"
+        )
+
+
+def test_laws_with_kinks_and_steep_ones_are_taken():
+    """Differences disagree with the derivatives at the kink at x = 1 alone, and hardly with 50 waves a range."""
+
+    def kinked(x):
+        inside = x < 1.0
+        return np.where(inside, 1.0 - x, 0.0), np.where(inside, -1.0, 0.0), 0.0 * x
+
+    def waves(x):
+        f = np.exp(-x - 50j * x)
+        return tuple((part * f).real for part in (1.0, -1.0 - 50j, (1.0 + 50j) ** 2))
+
+    for shape in (kinked, waves):
+        check_laws(of_shape(shape).interaction)
+
+
+def test_a_slip_of_the_programmer_is_passed_on():
+    with pytest.raises(NameError, match="undefined"):
+        cb.trace(of_shape(lambda x: undefined))  # noqa: F821
 
 
 def test_a_table_that_ends_too_early():

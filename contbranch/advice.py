@@ -1,0 +1,277 @@
+"""Which model does a contact need? The errors of simpler ones are computed, not guessed: a trace tells the truth."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from contbranch.api import trace
+from contbranch.contact.contact import Contact
+from contbranch.contact.interactions import MaugisDugdale
+from contbranch.contact.tips import Cone, Parabola, PowerLaw
+from contbranch.contact.units import finite_number
+from contbranch.control import Control, Spring, as_control
+from contbranch.errors import InputError
+from contbranch.models.axisymmetric.model import Axisymmetric
+from contbranch.models.choice import axisymmetric, choose
+from contbranch.models.exact.model import Exact
+from contbranch.results.advice import Advice, Candidate
+from contbranch.results.diagram import Cost, Diagram, ModelChoice
+from contbranch.theory import dmt, jkr, maugis
+
+__all__ = ["advise", "regime"]
+
+FINEST, COARSEST = 1e-13, 0.5
+# The trace that tells the truth: a tenth of what is asked, within limits that keep it short, and seconds at most.
+SHARE, COARSE, FINE, PATIENCE = 0.1, 1e-3, 1e-7, 1.5
+# What the axisymmetric model reaches, and how its time grows with digits asked beyond those of the trace.
+REACHES, DIGIT = 1e-11, 1.35
+# Seconds of a trace on a grid of so many nodes a side, one core, measured on exponential and Gauss laws, μ_T = 1 and 2;
+# and the relative error of a fold's load there with nodes as far apart as the range is long, with its order.
+GRID_SECONDS: Final = {64: 2.0, 128: 8.0, 256: 40.0, 512: 250.0}
+GRID_ERROR, ORDER = 0.02, 1.5
+
+# A contact is near a limit whose pull-off load is off by less; a theory that is better than this is recommended.
+NEAR, ENOUGH = 0.05, 0.01
+
+LOST: Final = ("pull_off", "jump_in", "squeeze_out", "wetting")
+
+Thresholds = Mapping[str, float]
+Judged = Mapping[str, tuple[float, float]]
+# A theory's thresholds for a reduced contact; None where it does not speak of it.
+Theory = Callable[[Contact], Thresholds | None]
+
+
+def advise(contact: Contact, accuracy: float = 0.01, control: str | Spring = "load") -> Advice:
+    """Say which model is enough to find the folds of a contact to an accuracy, and what the others would cost.
+
+    The contact is traced by the axisymmetric (or the exact) model; the closed-form theories are evaluated and compared
+    with that. Errors on grids follow from the spacing of the nodes, as measured.
+
+    Parameters
+    ----------
+    contact : Contact
+    accuracy : float
+        Error allowed to the loads (displacements) of the folds, relative to max(1, |value|) in reduced units; 1e-13 to
+        0.5.
+    control : {"load", "displacement"} or Spring
+        Whose folds are judged; for a spring those of both, between which its own lie.
+
+    Raises
+    ------
+    InputError
+        If an argument cannot be used.
+    """
+    accuracy = finite_number(accuracy, "accuracy")
+    if not FINEST <= accuracy <= COARSEST:
+        raise InputError(f"accuracy: {accuracy:g}; must be from {FINEST:g} to {COARSEST:g}")
+    began, held = time.perf_counter(), as_control(control)
+    model, why = choose(contact)
+    reduced = contact.to_reduced()
+    truth = None
+    if axisymmetric(contact) is not None or model.name == Exact.name:
+        fine = min(max(SHARE * accuracy, FINE), COARSE)
+        truth = trace(reduced, held.kind if held.kind != "spring" else "load", fine, modes=0, time_limit=PATIENCE)
+    wanted: Judged = {} if truth is None else _judged(truth, held)
+    candidates = list(_grids(reduced, wanted, accuracy))
+    if truth is not None:
+        candidates += _theories(reduced, wanted, held)
+        candidates += _substitute(reduced, wanted, held)
+        candidates.append(_own(reduced, wanted, accuracy, truth))
+    candidates.sort(key=lambda one: one.seconds)
+    chosen, reason = _choice(candidates, accuracy, truth)
+    complete = truth is None or truth.status == "complete"
+    if truth is None:
+        note = "The tip has no axial symmetry: there is no cheap truth to judge theories by."
+    elif not complete:
+        note = f"The trace that judges the others: {truth.message}"
+    else:
+        note = "" if wanted else f"Under {held.kind} control there is no fold to judge by."
+    unknowns, cost = (0, Cost(0.0, 0)) if truth is None else (truth.model.unknowns, truth.cost)
+    return Advice(
+        contact=contact,
+        tabor=contact.tabor,
+        chosen=chosen,
+        why=reason,
+        thresholds=tuple(wanted),
+        candidates=tuple(candidates),
+        model=ModelChoice(model.name, why, unknowns),
+        cost=replace(cost, wall_s=time.perf_counter() - began),
+        accuracy=accuracy,
+        control=held.kind,
+        status="complete" if complete else "incomplete",
+        message=note,
+        unit_names=contact.units.names,
+    )
+
+
+def regime(contact: Contact, pull_off: float | None = None) -> str:
+    """A sentence on the Tabor coefficient: what it means for this contact, by what the closed forms would give.
+
+    Parameters
+    ----------
+    pull_off : float, optional
+        Its pull-off load; without, that of the Maugis-Dugdale law of the same work and range is taken.
+    """
+    tabor, reduced = f"Tabor coefficient {contact.tabor:.4g}", contact.to_reduced()
+    limits = {"JKR": _jkr(reduced), "DMT": _dmt(reduced)}
+    if reduced.interaction is None or not isinstance(reduced.tip, Parabola) or None in limits.values():
+        return f"{tabor}: adhesion (or repulsion) of this work deforms the body by about as many ranges."
+    known = {name: found["pull_off_load"] for name, found in limits.items() if found is not None}
+    work, length = _work(reduced), reduced.interaction.range
+    substitute = float(maugis.load_fold(work_of_adhesion=work, interaction_range=length).load)
+    truth = substitute if pull_off is None else pull_off / contact.scales.load
+    if pull_off is not None and not isinstance(reduced.interaction, MaugisDugdale):
+        known["Maugis-Dugdale"] = substitute
+    errors = {name: abs(value / truth - 1.0) for name, value in known.items()}
+    near = min(limits, key=errors.__getitem__)
+    place = f"near {near}" if errors[near] < NEAR else "between DMT and JKR"
+    listed = ", ".join(f"{name} {value:.2g}" for name, value in sorted(errors.items(), key=lambda item: item[1]))
+    against = "of the pull-off load" if pull_off is not None else "of Maugis-Dugdale's pull-off load"
+    said = f"{tabor}, {place}. Relative errors {against} by closed forms: {listed}."
+    best = min(errors, key=errors.__getitem__)
+    if pull_off is not None and errors[best] < ENOUGH:
+        said += f" To 1 % {best} would do, in milliseconds (see advise)."
+    return said
+
+
+def _judged(diagram: Diagram, control: Control) -> dict[str, tuple[float, float]]:
+    """Thresholds at which stability is lost under a control, with their errors, reduced units."""
+    found = {}
+    for name, value in diagram.thresholds.items():
+        what, _, kind = name.rpartition("_")
+        if what in LOST and kind in _kinds(control):
+            errors = (e.error[kind] for e in diagram.events if getattr(e, kind) == value)
+            found[name] = (float(value), float(next(errors, diagram.accuracy)))
+    return found
+
+
+def _kinds(control: Control) -> tuple[str, ...]:
+    """What is judged: for a spring the folds of both controls, between which its own lie."""
+    return ("load", "displacement") if control.kind == "spring" else (control.kind,)
+
+
+def _errors(found: Thresholds, wanted: Judged) -> dict[str, float | None]:
+    """Errors of what a candidate finds; None for what it lacks, and for what it has and the contact has not."""
+    errors: dict[str, float | None] = dict.fromkeys([*wanted, *found])
+    for name in wanted.keys() & found.keys():
+        value, error = wanted[name]
+        errors[name] = (abs(found[name] - value) + error) / max(1.0, abs(value))
+    return errors
+
+
+def _work(contact: Contact) -> float:
+    """The net work of adhesion, −v(0)."""
+    return 0.0 if contact.interaction is None else -float(contact.interaction.evaluate(0.0).energy)
+
+
+def _hertz(contact: Contact) -> Thresholds | None:
+    return {} if contact.interaction is None else None
+
+
+def _dmt(contact: Contact) -> Thresholds | None:
+    if not isinstance(contact.tip, Parabola) or _work(contact) <= 0.0:
+        return None
+    return {"pull_off_load": float(dmt.pull_off_load(radius=contact.tip.radius, work_of_adhesion=_work(contact)))}
+
+
+def _jkr(contact: Contact) -> Thresholds | None:
+    tip, work = contact.tip, _work(contact)
+    if work <= 0.0:
+        return None
+    if isinstance(tip, Parabola):
+        load, displacement = (fold(radius=tip.radius, work_of_adhesion=work)
+                              for fold in (jkr.load_fold, jkr.displacement_fold))  # fmt: skip
+    elif isinstance(tip, Cone):
+        load, displacement = (fold(slope=tip.slope, work_of_adhesion=work)
+                              for fold in (jkr.cone_load_fold, jkr.cone_displacement_fold))  # fmt: skip
+    elif isinstance(tip, PowerLaw) and tip.steepness == 1.0:
+        load, displacement = (fold(exponent=tip.exponent, length=tip.length, work_of_adhesion=work)
+                              for fold in (jkr.power_law_load_fold, jkr.power_law_displacement_fold))  # fmt: skip
+    else:
+        return None
+    # Without range nothing is felt before the surfaces meet.
+    return {
+        "pull_off_load": float(load.load),
+        "pull_off_displacement": float(displacement.displacement),
+        "jump_in_displacement": 0.0,
+    }
+
+
+_THEORIES: Final[dict[str, tuple[Theory, str]]] = {
+    "hertz": (_hertz, "Without interaction there are no folds."),
+    "dmt": (_dmt, "The limit of an interaction of long range on a stiff solid."),
+    "jkr": (_jkr, "The limit of an interaction of short range on a soft solid."),
+}
+
+
+def _theories(contact: Contact, wanted: Judged, control: Control) -> Iterator[Candidate]:
+    for name, (theory, why) in _THEORIES.items():
+        began = time.perf_counter()
+        values = theory(contact)
+        seconds = time.perf_counter() - began
+        if values is not None:
+            spoken = {name: value for name, value in values.items() if name.rpartition("_")[2] in _kinds(control)}
+            yield Candidate(name, _errors(spoken, wanted), seconds, why)
+
+
+def _substitute(contact: Contact, wanted: Judged, control: Control) -> Iterator[Candidate]:
+    """The Maugis-Dugdale law of the same work and range."""
+    work, law = _work(contact), contact.interaction
+    if law is None or work <= 0.0 or not isinstance(contact.tip, Parabola) or isinstance(law, MaugisDugdale):
+        return
+    other = replace(contact, interaction=MaugisDugdale(work, law.range))
+    kind = "load" if control.kind == "spring" else control.kind
+    began = time.perf_counter()
+    found = trace(other, kind, 1e-9, model="exact", modes=0)
+    why = "In place of the law: constant attraction of the same work and range, in closed form."
+    values = {name: value for name, (value, _) in _judged(found, control).items()}
+    yield Candidate("maugis-dugdale", _errors(values, wanted), time.perf_counter() - began, why)
+
+
+def _own(contact: Contact, wanted: Judged, accuracy: float, truth: Diagram) -> Candidate:
+    """The model that traced the contact, with the accuracy asked."""
+    if truth.model.kind == Exact.name:
+        errors = {name: error / max(1.0, abs(value)) for name, (value, error) in wanted.items()}
+        return Candidate("exact", dict(errors), truth.cost.wall_s, "The law itself, in closed form.")
+    rings = Axisymmetric().obstacle(contact) is not None
+    digits = max(0.0, math.log10(truth.accuracy / max(accuracy, REACHES)))
+    why = "The law itself; accuracies down to 1e-11 are for the asking."
+    errors = dict.fromkeys(wanted, max(accuracy, REACHES))
+    seconds = truth.cost.wall_s * DIGIT**digits
+    return Candidate("rings" if rings else "axisymmetric", dict(errors), seconds, why)
+
+
+def _grids(contact: Contact, wanted: Judged, accuracy: float) -> Iterator[Candidate]:
+    """Grids of the size that they would choose for themselves."""
+    from contbranch.models.grid.size import chosen_size
+
+    length = 1.0 if contact.interaction is None else contact.interaction.range
+    for kind in ("free", "periodic"):
+        try:
+            cell, grid = chosen_size(contact, kind, (None, None), (None, None), accuracy)
+        except InputError:
+            continue
+        error = GRID_ERROR * (cell / grid / length) ** ORDER
+        known = np.log(list(GRID_SECONDS))
+        seconds = math.exp(float(np.interp(math.log(grid), known, np.log(list(GRID_SECONDS.values())))))
+        why = f"{grid} nodes a side in a cell of {cell:.3g} (reduced): errors as measured for that spacing."
+        yield Candidate(kind, dict.fromkeys(wanted, error), seconds, why)
+
+
+def _choice(candidates: list[Candidate], accuracy: float, truth: Diagram | None) -> tuple[str, str]:
+    """The cheapest that is accurate enough; of none, the most accurate one."""
+    if truth is not None and truth.status != "complete":
+        own = next(one.model for one in candidates if one.model in ("exact", "axisymmetric", "rings"))
+        return own, f"What the others are worth is not known: the trace took more than {PATIENCE:g} s, or did not end."
+    enough = [one for one in candidates if one.worst is not None and one.worst <= accuracy]
+    if enough:
+        best = enough[0]
+        return best.model, f"The cheapest with errors below {accuracy:g} (largest {best.worst or 0.0:.2g})."
+    best = min((one for one in candidates if one.worst is not None), key=lambda one: one.worst or 0.0)
+    return best.model, f"None has errors below {accuracy:g}; this one has the smallest (largest {best.worst:.2g})."

@@ -1,0 +1,94 @@
+"""A law that its user has written is tried at a few gaps before anything is computed with it."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Final
+
+import numpy as np
+
+from contbranch.arrays import Array
+from contbranch.contact.interaction_law import Evaluated, Interaction, Response, terms_of
+from contbranch.contact.interactions import INTERACTIONS
+from contbranch.errors import InputError
+
+__all__ = ["check_laws"]
+
+# Gaps in ranges, and the distance over which differences are taken.
+GAPS: Final = (0.0, 0.1, 0.2, 0.4, 0.7, 1.0, 1.5, 2.2, 3.3, 5.0)
+STEP: Final = 1e-4
+# What a derivative may differ from differences, relative to itself and to the largest of all.
+SHARE: Final = 1e-4
+# What f(0) may differ from 1.
+UNIT: Final = 1e-6
+
+
+def check_laws(interaction: Interaction | None) -> None:
+    """Check every law that is not of the package.
+
+    Raises
+    ------
+    InputError
+        If a law returns no three arrays of the gap's shape, or its derivatives are not those of its first value.
+    Exception
+        Whatever a law raises at every gap.
+    """
+    for k, law in enumerate(laws := terms_of(interaction)):
+        if INTERACTIONS.get(law.name) is not type(law):
+            _check(law, "interaction" if len(laws) == 1 else f"interaction[{k}]")
+
+
+def _check(law: Interaction, field: str) -> None:
+    name = f"{field}: {type(law).__name__}"
+    gaps = np.array(GAPS) * law.range
+    steps = STEP * law.range * np.array([-1.0, -0.5, 0.0, 0.5, 1.0])
+    found, failure = [], None
+    for gap in gaps:
+        try:
+            answer = law.evaluate(gap + steps)
+        except Exception as error:  # a law may fail where the contact never comes
+            failure = error
+            continue
+        if len(answer) != 3 or any(np.shape(value) != steps.shape for value in answer):
+            shapes = ", ".join(str(np.shape(value)) for value in answer)
+            raise InputError(
+                f"{name}: returns arrays of shapes {shapes} for x of shape {steps.shape}; must be the same"
+            )
+        found.append((gap / law.range, answer))
+    if failure is not None and not found:
+        raise failure
+    _check_values(law, name, found)
+    for order, words in ((0, "f' is not the derivative of f"), (1, "f'' is not the derivative of f'")):
+        _check_derivative(law, f"{name}: {words}", found, order)
+
+
+def _check_values(law: Interaction, name: str, found: list[tuple[float, Response]]) -> None:
+    """Warn where values are not finite, or not what is documented."""
+    spoiled = [x for x, answer in found if not np.isfinite([value[2] for value in answer]).all()]
+    if len(spoiled) == len(found):
+        raise InputError(f"{name}: is finite at none of the gaps {', '.join(map(str, GAPS))} (in ranges)")
+    if spoiled:
+        warnings.warn(f"{name}: is not finite at gaps of {', '.join(f'{x:g}' for x in spoiled)} ranges", stacklevel=2)
+    unit = [float(answer.energy[2]) / -law.work_of_adhesion for x, answer in found if x == 0.0 and x not in spoiled]
+    if unit and not isinstance(law, Evaluated) and abs(unit[0] - 1.0) > UNIT:
+        text = f"{name}: f(0) is {unit[0]:.6g}, documented as 1: so many times the work of adhesion given are gained"
+        warnings.warn(text, stacklevel=2)
+
+
+@np.errstate(all="ignore")  # what is not finite is told apart
+def _check_derivative(law: Interaction, words: str, found: list[tuple[float, Response]], order: int) -> None:
+    """Refuse a law whose derivative disagrees with differences at most gaps; at some it may have a kink."""
+    # p = -v' and v'' = -p', with v = -Δγ f and p = Δγ/z0 f'
+    unit = (-law.work_of_adhesion, law.work_of_adhesion / law.range)[order] / law.range
+    rows: list[tuple[float, float, float, float]] = []
+    for x, answer in found:
+        values: Array = np.asarray(answer[order], dtype=float)
+        wide, narrow = (values[[4, 3]] - values[[0, 1]]) / (np.array([2.0, 1.0]) * STEP * law.range)
+        told, extrapolated = -float(answer[order + 1][2]), narrow + (narrow - wide) / 3.0
+        if np.isfinite([told, extrapolated]).all():
+            rows.append((x, told / unit, extrapolated / unit, abs(narrow - wide) / abs(unit)))
+    size = max((abs(told) for _, told, _, _ in rows), default=0.0)
+    wrong = [row for row in rows if abs(row[1] - row[2]) > SHARE * (abs(row[1]) + size) + 3.0 * row[3]]
+    if 2 * len(wrong) > len(rows):
+        x, told, seen, _ = max(wrong, key=lambda row: abs(row[1] - row[2]))
+        raise InputError(f"{words}: at x = {x:g} it is {told:.6g}, and differences give {seen:.6g}")

@@ -1,0 +1,71 @@
+"""Where numbers leave what the theory holds for, or are likely to be in other units than they are taken to be in."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from contbranch.contact.interaction_law import terms_of
+
+if TYPE_CHECKING:
+    from contbranch.contact.contact import Contact
+
+__all__ = ["notes", "warn_of_units"]
+
+# Slope of the tip at the rim of the contact, a/R of a parabola, beyond which strains are not small. A sphere bears
+# 3.8 % more than a parabola there: of what the theory neglects this is the part that is easily known.
+STEEPEST: Final = 0.3
+# Diameter of the smallest atom, nm.
+ATOM: Final = 0.1
+# Lengths in nm and moduli in nN/nm² (GPa) that nothing has: diamond has 1100 GPa.
+SHORTEST: Final = 1e-3
+STIFFEST: Final = 5e3
+
+
+def _named(contact: Contact) -> Iterator[tuple[str, Any]]:
+    """Tip and laws with their names."""
+    yield "tip", contact.tip
+    for k, law in enumerate(terms := terms_of(contact.interaction)):
+        yield ("interaction" if len(terms) == 1 else f"interaction[{k}]"), law
+
+
+def warn_of_units(contact: Contact) -> None:
+    """Warn of numbers in nm and nN that look like metres and pascals."""
+    for name, part in _named(contact):
+        for field, dimension in part.dimensions.items():
+            value = getattr(part, field)
+            if dimension == "length" and isinstance(value, float) and 0.0 < value < SHORTEST:
+                _warn(f"{name}.{field}: {value:g} is taken in nm; write '{value:g} m' if that is meant")
+    if contact.modulus > STIFFEST:
+        value = f"{contact.modulus:g}"
+        _warn(f"modulus: {value} is taken in nN/nm² = GPa, and diamond has 1100; write '{value} Pa' if that is meant")
+
+
+def _warn(text: str) -> None:
+    warnings.warn(text, stacklevel=5)
+
+
+def notes(contact: Contact, load: ArrayLike, contact_radius: ArrayLike) -> str:
+    """Sentences on states of a physical contact that lie outside of what the theory holds for; mostly none."""
+    if not contact.units.physical:
+        return ""
+    found = []
+    tip, radius, force = contact.tip.axisymmetric, np.asarray(contact_radius), np.asarray(load)
+    if tip is not None and radius.size:
+        inside = np.minimum(radius, (1.0 - 1e-9) * tip.extent)
+        slope = np.where(radius > 0.0, tip.height_derivative(np.maximum(inside, 1e-12 * contact.scales.in_plane)), 0.0)
+        steep = slope > STEEPEST
+        if steep.any():
+            found.append(
+                f"The tip's slope at the rim of the contact exceeds {STEEPEST:g} from a load of "
+                f"{force[steep].min():.4g} nN on (largest {slope.max():.2g}): beyond linear elasticity, which "
+                "holds for small slopes."
+            )
+    for name, part in _named(contact):
+        if getattr(part, "range", ATOM) < ATOM:
+            found.append(f"{name}.range: {part.range:.3g} nm is less than an atom's size ({ATOM:g} nm).")
+    return " ".join(found)

@@ -1,0 +1,444 @@
+"use strict";
+// The page of a diagram, a loop or a sweep. `data` says what there is; its arrays are [start, length] in `numbers`.
+const WORDS = { load: "Load F", displacement: "Displacement d", contact_radius: "Contact radius a",
+  central_gap: "Central gap g(0)", energy: "Energy V", gap: "Gap g", pressure: "Pressure p", r: "Radius r" };
+const NAMES = Object.keys(WORDS).slice(0, 5);
+const byId = (id) => document.getElementById(id);
+const data = JSON.parse(byId("data").textContent);
+const view = { item: 0, branch: 0, row: 0, x: "load", y: "contact_radius", control: "load", all: false, step: null };
+let numbers = null, scene = null;
+
+async function unpack(text) {
+  const packed = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
+  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
+  const planes = new Uint8Array(await new Response(stream).arrayBuffer());
+  const count = planes.length / 4, bytes = new Uint8Array(planes.length);
+  for (let k = 0; k < 4; k++) for (let i = 0; i < count; i++) bytes[4 * i + k] = planes[k * count + i];
+  return new Float32Array(bytes.buffer);
+}
+const array = (place) => numbers.subarray(place[0], place[0] + place[1]);
+const item = () => data.items[view.item];
+const unit = (name) => data.units[{ r: "radius" }[name] || name] || "";
+const label = (name) => WORDS[name] + (unit(name) ? ` (${unit(name)})` : "");
+const words = (name) => name.replace(/_/g, " ");
+const digits = (value, count = 7) => value === null || Number.isNaN(value) ? "–"
+  : String(Number(value.toPrecision(count))).replace("-", "−").replace(/e[+]?/, " e");
+const clamp = (value, low, high) => Math.min(Math.max(value, low), high);
+
+function element(kind, given = {}, parent = null, text = null) {
+  const made = document.createElement(kind);
+  for (const [key, value] of Object.entries(given)) made.setAttribute(key, value);
+  if (text !== null) made.textContent = text;
+  if (parent) parent.append(made);
+  return made;
+}
+function draw(kind, given, parent, text = null) {
+  const made = document.createElementNS("http://www.w3.org/2000/svg", kind);
+  for (const [key, value] of Object.entries(given)) made.setAttribute(key, value);
+  if (text !== null) made.textContent = text;
+  parent.append(made);
+  return made;
+}
+
+// Axes ---------------------------------------------------------------------------------------------------------------
+function ticks(low, high, count) {
+  const raw = (high - low) / count, power = 10 ** Math.floor(Math.log10(raw));
+  const step = [1, 2, 2.5, 5, 10].map((k) => k * power).find((one) => one >= raw * 0.999);
+  const found = [];
+  for (let k = Math.ceil(low / step - 1e-9); k * step <= high + 1e-9 * step; k++) found.push(k * step);
+  return { at: found, show: (v) => digits(Math.abs(v) < 1e-9 * step ? 0 : v, 6) };
+}
+function axes(svg, box, x, y, names) {
+  const px = (v) => box.left + (v - x[0]) / (x[1] - x[0]) * box.width;
+  const py = (v) => box.top + box.height - (v - y[0]) / (y[1] - y[0]) * box.height;
+  const horizontal = ticks(...x, Math.max(3, box.width / 95)), vertical = ticks(...y, Math.max(2, box.height / 48));
+  for (const v of horizontal.at) {
+    if (v === 0) draw("line", { class: "zero", x1: px(0), x2: px(0), y1: box.top, y2: box.top + box.height }, svg);
+    draw("line", { class: "tick", x1: px(v), x2: px(v), y1: box.top + box.height, y2: box.top + box.height - 5 }, svg);
+    if (names[0]) draw("text", { x: px(v), y: box.top + box.height + 17, "text-anchor": "middle" }, svg, horizontal.show(v));
+  }
+  for (const v of vertical.at) {
+    if (v === 0) draw("line", { class: "zero", x1: box.left, x2: box.left + box.width, y1: py(0), y2: py(0) }, svg);
+    draw("line", { class: "tick", x1: box.left, x2: box.left + 5, y1: py(v), y2: py(v) }, svg);
+    draw("text", { x: box.left - 7, y: py(v) + 4.5, "text-anchor": "end" }, svg, vertical.show(v));
+  }
+  const middle = box.top + box.height / 2;
+  draw("text", { x: box.left + box.width / 2, y: box.top + box.height + 37, "text-anchor": "middle" }, svg, names[0]);
+  draw("text", { x: 15, y: middle, "text-anchor": "middle", transform: `rotate(-90 15 ${middle})` }, svg, names[1]);
+  draw("rect", { class: "frame", x: box.left, y: box.top, width: box.width, height: box.height }, svg);
+  const clip = `clip${Math.random().toString(36).slice(2)}`;
+  const frame = { x: box.left, y: box.top, width: box.width, height: box.height };
+  draw("rect", frame, draw("clipPath", { id: clip }, svg));
+  return { px, py, inside: draw("g", { "clip-path": `url(#${clip})` }, svg), box, x, y };
+}
+const line = (xs, ys, px, py) => Array.from(xs, (v, i) => `${i ? "L" : "M"}${px(v).toFixed(2)} ${py(ys[i]).toFixed(2)}`).join("");
+
+// What is seen: the part of the curve around its events, unless all of it is asked for --------------------------------
+function limits() {
+  const known = item().events.filter((e) => ["fold", "touch", "symmetry"].includes(e.kind));
+  const lines = item().branches.map((b) => b.fine), found = {};
+  const windowed = !view.all && known.length > 0;
+  const windows = {};
+  for (const name of windowed ? ["load", "displacement"] : []) {
+    const values = known.map((e) => e[name]);
+    item().branches.forEach((b, k) => {
+      const on = known.filter((e) => e.branch === k).map((e) => e.position), at = array(b.position), all = array(b.fine[name]);
+      at.forEach((p, i) => { if (p >= Math.min(...on) && p <= Math.max(...on)) values.push(all[i]); });
+    });
+    const low = Math.min(...values), high = Math.max(...values);
+    const pad = Math.max(high - low, (known.some((e) => e.kind === "fold") ? 0.05 : 1) * Math.max(Math.abs(low), Math.abs(high)));
+    windows[name] = [low - pad, high + pad];
+  }
+  for (const name of [view.x, view.y]) {
+    let low = Infinity, high = -Infinity;
+    const take = (value) => { if (Number.isFinite(value)) { low = Math.min(low, value); high = Math.max(high, value); } };
+    for (const fine of lines) {
+      const seen = Object.entries(windows).map(([key, range]) => [array(fine[key]), range]);
+      array(fine[name]).forEach((value, i) => { if (seen.every(([v, [a, b]]) => v[i] >= a && v[i] <= b)) take(value); });
+    }
+    known.forEach((e) => take(e[name]));
+    if (item().loop && (view.all || !windowed)) array(item().loop[name]).forEach(take);
+    const margin = 0.07 * (high - low || Math.abs(high) || 1);
+    found[name] = Number.isFinite(low) ? [low - margin, high + margin] : [0, 1];
+  }
+  return found;
+}
+
+// The diagram --------------------------------------------------------------------------------------------------------
+function drawDiagram() {
+  const holder = byId("diagram"), width = holder.clientWidth || 700, height = clamp(0.72 * width, 300, 560);
+  holder.replaceChildren();
+  const svg = draw("svg", { viewBox: `0 0 ${width} ${height}`, height, tabindex: 0, role: "application",
+    "aria-label": `${WORDS[view.y]} against ${WORDS[view.x]}. Left and right arrow keys move along the curve.` }, holder);
+  const range = limits(), box = { left: 74, top: 10, width: width - 90, height: height - 60 };
+  const plot = axes(svg, box, range[view.x], range[view.y], [label(view.x), label(view.y)]);
+  for (const branch of item().branches) {
+    const xs = array(branch.fine[view.x]), ys = array(branch.fine[view.y]), stable = array(branch.stable[view.control]);
+    for (let start = 0; start < xs.length - 1;) {
+      let stop = start + 1;
+      while (stop < xs.length - 1 && stable[stop] === stable[start]) stop++;
+      const path = line(xs.subarray(start, stop + 1), ys.subarray(start, stop + 1), plot.px, plot.py);
+      draw("path", { class: stable[start] ? "stable" : "unstable", d: path }, plot.inside);
+      start = stop;
+    }
+  }
+  const loop = journey();
+  if (view.step !== null || item().loop) {
+    for (const leg of loop.legs) draw("path", { class: "loop", d: line(leg.x, leg.y, plot.px, plot.py) }, plot.inside);
+    for (const [a, b] of loop.jumps) draw("path", { class: "jump", d: line([a[0], b[0]], [a[1], b[1]], plot.px, plot.py) }, plot.inside);
+  }
+  const placed = [];
+  for (const event of item().events) {
+    const x = plot.px(event[view.x]), y = plot.py(event[view.y]);
+    const shown = event.kind === "touch" || event.kind === "symmetry" || (event.kind === "fold" && event.control === view.control);
+    if (!shown || x < box.left || x > box.left + box.width || y < box.top || y > box.top + box.height) continue;
+    if (event.kind === "fold") draw("circle", { class: "mark", cx: x, cy: y, r: 5 }, svg);
+    else draw("path", { class: "mark", d: `M${x - 5} ${y}L${x} ${y - 5}L${x + 5} ${y}L${x} ${y + 5}Z` }, svg);
+    const text = event.kind === "touch" ? "first touch" : event.name || (event.kind === "symmetry" ? "symmetry" : "");
+    if (!text) continue;
+    const long = 7.2 * text.length;
+    const spots = [[9, -8], [9, 18], [-9 - long, -8], [-9 - long, 18], [9, -24], [9, 34], [-9 - long, -24], [-9 - long, 34]];
+    const free = ([dx, dy]) => x + dx > box.left && x + dx + long < box.left + box.width && y + dy - 12 > box.top && y + dy < box.top + box.height
+      && placed.every((p) => Math.abs(p[1] - y - dy) > 15 || p[0] + p[2] < x + dx || p[0] > x + dx + long);
+    const [dx, dy] = spots.find(free) || spots[0];
+    placed.push([x + dx, y + dy, long]);
+    draw("text", { x: x + dx, y: y + dy, style: "paint-order:stroke;stroke:var(--paper);stroke-width:4px" }, svg, text);
+  }
+  const here = draw("circle", { class: "here", r: 6, cx: -99, cy: -99 }, plot.inside);
+  scene = { svg, plot, here };
+  const point = (event) => {
+    const frame = svg.getBoundingClientRect(), k = width / frame.width;
+    nearest((event.clientX - frame.left) * k, (event.clientY - frame.top) * k);
+  };
+  svg.addEventListener("pointermove", point);
+  svg.addEventListener("pointerdown", point);
+  svg.addEventListener("keydown", (event) => {
+    const step = { ArrowLeft: -1, ArrowRight: 1, PageUp: -10, PageDown: 10, Home: -1e9, End: 1e9 }[event.key];
+    if (step) { event.preventDefault(); select(view.branch, view.row + step); }
+  });
+  byId("legend").innerHTML = "";
+  const legend = draw("svg", { width: 520, height: 22, viewBox: "0 0 520 22", style: "max-width:520px" }, byId("legend"));
+  draw("line", { class: "stable", x1: 0, x2: 34, y1: 12, y2: 12 }, legend);
+  draw("text", { x: 40, y: 16 }, legend, "stable");
+  draw("line", { class: "unstable", x1: 98, x2: 132, y1: 12, y2: 12 }, legend);
+  draw("text", { x: 138, y: 16 }, legend, `unstable under ${view.control === "spring" ? "the spring" : view.control}`);
+  if (view.step !== null || item().loop) {
+    draw("line", { class: "loop", x1: 318, x2: 352, y1: 12, y2: 12 }, legend);
+    draw("text", { x: 358, y: 16 }, legend, "quasi-static loop");
+  }
+}
+function nearest(x, y) {
+  let best = Infinity, found = null;
+  item().branches.forEach((branch, b) => {
+    const xs = array(branch.rows[view.x]), ys = array(branch.rows[view.y]);
+    xs.forEach((value, i) => {
+      const far = Math.hypot(scene.plot.px(value) - x, scene.plot.py(ys[i]) - y);
+      if (far < best) { best = far; found = [b, i]; }
+    });
+  });
+  if (found) select(...found);
+}
+function select(branch, row) {
+  const one = item().branches[branch];
+  if (!one) return drawProfile();
+  view.branch = branch;
+  view.row = clamp(row, 0, array(one.rows.load).length - 1);
+  scene.here.setAttribute("cx", scene.plot.px(array(one.rows[view.x])[view.row]));
+  scene.here.setAttribute("cy", scene.plot.py(array(one.rows[view.y])[view.row]));
+  drawProfile();
+}
+
+// One state: the deformed tip above the wall, and the pressure --------------------------------------------------------
+function profile(branch = view.branch, row = view.row) {
+  const one = item().branches[branch];
+  if (!one || !one.counts) return null;
+  const counts = array(one.counts);
+  let start = 0;
+  for (let k = 0; k < row; k++) start += counts[k];
+  const cut = (place) => array(place).subarray(start, start + counts[row]);
+  return { r: cut(one.r), gap: cut(one.gap), pressure: cut(one.pressure) };
+}
+function span(name, branch) {
+  const [low, high] = array(branch[name]).reduce(([a, b], v) => [Math.min(a, v), Math.max(b, v)], [0, 0]);
+  return [low - 0.06 * (high - low || 1), high + 0.06 * (high - low || 1)];
+}
+function drawProfile() {
+  const one = item().branches[view.branch], holder = byId("profile"), shown = profile();
+  holder.replaceChildren();
+  byId("state").replaceChildren();
+  if (!one) return;
+  const entry = (name, value) => { element("dt", {}, byId("state"), name); element("dd", {}, byId("state"), value); };
+  for (const name of NAMES) entry(WORDS[name], `${digits(array(one.rows[name])[view.row])} ${unit(name)}`);
+  for (const control of item().controls) {
+    const modes = array(one.unstable[control])[view.row];
+    entry(`under ${control === "spring" ? "the spring" : control}`, modes ? `unstable (${modes} mode${modes > 1 ? "s" : ""})` : "stable");
+  }
+  if (!shown) return void element("p", { class: "soft" }, holder, "No profiles were kept for this curve.");
+  const width = holder.clientWidth || 420, height = clamp(0.98 * width, 300, 460), half = (height - 66) / 2;
+  const svg = draw("svg", { viewBox: `0 0 ${width} ${height}`, height, role: "img",
+    "aria-label": `Deformed tip above the wall, and pressure, at load ${digits(array(one.rows.load)[view.row])}` }, holder);
+  const reach = 1.02 * (one.reach || shown.r[shown.r.length - 1]), top = item().limit || span("gap", one)[1];
+  const mirrored = (values) => [...Array.from(values).reverse(), ...values];
+  const last = shown.r.length - 1, slope = (shown.gap[last] - shown.gap[last - 1]) / (shown.r[last] - shown.r[last - 1]);
+  const beyond = Math.max(0, 1.5 * top - shown.gap[last]) / Math.max(slope, 1e-9);
+  const rs = mirrored(shown.r).map((v, i) => i <= last ? -v : v);
+  const upper = axes(svg, { left: 74, top: 8, width: width - 90, height: half }, [-reach, reach], [-0.14 * top, top], ["", label("gap")]);
+  const bottom = upper.py(-0.14 * top), gaps = [1.5 * top, ...mirrored(shown.gap), 1.5 * top];
+  const wide = [rs[0] - beyond, ...rs, rs[rs.length - 1] + beyond];
+  draw("rect", { class: "wall", x: 74, y: upper.py(0), width: width - 90, height: bottom - upper.py(0) }, upper.inside);
+  draw("path", { class: "body", id: "tip", d: line(wide, gaps, upper.px, upper.py) }, upper.inside);
+  if (item().tip) {
+    const r = array(item().tip.r), z = Array.from(array(item().tip.z), (v) => v + array(one.rows.central_gap)[view.row]);
+    draw("path", { class: "outline", d: line(r, z, upper.px, upper.py) + line(Array.from(r, (v) => -v), z, upper.px, upper.py) }, upper.inside);
+  }
+  const lower = axes(svg, { left: 74, top: 16 + half, width: width - 90, height: half }, [-reach, reach], span("pressure", one), [label("r"), label("pressure")]);
+  draw("path", { class: "pressure", id: "pressure", d: line(rs, mirrored(shown.pressure), lower.px, lower.py) }, lower.inside);
+}
+
+// The quasi-static loop: as computed, or along the curve, a jump leading to its next stable state that is lower ---------
+function runs() {
+  const found = [];
+  item().branches.forEach((branch, b) => {
+    const stable = array(branch.stable[view.control]), at = drive(branch);
+    for (let i = 0; i < stable.length; i++) {
+      if (!stable[i]) continue;
+      const start = i;
+      while (i < stable.length - 1 && stable[i]) i++;
+      if (i > start) found.push({ b, start, stop: i, at, low: Math.min(at[start], at[i]), high: Math.max(at[start], at[i]),
+        up: at[i] > at[start] ? 1 : -1, last: i === stable.length - 1 });
+    }
+  });
+  return found;
+}
+function drive(branch) {
+  const load = array(branch.fine.load), d = array(branch.fine.displacement);
+  return view.control === "load" ? load : view.control === "displacement" ? d : d.map((v, i) => v + load[i] / item().stiffness);
+}
+function height(branch, i, at) {
+  const load = array(branch.fine.load)[i], d = array(branch.fine.displacement)[i], energy = array(branch.fine.energy)[i];
+  if (view.control === "load") return energy - at * d;
+  return view.control === "displacement" ? energy + load * (at - d) : energy + 0.5 * item().stiffness * (at - d) ** 2;
+}
+function locate(run, value) {
+  for (let i = run.start; i < run.stop; i++) if ((run.at[i] - value) * (run.at[i + 1] - value) <= 0) return Math.abs(run.at[i] - value) < Math.abs(run.at[i + 1] - value) ? i : i + 1;
+  return null;
+}
+let travelled = { key: "", stops: [], jumps: [] };
+function travel() {
+  const key = [view.item, view.control].join();
+  if (travelled.key === key) return travelled;
+  const all = runs(), stops = [], jumps = [];
+  let run = all[0], i = run ? run.start : 0, direction = 1;
+  for (let turn = 0; run && turn < 2 * all.length + 2; turn++) {
+    const goal = run.up * direction > 0 ? run.stop : run.start;
+    for (; i !== goal; i += Math.sign(goal - i)) stops.push([run.b, i]);
+    stops.push([run.b, i]);
+    const forward = goal === run.stop;
+    if ((forward && run.last) || (!forward && run.start === 0)) {
+      if (direction < 0) break;
+      direction = -1;
+      continue;
+    }
+    const value = run.at[goal], level = height(item().branches[run.b], goal, value), order = all.indexOf(run);
+    const others = (forward ? all.slice(order + 1) : all.slice(0, order).reverse()).map((other) => [other, locate(other, value)]);
+    const next = others.find(([other, place]) => place !== null && height(item().branches[other.b], place, value) < level);
+    if (!next) {
+      jumps.push([[run.b, i], null]);
+      if (direction < 0) break;
+      direction = -1;
+      continue;
+    }
+    jumps.push([[run.b, i], [next[0].b, next[1]]]);
+    [run, i] = next;
+  }
+  travelled = { key, stops, jumps };
+  return travelled;
+}
+function journey() {
+  const legs = [], jumps = [];
+  if (item().loop) {
+    const x = array(item().loop[view.x]), y = array(item().loop[view.y]), leg = array(item().loop.leg), direction = array(item().loop.direction);
+    for (let start = 0; start < x.length;) {
+      let stop = start;
+      while (stop < x.length && leg[stop] === leg[start]) stop++;
+      legs.push({ x: x.subarray(start, stop), y: y.subarray(start, stop) });
+      if (stop < x.length && direction[stop] === direction[stop - 1]) jumps.push([[x[stop - 1], y[stop - 1]], [x[stop], y[stop]]]);
+      start = stop;
+    }
+    return { legs, jumps, count: x.length };
+  }
+  const { stops, jumps: made } = travel(), at = ([b, i]) => [array(item().branches[b].fine[view.x])[i], array(item().branches[b].fine[view.y])[i]];
+  const landed = new Set(made.filter((j) => j[1]).map((j) => String(j[1])));
+  let leg = { x: [], y: [] };
+  stops.forEach((stop, k) => {
+    if (leg.x.length && landed.has(String(stop)) && String(stops[k - 1]) !== String(stop) && Math.abs(stop[1] - stops[k - 1][1]) > 1) { legs.push(leg); leg = { x: [], y: [] }; }
+    const [x, y] = at(stop);
+    leg.x.push(x); leg.y.push(y);
+  });
+  legs.push(leg);
+  for (const [from, to] of made.filter((jump) => jump[1])) {
+    const before = at(from), after = at(to);  // what is controlled does not change
+    jumps.push([before, [view.x, view.y].map((name, k) => name === view.control ? before[k] : after[k])]);
+  }
+  return { legs, jumps, count: stops.length };
+}
+function play(step) {
+  const first = view.step === null;
+  view.step = step;
+  if (first) drawDiagram();
+  if (item().loop) {
+    const scale = (name) => { const v = array(item().loop[name]); return Math.max(...v) - Math.min(...v) || 1; };
+    let best = Infinity, found = null;
+    const at = ["load", "displacement", "contact_radius"].map((name) => [name, array(item().loop[name])[step], scale(name)]);
+    item().branches.forEach((branch, b) => array(branch.rows.load).forEach((_, i) => {
+      const far = Math.hypot(...at.map(([name, value, size]) => (array(branch.rows[name])[i] - value) / size));
+      if (far < best) { best = far; found = [b, i]; }
+    }));
+    if (found) select(...found);
+    scene.here.setAttribute("cx", scene.plot.px(array(item().loop[view.x])[step]));
+    scene.here.setAttribute("cy", scene.plot.py(array(item().loop[view.y])[step]));
+    return;
+  }
+  const stop = travel().stops[step];
+  if (!stop) return;
+  const branch = item().branches[stop[0]];
+  select(stop[0], Math.round(array(branch.position)[stop[1]]));
+  scene.here.setAttribute("cx", scene.plot.px(array(branch.fine[view.x])[stop[1]]));
+  scene.here.setAttribute("cy", scene.plot.py(array(branch.fine[view.y])[stop[1]]));
+}
+
+// Tables, menus, sliders ----------------------------------------------------------------------------------------------
+function table(holder, headings, rows) {
+  holder.replaceChildren();
+  const made = element("table", {}, holder), head = element("tr", {}, element("thead", {}, made));
+  headings.forEach((text) => element("th", { scope: "col" }, head, text));
+  const body = element("tbody", {}, made);
+  for (const row of rows) { const tr = element("tr", {}, body); row.forEach((text) => element("td", {}, tr, text)); }
+}
+function drawTables() {
+  const shown = NAMES.slice(0, 4);
+  table(byId("events"), ["event", "control", ...shown.map(label)], item().events.map((e) =>
+    [`${e.kind === "touch" ? "first touch" : e.kind} ${e.name || ""}`, e.control || "", ...shown.map((name) => digits(e[name]))]));
+  const holder = byId("table"), fill = () => {
+    const rows = [];
+    for (const branch of item().branches) array(branch.rows.load).forEach((_, i) =>
+      rows.push([String(i), ...NAMES.map((name) => digits(array(branch.rows[name])[i])), ...item().controls.map((c) => digits(array(branch.unstable[c])[i]))]));
+    table(holder, ["point", ...NAMES.map(label), ...item().controls.map((c) => `unstable modes, ${c}`)], rows);
+  };
+  holder.replaceChildren();
+  holder.parentElement.ontoggle = () => { if (holder.parentElement.open) fill(); };
+  if (holder.parentElement.open) fill();
+}
+function redraw() {
+  const status = item().status === "complete" ? "" : `${item().status}: ${item().message}`;
+  const at = Object.entries(item().parameters || {}).map(([name, value]) => `${name} = ${digits(value, 5)} ${unit(name)}`).join(", ");
+  byId("status").textContent = [at, status].filter(Boolean).join(" · ");
+  if (item().controls && !item().controls.includes(view.control)) view.control = item().controls[0];
+  drawDiagram();
+  drawTables();
+  const slider = byId("loop");
+  slider.max = Math.max(0, journey().count - 1);
+  if (view.step === null) select(view.branch, view.row);
+  else { slider.value = Math.min(view.step, slider.max); play(Number(slider.value)); }
+}
+function menu(name, title, choices) {
+  const holder = element("label", {}, byId("controls"), title), made = element("select", { id: name }, holder);
+  for (const [value, text] of choices) element("option", { value }, made, text);
+  made.value = view[name];
+  made.addEventListener("change", () => { view[name] = made.value; travelled.key = ""; redraw(); });
+}
+function slider(id, title, max, act) {
+  const holder = element("label", {}, byId("controls"), title);
+  const made = element("input", { type: "range", id, min: 0, max, value: 0, step: 1 }, holder);
+  made.addEventListener("input", () => act(Number(made.value)));
+  return made;
+}
+function start() {
+  byId("title").textContent = data.title;
+  const first = data.items.findIndex((one) => one.branches.length || one.loop);
+  view.item = Math.max(0, first);
+  view.control = item().control || "load";
+  menu("x", "across", NAMES.map((name) => [name, WORDS[name]]));
+  menu("y", "up", NAMES.map((name) => [name, WORDS[name]]));
+  const controls = [...new Set(data.items.flatMap((one) => one.controls || []))];
+  menu("control", "control", controls.map((c) => [c, c]));
+  const whole = element("label", {}, byId("controls")), box = element("input", { type: "checkbox", id: "all" }, whole);
+  whole.append("whole curve");
+  box.addEventListener("change", () => { view.all = box.checked; redraw(); });
+  const loop = slider("loop", "loop", 1, play), button = element("button", { type: "button", id: "play" }, byId("controls"), "▶ play the loop");
+  let timer = null;
+  button.addEventListener("click", () => {
+    if (timer) { clearInterval(timer); timer = null; button.textContent = "▶ play the loop"; return; }
+    button.textContent = "⏸ pause";
+    const stride = Math.max(1, Math.round(Number(loop.max) / 240));
+    timer = setInterval(() => {
+      const next = Number(loop.value) + stride;
+      loop.value = next > Number(loop.max) ? 0 : next;
+      play(Number(loop.value));
+    }, 40);
+  });
+  if (data.items.length > 1) {
+    const grid = data.mode === "grid", sizes = data.parameters.map((name) => data.axes[name].length);
+    const names = grid ? data.parameters : ["task"], places = names.map(() => 0);
+    names.forEach((name, k) => {
+      const shown = (v) => grid ? `${digits(data.axes[name][v], 4)} ${unit(name)}` : String(v);
+      const made = slider(`parameter${k}`, name, (grid ? sizes[k] : data.items.length) - 1, (value) => {
+        places[k] = value;
+        view.item = grid ? places.reduce((sum, p, j) => sum * sizes[j] + p, 0) : value;
+        text.textContent = shown(value);
+        redraw();
+      });
+      if (!grid) made.value = view.item;
+      const text = element("span", { class: "soft", style: "min-width:6.5em" }, made.parentElement, shown(Number(made.value)));
+    });
+    if (grid) view.item = 0;
+  }
+  redraw();
+  let width = innerWidth;
+  addEventListener("resize", () => { if (innerWidth !== width) { width = innerWidth; redraw(); } });
+}
+unpack(byId("arrays").textContent).then((found) => {
+  numbers = found;
+  start();
+  document.documentElement.dataset.ready = "yes";
+}).catch((error) => { byId("status").textContent = `This page could not be drawn: ${error.message}`; throw error; });

@@ -1,0 +1,190 @@
+"""One page on which a diagram, a loop or a sweep is explored: HTML without anything from outside."""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import json
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import replace
+from html import escape
+from importlib.resources import files
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from contbranch.contact.contact import Contact
+from contbranch.errors import InputError
+from contbranch.output.document import plain
+from contbranch.output.plot_curve import COORDINATES, coordinate, smooth_line
+from contbranch.results.diagram import Branch, Diagram
+from contbranch.results.loop import Hysteresis
+from contbranch.results.record import Result
+from contbranch.results.sweep import Sweep
+
+__all__ = ["page"]
+
+_RANGES: Final = 8.0  # of the interaction: the largest gap that is shown
+_BUDGET: Final = 2_600_000  # numbers in the profiles of a page, which take some three bytes each
+_STEPS: Final = (3, 8)  # of 24 points drawn for each step of a trace: taken of a single one, and of many
+_MANY: Final = 8
+
+
+def page(result: Result, curve: Diagram | None = None) -> str:
+    """Return the page of a diagram, a loop or a sweep.
+
+    Parameters
+    ----------
+    result : Diagram, Hysteresis or Sweep
+    curve : Diagram, optional
+        The curve on which a loop lies, with the states along it.
+
+    Raises
+    ------
+    InputError
+        If the result has no curve.
+    """
+    packed = _Packed()
+    title = repr(result).splitlines()[0].rpartition(":")[0]
+    if isinstance(result, Sweep):
+        title = f"{title.partition(', μ_T')[0]} over {' × '.join(result.parameters) or 'contacts'}"
+    known: dict[str, Any] = {"title": title, "parameters": [], "axes": {}}
+    if isinstance(result, Diagram):
+        known |= {"items": [packed.diagram(result, result.contact, {})], "units": result.unit_names}
+    elif isinstance(result, Hysteresis):
+        known |= _of_loop(result, curve, packed)
+    elif isinstance(result, Sweep):
+        known |= {"items": list(_of_sweep(result, packed)), "units": result.unit_names}
+        known |= {"parameters": result.parameters, "axes": result.axes, "mode": result.mode}
+    else:
+        raise InputError(f"result: {type(result).__name__}; a page shows a diagram, a loop or a sweep")
+    text = json.dumps(plain(known), ensure_ascii=False, allow_nan=False).replace("<", "\\u003c")
+    folder = files("contbranch.output")
+    parts = {"TITLE": escape(title), "DATA": text, "ARRAYS": packed.text()}
+    parts["SCRIPT"] = folder.joinpath("page.js").read_text(encoding="utf-8")
+    whole = folder.joinpath("page.html").read_text(encoding="utf-8")
+    for name, part in parts.items():
+        whole = whole.replace(f"@{name}@", part)
+    return whole
+
+
+class _Packed:
+    """Arrays of a page, one behind the other as numbers of four bytes; what refers to one is [start, length]."""
+
+    def __init__(self, count: int = 1) -> None:
+        self._parts: list[NDArray[np.float32]] = []
+        self._length, self.count = 0, count
+
+    def put(self, values: ArrayLike) -> list[int]:
+        """Take an array."""
+        part = np.asarray(values, dtype=np.float32).ravel()
+        self._parts.append(part)
+        self._length += len(part)
+        return [self._length - len(part), len(part)]
+
+    def text(self) -> str:
+        """All arrays, packed byte by byte: the first bytes of neighbours are alike."""
+        whole = np.concatenate([*self._parts, np.zeros(1, np.float32)])
+        if self.count > _MANY:  # five digits
+            whole = (((whole.view(np.uint32) + 0x40) >> 7) << 7).view(np.float32)
+        planes = whole.astype("<f4").view(np.uint8).reshape(-1, 4).T
+        return base64.b64encode(gzip.compress(planes.tobytes(), 6, mtime=0)).decode()
+
+    def diagram(self, diagram: Diagram, contact: Contact | None, about: Mapping[str, Any]) -> dict[str, Any]:
+        """What the page needs of a diagram."""
+        controls = ["load", "displacement", *(["spring"] if diagram.stiffness else [])]
+        limit = _largest_gap(diagram.description)
+        events = [
+            {name: getattr(event, name) for name in ("kind", "control", "name", "position", "branch", *COORDINATES[:4])}
+            | {"energy": coordinate(diagram, event, "energy") if len(diagram.branches) else None}
+            for event in diagram.events
+        ]
+        branches = [self._branch(diagram, number, controls, limit) for number in range(len(diagram.branches))]
+        kept = ("status", "message", "thresholds", "control", "stiffness")
+        found = {name: getattr(diagram, name) for name in kept} | {"events": events, "branches": branches, **about}
+        if contact is not None and limit:
+            with suppress(InputError):
+                reach = max((max(branch.get("reach", 0.0), 0.0) for branch in branches), default=0.0)
+                r = np.linspace(0.0, reach or 1.0, 65)
+                found["tip"] = {"r": self.put(r), "z": self.put(contact.axisymmetric_tip.height(r))}
+        return {**found, "model": diagram.model.kind, "controls": controls, "limit": limit}
+
+    def _branch(self, diagram: Diagram, number: int, controls: list[str], limit: float) -> dict[str, Any]:
+        branch = diagram.branches[number]
+        every = _STEPS[self.count > _MANY]
+        lines = [smooth_line(replace(diagram, control=control), number) for control in controls]
+        line = lines[0]
+        taken = np.unique([*range(0, len(line.position), every), max(len(line.position) - 1, 0)])
+        taken = taken[taken < len(line.position)]
+        fine = {name: self.put(line.columns[name][taken]) for name in COORDINATES}
+        stable = {
+            control: self.put(one.stable[one.step[taken]] if len(one.stable) else np.zeros(len(taken)))
+            for control, one in zip(controls, lines, strict=True)
+        }
+        rows = {name: self.put(getattr(branch, name)) for name in COORDINATES}
+        unstable = {control: self.put(branch.unstable(control)) for control in controls}
+        found = {"fine": fine, "position": self.put(line.position[taken]), "stable": stable, "rows": rows}
+        return {**found, "unstable": unstable, **self._profiles(branch, limit)}
+
+    def _profiles(self, branch: Branch, limit: float) -> dict[str, Any]:
+        """Gap and pressure of every row as far as they are shown: computed nodes, fewer of them on a page of many."""
+        if not len(branch.profiles):
+            return {}
+        most = max(16, _BUDGET // (3 * self.count * len(branch)))
+        columns: dict[str, list[NDArray[np.float64]]] = {"r": [], "gap": [], "pressure": []}
+        counts, reach = [], 0.0
+        for one, radius in zip(branch.profiles, branch.contact_radius, strict=True):
+            profile = one() if callable(one) else one
+            beyond = np.flatnonzero(profile.gap > 1.25 * limit) if limit else np.zeros(0, int)
+            last = min(int(beyond[0]) + 1 if beyond.size else len(profile.r), len(profile.r))
+            last = max(last, 2)
+            near = np.flatnonzero(profile.gap[:last] <= limit) if limit else np.arange(last)
+            reach = max(reach, float(profile.r[near[-1]]) if near.size else 0.0)
+            nodes = np.unique(np.linspace(0, last - 1, min(last, most)).round().astype(int))
+            if radius > 0.0:  # the kink at the rim
+                nodes = np.union1d(nodes, [int(np.argmin(np.abs(profile.r[:last] - radius)))])
+            for name, listed in columns.items():
+                listed.append(getattr(profile, name)[nodes])
+            counts.append(len(nodes))
+        return {name: self.put(np.concatenate(listed)) for name, listed in columns.items()} | {
+            "counts": self.put(counts),
+            "reach": reach,
+        }
+
+
+def _largest_gap(description: Mapping[str, Any]) -> float:
+    """The largest gap that is shown; 0: whatever there is."""
+    ranges = [law.get("range", 0.0) for law in description.get("interaction", [])]
+    return _RANGES * float(max(ranges, default=0.0))
+
+
+def _of_sweep(sweep: Sweep, packed: _Packed) -> Iterator[dict[str, Any]]:
+    from contbranch.output.sweep_file import diagram_of, records_of
+    from contbranch.sweeps.design import member
+
+    packed.count = max(1, len(sweep.tasks) - len(sweep.failed))
+    for task, record in zip(sweep.tasks, records_of(sweep, range(len(sweep.tasks))), strict=True):
+        about = {"parameters": task.parameters, "index": task.index}
+        if task.status == "failed":
+            yield {**about, "status": task.status, "message": task.message, "branches": [], "events": []}
+        else:
+            contact = None
+            with suppress(InputError):
+                contact = None if sweep.contact is None else member(sweep.contact, task.parameters)
+            diagram = diagram_of(sweep, task.index, record)
+            described = diagram.description if contact is None else contact.describe()
+            yield packed.diagram(replace(diagram, description=described), contact, about)
+
+
+def _of_loop(loop: Hysteresis, curve: Diagram | None, packed: _Packed) -> dict[str, Any]:
+    """A loop, and behind it the curve of its contact."""
+    path, names = loop.path, {} if loop.contact is None else loop.contact.units.names
+    about = {name: getattr(loop, name) for name in ("status", "message", "control", "stiffness")}
+    item: dict[str, Any] = {"branches": [], "events": [], "controls": [loop.control], "thresholds": {}}
+    if curve is not None:
+        item = packed.diagram(curve, loop.contact, {})
+    found = {name: packed.put(getattr(path, name)) for name in (*COORDINATES, "leg", "direction")}
+    jumps = [{"name": jump.name, "dissipated": jump.dissipated, "closed": jump.to is not None} for jump in loop.jumps]
+    return {"items": [{**item, **about, "loop": {**found, "jumps": jumps}}], "units": names}

@@ -1,0 +1,155 @@
+"""What a sweep has found, task by task. Plain data; curves stay in the file until they are asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
+
+import numpy as np
+
+from contbranch.contact.contact import Contact
+from contbranch.errors import InputError
+from contbranch.results.diagram import Cost, Diagram
+from contbranch.results.record import Record, Result, described, record
+from contbranch.results.table import Table, of_columns
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["Sweep", "SweepTask"]
+
+
+@record
+class SweepTask(Record):
+    """One contact of a sweep.
+
+    Attributes
+    ----------
+    index : int
+        Its place in the sweep.
+    parameters : dict
+        What varies, in the contact's units.
+    status, message : str
+        ``complete`` and ``incomplete`` are the trace's; ``failed``: there is none, and the message says why.
+    thresholds : dict
+    wall_s : float
+    key : str
+        A hash of contact, options and version.
+    computed : int
+        How often it was computed.
+    """
+
+    index: int
+    parameters: Mapping[str, float]
+    status: str
+    message: str
+    thresholds: Mapping[str, float]
+    wall_s: float
+    key: str = described(written=False, default="")
+    computed: int = described(default=1)
+
+
+@record
+class Sweep(Result):
+    """What `contbranch.sweep` returns, or what its file holds.
+
+    Attributes
+    ----------
+    parameters : tuple of str
+        Names of what varies.
+    axes : dict of tuple of float
+        Values of each: of a grid, along its dimensions (the last changes fastest); otherwise one a task.
+    mode : {"grid", "zip"}
+    tasks : tuple of SweepTask
+    computed, reused : int
+        Tasks computed by this call, and those that were known before.
+    path : Path
+        The file with the curves, once every task has ended.
+    contact : Contact or None
+        The one that was varied, or the first.
+    status, message : str
+        ``complete`` if every task has ended, though some may have failed: see `failed`.
+    """
+
+    format: ClassVar[str] = "contbranch-sweep"
+    parameters: tuple[str, ...]
+    axes: Mapping[str, tuple[float, ...]]
+    mode: Literal["grid", "zip"]
+    tasks: tuple[SweepTask, ...]
+    computed: int
+    reused: int
+    cost: Cost
+    path: Path = described(written=False)
+    contact: Contact | None = None
+    description: Mapping[str, Any] = described(default_factory=dict)
+    unit_names: Mapping[str, str] = described(default_factory=dict)
+    status: Literal["complete", "incomplete"] = "complete"
+    message: str = ""
+
+    def __len__(self) -> int:
+        return len(self.tasks)
+
+    @property
+    def failed(self) -> tuple[SweepTask, ...]:
+        """Tasks without a result."""
+        return tuple(task for task in self.tasks if task.status == "failed")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all thresholds found."""
+        return tuple(sorted({name for task in self.tasks for name in task.thresholds}))
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Lengths of the dimensions: of the parameters of a grid, otherwise the number of tasks."""
+        return tuple(map(len, self.axes.values())) if self.mode == "grid" else (len(self.tasks),)
+
+    def diagram(self, index: int) -> Diagram:
+        """The diagram of a task, as far as it was kept, read from the file.
+
+        Raises
+        ------
+        InputError
+            If the task failed, or the file is not there.
+        """
+        from contbranch.output.sweep_file import read_diagram
+
+        if self.tasks[index].status == "failed":
+            raise InputError(f"index: {index}; this task failed: {self.tasks[index].message}")
+        return read_diagram(self, index)
+
+    def told(self) -> str:
+        """How many tasks there are, and of what becomes."""
+        counts = dict.fromkeys(("complete", "incomplete", "failed"), 0)
+        for task in self.tasks:
+            counts[task.status] += 1
+        listed = ", ".join(f"{count} {status}" for status, count in counts.items() if count)
+        return f"{len(self.tasks)} tasks over {' × '.join(self.parameters) or 'contacts'}: {listed or 'none ended'}"
+
+    def tables(self) -> dict[str, Table]:
+        """A row a task: its parameters, thresholds and status."""
+        blank = float("nan")
+        found: dict[str, Any] = {"index": np.array([task.index for task in self.tasks])}
+        for name in self.parameters:
+            found[name] = np.array([task.parameters[name] for task in self.tasks])
+        for name in self.names:
+            found[name] = np.array([task.thresholds.get(name, blank) for task in self.tasks])
+        found["status"] = np.array([task.status for task in self.tasks])
+        found["message"] = np.array([task.message for task in self.tasks])
+        return {"task": of_columns(found, self.unit_names, **{name: quantity(name) for name in self.names})}
+
+    def plot(self, **options: Any) -> Figure:
+        """Not drawn as a figure.
+
+        Raises
+        ------
+        InputError
+            Always: a page shows it.
+        """
+        raise InputError("plot: sweeps are shown as pages; write contbranch view, or draw a table's columns")
+
+
+def quantity(threshold: str) -> str:
+    """The quantity in whose unit a threshold is."""
+    return "contact_radius" if threshold.endswith("radius") else threshold.rpartition("_")[2]

@@ -1,0 +1,183 @@
+"""`sweep`: many contacts on any executor, nothing lost and nothing computed twice."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Final
+
+from contbranch.contact.contact import Contact, refuse_unknown
+from contbranch.contact.family import dimension_of
+from contbranch.contact.units import positive_number
+from contbranch.errors import InputError
+from contbranch.output.files import reserved
+from contbranch.output.sweep_file import load_sweep, records_of, write_sweep
+from contbranch.results.diagram import Cost
+from contbranch.results.sweep import Sweep, SweepTask
+from contbranch.sweeps.design import Design, Listed, listed
+from contbranch.sweeps.journal import Journal, decoded, encoded
+from contbranch.sweeps.run import Run
+from contbranch.sweeps.tasks import Task, Tracing, key_of
+from contbranch.watch import Progress, kept, told, watched
+
+__all__ = ["sweep"]
+
+_FEW: Final = 1000  # contacts whose profiles are kept unless something else is asked for
+_TRACING: Final = ("control", "accuracy", "max_load", "model", "keep", "task_limit")
+_RUNNING: Final = ("workers", "retry", "time_limit")
+
+
+def sweep(
+    contacts: Sequence[Any],
+    path: str | Path,
+    executor: Executor | None = None,
+    resume: bool = False,
+    *,
+    task: Task | None = None,
+    progress: Progress | None = None,
+    **settings: Any,
+) -> Sweep:
+    """Trace many contacts, on all cores of this machine or on any executor, and write what is found to one file.
+
+    Every trace is written to a journal beside the file as soon as it has ended. Whatever ends the sweep, called again
+    with ``resume=True`` it computes only what is missing. A contact whose trace fails, does not end or kills its worker
+    is recorded as failed, with the reason. Results depend on nothing but contact, settings and version.
+
+    Parameters
+    ----------
+    contacts : sequence of Contact
+        Such as `contbranch.varied` makes; of a list, the numbers in which its contacts differ are the parameters.
+    path : str or Path
+        HDF5 file to be written, which xarray opens; the parameters are its dimensions, or coordinates of its tasks.
+    executor : concurrent.futures.Executor, optional
+        Whose workers can import contbranch; default: processes on this machine.
+    resume : bool
+        Go on with an earlier sweep of that file, if there is one. Otherwise one that exists is refused.
+    task : Task, optional
+        What is done with each contact, instead of a trace: see `contbranch.sweeps.tasks`.
+    progress : callable, optional
+        As of `contbranch.trace`.
+    **settings
+        Of the traces: ``control``, ``accuracy``, ``max_load``, ``model``; ``keep``: ``"thresholds"``, ``"curves"`` or
+        ``"profiles"`` (default for up to 1,000 contacts; curves for more); ``task_limit``: seconds that a trace may
+        take (3,600). Of the sweep: ``workers``: how many work at a time (default: one for each core, or as many as the
+        executor says); ``retry=True``: what failed is computed again; ``time_limit``: seconds.
+
+    Returns
+    -------
+    Sweep
+        With status ``incomplete`` where not every task has ended.
+
+    Raises
+    ------
+    InputError
+        If an argument cannot be used, or the file exists, or another process writes it.
+    """
+    refuse_unknown(settings, (*_TRACING, *_RUNNING))
+    path = Path(path)
+    if not len(contacts):
+        raise InputError("contacts: none; give at least one")
+    design = contacts if isinstance(contacts, Design) else listed(_checked(contacts))
+    chosen: dict[str, Any] = {name: settings[name] for name in _TRACING[:4] if name in settings}
+    limit = settings.get("task_limit", 3600.0)
+    chosen["keep"] = settings.get("keep") or ("profiles" if len(contacts) <= _FEW else "curves")
+    if task is None:
+        task = Tracing(**chosen, time_limit=limit and positive_number(limit, "task_limit"))
+    folder = path.with_name(path.name + ".journal")
+    if not resume and (path.exists() or folder.exists()):
+        what = f"'{path}' exists" if path.exists() else f"'{folder}' holds an unfinished sweep"
+        raise InputError(f"path: {what}; resume that sweep, or choose another file")
+    span = settings.get("time_limit")
+    with reserved(path) as place, watched(progress, span and positive_number(span, "time_limit")) as watch:
+        if place.unfinished is None:
+            raise InputError(f"path: '{path}' is no file; give a name for one")
+        found = _swept(design, path, task, executor, settings)
+    return watch.passed(found)
+
+
+def _checked(contacts: Sequence[Any]) -> Sequence[Any]:
+    for number, contact in enumerate(contacts):
+        if not hasattr(contact, "describe"):
+            raise InputError(f"contacts: number {number} is {type(contact).__name__}; must be a Contact")
+    return contacts
+
+
+def _swept(
+    design: Design | Listed, path: Path, task: Task, executor: Executor | None, settings: dict[str, Any]
+) -> Sweep:
+    """Compute what is missing, and write the file when nothing is."""
+    began = time.perf_counter()
+    keys = [key_of(contact, task) for contact in design]
+    places: dict[str, int] = {}
+    for index, key in enumerate(keys):
+        places.setdefault(key, index)
+    earlier = load_sweep(path) if path.exists() else None
+    folder = path.with_name(path.name + ".journal")
+    retry = settings.get("retry", False)
+    if earlier is not None and not folder.exists() and not retry and [one.key for one in earlier.tasks] == keys:
+        return replace(earlier, computed=0, reused=len(keys), path=path)
+    journal = Journal(folder)
+    try:
+        if earlier is not None:
+            _add(earlier, [one for one in earlier.tasks if one.key in places and one.key not in journal.ended], journal)
+        if retry:
+            for key in [key for key, entry in journal.ended.items() if entry.about["status"] == "failed"]:
+                journal.forget(key)
+        missing = [key for key in places if key not in journal.ended]
+        workers = settings.get("workers") or getattr(executor, "_max_workers", None) or os.cpu_count() or 1
+        run = Run(task, lambda key: design[places[key]], journal, executor, workers, len(places))
+        kept(lambda: run(missing), None)
+        computed = sum(key in journal.ended for key in missing)
+        result = _result(design, keys, journal, path)
+        result = replace(result, computed=computed, reused=len(result.tasks) - computed)
+        result = replace(result, cost=Cost(time.perf_counter() - began, 0), message=told(run.failure or result.message))
+        if result.status == "complete":
+            write_sweep(result, (decoded(journal.record(key)) for key in keys), folder / "complete.h5")
+            os.replace(folder / "complete.h5", path)
+        journal.close(remove=result.status == "complete")
+        return result
+    except OSError as error:
+        raise InputError(f"path: '{folder}' cannot be written ({error.strerror}); resume when it can") from None
+    finally:
+        journal.close()
+
+
+def _add(earlier: Sweep, tasks: Sequence[SweepTask], journal: Journal) -> None:
+    """Add what a finished file holds of tasks to the journal."""
+    for one, (about, arrays) in zip(tasks, records_of(earlier, [one.index for one in tasks]), strict=True):
+        journal.add(encoded({"key": one.key, "run": f"file-{one.key}", **about}, arrays), sync=False)
+
+
+def _result(design: Design | Listed, keys: Sequence[str], journal: Journal, path: Path) -> Sweep:
+    """What is known of the tasks."""
+    tasks = []
+    for index, key in enumerate(keys):
+        if key in journal.ended:
+            about = {k: v for k, v in journal.ended[key].about.items() if k not in ("key", "run")}
+            count = journal.computed[key]
+            tasks.append(SweepTask(index, design.parameters(index), **about, key=key, computed=count))
+    missing = len(keys) - len(tasks)
+    contact: Any = design.contact
+    units = {}
+    if isinstance(contact, Contact):
+        units = {name: contact.units.name(dimension_of(contact, name)) for name in design.axes}
+        units = {**contact.units.names, **{name: unit for name, unit in units.items() if unit}}
+    return Sweep(
+        parameters=tuple(design.axes),
+        axes=design.axes,
+        mode=design.mode,
+        tasks=tuple(tasks),
+        computed=0,
+        reused=0,
+        cost=Cost(0.0, 0),
+        path=path,
+        contact=contact if isinstance(contact, Contact) else None,
+        description=contact.describe(),
+        unit_names=units,
+        status="incomplete" if missing else "complete",
+        message=f"{missing} of {len(keys)} tasks are missing: resume the sweep to compute them." if missing else "",
+    )

@@ -1,0 +1,130 @@
+"""What is computed for each contact of a sweep; anything that is described, called and pickled alike can stand in."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final, Literal, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbranch import __version__
+from contbranch.contact.contact import Contact, look_up
+from contbranch.control import Spring, as_control
+from contbranch.output.document import plain
+from contbranch.results.diagram import Branch, Diagram, Event
+from contbranch.results.record import columns
+
+__all__ = ["KEEP", "Outcome", "Task", "Tracing", "key_of"]
+
+KEEP: Final = ("thresholds", "curves", "profiles")
+_POINT: Final = ("load", "displacement", "contact_radius", "central_gap", "energy", "unstable_load",
+                 "unstable_displacement", "unstable_spring", "unstable_azimuthal", "contact_area",
+                 "contact_perimeter")  # fmt: skip
+_EVENT: Final = [column for column in columns(Event) if column.path[0] != "critical"]
+
+
+class Outcome(NamedTuple):
+    """What a task gives.
+
+    Attributes
+    ----------
+    about : dict
+        What JSON holds: ``status``, ``message``, ``thresholds``, and whatever else the task has to say.
+    arrays : dict of array (M,)
+        Columns named ``dimension.name``; those of one dimension have one length.
+    """
+
+    about: dict[str, Any]
+    arrays: Mapping[str, NDArray[Any]]
+
+
+class Task(Protocol):
+    """What is done with every input of a sweep; pickled and sent to workers."""
+
+    @property
+    def time_limit(self) -> float | None:
+        """Seconds after which its worker is given up."""
+
+    def describe(self) -> dict[str, Any]:
+        """What makes results of two tasks comparable, as JSON holds it."""
+
+    def __call__(self, given: Any) -> Outcome:
+        """The outcome for one input."""
+
+
+@dataclass(frozen=True)
+class Tracing:
+    """Every contact is traced.
+
+    Attributes
+    ----------
+    control, accuracy, max_load, model
+        As of `contbranch.trace`.
+    keep : {"thresholds", "curves", "profiles"}
+        What is stored: events and thresholds; the points of the curves besides; their gaps and pressures as well.
+    time_limit : float or None
+        Seconds after which a trace ends incomplete.
+    """
+
+    control: str | Spring = "load"
+    accuracy: float = 1e-6
+    max_load: float | None = None
+    model: Any = "auto"
+    keep: Literal["thresholds", "curves", "profiles"] = "curves"
+    time_limit: float | None = None
+
+    def __post_init__(self) -> None:
+        as_control(self.control)
+        look_up(self.keep, dict.fromkeys(KEEP), "keep")
+
+    def describe(self) -> dict[str, Any]:
+        """Every setting but the time allowed."""
+        settings = {"control": str(as_control(self.control)), "accuracy": self.accuracy, "max_load": self.max_load}
+        return {"task": "trace", **settings, "model": repr(self.model), "keep": self.keep}
+
+    def __call__(self, given: Contact) -> Outcome:
+        """Thresholds, events and curves of a contact."""
+        from contbranch.api import trace
+
+        return self.outcome(
+            trace(given, self.control, self.accuracy, self.max_load, self.model, time_limit=self.time_limit)
+        )
+
+    def outcome(self, diagram: Diagram) -> Outcome:
+        """What is kept of a diagram."""
+        events = [{column.name: column.of(event) for column in _EVENT} for event in diagram.events]
+        kept = ("status", "message", "thresholds", "control", "stiffness", "accuracy")
+        about = {name: getattr(diagram, name) for name in kept} | {"model": diagram.model, "events": events}
+        arrays: dict[str, NDArray[Any]] = {}
+        if self.keep != "thresholds":
+            arrays = _joined([_points(branch, self.keep == "profiles") for branch in diagram.branches])
+        return Outcome(plain(about), arrays)
+
+
+def _points(branch: Branch, profiles: bool) -> dict[str, NDArray[Any]]:
+    """The columns of a branch, and those of its profiles with their lengths."""
+    found = {f"point.{name}": getattr(branch, name) for name in _POINT if getattr(branch, name) is not None}
+    if profiles and len(branch.profiles):
+        known = [one() if callable(one) else one for one in branch.profiles]
+        found["point.nodes"] = np.array([len(one.r) for one in known])
+        for name in ("r", "gap", "pressure", "wall_pressure"):
+            found[f"node.{name}"] = np.concatenate([getattr(one, name) for one in known])
+    return found
+
+
+def _joined(parts: list[dict[str, NDArray[Any]]]) -> dict[str, NDArray[Any]]:
+    """Columns of branches, one below the other, with the number of the branch."""
+    names = [name for name in parts[0] if all(name in part for part in parts)] if parts else []
+    found = {name: np.concatenate([part[name] for part in parts]) for name in names}
+    lengths = [len(part["point.load"]) for part in parts]
+    return {"point.branch": np.repeat(np.arange(len(parts)), lengths), **found} if parts else {}
+
+
+def key_of(given: Any, task: Task) -> str:
+    """What tells whether a result is that of a contact: a hash of the contact, the task and the version."""
+    what = {"contact": plain(given.describe()), "task": task.describe(), "version": __version__}
+    return hashlib.sha256(json.dumps(what, sort_keys=True).encode()).hexdigest()

@@ -1,0 +1,74 @@
+"""What is said of numbers outside of the theory, or in other units than they are taken to be in."""
+
+from __future__ import annotations
+
+import math
+import warnings
+
+import numpy as np
+import pytest
+
+import contbranch as cb
+from contbranch.advice import regime
+
+
+def physical(**quantities: object) -> cb.Contact:
+    given = {"radius": "1 um", "modulus": "50 MPa", "work_of_adhesion": "40 mN/m", "range": "5 nm"}
+    return cb.Contact.physical(**{"interaction": "maugis-dugdale", **given, **quantities})
+
+
+def test_a_contact_wider_than_the_tip_is_blunt_is_noted_once() -> None:
+    """Hertz: a³ = 3FR/4E, so that a/R = 0.3 at F = 0.036 E R² = 1800 nN; a slope of a/R for a parabola."""
+    contact = cb.Contact(cb.Parabola(1000.0), modulus=0.05, units=physical().units)
+    edge = 4.0 / 3.0 * 0.05 * 1000.0**2 * 0.3**3
+    assert "slope" not in cb.solve(contact, load=0.99 * edge).message
+    beyond = cb.solve(contact, load=2.0 * edge).message
+    assert beyond.count("slope") == 2  # of the sentence
+    assert f"(largest {0.3 * math.cbrt(2.0):.2g})" in beyond
+    diagram = cb.trace(contact, max_load=2.0 * edge)
+    assert (diagram.status, diagram.message.count("beyond linear elasticity")) == ("complete", 1)
+    assert "beyond" not in cb.trace(cb.Contact.reduced(cb.MaugisDugdale)).message  # has no size of its own
+    cone = cb.Contact(cb.Cone(0.4), modulus=0.05, units=contact.units)
+    assert "(largest 0.4)" in cb.solve(cone, load=10.0).message
+
+
+def test_a_range_below_an_atoms_size_is_noted() -> None:
+    assert "interaction.range: 0.05 nm is less than an atom's size (0.1 nm)." in cb.trace(physical(range=0.05)).message
+    assert cb.trace(physical(range=0.11)).message == ""
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"radius": 1e-6}, "tip.radius: 1e-06 is taken in nm; write '1e-06 m' if that is meant"),
+        ({"range": 1e-9}, "interaction.range: 1e-09 is taken in nm; write '1e-09 m'"),
+        ({"modulus": 5e9}, r"modulus: 5e\+09 is taken in nN/nm² = GPa, and diamond has 1100; write '5e\+09 Pa'"),
+    ],
+)
+def test_numbers_in_metres_and_pascals_draw_a_warning(given: dict[str, float], words: str) -> None:
+    with pytest.warns(UserWarning, match=words):
+        physical(**given)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        physical()
+        cb.Contact(cb.Parabola(1e-6), cb.Gauss(0.04, 1e-9), 5e9)  # a set of units of the user's own
+
+
+@pytest.mark.parametrize(("tabor", "near"), [(0.02, "near DMT"), (0.5, "between DMT and JKR"), (8.0, "near JKR")])
+def test_the_tabor_coefficient_is_explained_by_numbers(tabor: float, near: str) -> None:
+    """JKR −3π/2 and DMT −2π, against the pull-off load traced."""
+    contact = cb.Contact.reduced(cb.MaugisDugdale, tabor=tabor)
+    diagram = cb.trace(contact)
+    said = str(diagram)
+    assert f"Tabor coefficient {tabor:g}, {near}." in said
+    load = diagram.thresholds["pull_off_load"]
+    assert f"JKR {abs(1.5 * math.pi / load + 1.0):.2g}" in said
+    assert f"DMT {abs(2.0 * math.pi / load + 1.0):.2g}" in said
+    assert near in regime(contact)
+    assert ("would do, in milliseconds" in said) == (tabor != 0.5)
+
+
+def test_repulsion_has_a_tabor_coefficient_too() -> None:
+    found = cb.solve(cb.Contact.reduced(cb.Gauss, tabor=2.0, sign=-1), load=1.0)
+    assert "Tabor coefficient 2: " in str(found)
+    assert np.isfinite(found.load)
