@@ -117,9 +117,8 @@ def features(curve: ForceCurve, adhesive: bool) -> Features:
     far = np.argsort(curve.piezo[retract])[: max(3, retract.size // 50)]
     end = float(np.median(force[retract][far])) if retract.size else math.nan
     returned = bool(retract.size) and abs(end) < max(2 * allowed, 0.05 * (largest - lowest))
-    near = max(2 * allowed, 0.05 * (largest - lowest))
     parts = np.array_split(force[approach][: max(9, approach.size // 8)], 3)
-    first, second, third = (float(np.median(part)) for part in parts)
+    first, second, third = map(float, map(np.median, parts))
     sure, flat = 6 * noise / math.sqrt(len(parts[0])), 0.03 * (largest - lowest)
     # in contact the force rises
     outside = max(map(abs, (first, second, third))) < max(sure, flat) and third - first < sure
