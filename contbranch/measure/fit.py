@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -122,7 +123,8 @@ def fit(
     if isinstance(free, str):
         free = tuple(name.strip() for name in free.split(","))
     began = perf_counter()
-    with watched(progress, time_limit) as watch:
+    with watched(progress, time_limit) as watch, warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of values that are tried on the way
         fitting = _Fitting(curve.with_spring(spring), contact, tuple(free), tuple(fixed))
         found = fitting.compared() if law == "compare" else fitting.result(fitting.law(law))
         found = replace(found, message=told(found.message), cost=Cost(perf_counter() - began, fitting.evaluations))
@@ -378,6 +380,11 @@ class _Fitting:
         last = np.asarray(found.fun)
         return _Minimum(problem, comparison, found.x, _loss(last), last, slopes(found.x), found.status > 0, spread)
 
+    def _worse(self, one: _Minimum, first: _Minimum, fitted: _Minimum, coarseness: float) -> bool:
+        """Whether a start need not be followed: another one has led to a fit, and this one was clearly worse."""
+        good = fitted.cost < MISFIT**2 * fitted.comparison.samples.size
+        return good and (one.cost - first.cost) * coarseness**2 > 4 * TOLD
+
     def _scale(self, problem: Problem, x: Array) -> Array:
         """Sizes of steps that matter alike."""
         length, noise = problem.state(x).contact.scales.normal, self.seen.noise
@@ -409,7 +416,7 @@ class _Fitting:
         chosen = _distinct([one for one in tried if one.cost <= WITHIN * tried[0].cost + TOLD])[:BEST]
         found: list[_Minimum] = []
         for one in chosen:
-            if over() and found:
+            if found and (over() or self._worse(one, tried[0], found[0], rough / noise)):
                 break
             coarse = self._minimised(problem, one.x, self.few, (max(noise, 0.2 * rough), TRIED))
             coarse = self._minimised(problem, coarse.x, self._labelled(coarse, FEW), (noise, TRIED))
