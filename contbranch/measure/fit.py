@@ -254,9 +254,12 @@ class _Fitting:
             states += [replace(guess, contact=known["modulus"].contact(known["modulus"].value * f)) for f in factors]
         low, high = problem.bounds()
         inside = 1e-6 * np.minimum(high - low, 1.0)
+        begun: list[Array] = []
         for state in states:
             vector = np.clip(problem.vector(state), low + inside, high - inside)
-            yield self._placed(problem, vector)
+            if not any(np.allclose(vector, other) for other in begun):
+                begun.append(vector)
+                yield self._placed(problem, vector)
 
     def _placed(self, problem: Problem, x: Array) -> Array:
         """A vector with the contact point where the curve is closest, tried where jumps and extreme forces agree."""
@@ -575,6 +578,7 @@ class _Fitting:
             measured = fitted = None
             if jump is not None:
                 measured = {"piezo": jump.piezo, "force": jump.force - baseline - tilt * jump.piezo, "step": jump.step}
+                measured["uncertainty"] = 4 * seen.noise + (_change(leg, jump.width) if leg is retract else 0.0)
             if leg.jump is not None and _worth(leg.jump.after - leg.jump.before, self.seen, jump):
                 before, after = (factor * f / state.sensitivity for f in leg.jump[1:])
                 fitted = {"piezo": leg.jump.piezo + place, "force": before, "step": after - before}
@@ -632,13 +636,21 @@ def _disagreements(jumps: tuple[FitJump, ...]) -> Iterator[str]:
         if one is None or other is None:
             yield f"The {jump.name} was {'fitted but not seen' if one is None else 'seen but not fitted'}."
             continue
-        key = "step" if jump.name in ("jump-in", "squeeze-out") else "force"
-        share = other[key] / one[key] - 1.0 if one[key] else 0.0
-        if abs(share) > AGREE:
+        # just before a jump into contact the force is small, and steep
+        behind = jump.name in ("jump-in", "squeeze-out")
+        seen, had = (side["force"] + (side["step"] if behind else 0.0) for side in (one, other))
+        if abs(had - seen) > max(AGREE * abs(seen), one["uncertainty"]):
+            where, share = "behind" if behind else "before", 100 * (had / seen - 1.0)
             yield (
-                f"No such contact has the {jump.name} measured beside all else: its {key} is {one[key]:.3g} nN, the "
-                f"fitted one {other[key]:.3g} nN ({100 * share:+.0f} %)."
+                f"No such contact has the {jump.name} measured beside all else: the force {where} it is {seen:.3g} nN, "
+                f"the fitted one {had:.3g} nN ({share:+.0f} %)."
             )
+
+
+def _change(leg: Leg, width: float) -> float:
+    """Change of the force in contact within a distance from the jump out of it."""
+    ends = np.interp([0.0, width], leg.part(True)[0] - leg.part(True)[0][0], leg.part(True)[1])
+    return float(abs(ends[1] - ends[0]))
 
 
 def _worth(step: float, seen: Features, measured: MeasuredJump | None) -> bool:
