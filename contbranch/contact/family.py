@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -20,7 +20,7 @@ from contbranch.contact.units import Scales, finite_number, positive_number
 from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.errors import InputError
 
-__all__ = ["Family", "Vary", "dimension_of", "family_of"]
+__all__ = ["Family", "Vary", "dimension_of", "family_of", "member"]
 
 Vary = str | Callable[[float], Contact]
 
@@ -201,6 +201,19 @@ def _share(contact: Contact) -> Family:
         return replace(contact, interaction=sum(laws))
 
     return Family("share", abs(second.work_of_adhesion) / full, contact, member, "linear")
+
+
+def member(contact: Contact, parameters: Mapping[str, float]) -> Contact:
+    """A contact with other values of some parameters.
+
+    Raises
+    ------
+    InputError
+        As `family_of`.
+    """
+    for name, value in parameters.items():
+        contact = family_of(contact, name, value).member(value)
+    return contact
 
 
 def _named(contact: Contact, vary: str) -> tuple[float, Callable[[float], Contact]]:

@@ -51,7 +51,7 @@ function ticks(low, high, count) {
 function axes(svg, box, x, y, names) {
   const px = (v) => box.left + (v - x[0]) / (x[1] - x[0]) * box.width;
   const py = (v) => box.top + box.height - (v - y[0]) / (y[1] - y[0]) * box.height;
-  const horizontal = ticks(...x, Math.max(3, box.width / 95)), vertical = ticks(...y, Math.max(2, box.height / 48));
+  const horizontal = ticks(...x, Math.max(3, box.width / 75)), vertical = ticks(...y, Math.max(2, box.height / 48));
   for (const v of horizontal.at) {
     if (v === 0) draw("line", { class: "zero", x1: px(0), x2: px(0), y1: box.top, y2: box.top + box.height }, svg);
     draw("line", { class: "tick", x1: px(v), x2: px(v), y1: box.top + box.height, y2: box.top + box.height - 5 }, svg);
@@ -163,8 +163,8 @@ function drawDiagram() {
   draw("line", { class: "unstable", x1: 98, x2: 132, y1: 12, y2: 12 }, legend);
   draw("text", { x: 138, y: 16 }, legend, `unstable under ${view.control === "spring" ? "the spring" : view.control}`);
   if (view.step !== null || item().loop) {
-    draw("line", { class: "loop", x1: 318, x2: 352, y1: 12, y2: 12 }, legend);
-    draw("text", { x: 358, y: 16 }, legend, "quasi-static loop");
+    draw("line", { class: "loop", x1: 360, x2: 394, y1: 12, y2: 12 }, legend);
+    draw("text", { x: 400, y: 16 }, legend, "quasi-static loop");
   }
 }
 function nearest(x, y) {
@@ -178,13 +178,14 @@ function nearest(x, y) {
   });
   if (found) select(...found);
 }
-function select(branch, row) {
+function select(branch, row, values = null) {
   const one = item().branches[branch];
   if (!one) return drawProfile();
   view.branch = branch;
   view.row = clamp(row, 0, array(one.rows.load).length - 1);
-  scene.here.setAttribute("cx", scene.plot.px(array(one.rows[view.x])[view.row]));
-  scene.here.setAttribute("cy", scene.plot.py(array(one.rows[view.y])[view.row]));
+  view.values = values || Object.fromEntries(NAMES.map((name) => [name, array(one.rows[name])[view.row]]));
+  scene.here.setAttribute("cx", scene.plot.px(view.values[view.x]));
+  scene.here.setAttribute("cy", scene.plot.py(view.values[view.y]));
   drawProfile();
 }
 
@@ -208,7 +209,7 @@ function drawProfile() {
   byId("state").replaceChildren();
   if (!one) return;
   const entry = (name, value) => { element("dt", {}, byId("state"), name); element("dd", {}, byId("state"), value); };
-  for (const name of NAMES) entry(WORDS[name], `${digits(array(one.rows[name])[view.row])} ${unit(name)}`);
+  for (const name of NAMES) entry(WORDS[name], `${digits(view.values[name])} ${unit(name)}`);
   for (const control of item().controls) {
     const modes = array(one.unstable[control])[view.row];
     entry(`under ${control === "spring" ? "the spring" : control}`, modes ? `unstable (${modes} mode${modes > 1 ? "s" : ""})` : "stable");
@@ -334,17 +335,16 @@ function play(step) {
       const far = Math.hypot(...at.map(([name, value, size]) => (array(branch.rows[name])[i] - value) / size));
       if (far < best) { best = far; found = [b, i]; }
     }));
-    if (found) select(...found);
-    scene.here.setAttribute("cx", scene.plot.px(array(item().loop[view.x])[step]));
-    scene.here.setAttribute("cy", scene.plot.py(array(item().loop[view.y])[step]));
-    return;
+    const values = Object.fromEntries(NAMES.map((name) => [name, array(item().loop[name])[step]]));
+    if (found) return select(...found, values);
+    scene.here.setAttribute("cx", scene.plot.px(values[view.x]));
+    return scene.here.setAttribute("cy", scene.plot.py(values[view.y]));
   }
   const stop = travel().stops[step];
   if (!stop) return;
   const branch = item().branches[stop[0]];
-  select(stop[0], Math.round(array(branch.position)[stop[1]]));
-  scene.here.setAttribute("cx", scene.plot.px(array(branch.fine[view.x])[stop[1]]));
-  scene.here.setAttribute("cy", scene.plot.py(array(branch.fine[view.y])[stop[1]]));
+  const values = Object.fromEntries(NAMES.map((name) => [name, array(branch.fine[name])[stop[1]]]));
+  select(stop[0], Math.round(array(branch.position)[stop[1]]), values);  // the profile is that of the nearest point
 }
 
 // Tables, menus, sliders ----------------------------------------------------------------------------------------------
@@ -371,9 +371,9 @@ function drawTables() {
 }
 function redraw() {
   const status = item().status === "complete" ? "" : `${item().status}: ${item().message}`;
-  const at = Object.entries(item().parameters || {}).map(([name, value]) => `${name} = ${digits(value, 5)} ${unit(name)}`).join(", ");
+  const at = Object.entries(item().parameters || {}).map(([name, value]) => `${name} = ${digits(value, 5)} ${unit(name)}`.trim()).join(", ");
   byId("status").textContent = [at, status].filter(Boolean).join(" · ");
-  if (item().controls && !item().controls.includes(view.control)) view.control = item().controls[0];
+  if (item().controls.length && !item().controls.includes(view.control)) view.control = item().controls[0];
   drawDiagram();
   drawTables();
   const slider = byId("loop");

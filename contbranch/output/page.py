@@ -27,7 +27,7 @@ from contbranch.results.sweep import Sweep
 __all__ = ["page"]
 
 _RANGES: Final = 8.0  # of the interaction: the largest gap that is shown
-_BUDGET: Final = 2_600_000  # numbers in the profiles of a page, which take some three bytes each
+_BUDGET: Final = 4_000_000  # numbers in the profiles of a page, which take some three bytes each
 _STEPS: Final = (3, 8)  # of 24 points drawn for each step of a trace: taken of a single one, and of many
 _MANY: Final = 8
 
@@ -161,14 +161,21 @@ def _largest_gap(description: Mapping[str, Any]) -> float:
 
 
 def _of_sweep(sweep: Sweep, packed: _Packed) -> Iterator[dict[str, Any]]:
+    from contbranch.contact.family import member
     from contbranch.output.sweep_file import diagram_of, records_of
-    from contbranch.sweeps.design import member
 
     packed.count = max(1, len(sweep.tasks) - len(sweep.failed))
     for task, record in zip(sweep.tasks, records_of(sweep, range(len(sweep.tasks))), strict=True):
         about = {"parameters": task.parameters, "index": task.index}
         if task.status == "failed":
-            yield {**about, "status": task.status, "message": task.message, "branches": [], "events": []}
+            yield {
+                **about,
+                "status": task.status,
+                "message": task.message,
+                "branches": [],
+                "events": [],
+                "controls": [],
+            }
         else:
             contact = None
             with suppress(InputError):

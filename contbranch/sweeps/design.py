@@ -11,13 +11,13 @@ from typing import Any, Final, Literal
 import numpy as np
 
 from contbranch.contact.contact import Contact, look_up, refuse_unknown
-from contbranch.contact.family import dimension_of, family_of
+from contbranch.contact.family import dimension_of, family_of, member
 from contbranch.contact.file import parsed, read_contact
 from contbranch.contact.units import finite_number, positive_number
 from contbranch.errors import InputError
 from contbranch.grid_size import GRID_MODELS
 
-__all__ = ["Design", "Listed", "listed", "member", "read_sweep", "varied"]
+__all__ = ["Design", "Listed", "listed", "read_sweep", "varied"]
 
 _RANGE: Final = ("from", "to", "count", "spacing")
 _SWEEP: Final = ("mode", "vary", "keep", "task_limit")
@@ -113,13 +113,6 @@ def _numbers(value: object, name: str = "") -> Iterator[tuple[str, float]]:
                 yield from _numbers(one, f"{name}[{number}]")
     elif isinstance(value, int | float) and not isinstance(value, bool):
         yield name, float(value)
-
-
-def member(contact: Contact, parameters: Mapping[str, float]) -> Contact:
-    """A contact with other values of some parameters."""
-    for name, value in parameters.items():
-        contact = family_of(contact, name, value).member(value)
-    return contact
 
 
 def varied(contact: Contact, vary: Mapping[str, Sequence[Any]], mode: str = "grid") -> Design:

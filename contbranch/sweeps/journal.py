@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import time
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -21,6 +22,7 @@ from numpy.typing import NDArray
 __all__ = ["Entry", "Journal", "Records", "decoded", "encoded", "lock"]
 
 _MARK: Final = b"contbranch"
+_LOST: Final = 1.0  # seconds of work that are lost when the power fails; when the program is killed, none
 # What is held in memory of a record; the rest is read when the sweep's file is written.
 _HELD: Final = ("key", "run", "begun", "status", "message", "thresholds", "wall_s")
 
@@ -61,7 +63,7 @@ class Records:
     """A file of records, appended to by one process at a time; the lock dies with its process."""
 
     def __init__(self, path: Path, wait: bool = False) -> None:
-        self.path = path
+        self.path, self._synced = path, 0.0
         self._file: IO[bytes] = open(path, "a+b", buffering=0)  # noqa: SIM115  # closed by close
         lock(self._file.fileno(), wait)
         self.entries, end = [], 0
@@ -87,12 +89,17 @@ class Records:
                 place = stop
 
     def append(self, record: bytes, sync: bool = True) -> None:
-        """Write a record, and wait until it is on the disk."""
+        """Write a record, and wait until it is on the disk, unless the one before was within the last second."""
         rest = memoryview(record)
         while rest:
             rest = rest[os.write(self._file.fileno(), rest) :]
-        if sync:
-            os.fsync(self._file.fileno())
+        if sync and time.monotonic() > self._synced + _LOST:
+            self.sync()
+
+    def sync(self) -> None:
+        """Wait until all is on the disk."""
+        os.fsync(self._file.fileno())
+        self._synced = time.monotonic()
 
     def bytes_of(self, start: int, stop: int) -> bytes:
         """A part of the file."""
@@ -100,6 +107,8 @@ class Records:
 
     def close(self) -> None:
         """Close the file, which releases its lock."""
+        if not self._file.closed:
+            self.sync()
         self._file.close()
 
 
@@ -157,16 +166,18 @@ class Journal:
             return {}
         batch = Records(path, wait=True)
         begun: dict[str, float] = {}
-        for entry in batch.entries:
-            if "begun" in entry.about:
-                begun[entry.about["key"]] = entry.about["begun"]
-                continue
-            begun.pop(entry.about["key"], None)
-            if entry.about["run"] not in self._runs:
-                self.add(batch.bytes_of(entry.start, entry.stop), sync=False)
-        self._records.append(b"")
-        path.unlink()
-        batch.close()
+        try:
+            for entry in batch.entries:
+                if "begun" in entry.about:
+                    begun[entry.about["key"]] = entry.about["begun"]
+                    continue
+                begun.pop(entry.about["key"], None)
+                if entry.about["run"] not in self._runs:
+                    self.add(batch.bytes_of(entry.start, entry.stop), sync=False)
+            self._records.sync()
+            path.unlink()
+        finally:
+            batch.close()
         return begun
 
     def record(self, key: str) -> bytes:

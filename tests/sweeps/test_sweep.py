@@ -1,0 +1,182 @@
+"""Sweeps: what varies, what is found, and that it is what single traces find."""
+
+from __future__ import annotations
+
+import json
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+import xarray
+from sweep_tasks import Number, Squares
+
+import contbranch as cb
+from contbranch.cli import main
+from contbranch.sweeps.design import read_sweep
+
+FILM = cb.Contact.reduced(cb.Gauss, tabor=4.0, sign=-1)
+TOML = """
+[tip]
+shape = "parabola"
+radius = "1 um"
+[material]
+modulus = "5 GPa"
+[[interaction]]
+law = "maugis-dugdale"
+work_of_adhesion = "40 mN/m"
+range = "1 nm"
+[trace]
+control = "displacement"
+[sweep]
+task_limit = 100
+[sweep.vary]
+"interaction[0].range" = ["0.5 nm", "1 nm"]
+"tip.radius" = { from = "0.5 um", to = "2 um", count = 3, spacing = "log" }
+"""
+
+
+class AtOnce(Executor):
+    """Computes when it is asked to."""
+
+    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
+        done: Future[Any] = Future()
+        done.set_result(fn(*args, **kwargs))
+        return done
+
+
+def numbers(count: int) -> list[Number]:
+    return [Number(value) for value in range(count)]
+
+
+def test_a_grid_has_all_combinations_the_last_parameter_changing_fastest() -> None:
+    design = cb.varied(FILM, {"tip.radius": [1.0, 2.0], "interaction.range": [0.25, 0.5, 1.0]})
+    assert (design.shape, len(design), len(design[1:3])) == ((2, 3), 6, 2)
+    assert design[4] == cb.Contact(cb.Parabola(2.0), cb.Gauss(work_of_adhesion=-1.0, range=0.5))
+    assert design.parameters(4) == {"tip.radius": 2.0, "interaction.range": 0.5}
+    pairs = cb.varied(FILM, {"tip.radius": [1.0, 2.0], "interaction.range": [0.25, 0.5]}, mode="zip")
+    assert [contact.tip.radius for contact in pairs] == [1.0, 2.0]
+    assert pairs[-1] == design[4]
+
+
+def test_sweep_files_have_units_and_ranges(tmp_path: Path) -> None:
+    """The middle of three radii from 500 nm to 2 µm in equal ratios is 1 µm."""
+    path = tmp_path / "s.toml"
+    path.write_text(TOML)
+    design, settings = read_sweep(path)
+    assert design.axes["tip.radius"] == pytest.approx((500.0, 1000.0, 2000.0), rel=1e-14)
+    assert design.axes["interaction[0].range"] == (0.5, 1.0)
+    assert settings == {"task_limit": 100, "control": "displacement"}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('"0.5 nm", "1 nm"]', "0.5, 1.0]", r"sweep.vary.interaction\[0\].range: 0.5; add the unit"),
+        ("count = 3", "count = 0", "sweep.vary.tip.radius.count: 0; must be a whole number"),
+        ("count = 3, ", "", "sweep.vary.tip.radius.count: missing"),
+        ('from = "0.5 um"', 'from = "-0.5 um"', "spacing log"),
+        ('"tip.radius"', '"tip.radios"', "radios"),
+        ("task_limit", "tusk_limit", "sweep.tusk_limit: not known"),
+        ("[sweep.vary]", '[sweep]\nmode = "zip"\n[sweep.vary]', "TOML"),
+        ("[sweep]", '[sweep]\nmode = "zip"', "sweep.vary: lists of different lengths"),
+        ("[sweep]", '[sweep]\nmode = "box"', "sweep.mode: 'box'"),
+    ],
+)
+def test_wrong_sweep_files_are_refused_by_field(tmp_path: Path, old: str, new: str, words: str) -> None:
+    path = tmp_path / "s.toml"
+    assert old in TOML
+    path.write_text(TOML.replace(old, new))
+    with pytest.raises(cb.InputError, match=words):
+        read_sweep(path)
+
+
+def test_a_sweep_finds_what_traces_find_bit_for_bit(tmp_path: Path) -> None:
+    """On processes of this machine, for contacts without a grid; xarray has their parameters as coordinates."""
+    contacts = [cb.Contact.reduced(cb.MaugisDugdale, tabor=1.0), FILM]
+    found = cb.sweep(contacts, tmp_path / "s.h5", workers=2)
+    assert (found.status, found.computed, found.reused) == ("complete", 2, 0)
+    assert found.parameters == ("interaction[0].work_of_adhesion", "interaction[0].range")
+    assert cb.load(tmp_path / "s.h5").tasks == found.tasks
+    for index, contact in enumerate(contacts):
+        trace, kept = cb.trace(contact), found.diagram(index)
+        assert kept.thresholds == trace.thresholds == found.tasks[index].thresholds
+        assert [e.name for e in kept.events] == [e.name for e in trace.events]
+        assert [e.error for e in kept.events] == [e.error for e in trace.events]
+        for one, other in zip(kept.branches, trace.branches, strict=True):
+            assert np.array_equal(one.load, other.load)
+            assert np.array_equal(one.unstable_load, other.unstable_load)
+            assert np.array_equal(one.state(-1).gap, other.state(-1).gap)
+            assert np.array_equal(one.state(2).pressure, other.state(2).pressure)
+    with xarray.open_dataset(tmp_path / "s.h5", engine="h5netcdf") as data:
+        assert data["interaction[0].range"].values.tolist() == [1.0, 0.25]
+        assert data["touch_load"].dims == ("task",)
+        assert data["touch_load"].values[1] == found.tasks[1].thresholds["touch_load"]
+    assert repr(found).startswith("Sweep of")
+    assert len(found.to_dataframe()) == 2
+
+
+def test_the_command_writes_a_grid_in_units_and_computes_nothing_twice(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, out = tmp_path / "s.toml", tmp_path / "s.h5"
+    path.write_text(TOML.replace("count = 3", "count = 1"))
+    assert main(["sweep", str(path), "-o", str(out), "--workers", "1", "--json", "-"]) == 0
+    first = json.loads(capsys.readouterr().out)
+    assert first["parameters"] == ["interaction[0].range", "tip.radius"]
+    assert [task["parameters"]["tip.radius"] for task in first["tasks"]] == [500.0, 500.0]
+    assert (first["computed"], first["reused"]) == (2, 0)
+    assert main(["sweep", str(path), "-o", str(out)]) == 2
+    assert "add --resume" in capsys.readouterr().err
+    path.write_text(TOML.replace("count = 3", "count = 1").replace('"0.5 nm", "1 nm"', '"1 nm", "0.5 nm", "1 nm"'))
+    assert main(["sweep", str(path), "-o", str(out), "--resume", "--json", "-"]) == 0
+    again = json.loads(capsys.readouterr().out)
+    assert (again["computed"], again["reused"]) == (0, 3)
+    assert again["tasks"][1]["thresholds"] == first["tasks"][0]["thresholds"]
+    with xarray.open_dataset(out, engine="h5netcdf") as data:
+        assert data["pull_off_load"].sizes == {"interaction[0].range": 3, "tip.radius": 1}
+        assert data["pull_off_load"].attrs["units"] == "nN"
+        assert data["tip.radius"].attrs["units"] == "nm"
+
+
+@pytest.mark.parametrize("make", [AtOnce, lambda: ThreadPoolExecutor(3)])
+def test_any_executor_will_do(tmp_path: Path, make: Any) -> None:
+    with make() as executor:
+        found = cb.sweep(numbers(40), tmp_path / "s.h5", executor, task=Squares(tmp_path / "notes"))
+    assert [task.thresholds["touch_load"] for task in found.tasks] == [k * k for k in range(40)]
+    with h5py.File(tmp_path / "s.h5") as file:
+        assert file["tasks/point_count"][()].tolist() == [k % 7 for k in range(40)]
+        assert file["tasks/point.load"][1:3].tolist() == [0.0, 4.0]  # 1 row of task 1, 2 of task 2
+
+
+def test_equal_contacts_are_computed_once(tmp_path: Path) -> None:
+    found = cb.sweep([Number(3)] * 4, tmp_path / "s.h5", AtOnce(), task=Squares(tmp_path / "notes"))
+    assert (found.computed, found.reused) == (1, 3)
+    assert (tmp_path / "notes").read_text() == "3\n"
+
+
+def test_a_damaged_file_is_refused(tmp_path: Path) -> None:
+    cb.sweep(numbers(3), tmp_path / "s.h5", AtOnce(), task=Squares(tmp_path / "notes"))
+    data = bytearray((tmp_path / "s.h5").read_bytes())
+    data[len(data) // 2] ^= 1
+    (tmp_path / "s.h5").write_bytes(data)
+    with pytest.raises(cb.InputError, match="damaged"):
+        cb.load(tmp_path / "s.h5")
+
+
+@pytest.mark.parametrize(
+    ("contacts", "settings", "words"),
+    [
+        ([], {}, "contacts: none"),
+        ([1], {}, "contacts: number 0 is int"),
+        ([FILM], {"kep": "curves"}, "kep: not known"),
+        ([FILM], {"keep": "all"}, "keep: 'all'"),
+        ([FILM], {"task_limit": -1}, "task_limit"),
+    ],
+)
+def test_wrong_arguments_are_refused(tmp_path: Path, contacts: Any, settings: Any, words: str) -> None:
+    with pytest.raises(cb.InputError, match=words):
+        cb.sweep(contacts, tmp_path / "s.h5", AtOnce(), **settings)
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,161 @@
+"""Pages: what they hold is what was computed, and, where there is a browser, what they show is."""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import json
+import re
+import shutil
+import subprocess
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import contbranch as cb
+from contbranch.cli import main
+from contbranch.output.page import page
+
+BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+# What a person would do: point at the curve, choose axes and control, play the loop, move to another contact.
+VISIT = """
+<script>
+addEventListener("error", (event) => { document.title = "error: " + event.message; });
+const wait = setInterval(() => {
+  if (document.documentElement.dataset.ready !== "yes") return;
+  clearInterval(wait);
+  const seen = {}, choose = (id, value, kind) => { byId(id).value = value; byId(id).dispatchEvent(new Event(kind)); };
+  const point = (x, y) => {
+    const frame = scene.svg.getBoundingClientRect(), k = scene.svg.viewBox.baseVal.width / frame.width;
+    const at = { clientX: frame.left + x / k, clientY: frame.top + y / k };
+    scene.svg.dispatchEvent(new PointerEvent("pointermove", at));
+    return { row: view.row, ...Object.fromEntries(Object.entries(profile()).map(([n, v]) => [n, Array.from(v)])) };
+  };
+  const rows = item().branches[0].rows, middle = Math.floor(array(rows.load).length * 0.8);
+  seen.first = point(scene.plot.px(array(rows.load)[middle]), scene.plot.py(array(rows.contact_radius)[middle]));
+  seen.wanted = middle;
+  choose("x", "displacement", "change");
+  choose("y", "load", "change");
+  choose("control", "displacement", "change");
+  seen.second = point(scene.plot.px(array(rows.displacement)[middle]), scene.plot.py(array(rows.load)[middle]));
+  seen.unstable = document.querySelectorAll("#diagram path.unstable").length;
+  choose("loop", Math.floor(byId("loop").max / 2), "input");
+  seen.jumps = document.querySelectorAll("#diagram path.jump").length;
+  seen.stops = Number(byId("loop").max);
+  if (byId("parameter0")) {
+    choose("parameter0", 1, "input");
+    Object.assign(seen, { item: view.item, told: byId("status").textContent });
+  }
+  seen.events = document.querySelectorAll("#events tbody tr").length;
+  const said = document.createElement("pre");
+  said.id = "seen";
+  said.textContent = JSON.stringify(seen);
+  document.body.append(said);
+}, 20);
+</script>
+"""
+
+
+@cache
+def film() -> cb.Diagram:
+    return cb.trace(cb.Contact.reduced(cb.Gauss, tabor=4.0, sign=-1), accuracy=1e-4)
+
+
+def unpacked(text: str) -> tuple[dict[str, Any], Any]:
+    """The data of a page, and what returns one of its arrays."""
+    data = json.loads(re.search(r'id="data">(.*?)</script>', text, re.S)[1])
+    packed = re.search(r'id="arrays">(.*?)</script>', text, re.S)[1]
+    planes = np.frombuffer(gzip.decompress(base64.b64decode(packed)), np.uint8).reshape(4, -1)
+    numbers = np.ascontiguousarray(planes.T).view("<f4").ravel()
+    return data, lambda place: numbers[place[0] : place[0] + place[1]]
+
+
+def test_a_page_holds_what_was_computed_and_nothing_from_outside() -> None:
+    diagram = film()
+    text = page(diagram)
+    assert not re.search(r"""(src|href)\s*=|url\((?!#)|https?://(?!www\.w3\.org/2000/svg)""", text)
+    data, array = unpacked(text)
+    (item,) = data["items"]
+    (branch,) = item["branches"]
+    traced = diagram.branches[0]
+    for name in ("load", "displacement", "contact_radius", "central_gap", "energy"):
+        assert array(branch["rows"][name]) == pytest.approx(getattr(traced, name), rel=1e-7, abs=1e-30)
+    for control in ("load", "displacement"):
+        assert np.array_equal(array(branch["unstable"][control]), traced.unstable(control))
+    assert [event["name"] for event in item["events"]] == [event.name for event in diagram.events]
+    ends = np.cumsum([0, *array(branch["counts"]).astype(int)])
+    for row in (0, 30, len(traced) - 1):
+        kept, state = slice(ends[row], ends[row + 1]), traced.state(row)
+        r, gap = array(branch["r"])[kept], array(branch["gap"])[kept]
+        assert gap == pytest.approx(np.interp(r, state.r, state.gap), rel=1e-4, abs=1e-6)
+        assert array(branch["pressure"])[kept] == pytest.approx(
+            np.interp(r, state.r, state.pressure), rel=1e-3, abs=1e-4
+        )
+
+
+@cache
+def visited(kind: str) -> dict[str, Any]:
+    """What a browser shows of a page on which someone has done what `VISIT` does."""
+    import tempfile
+
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        if kind == "sweep":
+            film_contact = cb.Contact.reduced(cb.Gauss, tabor=4.0, sign=-1)
+            design = cb.varied(film_contact, {"interaction.work_of_adhesion": [-1.0, -0.9]})
+            with ThreadPoolExecutor(1) as executor:
+                text = page(cb.sweep(design, folder / "s.h5", executor, accuracy=1e-4))
+        else:
+            text = page(film())
+        (folder / "page.html").write_text(text.replace("</body>", VISIT + "</body>"), encoding="utf-8")
+        options = ["--headless=new", "--no-sandbox", "--disable-gpu", "--virtual-time-budget=20000", "--dump-dom"]
+        command = [str(BROWSER), *options, f"--user-data-dir={folder / 'profile'}", (folder / "page.html").as_uri()]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    assert "<title>error" not in done.stdout
+    found: dict[str, Any] = json.loads(re.search(r'<pre id="seen">(.*?)</pre>', done.stdout, re.S)[1])
+    return found
+
+
+@pytest.mark.skipif(BROWSER is None, reason="no Chromium here: pages are drawn by a browser alone")
+@pytest.mark.parametrize("kind", ["diagram", "sweep"])
+def test_pointing_at_the_curve_shows_the_profile_computed_there(kind: str) -> None:
+    seen = visited(kind)
+    for which in ("first", "second"):
+        shown = seen[which]
+        assert shown["row"] == seen["wanted"]
+        state = film().branches[0].state(shown["row"])
+        assert shown["gap"] == pytest.approx(np.interp(shown["r"], state.r, state.gap), rel=1e-4, abs=1e-6)
+    assert seen["unstable"] >= 1
+    assert seen["jumps"] == 2  # out of the film, and back
+    assert seen["stops"] > 100
+    assert seen["events"] == 6
+    assert kind == "diagram" or (seen["item"] == 1 and "-0.9" in seen["told"].replace("−", "-"))
+
+
+def test_the_command_writes_pages_of_traces_and_loops(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    contact = cb.Contact.reduced(cb.MaugisDugdale, tabor=1.0)
+    cb.hysteresis(contact, control="displacement").save(tmp_path / "loop.h5")
+    assert main(["view", str(tmp_path / "loop.h5"), "-o", str(tmp_path / "loop.html")]) == 0
+    data, array = unpacked((tmp_path / "loop.html").read_text(encoding="utf-8"))
+    loop = data["items"][0]["loop"]
+    assert [jump["name"] for jump in loop["jumps"]] == ["jump-in", "pull-off"]
+    assert array(loop["load"]).min() == pytest.approx(cb.trace(contact).thresholds["pull_off_load"], rel=1e-3)
+    assert data["items"][0]["branches"]
+    assert main(["view", str(tmp_path / "loop.h5"), "-o", str(tmp_path / "loop.pdf")]) == 2
+    assert "for example -o page.html" in capsys.readouterr().err
+
+
+def test_titles_are_text_whatever_is_in_them() -> None:
+    """What closes an element in the name of a law of the user's closes nothing on the page."""
+
+    class Odd(cb.Gauss):
+        name = "</script><b>odd"
+
+    diagram = cb.trace(cb.Contact.reduced(Odd, tabor=1.0), accuracy=1e-2)
+    text = page(diagram)
+    assert "<b>odd" not in text
+    assert "odd" in unpacked(text)[0]["title"]
