@@ -24,7 +24,7 @@ __all__ = ["Comparison", "Leg", "ModelJump", "legs"]
 
 # Points of the curve between two of its table.
 FINER: Final = 5
-# Samples just before a jump that are left out: the slope is all but infinite there, and the jump has a place of its own.
+# Samples just before a jump that are left out: the slope is all but infinite there, and the jump has its place.
 STEEP: Final = 2
 # Jumps below this multiple of the noise have no place in a curve.
 SMALL: Final = 2.0
