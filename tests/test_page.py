@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import gzip
+import html
 import json
 import re
 import shutil
@@ -147,6 +148,14 @@ def test_the_command_writes_pages_of_traces_and_loops(tmp_path: Path, capsys: py
     assert data["items"][0]["branches"]
     assert main(["view", str(tmp_path / "loop.h5"), "-o", str(tmp_path / "loop.pdf")]) == 2
     assert "for example -o page.html" in capsys.readouterr().err
+
+
+def test_notebooks_hold_the_page_of_a_diagram() -> None:
+    """Folded up, in a frame whose text is that of the page."""
+    shown = film()._repr_html_()
+    framed = html.unescape(re.search(r'srcdoc="(.*?)"', shown, re.S)[1])
+    assert framed == page(film())
+    assert shown.count("<script") == 0
 
 
 def test_titles_are_text_whatever_is_in_them() -> None:

@@ -31,11 +31,22 @@ def as_png(result: Result) -> bytes:
 
 
 def as_html(result: Result) -> str:
-    """The figure, and what is printed for people."""
+    """The figure, what is printed for people, and for a diagram the page on which it is explored."""
     picture = base64.b64encode(as_png(result)).decode()
     shown = [f"<p>{escape(part)}</p>" if isinstance(part, str) else _table(part) for part in parts(result)]
     image = f'<img alt="{escape(repr(result).splitlines()[0])}" width="440" src="data:image/png;base64,{picture}">'
-    return "\n".join(["<div>", image, *shown, "</div>"])
+    return "\n".join(["<div>", image, *shown, *_explored(result), "</div>"])
+
+
+def _explored(result: Result) -> Iterator[str]:
+    """The page of a diagram, folded up."""
+    from contbranch.output.page import page
+    from contbranch.results.diagram import Diagram
+
+    if isinstance(result, Diagram) and result.branches:
+        look = 'title="diagram" width="100%" height="900" loading="lazy"'
+        frame = f'<iframe {look} srcdoc="{escape(page(result))}"></iframe>'
+        yield f"<details><summary>Explore it</summary>{frame}</details>"
 
 
 @contextmanager

@@ -218,22 +218,28 @@ function drawProfile() {
   const width = holder.clientWidth || 420, height = clamp(0.98 * width, 300, 460), half = (height - 66) / 2;
   const svg = draw("svg", { viewBox: `0 0 ${width} ${height}`, height, role: "img",
     "aria-label": `Deformed tip above the wall, and pressure, at load ${digits(array(one.rows.load)[view.row])}` }, holder);
-  const reach = 1.02 * (one.reach || shown.r[shown.r.length - 1]), top = item().limit || span("gap", one)[1];
+  const onGrid = ["periodic", "free"].includes(item().model);
+  const reach = 1.02 * (one.reach || shown.r[shown.r.length - 1]), low = onGrid ? 0 : -reach, top = item().limit || span("gap", one)[1];
   const mirrored = (values) => [...Array.from(values).reverse(), ...values];
   const last = shown.r.length - 1, slope = (shown.gap[last] - shown.gap[last - 1]) / (shown.r[last] - shown.r[last - 1]);
   const beyond = Math.max(0, 1.5 * top - shown.gap[last]) / Math.max(slope, 1e-9);
   const rs = mirrored(shown.r).map((v, i) => i <= last ? -v : v);
-  const upper = axes(svg, { left: 74, top: 8, width: width - 90, height: half }, [-reach, reach], [-0.14 * top, top], ["", label("gap")]);
+  const upper = axes(svg, { left: 74, top: 8, width: width - 90, height: half }, [low, reach], [-0.14 * top, top], ["", label("gap")]);
   const bottom = upper.py(-0.14 * top), gaps = [1.5 * top, ...mirrored(shown.gap), 1.5 * top];
   const wide = [rs[0] - beyond, ...rs, rs[rs.length - 1] + beyond];
   draw("rect", { class: "wall", x: 74, y: upper.py(0), width: width - 90, height: bottom - upper.py(0) }, upper.inside);
-  draw("path", { class: "body", id: "tip", d: line(wide, gaps, upper.px, upper.py) }, upper.inside);
+  if (!onGrid) draw("path", { class: "body", id: "tip", d: line(wide, gaps, upper.px, upper.py) }, upper.inside);
   if (item().tip) {
     const r = array(item().tip.r), z = Array.from(array(item().tip.z), (v) => v + array(one.rows.central_gap)[view.row]);
     draw("path", { class: "outline", d: line(r, z, upper.px, upper.py) + line(Array.from(r, (v) => -v), z, upper.px, upper.py) }, upper.inside);
   }
-  const lower = axes(svg, { left: 74, top: 16 + half, width: width - 90, height: half }, [-reach, reach], span("pressure", one), [label("r"), label("pressure")]);
-  draw("path", { class: "pressure", id: "pressure", d: line(rs, mirrored(shown.pressure), lower.px, lower.py) }, lower.inside);
+  const lower = axes(svg, { left: 74, top: 16 + half, width: width - 90, height: half }, [low, reach], span("pressure", one), [label("r"), label("pressure")]);
+  if (onGrid) {
+    element("p", { class: "soft" }, holder, "On a grid: means over the nodes at equal distance from the middle.");
+    const dots = (values, plot) => Array.from(shown.r, (r, i) => `M${plot.px(r)} ${plot.py(values[i])}h0`).join("");
+    draw("path", { class: "dots", d: dots(shown.gap, upper) }, upper.inside);
+    draw("path", { class: "dots", d: dots(shown.pressure, lower) }, lower.inside);
+  } else draw("path", { class: "pressure", id: "pressure", d: line(rs, mirrored(shown.pressure), lower.px, lower.py) }, lower.inside);
 }
 
 // The quasi-static loop: as computed, or along the curve, a jump leading to its next stable state that is lower ---------

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from contbranch.contact.contact import Contact
+from contbranch.contact.family import member
 from contbranch.errors import InputError
 from contbranch.output.document import plain
 from contbranch.output.plot_curve import COORDINATES, coordinate, smooth_line
@@ -104,7 +105,7 @@ class _Packed:
         branches = [self._branch(diagram, number, controls, limit) for number in range(len(diagram.branches))]
         kept = ("status", "message", "thresholds", "control", "stiffness")
         found = {name: getattr(diagram, name) for name in kept} | {"events": events, "branches": branches, **about}
-        if contact is not None and limit:
+        if contact is not None and contact.tip.axisymmetric is not None and limit:
             with suppress(InputError):
                 reach = max((max(branch.get("reach", 0.0), 0.0) for branch in branches), default=0.0)
                 r = np.linspace(0.0, reach or 1.0, 65)
@@ -161,7 +162,6 @@ def _largest_gap(description: Mapping[str, Any]) -> float:
 
 
 def _of_sweep(sweep: Sweep, packed: _Packed) -> Iterator[dict[str, Any]]:
-    from contbranch.contact.family import member
     from contbranch.output.sweep_file import diagram_of, records_of
 
     packed.count = max(1, len(sweep.tasks) - len(sweep.failed))

@@ -6,6 +6,7 @@ import errno
 import math
 import multiprocessing
 import os
+import sys
 import time
 import uuid
 from collections import Counter, deque
@@ -20,6 +21,7 @@ from concurrent.futures import (
     wait,
 )
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Final
 
 from contbranch.sweeps.journal import Journal, encoded
@@ -37,7 +39,7 @@ _AHEAD: Final = 2  # batches for each worker, so that none waits for the next on
 _TAIL: Final = 4  # batches for each worker that the remaining jobs are divided into, so that all end together
 _LOOK: Final = 0.2  # seconds between two reports
 _TRIES: Final = 2  # batches that a job may lose without having begun, before it is tried alone
-_FRUITLESS: Final = 4  # broken pools in a row in which nothing has begun
+_FRUITLESS: Final = 2  # broken pools in a row in which nothing has begun
 _FULL: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
@@ -91,11 +93,9 @@ class Run:
                 broken = any(isinstance(_error(future), BrokenExecutor) for future in done)
                 if broken:  # whatever else was under way is lost as well
                     done, _ = wait(self._flying)
-                before = self._timed
-                for future in done:
-                    self._land(future)
+                begun = [self._land(future) for future in done]
                 if broken:
-                    self._renew(fruitless=self._timed == before and not self._suspects)
+                    self._renew(fruitless=not any(begun))
                 self._report()
         finally:
             if self._flying:
@@ -130,6 +130,9 @@ class Run:
         if self.executor is not None:
             return self.executor
         if self._own is None:
+            script = sys.modules["__main__"]
+            if not Path(getattr(script, "__file__", None) or __file__).exists():
+                del script.__file__  # a script from standard input, which workers would try to import
             spawn = multiprocessing.get_context("spawn")
             self._own = ProcessPoolExecutor(self.workers, spawn, prepare, (self._token, os.getpid()))
         return self._own
@@ -147,8 +150,8 @@ class Run:
             self._own.shutdown(wait=not self._flying, cancel_futures=True)
             self._own = None
 
-    def _land(self, future: Landing) -> None:
-        """Take what a batch has given, and find out about the rest."""
+    def _land(self, future: Landing) -> bool:
+        """Take what a batch has given, and find out about the rest; whether any of it had begun."""
         batch, alone = self._flying.pop(future)
         error = _error(future)
         for record in [] if error is not None else future.result():
@@ -162,13 +165,14 @@ class Run:
             else:
                 self._timed += 1
                 self._spent += float(self.journal.ended[job.key].about["wall_s"])
+        return bool(begun) or any(job.key in self.journal.ended for job in batch.jobs)
 
     def _judge(self, key: str, begun: float | None, alone: bool, error: BaseException | None) -> None:
         """What becomes of a job that a batch has left without a record."""
         limit = self.task.time_limit
         if begun is not None and limit is not None and time.time() - begun >= patience(limit):
             self._fail(key, f"It did not end: its worker was stopped after the time limit of {limit:g} s.", begun)
-        elif alone:
+        elif alone and (begun is not None or self.executor is not None):
             told = " ".join(str(error or "").split()) or "no reason is known"
             self._fail(key, f"Its worker died while it was computed alone ({told}).", begun)
         elif begun is not None or self._lost[key] >= _TRIES:
