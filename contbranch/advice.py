@@ -8,8 +8,6 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import Final
 
-import numpy as np
-
 from contbranch.api import trace
 from contbranch.contact.contact import Contact
 from contbranch.contact.interactions import MaugisDugdale
@@ -31,9 +29,7 @@ FINEST, COARSEST = 1e-13, 0.5
 SHARE, COARSE, FINE, PATIENCE = 0.1, 1e-3, 1e-7, 1.5
 # What the axisymmetric model reaches, and how its time grows with digits asked beyond those of the trace.
 REACHES, DIGIT = 1e-11, 1.35
-# Seconds of a trace on a grid of so many nodes a side, one core, measured on exponential and Gauss laws, μ_T = 1 and 2;
-# and the relative error of a fold's load there with nodes as far apart as the range is long, with its order.
-GRID_SECONDS: Final = {64: 2.0, 128: 8.0, 256: 40.0, 512: 250.0}
+# The relative error of a fold's load on a grid with nodes as far apart as the range is long, with its order.
 GRID_ERROR, ORDER = 0.02, 1.5
 
 # A contact is near a limit whose pull-off load is off by less; a theory that is better than this is recommended.
@@ -249,7 +245,7 @@ def _own(contact: Contact, wanted: Judged, accuracy: float, truth: Diagram) -> C
 
 def _grids(contact: Contact, wanted: Judged, accuracy: float) -> Iterator[Candidate]:
     """Grids of the size that they would choose for themselves."""
-    from contbranch.models.grid.size import chosen_size
+    from contbranch.models.grid.size import chosen_size, expected_seconds
 
     length = 1.0 if contact.interaction is None else contact.interaction.range
     for kind in ("free", "periodic"):
@@ -258,8 +254,7 @@ def _grids(contact: Contact, wanted: Judged, accuracy: float) -> Iterator[Candid
         except InputError:
             continue
         error = GRID_ERROR * (cell / grid / length) ** ORDER
-        known = np.log(list(GRID_SECONDS))
-        seconds = math.exp(float(np.interp(math.log(grid), known, np.log(list(GRID_SECONDS.values())))))
+        seconds = expected_seconds(grid)
         why = f"{grid} nodes a side in a cell of {cell:.3g} (reduced): errors as measured for that spacing."
         yield Candidate(kind, dict.fromkeys(wanted, error), seconds, why)
 

@@ -24,13 +24,13 @@ from contbranch.curve.loop import loop
 from contbranch.curve.outcome import RawCurve, assemble, no_curve, state_in_reduced, state_in_units
 from contbranch.curve.paths import CurveWalk
 from contbranch.curve.trace import Request
-from contbranch.errors import InputError
+from contbranch.errors import InputError, ModelError
 from contbranch.models.choice import choose, curves
 from contbranch.results.diagram import Cost, Diagram, ModelChoice, Solution, State
 from contbranch.results.equilibria import Barrier, Equilibria
 from contbranch.results.loop import Hysteresis
 from contbranch.threads import one_thread
-from contbranch.watch import Progress, Watch, kept, over, told, watched
+from contbranch.watch import Progress, Watch, kept, of_users, over, told, watched
 
 if TYPE_CHECKING:
     from contbranch.results.phase import PhaseDiagram
@@ -40,6 +40,7 @@ __all__ = ["best_of", "find_all", "hysteresis", "phase_diagram", "solve", "trace
 Answer = TypeVar("Answer", RawCurve, Coexisting, Route)
 
 FINEST, COARSEST = 1e-13, 1e-2
+BEYOND = "its parameters lead to numbers that cannot be computed with"
 # What an interrupted search has found before it has found anything.
 UNKNOWN = State(*(math.nan,) * 5, 0, 0, math.nan)
 
@@ -414,7 +415,13 @@ class _Asked:
 
     def answer(self, compute: Callable[[], Answer], nothing: Answer) -> Answer:
         """What is computed, incomplete if that is interrupted."""
-        found = kept(compute, nothing)
+        try:
+            found = kept(compute, nothing)
+        except (ArithmeticError, MemoryError) as error:
+            if of_users(error):
+                raise
+            what = f"{type(error).__name__}: {error}".removesuffix(": ")
+            raise ModelError(f"contact: {BEYOND} ({what}); take moderate ones") from error
         return replace(found, complete=False, message=told(found.message)) if over() else found
 
     def refuse_below(self, request: Request, curve: RawCurve) -> None:

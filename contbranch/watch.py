@@ -27,6 +27,7 @@ __all__ = [
     "check",
     "finishing",
     "kept",
+    "of_users",
     "over",
     "part",
     "tell",
@@ -181,12 +182,20 @@ def caught(error: BaseException) -> None:
 
 def blame(error: BaseException | None) -> None:
     """Pass on with the result what a user's own code has raised, which has ended a computation."""
-    watch, place = _present.get(), None if error is None else error.__traceback__
-    while watch is not None and watch.cause is None and place is not None:
+    watch = _present.get()
+    if watch is not None and watch.cause is None and error is not None and of_users(error):
+        watch.cause = error
+
+
+def of_users(error: BaseException) -> bool:
+    """Whether an error comes from code of the user's, below what has called it."""
+    place = None if error.__traceback__ is None else error.__traceback__.tb_next
+    while place is not None:
         module = place.tb_frame.f_globals.get("__name__", "").partition(".")[0]
         if module not in _OURS and module not in sys.stdlib_module_names:
-            watch.cause = error
+            return True
         place = place.tb_next
+    return False
 
 
 def kept(compute: Callable[[], Kind], otherwise: Kind) -> Kind:

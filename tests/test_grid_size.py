@@ -2,6 +2,7 @@
 
 import pytest
 
+from contbranch import GridWarning
 from contbranch.errors import InputError
 from contbranch.grid_size import grid_points, nearest_fast
 
@@ -44,3 +45,14 @@ def test_slow_ones_are_accepted():
 def test_wrong_numbers(value, message):
     with pytest.raises(InputError, match=f"^grid: {message}"):
         grid_points(value, "grid")
+
+
+def test_a_trace_of_minutes_is_announced() -> None:
+    """As measured: 250 s on 512 nodes a side; half as many take seven times less."""
+    from contbranch.models.grid.size import announce, expected_seconds
+
+    assert expected_seconds(512) == pytest.approx(250.0)
+    assert 4.0 < expected_seconds(2048) / expected_seconds(1024) < 9.0
+    announce(256)
+    with pytest.warns(GridWarning, match="a trace on 512 nodes a side takes 4 minutes, about"):
+        announce(512)

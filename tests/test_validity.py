@@ -72,3 +72,30 @@ def test_repulsion_has_a_tabor_coefficient_too() -> None:
     found = cb.solve(cb.Contact.reduced(cb.Gauss, tabor=2.0, sign=-1), load=1.0)
     assert "Tabor coefficient 2: " in str(found)
     assert np.isfinite(found.load)
+
+
+def absurd(law: type[cb.Interaction] = cb.Gauss, **given: float) -> cb.Contact:
+    values = {"radius": 1.0, "modulus": 1.0, "work_of_adhesion": -1.0, "range": 0.25, **given}
+    tip = cb.PowerLaw(values["exponent"], 1.0) if "exponent" in values else cb.Parabola(values["radius"])
+    return cb.Contact(tip, law(values["work_of_adhesion"], values["range"]), values["modulus"])
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        *({"radius": value} for value in (1e-320, 1e-160, 1e300)),
+        *({"modulus": value} for value in (1e-320, 1e-300, 1e300)),
+        *({"work_of_adhesion": value} for value in (1e-320, -1e-200, 1e300)),
+        *({"range": value} for value in (1e-320, 1e-200, 1e-8, 1e8, 1e300)),
+        *({"exponent": value} for value in (1.0000001, 1e3, 1e6)),
+    ],
+)
+def test_numbers_of_absurd_size_end_in_a_result_or_in_one_line(given: dict[str, float]) -> None:
+    contact = absurd(**given)
+    for compute in (cb.trace, cb.hysteresis, lambda contact, **how: cb.solve(contact, load=1.0, **how)):
+        try:
+            told = compute(contact, time_limit=0.1).status
+        except (cb.InputError, cb.ModelError) as error:
+            told = str(error)
+        assert told
+        assert "\n" not in told

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import math
 import re
 import sys
 from collections.abc import Iterable, Mapping
@@ -19,6 +20,9 @@ from contbranch.contact.tips import TIPS, HeightMap, Parabola, Tip, TipShape
 from contbranch.contact.units import PHYSICAL, REDUCED, Scales, Units, parse, positive_number
 from contbranch.contact.validity import warn_of_units
 from contbranch.errors import InputError
+
+# Bounds of what a reduced unit may be worth, so that no power of it overflows, and of ranges in reduced units.
+LARGEST, WIDEST = 1e60, 1e12
 
 __all__ = ["Contact", "dimensions", "look_up", "make", "nearest", "refuse_unknown"]
 
@@ -281,11 +285,28 @@ class Contact:
 
         Without interaction the tip's own length stands for |Δγ|/E (for a parabola, all lengths in R).
         """
-        if self.interaction is None:
-            length = self.tip.natural_length
-        else:
-            length = self.interaction.reference_work / self.modulus
-        return Scales(*self.tip.reduced_scales(length), self.modulus)
+        try:
+            if self.interaction is None:
+                length = self.tip.natural_length
+            else:
+                length = self.interaction.reference_work / self.modulus
+            scales = Scales(*self.tip.reduced_scales(length), self.modulus)
+            sizes = [*scales.of_fields.values(), scales.stiffness, scales.energy_per_area]
+            ranges = [law.range / scales.normal for law in terms_of(self.interaction)]
+        except ArithmeticError:
+            sizes, ranges = [math.inf], []
+        wrong = [size for size in sizes if not 1.0 / LARGEST < size < LARGEST]
+        if wrong:
+            raise InputError(
+                "tip, modulus, interaction: their numbers are of too different a size to be computed with (a reduced "
+                f"unit would be {wrong[0]:.3g}); take other units or values"
+            )
+        if not all(1.0 / WIDEST < size < WIDEST for size in ranges):
+            raise InputError(
+                f"interaction: a range of {max(ranges, key=lambda size: abs(math.log(size or 1.0 / LARGEST))):.3g} "
+                f"deformations (1/μ_T); must be between {1.0 / WIDEST:g} and {WIDEST:g}"
+            )
+        return scales
 
     @cached_property
     def tabor(self) -> float | None:

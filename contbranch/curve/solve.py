@@ -60,7 +60,9 @@ def crossings(track: Track, field: str, value: float, accuracy: float) -> list[C
     found: list[Crossing] = []
 
     def search() -> None:
-        if control is not None and len(reached) and _farther(control, value, float(reached[0])):
+        if len(reached) < 2:
+            return
+        if control is not None and _farther(control, value, float(reached[0])):
             first = before(track, control, value, accuracy)
             found.extend([] if first is None else [first])
         for k in pieces_at(reached, value):

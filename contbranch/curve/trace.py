@@ -90,7 +90,8 @@ def trace(problem: EquilibriumProblem, request: Request) -> Track:
         if request.events and not over():  # otherwise nothing but single states is wanted of the curve
             kept(tracing.fill, None)
         with finishing():
-            return tracing.track(problem)
+            tracing.cut()
+            return tracing.track(problem) if tracing.points else _nothing(problem, request, tracing.message)
 
 
 def _nothing(problem: EquilibriumProblem, request: Request, message: str) -> Track:
@@ -231,6 +232,16 @@ class _Tracing:
         self.onward = {int(place[row]): point for row, point in self.onward.items()}
         self.gaps = {int(place[row]) for row in self.gaps}
         self.marks = [replace(mark, row=int(place[mark.row])) for mark in self.marks]
+
+    def cut(self) -> None:
+        """Forget what lies behind the last row with finite numbers."""
+        for row, point in enumerate(self.points):
+            if not all(map(math.isfinite, (*self.slopes(point), *point.observables.values()))):
+                self.complete, self.message = False, f"From row {row} on numbers are not finite. {self.message}".strip()
+                self.marks = [mark for mark in self.marks if mark.row < row]
+                self.onward = {key: value for key, value in self.onward.items() if key < row}
+                del self.points[row:]
+                return
 
     def track(self, problem: EquilibriumProblem) -> Track:
         """The curve with its hodograph, and with the folds that lie in corners."""

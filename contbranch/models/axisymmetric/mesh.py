@@ -15,6 +15,7 @@ import numpy as np
 
 from contbranch.arrays import Array, Indices
 from contbranch.models.quadrature import gauss_between, legendre_values, panel_rule
+from contbranch.watch import check
 
 __all__ = ["Mesh", "mesh_on"]
 
@@ -196,6 +197,7 @@ class Mesh:
 
 def mesh_on(edges: Array, order: int) -> Mesh:
     """The mesh of these edges, one of the last ones if it is known: neighbouring events ask for the same."""
+    check()
     return _mesh_on(tuple(edges.tolist()), order)
 
 

@@ -18,7 +18,7 @@ from contbranch.watch import kept, over
 from .branches import with_branches
 from .model import FreeSpace, Periodic
 from .paths import GridWalk
-from .size import chosen_size
+from .size import announce, chosen_size
 from .solve import find_all, solve_all
 from .trace import trace
 
@@ -57,6 +57,7 @@ class LatticeCurves:
     def trace(self, request: Request) -> RawCurve:
         """The whole curve with its events, and its branches if the model wants them."""
         setup = self.model.setup(self.reduced, None, request.target, request.accuracy)
+        announce(setup.grid)
         traced = trace(setup, request)
         if not self.model.branches or over():
             return traced.curve
@@ -85,6 +86,7 @@ class LatticeCurves:
     def path(self, request: Request) -> Route:
         """The quasi-static path under a control."""
         setup = self.model.setup(self.reduced, None, request.target, request.accuracy)
+        announce(setup.grid)
         for _ in range(EXTENSIONS):
             traced = trace(setup, request)
             walk = GridWalk(traced, request.control, request.accuracy)
