@@ -149,7 +149,7 @@ class Side:
     def error(self, order: float) -> float:
         """Discretisation error of load and displacement at q, relative to max(1, |value|)."""
         x, u = self.state(order)
-        return self.problem.relative_error(self.problem.fields(x, u))
+        return self.problem.relative_error(x, u)
 
 
 def contact_of(law: Interaction) -> cb.Contact:

@@ -26,7 +26,8 @@ def test_the_loss_of_maugis_dugdale_contacts(ratio, loss):
     assert loop.closed
     assert [jump.name for jump in loop.jumps] == ["jump-in", "pull-off"]
     assert loop.dissipated == pytest.approx(loss, abs=5.1e-6)
-    assert loop.area == pytest.approx(loop.dissipated, abs=1e-11)
+    # By quadrature, which at the corner where the tip leaves the zone knows loads and slopes at both ends only.
+    assert loop.area == pytest.approx(loop.dissipated, abs=1e-9)
 
 
 def test_the_loss_tends_to_that_of_jkr():
