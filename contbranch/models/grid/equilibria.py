@@ -62,9 +62,9 @@ FLOOR = 3e-7
 # Two states are one if no gap differs by more than this part of the law's range: relaxations and Newton's method stop
 # at different residuals, and soft states are far apart for the same one.
 SAME = 0.02
-# A relaxation that has come no farther than this part of the range has not left the fold; how often, and by how many
+# States closer than this part of the range are on one part of the curve; how often, and by how many
 # times the fold's error, the control is then moved beyond it.
-LEFT, PUSHES, HARDER = 0.3, 3, 4.0
+LEFT, PUSHES, HARDER = 0.3, 4, 4.0
 # A fold whose load, displacement or position is as certain as this, relative to max(1, |value|), is said to stay.
 STAYS = 1e-3
 # A correction that changes a gap by so many ranges leads to another part of the curve.
@@ -549,19 +549,17 @@ class LatticeProblem(EquilibriumProblem):
         push = control.value(*error) + 1e-6 * max(1.0, abs(value))
         end = None
         for _ in range(PUSHES):
-            hold = control_held(self.nodes, control, value + direction * push)
             with quietly():
+                hold = control_held(self.nodes, control, value + direction * push)
                 end = land(self.nodes, begin.u, begin.load, hold, self.sharp.tolerance)
-                if end.converged and self._apart(end, begin) > LEFT:
-                    back = newton(self.nodes, end.u, end.load, control_held(self.nodes, control, value), end.contact)
-                    end = back if back.converged and self._apart(back, end) < LEFT else end
-                    break
+                back = newton(self.nodes, end.u, end.load, control_held(self.nodes, control, value), end.contact)
+            end = back if end.converged and back.converged and self._apart(back, end) < LEFT else end
+            apart = [equilibrium(other).away(other, end) for other in others]  # type: ignore[attr-defined]
+            if end.converged and apart and min(apart) <= SAME:
+                return apart.index(min(apart))
             push *= HARDER
         if end is None or not end.converged:
             return None
-        apart = [equilibrium(other).away(other, end) for other in others]  # type: ignore[attr-defined]
-        if apart and min(apart) <= SAME:
-            return apart.index(min(apart))
         raise AstrayError(State(*read(self.setup, end)[:5], 0, 0, 0.0))
 
     def _apart(self, one: Equilibrium, other: Equilibrium) -> float:
