@@ -11,6 +11,7 @@ not used: that is where adhesion is.
 
 from __future__ import annotations
 
+from inspect import Parameter, Signature
 from types import SimpleNamespace
 from typing import Any, Final
 
@@ -83,18 +84,13 @@ def get_parameter_defaults() -> Any:
 def model_of(law: str = "maugis-dugdale", retract: bool = False) -> Any:
     """What `nanite.model.register_model` takes: the model of a law on one leg."""
 
-    def model_func(
-        delta: Array,
-        E: float,
-        R: float,
-        nu: float,
-        contact_point: float = 0.0,
-        baseline: float = 0.0,
-        w: float = 1e-4,
-        z0: float = 1e-8,
-    ) -> Array:
-        numbers = {"E": E, "R": R, "nu": nu, "contact_point": contact_point, "baseline": baseline, "w": w, "z0": z0}
+    def model_func(delta: Array, **numbers: float) -> Array:
         return adhesive_force(law, delta, retract, **numbers)
+
+    # nanite compares the names with those of the parameters
+    kind = Parameter.POSITIONAL_OR_KEYWORD
+    names = [Parameter(name, kind) for name in ("delta", *_PARAMETERS)]
+    setattr(model_func, "__signature__", Signature(names))  # noqa: B010
 
     def residual(params: Any, delta: Array, force: Array, weight_cp: float = 0.0) -> Array:
         return np.asarray(force - model_func(delta, **params.valuesdict()))

@@ -29,10 +29,10 @@ def made(law="maugis-dugdale", spring=SPRING, noise=0.01, count=400, **options):
     loop = cb.hysteresis(contact(law, **options), control=cb.Spring(spring), accuracy=1e-6, max_load=300.0)
     path, columns = loop.path, []
     place = path.displacement + path.load / spring
-    top = place.max()
+    top, low = place.max(), min([-120.0, *(1.2 * jump.position for jump in loop.jumps)])
     for direction in (1, -1):
         own = path.direction == direction
-        way = np.linspace(-120.0, top, count)[::direction]
+        way = np.linspace(low, top, count)[::direction]
         z, f = place[own][::direction], path.load[own][::direction]
         columns.append((way, np.interp(way, z + 1e-9 * np.arange(z.size), f, left=0.0)))
     piezo, force = (np.append(*pair) for pair in zip(*columns, strict=True))
@@ -98,7 +98,7 @@ def test_units_columns_and_maps(tmp_path, curve):
     [
         (lambda z, f: (z, f + np.where(np.arange(z.size) == 7, math.nan, 0.0)), "not finite"),
         (lambda z, f: (-z, f), "grow"),
-        (lambda z, f: (f, z), "swapped|grow"),
+        (lambda z, f: (f, z), "swapped"),
         (lambda z, f: (z, -f), "positive in repulsion"),
         (lambda z, f: (z, NOISE), "noise"),
         (lambda z, f: (z, np.maximum(f - 8.0 - 0.02 * z, 0.0) + NOISE), "no adhesion"),
@@ -112,7 +112,7 @@ def test_what_cannot_be_fitted_ends_in_a_sentence(curve, change, words):
 
 
 # -- the model --------------------------------------------------------------------------------------------------------
-@pytest.mark.parametrize("law", ["maugis-dugdale", "exponential", "van-der-waals", "gauss"])
+@pytest.mark.parametrize("law", ["maugis-dugdale", "exponential", "van-der-waals"])
 def test_interpolated_curves_have_the_jumps_of_traced_loops(law):
     """The loop on a spring from the table against one traced to 1e-7."""
     own = contact(law)
@@ -147,6 +147,7 @@ def test_the_same_minimum_from_values_ten_times_off(factor):
     data = made("exponential", 0.5, **values)
     start = contact("exponential", **values | {"modulus": 0.1 * factor, "work_of_adhesion": 0.03 * factor})
     fit = cb.fit(data, start)
+    assert fit.identifiable[:2] == ("work_of_adhesion", "modulus")
     assert fit.values["modulus"] == pytest.approx(0.1, abs=4 * fit.errors["modulus"])
     assert fit.values["work_of_adhesion"] == pytest.approx(0.03, rel=0.01)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from contbranch.continuation.curve import End, Fold, Located, Outcome, Point
@@ -12,10 +12,9 @@ from contbranch.continuation.events import Event, Happening
 from contbranch.continuation.metric import Balance, Metric
 from contbranch.continuation.newton import CorrectionError, correct
 from contbranch.continuation.options import Options, StopAt
-from contbranch.continuation.problem import Array, Problem
 from contbranch.continuation.scan import LeapError, scan
 from contbranch.continuation.segment import Segment
-from contbranch.continuation.step import AFTER_FAILURE, POINTS, Predictor, judge
+from contbranch.continuation.step import AFTER_FAILURE, CONTRACTS, POINTS, Predictor, judge
 from contbranch.continuation.walk import adapted, annotated, to_point
 from contbranch.watch import INTERRUPTIONS, caught
 
@@ -92,7 +91,7 @@ class _Direction:
                 return replace(branch, end=End(Outcome.INTERRUPTED))
             if here is not branch.points[-1]:
                 branch.points[-1] = here
-                recent = [] if carry is None else [_carried(point, here.problem, carry) for point in recent]
+                recent = [] if carry is None else [carry(point) for point in recent]
             recent = [*recent, here][-POINTS:]
             last = Segment(recent[-2], here, metric) if len(recent) > 1 else None
         return branch
@@ -111,7 +110,8 @@ class _Direction:
                 corrected = correct(here.problem, near, predictor.row, metric, options)
                 end = to_point(here.problem, corrected, metric, options.detect_branch_points)
                 judgement = judge(here, end, corrected, metric, options)
-                longest, count = predictor.longest(step, foretold, end, growth)
+                largest = corrected.first_correction * CONTRACTS / max(corrected.contraction, 1e-9)
+                longest, count = predictor.longest(step, foretold, end, growth, largest)
                 if judgement.accepted:
                     segment = Segment(here, annotated(end), metric)
                     segment, happenings, stop = self._look_inside(segment, last, away)
@@ -194,8 +194,3 @@ def _unit(point: Point, metric: Metric) -> Point:
     """Return the point with its tangent scaled to unit length in the metric of the next step."""
     size = metric.norm(point.problem, point.tangent_x, point.tangent_parameter)
     return replace(point, tangent_x=point.tangent_x / size, tangent_parameter=point.tangent_parameter / size)
-
-
-def _carried(point: Point, problem: Problem, carry: Callable[[Array], Array]) -> Point:
-    """Return an earlier point on the new discretisation: close to the curve there, which is enough to predict from."""
-    return replace(point, problem=problem, x=carry(point.x), tangent_x=carry(point.tangent_x))

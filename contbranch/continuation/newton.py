@@ -21,6 +21,9 @@ ROUNDING = float(np.finfo(float).eps)
 # A tangent comes from the last Jacobian evaluated; this bounds its distance from the corrected point (in the metric).
 TANGENT_DISTANCE = 1e-4
 PRECISE_TANGENT_DISTANCE = 1e-10
+# Corrections below this (in the metric) may grow once, and tell nothing of how long a step may be: what is stiff in a
+# prediction makes the first one small and the second, of what is soft, larger; the third is their square.
+SMALL = 1e-3
 # Most corrections of a predicted point; what does not contract is given up earlier.
 ITERATIONS = 10
 
@@ -128,6 +131,7 @@ def correct(
     first = previous = math.inf
     contraction = 0.0
     worst = 0.0
+    slow = False
     for iteration in range(1, ITERATIONS + 1):
         at = linearise(problem, x, p)
         bordered = border(problem, x, p, at, row)
@@ -143,9 +147,10 @@ def correct(
             done = size <= max(close, floor) and contraction**2 * size <= max(tolerance, floor)
             # What no longer contracts close to rounding is as good as it gets.
             done = done or (size <= noise * floor and contraction > 0.1)
-            if not done and (contraction > 0.5 or not math.isfinite(size)):
+            again, slow = slow or size > SMALL, contraction > 0.5
+            if not done and ((slow and again) or not math.isfinite(size)):
                 raise CorrectionError(Outcome.STEP_TOO_SMALL, f"(Newton's corrections contract by {contraction:.2g}.)")
-            if size > noise * floor:
+            if size > max(SMALL, noise * floor):
                 worst = max(worst, contraction)
         if done:
             u, a = solve(bordered, np.zeros_like(x), 1.0, p)

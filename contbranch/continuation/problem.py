@@ -45,11 +45,14 @@ class Adaptation(NamedTuple):
         The state, carried over to the new discretisation.
     transfer : callable, optional
         Carries any vector of states, a tangent for instance, from the old discretisation to the new one.
+    moved : callable, optional
+        Carries a state and its tangent, given with the parameter, where that depends on the state.
     """
 
     problem: Problem
     x: Array
     transfer: Callable[[Array], Array] | None = None
+    moved: Callable[[Array, Array, float], tuple[Array, Array]] | None = None
 
 
 class Problem(ABC):

@@ -115,7 +115,7 @@ class Predictor:
         return x, p
 
     def longest(
-        self, s: float, foretold: Sequence[tuple[Array, float]], end: Point, growth: float
+        self, s: float, foretold: Sequence[tuple[Array, float]], end: Point, growth: float, largest: float = math.inf
     ) -> tuple[float, int]:
         """Return the factor from a step s to the next, and the number of points to foretell that from.
 
@@ -127,6 +127,8 @@ class Predictor:
             Where it led.
         growth : float
             Largest factor.
+        largest : float
+            Error of a prediction from which Newton's method still converges well.
         """
         best = (0.0, 1)
         for count, (x, p) in enumerate(foretold, start=1):
@@ -134,17 +136,21 @@ class Predictor:
             constant = error / math.prod((s - place) ** 2 for place in self.places[:count])
             places = [0.0, *(place - s for place in self.places)][:count]
             factor = growth
-            while factor > SHORTEST and constant * math.prod((factor * s - b) ** 2 for b in places) > AIM * factor * s:
+            while factor > SHORTEST and constant * math.prod((factor * s - b) ** 2 for b in places) > min(
+                AIM * factor * s, largest
+            ):
                 factor *= 0.9
             best = max(best, (factor, count))
         return best
 
 
+# ... and at most what the one of a step foretells, which is proportional to the error of the prediction.
+CONTRACTS = 0.3
 # Newton's contraction that the step control aims at: a few digits more with every iteration (P. Deuflhard, Newton
 # Methods for Nonlinear Problems, Springer 2011, sec. 5.1, aims at 1/4 to 1/8).
 CONTRACTION = 0.1
 # A failed step says nothing about how much too long it was.
-AFTER_FAILURE = 0.3
+AFTER_FAILURE = 0.5
 
 
 @dataclass(frozen=True, slots=True)

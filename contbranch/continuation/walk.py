@@ -86,7 +86,7 @@ def _in_plane(
 NEARLY_VERTICAL = 0.05
 
 
-def adapted(point: Point, metric: Metric, options: Options) -> tuple[Point, Callable[[Array], Array] | None]:
+def adapted(point: Point, metric: Metric, options: Options) -> tuple[Point, Callable[[Point], Point] | None]:
     """Return the point on the discretisation its problem prefers, and what carries earlier ones there, if possible.
 
     Raises
@@ -110,7 +110,23 @@ def adapted(point: Point, metric: Metric, options: Options) -> tuple[Point, Call
     size = metric.norm(offer.problem, *direction)
     row = metric.row(offer.problem, direction[0] / size, direction[1] / size)
     corrected = correct(offer.problem, (offer.x, point.parameter), row, metric, options)
-    return annotated(to_point(offer.problem, corrected, metric), label=point.label), offer.transfer
+    return annotated(to_point(offer.problem, corrected, metric), label=point.label), _carry(offer)
+
+
+def _carry(offer: Adaptation) -> Callable[[Point], Point] | None:
+    """What carries earlier points to the new discretisation: close to the curve there, which is enough to predict."""
+    transfer, moved = offer.transfer, offer.moved
+    if moved is None and transfer is None:
+        return None
+
+    def carry(point: Point) -> Point:
+        if moved is not None:
+            x, tangent = moved(point.x, point.tangent_x, point.parameter)
+        elif transfer is not None:
+            x, tangent = transfer(point.x), transfer(point.tangent_x)
+        return replace(point, problem=offer.problem, x=x, tangent_x=tangent)
+
+    return carry
 
 
 def _direction(point: Point, offer: Adaptation, metric: Metric) -> tuple[Array, float]:

@@ -202,7 +202,7 @@ class Augmented(EquilibriumProblem):
         """The same event on another discretisation or representation."""
         if reference is None:
             x = self.reference[:-1]
-            reference = np.append(self.base.carried(x, x, base), self.reference[-1])
+            reference = np.append(self.base.carried(x, x, math.nan, base), self.reference[-1])
         return type(self)(self.locus, base, reference, self.fine if fine is None else fine)
 
     # -- state --------------------------------------------------------------------------------------------------------
@@ -405,9 +405,9 @@ class Augmented(EquilibriumProblem):
         base = self.base.finer()
         return self if base is self.base else self.on(base)
 
-    def carried(self, vector: Array, x: Array, other: Self) -> Array:
+    def carried(self, vector: Array, x: Array, p: float, other: Self) -> Array:
         """A state or direction on another discretisation."""
-        return np.append(self.base.carried(vector[:-1], x[:-1], other.base), vector[-1])
+        return np.append(self.base.carried(vector[:-1], *self.split(x), other.base), vector[-1])
 
     def resolving(self, point: Point, tolerance: float) -> Self:
         """A discretisation made for a state."""

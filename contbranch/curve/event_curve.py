@@ -455,6 +455,6 @@ def _between(begin: Point, end: Point, q: float) -> Point:
     touch, own = (begin, end) if begin.label == "touch" else (end, begin)
     problem, there = augmented(own), augmented(touch)
     x, p = there.split(touch.x)
-    z = problem.joined(there.base.carried(x, x, problem.base), p)
+    z = problem.joined(there.base.carried(x, x, p, problem.base), p)
     share = (q - touch.parameter) / (own.parameter - touch.parameter)
     return _solved(problem, z + share * (own.x - z), q)

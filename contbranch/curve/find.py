@@ -115,7 +115,7 @@ def disconnected(
 
 def _on(problem: EquilibriumProblem, point: Point) -> Array:
     """State and parameter of a point on another discretisation."""
-    return np.append(equilibrium(point).carried(point.x, point.x, problem), point.parameter)
+    return np.append(equilibrium(point).carried(point.x, point.x, point.parameter, problem), point.parameter)
 
 
 def _starts(points: Sequence[Point], offer: Search) -> Iterator[Array]:

@@ -412,8 +412,8 @@ class EquilibriumProblem(Problem):
         """The same problem with halved panels, for states that are not smooth; by default `finer`."""
         return self.finer()
 
-    def carried(self, vector: Array, x: Array, other: Self) -> Array:
-        """A state or direction at the state x, on another discretisation of the same problem."""
+    def carried(self, vector: Array, x: Array, p: float, other: Self) -> Array:
+        """A state or direction at (x, p) on another discretisation of the same problem; a state is x itself."""
         return vector
 
     def resolving(self, point: Point, tolerance: float) -> Self:
@@ -435,6 +435,11 @@ class EquilibriumProblem(Problem):
     def defect(self, point: Point) -> Defect:
         """Estimated discretisation errors of a point: of its load and displacement, and of its state."""
         return Defect(0.0, 0.0, 0.0)
+
+    @property
+    def moves(self) -> bool:
+        """Whether the discretisation moves along the curve, while that which `resolving` makes stays where it is."""
+        return False
 
     @property
     def size(self) -> int:

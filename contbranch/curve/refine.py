@@ -89,8 +89,8 @@ def moved(point: Point, problem: EquilibriumProblem) -> Point:
     return replace(
         point,
         problem=problem,
-        x=old.carried(point.x, point.x, problem),
-        tangent_x=old.carried(point.tangent_x, point.x, problem),
+        x=old.carried(point.x, point.x, point.parameter, problem),
+        tangent_x=old.carried(point.tangent_x, point.x, point.parameter, problem),
         observables={},
     )
 
@@ -242,6 +242,8 @@ def refine(point: Point, event: Event | None, accuracy: float, beside: Point | N
         return Found(numbers(point), stated, point)
     aimed = point
     try:
+        if equilibrium(point).moves:  # what resolves the event itself would not resolve the way to it
+            aimed = point = _located(_Place(point, accuracy), event).point
         if beside is not None and event is not None and _close(point, beside):
             aimed = settled(moved(point, equilibrium(beside)))
         for _ in range(ROUNDS_OF_AIM):

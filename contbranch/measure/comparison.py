@@ -24,6 +24,8 @@ __all__ = ["Comparison", "Leg", "ModelJump", "legs"]
 
 # Points of the curve between two of its table.
 FINER: Final = 5
+# Samples just before a jump that are left out: the slope is all but infinite there, and the jump has its place.
+STEEP: Final = 2
 # Jumps below this multiple of the noise have no place in a curve.
 SMALL: Final = 2.0
 # Neighbours of an extremum of z that are this much more unlike than this are a corner.
@@ -146,7 +148,7 @@ class Comparison:
             leg = curve.leg(retract)
             kept = _thinned(leg, jump, most)
             if jump is not None:
-                (near if retract else far).append(kept[kept <= jump.before])
+                (near if retract else far).append(kept[kept <= jump.before - STEEP])
                 (far if retract else near).append(kept[kept >= jump.after])
             elif not (seen.returned if retract else seen.begun):
                 near.append(kept)

@@ -97,6 +97,8 @@ def features(curve: ForceCurve, adhesive: bool) -> Features:
     baseline, tilt = _baseline(curve, far_leg, noise)
     force = curve.force - baseline - tilt * curve.piezo
     allowed = SEEN * noise
+    if all(_ramp(curve.force[leg], noise) for leg in (approach, retract) if leg.size >= 2 * BESIDE):
+        raise InputError("curve: the force is a straight ramp; are columns swapped, or is there no contact in it?")
     deep = approach[np.argsort(curve.piezo[approach])[-max(5, approach.size // 20) :]]
     lowest, largest = float(np.min(force)), float(np.max(force))
     if max(-lowest, largest) < allowed:
@@ -117,12 +119,23 @@ def features(curve: ForceCurve, adhesive: bool) -> Features:
     far = np.argsort(curve.piezo[retract])[: max(3, retract.size // 50)]
     end = float(np.median(force[retract][far])) if retract.size else math.nan
     returned = bool(retract.size) and abs(end) < max(2 * allowed, 0.05 * (largest - lowest))
-    near = max(2 * allowed, 0.05 * (largest - lowest))
-    begun = far_leg is approach or abs(float(np.median(force[approach][: max(3, approach.size // 50)]))) < near
+    parts = np.array_split(force[approach][: max(9, approach.size // 8)], 3)
+    first, second, third = map(float, map(np.median, parts))
+    sure, flat = 6 * noise / math.sqrt(len(parts[0])), 0.03 * (largest - lowest)
+    # in contact the force rises
+    outside = max(map(abs, (first, second, third))) < max(sure, flat) and third - first < sure
+    begun = far_leg is approach or outside
     sign = -1.0 if adhesive else 1.0
     jump_in = _jump(curve, force, approach, sign, noise)
     pull_off = _jump(curve, force, retract, -sign, noise) if retract.size else None
     return Features(noise, baseline, tilt, jump_in, pull_off, lowest, largest, begun, returned)
+
+
+def _ramp(force: Array, noise: float) -> bool:
+    """Whether a force is a straight line in time, as the position of a piezo is."""
+    time = np.arange(force.size)
+    rest = force - np.polyval(np.polyfit(time, force, 1), time)
+    return float(np.ptp(force)) > 50 * max(noise, float(np.std(rest)))
 
 
 def _noise(curve: ForceCurve, approach: NDArray[np.intp], retract: NDArray[np.intp]) -> float:

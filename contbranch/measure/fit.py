@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -122,7 +123,8 @@ def fit(
     if isinstance(free, str):
         free = tuple(name.strip() for name in free.split(","))
     began = perf_counter()
-    with watched(progress, time_limit) as watch:
+    with watched(progress, time_limit) as watch, warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of values that are tried on the way
         fitting = _Fitting(curve.with_spring(spring), contact, tuple(free), tuple(fixed))
         found = fitting.compared() if law == "compare" else fitting.result(fitting.law(law))
         found = replace(found, message=told(found.message), cost=Cost(perf_counter() - began, fitting.evaluations))
@@ -179,7 +181,7 @@ class _Fitting:
         middle = float(np.mean(self.curve.piezo[self.curve.leg(False)][: max(3, len(self.curve) // 10)]))
         start = State(contact, self.stiffness)
         problem = Problem.of(start, self.free, self.fixed, limit, middle)
-        return self._followed(problem, self._guess(problem))
+        return self._followed(replace(problem, guess=self._guess(problem)))
 
     def compared(self) -> Fit:
         """The best of several laws."""
@@ -238,8 +240,9 @@ class _Fitting:
         top = leg[np.argsort(self.curve.piezo[leg])[-max(5, leg.size // 25) :]]
         return abs(float(np.polyfit(self.curve.piezo[top], self.curve.force[top], 1)[0]))
 
-    def _starts(self, problem: Problem, guess: State) -> Iterator[Array]:
+    def _starts(self, problem: Problem) -> Iterator[Array]:
         """Vectors from which to start: around the guess, and the contact given."""
+        guess = problem.guess or problem.start
         states = [replace(guess, contact=problem.start.contact)]
         if problem.by_tabor:
             normal, known = guess.contact.scales.normal, parameters_of(guess.contact)
@@ -249,11 +252,14 @@ class _Fitting:
             factors = FACTORS if "modulus" in problem.free else (1.0,)
             factors = factors if tabulated(problem.start.contact) or problem.limit else (1.0,)
             states += [replace(guess, contact=known["modulus"].contact(known["modulus"].value * f)) for f in factors]
-        low, high = problem.bounds(guess)
+        low, high = problem.bounds()
         inside = 1e-6 * np.minimum(high - low, 1.0)
+        begun: list[Array] = []
         for state in states:
             vector = np.clip(problem.vector(state), low + inside, high - inside)
-            yield self._placed(problem, vector)
+            if not any(np.allclose(vector, other) for other in begun):
+                begun.append(vector)
+                yield self._placed(problem, vector)
 
     def _placed(self, problem: Problem, x: Array) -> Array:
         """A vector with the contact point where the curve is closest, tried where jumps and extreme forces agree."""
@@ -317,7 +323,6 @@ class _Fitting:
     def _minimised(
         self,
         problem: Problem,
-        guess: State,
         x: Array,
         comparison: Comparison,
         limits: tuple[float, int],
@@ -331,7 +336,7 @@ class _Fitting:
             If the model has no curve at the start.
         """
         spread, evaluations = limits
-        low, high = problem.bounds(guess)
+        low, high = problem.bounds()
         if held is not None:
             low[held], high[held] = x[held] - HELD, x[held] + HELD
         residuals = self._residuals(problem, comparison, spread)
@@ -378,13 +383,18 @@ class _Fitting:
         last = np.asarray(found.fun)
         return _Minimum(problem, comparison, found.x, _loss(last), last, slopes(found.x), found.status > 0, spread)
 
+    def _worse(self, one: _Minimum, first: _Minimum, fitted: _Minimum, coarseness: float) -> bool:
+        """Whether a start need not be followed: another one has led to a fit, and this one was clearly worse."""
+        good = fitted.cost < MISFIT**2 * fitted.comparison.samples.size
+        return good and (one.cost - first.cost) * coarseness**2 > 4 * TOLD
+
     def _scale(self, problem: Problem, x: Array) -> Array:
         """Sizes of steps that matter alike."""
         length, noise = problem.state(x).contact.scales.normal, self.seen.noise
         own = {"contact_point": 0.1 * length, "baseline": noise, "tilt": noise / float(np.ptp(self.curve.piezo))}
         return np.array([own.get(name, 0.1) for name in problem.names])
 
-    def _followed(self, problem: Problem, guess: State) -> _Minimum:
+    def _followed(self, problem: Problem) -> _Minimum:
         """The best minimum: starts tried on few samples, the best of them followed on all."""
         noise = self.seen.noise
         tried: list[_Minimum] = []
@@ -393,12 +403,12 @@ class _Fitting:
         pilot = problem
         if problem.by_tabor and not problem.limit:  # Maugis' closed form leads close enough
             pilot = problem.with_law(_with_law(problem.start.contact, "maugis-dugdale"))
-        for k, x in enumerate(self._starts(pilot, guess)):
+        for k, x in enumerate(self._starts(pilot)):
             if over() and tried:
                 break
             try:
                 tell(0.1 * k, f"start {k + 1}")
-                tried.append(self._minimised(pilot, guess, x, self.few, (rough, TRIED)))
+                tried.append(self._minimised(pilot, x, self.few, (rough, TRIED)))
             except (ModelError, InputError, FloatingPointError) as error:
                 failure = error
             except INTERRUPTIONS as error:
@@ -409,13 +419,13 @@ class _Fitting:
         chosen = _distinct([one for one in tried if one.cost <= WITHIN * tried[0].cost + TOLD])[:BEST]
         found: list[_Minimum] = []
         for one in chosen:
-            if over() and found:
+            if found and (over() or self._worse(one, tried[0], found[0], rough / noise)):
                 break
-            coarse = self._minimised(problem, guess, one.x, self.few, (max(noise, 0.2 * rough), TRIED))
-            coarse = self._minimised(problem, guess, coarse.x, self._labelled(coarse, FEW), (noise, TRIED))
-            found.append(self._minimised(problem, guess, coarse.x, self._labelled(coarse), (noise, MOST)))
+            coarse = self._minimised(problem, one.x, self.few, (max(noise, 0.2 * rough), TRIED))
+            coarse = self._minimised(problem, coarse.x, self._labelled(coarse, FEW), (noise, TRIED))
+            found.append(self._minimised(problem, coarse.x, self._labelled(coarse), (noise, MOST)))
         best = min(found, key=lambda one: one.cost)
-        last = self._profiled(self._reweighted(best, guess), guess)
+        last = self._profiled(self._reweighted(best))
         others = [one.x for one in _distinct([best, *found])[1:] if one.cost < best.cost + TOLD]
         return replace(last, others=() if last.spread != best.spread else tuple(others))
 
@@ -428,16 +438,16 @@ class _Fitting:
         known = self.all if most is None else self.few
         return known.labelled(*self._legs(found.problem, state), place, recorded, most)
 
-    def _reweighted(self, found: _Minimum, guess: State) -> _Minimum:
+    def _reweighted(self, found: _Minimum) -> _Minimum:
         """The minimum with weights that residuals which are no white noise deserve."""
         spread = self._spread(found)
         if spread <= MISFIT * found.spread:
             return found
-        return self._minimised(found.problem, guess, found.x, found.comparison, (spread, MOST))
+        return self._minimised(found.problem, found.x, found.comparison, (spread, MOST))
 
-    def _profiled(self, found: _Minimum, guess: State) -> _Minimum:
+    def _profiled(self, found: _Minimum) -> _Minimum:
         """The minimum with what else fits as well: minima with an unknown held elsewhere that the data hardly tell."""
-        low, high = found.problem.bounds(guess)
+        low, high = found.problem.bounds()
         errors = np.sqrt(np.maximum(np.diag(self._inverse(found)[0]), 0.0))
         near = []
         for k, name in enumerate(found.problem.names):
@@ -450,11 +460,11 @@ class _Fitting:
                     continue
                 x = found.x.copy()
                 x[k] = value
-                one = self._minimised(found.problem, guess, x, found.comparison, (found.spread, TRIED), held=k)
+                one = self._minimised(found.problem, x, found.comparison, (found.spread, TRIED), held=k)
                 if one.cost < found.cost - 0.5 and not over():  # a better one has been found by the way
-                    better = self._minimised(found.problem, guess, one.x, found.comparison, (found.spread, MOST))
+                    better = self._minimised(found.problem, one.x, found.comparison, (found.spread, MOST))
                     if better.cost < found.cost - 0.5:
-                        return self._profiled(better, guess) if not found.near else better
+                        return self._profiled(better)
                 if one.cost < found.cost + 4.0:
                     near.append((one.x, max(one.cost - found.cost, 1.0)))
         return replace(found, near=tuple(near))
@@ -490,11 +500,10 @@ class _Fitting:
         force, _ = self._model(problem, found.x, found.comparison)
         fitted = np.full(len(self.curve), math.nan)
         fitted[found.comparison.samples] = force
-        message = self._message(found, values, spreads, matrix, known, jumps)
         rigid, contact = math.isinf(state.spring), state.contact
         control = "displacement" if rigid else Spring(state.spring)
         most = max(self.seen.largest * state.sensitivity, 1e-3 * contact.scales.load)
-        return Fit(
+        result = Fit(
             values=values,
             errors=spreads,
             correlations=Correlations(tuple(values), matrix),
@@ -505,7 +514,7 @@ class _Fitting:
             contact=contact,
             law=law,
             status="complete" if found.converged else "incomplete",
-            message=message,
+            message="",
             spring=state.spring,
             piezo=self.curve.piezo,
             force=self.curve.force,
@@ -515,6 +524,7 @@ class _Fitting:
             cost=Cost(0.0, 0),
             traced=None if problem.limit else lambda: hysteresis(contact, control, 1e-5, max_load=most),
         )
+        return replace(result, message=self._message(found, result))
 
     def _inverse(self, found: _Minimum) -> tuple[Array, bool]:
         """Covariance of the unknowns by robust weights and the residuals' size, and whether it could not be had."""
@@ -543,7 +553,7 @@ class _Fitting:
 
     def _known(self, found: _Minimum, values: dict[str, float], errors: dict[str, float]) -> tuple[str, ...]:
         """What the data determine."""
-        low, high = found.problem.bounds(self._guess(found.problem))
+        low, high = found.problem.bounds()
         relative = found.problem.relative()
         length = found.problem.state(found.x).contact.scales.normal
         known = []
@@ -568,6 +578,7 @@ class _Fitting:
             measured = fitted = None
             if jump is not None:
                 measured = {"piezo": jump.piezo, "force": jump.force - baseline - tilt * jump.piezo, "step": jump.step}
+                measured["uncertainty"] = 4 * seen.noise + (_change(leg, jump.width) if leg is retract else 0.0)
             if leg.jump is not None and _worth(leg.jump.after - leg.jump.before, self.seen, jump):
                 before, after = (factor * f / state.sensitivity for f in leg.jump[1:])
                 fitted = {"piezo": leg.jump.piezo + place, "force": before, "step": after - before}
@@ -575,16 +586,9 @@ class _Fitting:
                 found.append(FitJump(name, measured, fitted))
         return tuple(found)
 
-    def _message(
-        self,
-        found: _Minimum,
-        values: dict[str, float],
-        errors: dict[str, float],
-        matrix: Array,
-        known: tuple[str, ...],
-        jumps: tuple[FitJump, ...],
-    ) -> str:
+    def _message(self, found: _Minimum, fit: Fit) -> str:
         """What the data tell, and what not."""
+        values, errors, matrix, known = fit.values, fit.errors, fit.correlations.matrix, fit.identifiable
         names, problem, words = list(values), found.problem, []
         if not found.converged:
             words.append("The minimisation did not converge.")
@@ -622,7 +626,7 @@ class _Fitting:
                 f"The residuals (rms {rms:.3g} nN) exceed the noise ({self.seen.noise:.3g} nN): the model is not all "
                 "there is in the curve; errors allow for that."
             )
-        return " ".join([*words, *_disagreements(jumps)])
+        return " ".join([*words, *_disagreements(fit.jumps)])
 
 
 def _disagreements(jumps: tuple[FitJump, ...]) -> Iterator[str]:
@@ -632,13 +636,21 @@ def _disagreements(jumps: tuple[FitJump, ...]) -> Iterator[str]:
         if one is None or other is None:
             yield f"The {jump.name} was {'fitted but not seen' if one is None else 'seen but not fitted'}."
             continue
-        key = "step" if jump.name in ("jump-in", "squeeze-out") else "force"
-        share = other[key] / one[key] - 1.0 if one[key] else 0.0
-        if abs(share) > AGREE:
+        # just before a jump into contact the force is small, and steep
+        behind = jump.name in ("jump-in", "squeeze-out")
+        seen, had = (side["force"] + (side["step"] if behind else 0.0) for side in (one, other))
+        if abs(had - seen) > max(AGREE * abs(seen), one["uncertainty"]):
+            where, share = "behind" if behind else "before", 100 * (had / seen - 1.0)
             yield (
-                f"No such contact has the {jump.name} measured beside all else: its {key} is {one[key]:.3g} nN, the "
-                f"fitted one {other[key]:.3g} nN ({100 * share:+.0f} %)."
+                f"No such contact has the {jump.name} measured beside all else: the force {where} it is {seen:.3g} nN, "
+                f"the fitted one {had:.3g} nN ({share:+.0f} %)."
             )
+
+
+def _change(leg: Leg, width: float) -> float:
+    """Change of the force in contact within a distance from the jump out of it."""
+    ends = np.interp([0.0, width], leg.part(True)[0] - leg.part(True)[0][0], leg.part(True)[1])
+    return float(abs(ends[1] - ends[0]))
 
 
 def _worth(step: float, seen: Features, measured: MeasuredJump | None) -> bool:

@@ -58,6 +58,8 @@ class Problem:
         Piezo position at which the baseline is taken, so that it does not depend on the tilt.
     limit : str
         ``"jkr"`` or ``"dmt"``: without a range.
+    guess : State or None
+        Made from the curve: the middle of the bounds; by default the start.
     """
 
     start: State
@@ -65,6 +67,7 @@ class Problem:
     fixed: tuple[str, ...] = ()
     middle: float = 0.0
     limit: str = ""
+    guess: State | None = None
 
     @classmethod
     def of(cls, start: State, free: Sequence[str], fixed: Sequence[str], limit: str, middle: float) -> Problem:
@@ -129,9 +132,9 @@ class Problem:
             own["range"] = math.log(min(max(state.contact.tabor or 1.0, 1.02 * TABOR[0]), TABOR[1] / 1.02))
         return np.array([own[name] for name in self.names])
 
-    def bounds(self, guess: State) -> tuple[Array, Array]:
-        """Bounds around a guess made from the curve."""
-        centre = self.vector(guess)
+    def bounds(self) -> tuple[Array, Array]:
+        """Bounds around the guess."""
+        centre = self.vector(self.guess or self.start)
         width = {"spring": math.log(NARROW), "sensitivity": math.log(NARROW), "radius": math.log(30.0)}
         spread = np.array([math.inf if name in LINE else width.get(name, math.log(WIDE)) for name in self.names])
         low, high = centre - spread, centre + spread

@@ -347,7 +347,7 @@ function play(step) {
     return scene.here.setAttribute("cy", scene.plot.py(values[view.y]));
   }
   const stop = travel().stops[step];
-  if (!stop) return;
+  if (!stop) return drawProfile();
   const branch = item().branches[stop[0]];
   const values = Object.fromEntries(NAMES.map((name) => [name, array(branch.fine[name])[stop[1]]]));
   select(stop[0], Math.round(array(branch.position)[stop[1]]), values);  // the profile is that of the nearest point
@@ -380,6 +380,7 @@ function redraw() {
   const at = Object.entries(item().parameters || {}).map(([name, value]) => `${name} = ${digits(value, 5)} ${unit(name)}`.trim()).join(", ");
   byId("status").textContent = [at, status].filter(Boolean).join(" · ");
   if (item().controls.length && !item().controls.includes(view.control)) view.control = item().controls[0];
+  view.branch = clamp(view.branch, 0, Math.max(0, item().branches.length - 1));
   drawDiagram();
   drawTables();
   const slider = byId("loop");

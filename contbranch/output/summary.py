@@ -66,7 +66,7 @@ def parts(result: Result) -> Parts:
     if hasattr(result, "model"):
         model = told.model
         yield f"Model: {model.kind}, {model.unknowns} unknowns. {model.why}".rstrip()
-    if told.contact is not None and told.contact.tabor is not None:
+    if not isinstance(result, Sweep) and told.contact is not None and told.contact.tabor is not None:
         from contbranch.advice import regime
 
         yield regime(told.contact, told.thresholds.get("pull_off_load") if isinstance(result, Diagram) else None)

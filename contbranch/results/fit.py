@@ -45,7 +45,8 @@ class FitJump(Record):
     ----------
     name : str
     measured, fitted : mapping or None
-        With ``piezo`` (nm), ``force`` and ``step`` (nN), less the baseline; None where there is none.
+        With ``piezo`` (nm), ``force`` and ``step`` (nN), less the baseline; None where there is none. Of the one that
+        was measured ``uncertainty`` (nN): within which forces cannot be told apart, for noise and distance of samples.
     """
 
     name: str

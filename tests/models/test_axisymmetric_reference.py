@@ -201,7 +201,7 @@ def test_morse_indices_of_an_independent_discretisation(law, sign, tabor, length
     for piece in pieces:
         rows = [row for row in piece if branch.load[row] < 50 and branch.central_gap[row] < 3][1:-1]
         for row in {rows[0], rows[len(rows) // 2], rows[-1]} if rows else set():
-            found = reference(contact.interaction, branch.state(int(row)), 90, length)
+            found = reference(contact.interaction, branch.state(int(row)), 140, length)
             if found.distance < 1e-3:
                 continue  # too close to a fold for so few functions
             indices = int(branch.unstable_displacement[row]), int(branch.unstable_load[row])

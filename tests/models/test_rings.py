@@ -249,7 +249,7 @@ def test_convergence_with_the_order(step: Track) -> None:
     loads = []
     for order in (4, 6, 8, 16):
         other = problem.on(replace(coarse, order=order))
-        carried = problem.carried(point.x, point.x, other)
+        carried = problem.carried(point.x, point.x, point.parameter, other)
         x, d = solved(other, carried, point.parameter, (0.0 * carried, 1.0))
         loads.append(other.values(x, d).load)
     errors = np.abs(np.array(loads[:-1]) - loads[-1])

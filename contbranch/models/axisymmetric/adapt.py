@@ -11,6 +11,7 @@ from contbranch.curve.problem import Defect
 from contbranch.models.quadrature import gauss_between
 
 from .equations import Equations, Fields
+from .mesh import Mesh
 
 __all__ = ["Solver", "adapted_edges", "defect_error", "needed_reach", "panel_errors"]
 
@@ -47,6 +48,8 @@ def defect_error(equations: Equations, fields: Fields, solve: Solver | None = No
     displacement = fine_equations.displacement(fine) - equations.displacement(fields) + shift
     load = fine_equations.load(fine) - equations.load(fields)
     load += 2 * (float(fields.rim.weights @ step) + fields.rim.radius * shift)
+    longer = fine_equations.mesh.nodes > mesh.edges[-1]  # where h, carried over, is 0 and the residual all there is
+    load -= 2 * float(fine.rim.weights[longer] @ fine.residual[longer])
     return Defect(load, displacement, float(np.abs(step).max()))
 
 
@@ -111,7 +114,9 @@ def needed_reach(equations: Equations, fields: Fields, tolerance: float) -> floa
     return float(mesh.nodes[last + 1]) if last + 1 < mesh.size else 1.5 * float(mesh.edges[-1])
 
 
-def adapted_edges(equations: Equations, fields: Fields, tolerance: float, reach: float) -> Array:
+def adapted_edges(
+    equations: Equations, fields: Fields, tolerance: float, reach: float, unit: Mesh | None = None
+) -> Array:
     """Edges made from the mesh's own: panels with too large an error split, neighbours that one panel would serve
     merged.
 
@@ -121,9 +126,12 @@ def adapted_edges(equations: Equations, fields: Fields, tolerance: float, reach:
         Sum of `panel_errors` aimed at.
     reach : float
         Outer end wanted; panels beyond are dropped.
+    unit : Mesh, optional
+        What the mesh was stretched from, whose edges are adapted.
     """
     share = tolerance / 6
-    edges = equations.mesh.edges
+    edges = equations.mesh.edges if unit is None else unit.edges
+    reach *= edges[-1] / equations.mesh.edges[-1]
     errors = panel_errors(equations, fields)
     if reach < SHORTEN * edges[-1]:
         keep = max(1, int(np.searchsorted(edges, reach)))
@@ -154,6 +162,6 @@ def _mergeable(equations: Equations, fields: Fields, edges: Array, errors: Array
         return np.array([], dtype=np.intp)
     pairs = np.array(chosen)
     joined = np.delete(edges, pairs)
-    merged = panel_errors(equations, fields, joined)
+    merged = panel_errors(equations, fields, joined * (equations.mesh.edges[-1] / edges[-1]))
     places = np.searchsorted(joined, edges[pairs - 1])
     return np.asarray(pairs[merged[places] < share])

@@ -22,12 +22,12 @@ from scipy.linalg import lapack
 
 from contbranch.contact.interactions import Interaction
 from contbranch.contact.tips import Tip
-from contbranch.models.quadrature import chebyshev_values, gauss
+from contbranch.models.quadrature import chebyshev_values, gauss, gauss_between
 
 from .mesh import Mesh
 from .rim import Rim
 
-__all__ = ["ContactCoordinate", "Equations", "Fields"]
+__all__ = ["RECENT", "ContactCoordinate", "Equations", "Fields"]
 
 Array = NDArray[np.float64]
 
@@ -35,9 +35,13 @@ Array = NDArray[np.float64]
 TAIL_NODES = 20
 # Below this size of the blocks a plain product is as fast.
 SMALLEST_SPLIT = 48
+# Relative step of the difference of a tip's shape between two meshes.
+STRETCH = 1e-5
 # Solutions whose fields are kept: the ends of a step and what was tried between them.
 RECENT = 6
 
+# A minimum of the gap is deeper than this share of gap and displacement; places a node among which it is looked for.
+RIPPLE, BETWEEN = 1e-9, 3
 # Radii, in units of the contact's, at which the wall pressure is checked.
 PROBES = np.array([0.02, 0.3, 0.6, 0.8, 0.9])
 
@@ -175,6 +179,10 @@ class Equations:
         """The same contact on another mesh."""
         return Equations(self.tip, self.interaction, mesh, self.coordinate, self.contact)
 
+    def stretched(self, factor: float) -> Equations:
+        """The same contact on the mesh stretched by a factor."""
+        return self.on(self.mesh.stretched(factor))
+
     @cached_property
     def finer(self) -> Equations:
         """The same contact on the finer mesh."""
@@ -257,6 +265,24 @@ class Equations:
         if fields.rim.radius < 1e-12:  # right-hand derivatives
             _, shape_slope = self.tip.shape_gap(self.mesh.nodes, 1e-12)
         return np.asarray(fields.rim.plane_slope(fields.h - fields.rim_value) * dc + shape_slope * da)
+
+    def spread(self, fields: Fields) -> tuple[Array, Array]:
+        """Rates of gap and residual with ln of the stretch of the mesh at fixed nodal h, (N,) each.
+
+        The kernels are homogeneous: `abel` grows with the mesh, and `plane` depends on the rim's radius in its units.
+        """
+        if "spread" not in fields.derived:
+            rho, a = self.mesh.nodes, fields.rim.radius
+            above, below = (self.tip.shape_gap(rho * (1 + side * STRETCH), a)[0] for side in (1, -1))
+            with np.errstate(invalid="ignore"):
+                gap = np.nan_to_num((above - below) / (2 * STRETCH))  # beyond the end of a tip nothing moves
+            if a > 0:
+                gap -= 2 * a * a * fields.rim.plane_slope(fields.h - fields.rim_value)
+            answer = np.zeros_like(gap)
+            np.multiply(fields.stiffness, gap, out=answer, where=fields.stiffness != 0.0)
+            fields.derived["spread"] = gap, self.mesh.abel @ (answer - fields.pressure)
+        gap_rate, residual_rate = fields.derived["spread"]
+        return gap_rate, residual_rate
 
     # -- observables --------------------------------------------------------------------------------------------------
     def displacement(self, fields: Fields) -> float:
@@ -408,16 +434,28 @@ class Equations:
     def admissibility(self, fields: Fields, scale: float) -> float:
         """Smallest of gap/scale outside the disc and of the wall pressure inside relative to the interaction's largest.
 
-        Negative if a disc is wrong.
+        Negative if a disc is wrong, or if the surfaces meet on a ring before they do at the centre; at most 1.
         """
-        least = float(fields.gap.min()) / scale
-        a = fields.rim.radius
+        least, a = min(1.0, self._lowest(fields) / scale), fields.rim.radius
         if a > 0 and self.interaction is not None:
             own = self.contact_pressure()
             wall = self.inner_pressure(fields, a * PROBES) - own
             largest = max(abs(own), float(np.abs(fields.pressure).max()), 1 / scale)
             least = min(least, float(wall.min()) / largest)
         return least
+
+    def _lowest(self, fields: Fields) -> float:
+        """The lowest interior minimum of the gap that is no ripple of rounding; infinite without."""
+        gap, mesh = fields.gap, self.mesh
+        inner = np.flatnonzero((gap[1:-1] < gap[:-2]) & (gap[1:-1] <= gap[2:])) + 1
+        if len(inner) == 0:
+            return math.inf
+        lowest = inner[np.argmin(gap[inner])]
+        if not gap[lowest] < gap[:lowest].max() - RIPPLE * (abs(self._own_displacement(fields)) + abs(gap[lowest])):
+            return math.inf
+        panels = np.clip(lowest // mesh.order + np.array([-1, 0, 1]), 0, mesh.panels - 1)
+        places = gauss_between(mesh.edges[panels], mesh.edges[panels + 1], BETWEEN * mesh.order)[0].ravel()
+        return min(float(gap[lowest]), float(mesh.interpolate(gap, places).min()))
 
     # -- stability ----------------------------------------------------------------------------------------------------
     def unstable_modes(self, fields: Fields, finely: bool = True) -> int:

@@ -8,6 +8,7 @@ moving rim only scales columns by ``tau/t``.
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable
 from functools import cache, cached_property, lru_cache
 
@@ -51,6 +52,7 @@ class Mesh:
     """
 
     def __init__(self, edges: Array, order: int) -> None:
+        self.source: tuple[Mesh, float] | None = None  # what it was stretched from, and by how much
         self.edges = np.asarray(edges, dtype=float)
         self.rule = panel_rule(order)
         self.order = order
@@ -66,18 +68,33 @@ class Mesh:
     def finer(self) -> Mesh:
         """A mesh on which this one's discretisation errors have all but vanished: graded, longer and of higher
         order."""
+        if self.source is not None:
+            mesh, factor = self.source
+            return mesh.finer.stretched(factor)
         grading = [0.0, FINER_GRADING * self.innermost]
         end = FINER_REACH * self.edges[-1]
         order = self.order + max(3, self.order // FINER_ORDER_SHARE)
         return mesh_on(np.concatenate([grading, self.edges[1:], [end]]), order)
 
+    def stretched(self, factor: float) -> Mesh:
+        """The mesh with all lengths multiplied by a factor: `plane` stays as it is, and `abel` grows with them."""
+        mesh = copy.copy(self)
+        mesh.forget()
+        mesh.source = self, factor
+        for name in ("edges", "half", "nodes", "weights", "innermost", "abel"):
+            setattr(mesh, name, factor * getattr(self, name))
+        return mesh
+
     def halved(self) -> Mesh:
-        """A mesh with every panel cut in two, of the same order."""
-        return mesh_on(np.sort(np.concatenate([self.edges, (self.edges[:-1] + self.edges[1:]) / 2])), self.order)
+        """A mesh with every panel cut in two, of the same order, and as long as the finer one."""
+        middles, end = (self.edges[:-1] + self.edges[1:]) / 2, FINER_REACH * self.edges[-1:]
+        return mesh_on(np.sort(np.concatenate([self.edges, middles, end])), self.order)
 
     @cached_property
     def to_finer(self) -> Array:
         """Nodal values here -> values of the panels' polynomials at the nodes of `finer`; 0 beyond the last edge."""
+        if self.source is not None:
+            return self.source[0].to_finer
         points = self.finer.nodes
         panel, rows = self._lagrange(points)
         matrix = np.zeros((len(points), self.panels, self.order))

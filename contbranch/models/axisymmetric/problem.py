@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.linalg import lapack
 
 from contbranch.contact.contact import Contact
-from contbranch.continuation import Adaptation, Linearisation, Options, Point
+from contbranch.continuation import Adaptation, Balance, Linearisation, Options, Point
 from contbranch.control import Control
 from contbranch.curve.problem import (
     STEPS,
@@ -35,7 +35,8 @@ from contbranch.watch import check
 
 from .adapt import Solver, adapted_edges, defect_error, needed_reach, panel_errors
 from .azimuthal import counted, eigenvalues, mode_shape
-from .equations import ContactCoordinate, Equations, Fields
+from .equations import RECENT, ContactCoordinate, Equations, Fields
+from .front import Front, felt, steepest
 from .mesh import Mesh, mesh_on
 from .profile import profile_of
 from .relaxation import Release
@@ -84,6 +85,13 @@ TINY, MOVING = 1e-2, 0.1
 # Rounds of meshing, solving and judging until a mesh satisfies its own error estimate, and the change by Newton's
 # method after which the solution is good enough for that: the next one would be its square.
 ROUNDS, NEARLY = 6, 1e-5
+# ln of the largest stretch of a mesh; a pivot below this share of its column says that the front alone moves.
+FARTHEST, TINY_PIVOT = 30.0, 1e-12
+# A film whose response elasticity answers on a length below this is stiff; the contact behind first touch at which the
+# direction of the curve is then taken, as a share of the radius of the front.
+STIFF, SEEN = 1e-3, 0.01
+# Multiple of rounding at which corrections may stop contracting: stiff films are ill-conditioned.
+NOISE = 1e7
 # At first touch a mesh aims at this share of the tolerance, since tiny contacts ask for more than the touch itself.
 AHEAD = 0.1
 
@@ -104,6 +112,8 @@ class Resolution:
         Error allowed to events; the load at the start may be a share of it.
     far : float
         Parameter at which the curve starts.
+    moving : float
+        Radius over which the interaction is felt, where meshes may move with a front: where a whole curve is followed.
     """
 
     tolerance: float
@@ -111,6 +121,7 @@ class Resolution:
     contact: Contact | None = None
     accuracy: float = 1e-6
     far: float = -math.inf
+    moving: float = 0.0
     work: Work = field(default_factory=Work)
 
 
@@ -123,7 +134,7 @@ def first_problem(contact: Contact, accuracy: float, tolerance: float) -> Contac
     """The problem from which the curve of a reduced contact starts."""
     tip, law = contact.axisymmetric_tip, contact.interaction
     coordinate = ContactCoordinate(tip, min(tip.apex_exponent, 2.0))
-    resolution = Resolution(tolerance, order_for(tolerance), contact, accuracy)
+    resolution = Resolution(tolerance, order_for(tolerance), contact, accuracy, moving=felt(tip, law))
     mesh = mesh_on(np.array([0.0, 1.0]), resolution.order)
     scale = 1.0 if law is None else min(term.range for term in law.terms)
     return ContactProblem(Equations(tip, law, mesh, coordinate, False), scale, resolution)
@@ -142,17 +153,28 @@ class ContactProblem(EquilibriumProblem):
     resolution : Resolution
     sharpness : float
         Factor by which the panels' own error guide was found too optimistic here.
+    front : Front or None
+        With it a state is (h, σ), and h belongs to the mesh of `equations` stretched by e^σ.
     """
 
     ordered = True
 
-    def __init__(self, equations: Equations, scale: float, resolution: Resolution, sharpness: float = 1.0) -> None:
+    def __init__(
+        self,
+        equations: Equations,
+        scale: float,
+        resolution: Resolution,
+        sharpness: float = 1.0,
+        front: Front | None = None,
+    ) -> None:
         self.equations = equations
         self.scale = scale
         self.resolution = resolution
         self.sharpness = sharpness
+        self.front = front
         mesh = equations.mesh
-        self._weights = mesh.weights
+        self._weights = mesh.weights if front is None else front.weights(mesh)
+        self._seen: list[tuple[Array, float, Equations, Fields]] = []
         self._corrected: tuple[Array, Solver] | None = None
         self._row = math.nan  # parameter of the last row
         self.work = resolution.work
@@ -168,21 +190,55 @@ class ContactProblem(EquilibriumProblem):
         """The parameter of a contact coordinate."""
         return math.asinh(y / self.scale)
 
+    def seen(self, x: Array, u: float) -> tuple[Equations, Fields]:
+        """Everything that follows from a state, and the equations on its mesh."""
+        y = self.coordinate(u)
+        if self.front is None:
+            return self.equations, self.equations.fields(x, y)
+        for state, place, equations, fields in self._seen:
+            if state is x and place == y:
+                return equations, fields
+        known = next((one[2] for one in self._seen if one[0][-1] == x[-1]), None)
+        equations = known or self.equations.stretched(math.exp(min(max(float(x[-1]), -FARTHEST), FARTHEST)))
+        fields = equations.fields(x[:-1], y)
+        self._seen = [(x, y, equations, fields), *self._seen[: RECENT - 1]]
+        return equations, fields
+
     def fields(self, x: Array, u: float) -> Fields:
-        """Everything that follows from (h, u)."""
-        return self.equations.fields(x, self.coordinate(u))
+        """Everything that follows from a state."""
+        return self.seen(x, u)[1]
 
     def residual(self, x: Array, p: float) -> Array:
-        """Residual R, (N,)."""
-        return self.fields(x, p).residual
+        """Residual R, (N,), and how far the gap at the front is from its own."""
+        fields = self.fields(x, p)
+        if self.front is None:
+            return fields.residual
+        nodes, row = self.front.row(self.equations.mesh)
+        return np.append(fields.residual, row @ fields.gap[nodes] - self.front.gap)
 
     def jacobian(self, x: Array, p: float) -> Array:
-        """dR/dh, (N, N)."""
-        return self.equations.jacobian(self.fields(x, p))
+        """dR/dx, (N, N); with a front bordered by the derivatives with respect to σ and by those of the gap there."""
+        equations, fields = self.seen(x, p)
+        if self.front is None:
+            return equations.jacobian(fields)
+        n = equations.mesh.size
+        matrix = np.empty((n + 1, n + 1))
+        matrix[:n, :n] = equations.jacobian(fields)
+        nodes, row = self.front.row(self.equations.mesh)
+        gap, matrix[:n, n] = equations.spread(fields)
+        matrix[n, :n] = row @ fields.rim.plane[nodes]
+        matrix[n, :n] -= matrix[n, :n].sum() * equations.rim_row
+        matrix[n, n] = row @ gap[nodes]
+        return matrix
 
     def parameter_derivative(self, x: Array, p: float) -> Array:
-        """dR/du, (N,)."""
-        return self.equations.slopes(self.fields(x, p))[1] * (self.scale * math.cosh(p))
+        """dR/du, (N,), and that of the gap at the front."""
+        equations, fields = self.seen(x, p)
+        gap, residual = equations.slopes(fields)
+        if self.front is not None:
+            nodes, row = self.front.row(self.equations.mesh)
+            residual = np.append(residual, row @ gap[nodes])
+        return residual * (self.scale * math.cosh(p))
 
     def linearise(self, x: Array, p: float) -> Linearisation:
         """Residual and derivatives from one evaluation of the fields."""
@@ -190,11 +246,24 @@ class ContactProblem(EquilibriumProblem):
         fields = self.fields(x, p)
         if not fields.finite:
             return Linearisation(fields.residual, np.empty((0, 0)), fields.residual)
-        slope = self.equations.slopes(fields)[1] * (self.scale * math.cosh(p))
-        return Linearisation(fields.residual, self.equations.jacobian(fields), slope)
+        return Linearisation(self.residual(x, p), self.jacobian(x, p), self.parameter_derivative(x, p))
+
+    def moving(self, x_rate: Array, fields: Fields) -> Array:
+        """The rate of h where it is, (N,), of a direction of states: the mesh may move through it."""
+        if self.front is None:
+            return x_rate
+        mesh = self.equations.mesh
+        return np.asarray(x_rate[:-1] - mesh.nodes * mesh.derivative(fields.h) * x_rate[-1])
+
+    def still(self, x: Array) -> ContactProblem:
+        """The problem on the mesh of a state, which stays as it is: its state there is `x[: size]`."""
+        if self.front is None:
+            return self
+        equations = self.equations.on(self.equations.mesh.stretched(math.exp(float(x[-1]))))
+        return ContactProblem(equations, self.scale, self.resolution, self.sharpness)
 
     def inner(self, u: Array, v: Array) -> float:
-        """∫ u v dtau, which does not know the mesh."""
+        """∫ u v dtau, which does not know the mesh, and the front's share."""
         return float((self._weights * u) @ v)
 
     def dual(self, u: Array) -> Array:
@@ -225,9 +294,24 @@ class ContactProblem(EquilibriumProblem):
             problem = self.on_mesh(mesh_on(edges, self.resolution.order))
             u = self.parameter(-max(far, self.scale))
         self.resolution.far = u
-        none = np.zeros(problem.size)
-        x = problem.solve_at(none, u)
-        return oriented(problem, x, u, (none, 1.0))
+        problem, x = problem.resolved(problem.solve_at(np.zeros(problem.size), u), u, self.resolution.tolerance)
+        return oriented(problem, x, u, (np.zeros(problem.size), 1.0))
+
+    def resolved(self, x: Array, p: float, tolerance: float) -> tuple[ContactProblem, Array]:
+        """The problem on a mesh that resolves a solution, as far as that succeeds in some rounds, and the solution."""
+        problem = self
+        for _ in range(ROUNDS):
+            if problem.relative_error(x, p) <= tolerance:
+                break
+            problem, x = problem.remeshed(x, p, tolerance)
+        return problem, x
+
+    def balance(self, start: Point, step: float | None = None) -> Balance:
+        """First scales; `step`: of the parameter, a stiff film's kink at first touch long past."""
+        if step is None:
+            return super().balance(start)
+        length = step / STEPS.first_step
+        return Balance(length * math.sqrt(self.inner(start.tangent_x, start.tangent_x)), length)
 
     @property
     def parameter_range(self) -> tuple[float, float]:
@@ -236,7 +320,7 @@ class ContactProblem(EquilibriumProblem):
 
     def steps(self, start: Point) -> Options:
         """Far away a step may be long, since the elastic body answers little; not so long as to miss a layer."""
-        steps = replace(STEPS, state_floor=STATE_FLOOR * self.scale * (2 * self.scale) ** 0.25)
+        steps = replace(STEPS, state_floor=STATE_FLOOR * self.scale * (2 * self.scale) ** 0.25, noise=NOISE)
         law, u = self.equations.interaction, start.parameter
         if law is None or not math.isfinite(law.wave) or u == 0.0:
             return steps
@@ -245,10 +329,10 @@ class ContactProblem(EquilibriumProblem):
 
     def margins(self, x: Array, p: float) -> Mapping[str, float]:
         """Whether a disc is right: smallest gap outside and wall pressure inside, in the interaction's own units."""
-        fields = self.fields(x, p)
+        equations, fields = self.seen(x, p)
         if "admissible" not in fields.derived:
-            fields.derived["admissible"] = self.equations.admissibility(fields, self.scale)
-        return {"inadmissible": fields.derived["admissible"] + TOLERATED}
+            fields.derived["admissible"] = equations.admissibility(fields, self.scale)
+        return {"inadmissible": fields.derived["admissible"] + (TOLERATED if self.equations.contact else 0.0)}
 
     def successor(self, name: str, points: Sequence[Point]) -> Succession | None:
         """First touch is followed by a disc of contact, a contact set that stops being a disc by any other.
@@ -263,8 +347,12 @@ class ContactProblem(EquilibriumProblem):
             return self._freed(points)
         if last.parameter != 0.0 or self.equations.contact:
             return None
-        disc = self._behind()
-        return Succession("touch", last, (disc.touching(last.x),), others=lambda: disc.graded(last.x))
+        still = self.still(last.x)
+        disc, h = still._behind(), last.x[: still.size]
+        start = disc.touching(h)
+        problem = start.problem
+        step = problem.ahead() if isinstance(problem, ContactProblem) and disc.resists(h) else None
+        return Succession("touch", last, (start,), step=step, others=lambda: disc.graded(h))
 
     def _behind(self) -> ContactProblem:
         """The problem on the other side of first touch."""
@@ -278,10 +366,11 @@ class ContactProblem(EquilibriumProblem):
         """
         if p != 0.0:
             return ()
-        other = self._behind()
+        still = self.still(x)
+        other, h = still._behind(), x[: still.size]
         if other.equations.contact:
-            return other.touching(x), *other.graded(x)
-        return (other.touching(other.solve_at(x, 0.0)),)
+            return other.touching(h), *other.graded(h)
+        return (other.touching(other.solve_at(h, 0.0)),)
 
     def _freed(self, points: Sequence[Point]) -> Succession:
         """The curve with free boundaries, from the last row that is admissible."""
@@ -308,13 +397,31 @@ class ContactProblem(EquilibriumProblem):
 
     def touching(self, x: Array) -> Point:
         """First touch as a point of the side in contact, towards larger contacts, on a mesh that resolves it."""
-        problem, aim = self, AHEAD * self.resolution.tolerance
-        for _ in range(ROUNDS):
-            if problem.relative_error(problem.fields(x, 0.0)) <= aim:
-                break
-            problem, x = problem.remeshed(x, 0.0, aim)
+        problem, x = self.resolved(x, 0.0, AHEAD * self.resolution.tolerance)
+        if self.resolution.moving:
+            front = steepest(problem.seen(x, 0.0), None, problem.equations.mesh, self.resolution.moving)
+            problem, x = problem.anchored(front, x, 0.0)
+        if problem.front is not None and problem.resists(x):
+            return problem._beyond(x)
         rate, one = problem.direction(x, 0.0)
         return Point(problem, x, 0.0, rate, one, observables=problem.values(x, 0.0)._asdict(), label="start")
+
+    def ahead(self) -> float:
+        """Parameter of a contact that has long passed the kink, seen from the front."""
+        radius = SEEN * (1.0 if self.front is None else self.front.place)
+        return self.parameter(self.equations.coordinate.of(radius, 0.0))
+
+    def _beyond(self, x: Array) -> Point:
+        """First touch in a stiff film, on a mesh made for a contact that has passed its kink.
+
+        The limit of the slope at first touch holds for contacts below the length of elasticity's answer only.
+        """
+        ahead = self.ahead()
+        problem, here = self.resolved(self.solve_at(x, ahead), ahead, self.resolution.tolerance)
+        x = problem.solve_at(here, 0.0)
+        return Point(
+            problem, x, 0.0, (here - x) / ahead, 1.0, observables=problem.values(x, 0.0)._asdict(), label="start"
+        )
 
     @property
     def limitation(self) -> str:
@@ -332,8 +439,8 @@ class ContactProblem(EquilibriumProblem):
         tip, limitation = self.equations.tip, self.limitation
         if not math.isfinite(tip.extent):
             return limitation
-        fields = self.fields(point.x, point.parameter)
-        r = np.hypot(self.equations.mesh.nodes, fields.rim.radius)
+        equations, fields = self.seen(point.x, point.parameter)
+        r = np.hypot(equations.mesh.nodes, fields.rim.radius)
         felt = r[np.abs(fields.pressure) > 1e-3 * np.abs(fields.pressure).max()]
         if max(fields.rim.radius, float(felt.max(initial=0.0))) < 0.9 * tip.extent:
             return limitation
@@ -350,28 +457,28 @@ class ContactProblem(EquilibriumProblem):
     # -- what is seen -------------------------------------------------------------------------------------------------
     def values(self, x: Array, p: float) -> Values:
         """Load, displacement, contact radius, central gap, energy."""
-        fields, equations = self.fields(x, p), self.equations
+        equations, fields = self.seen(x, p)
         gap = 0.0 if equations.contact else max(0.0, -fields.y)
         load, displacement = equations.load(fields), equations.displacement(fields)
         return Values(load, displacement, fields.rim.radius, gap, equations.energy(fields))
 
     def observables(self, x: Array, p: float) -> Mapping[str, float]:
         """The values, by name, where the mesh resolves them."""
-        unresolved = self.relative_error(self.fields(x, p)) > UNRESOLVED * self.resolution.tolerance
+        unresolved = self.relative_error(x, p) > UNRESOLVED * self.resolution.tolerance
         if unresolved and not abs(p - self._row) < JUMP * abs(p):
             raise ModelError("the mesh does not resolve the solution")  # which repeats the step shorter
         return self.values(x, p)._asdict()
 
     def rates(self, x: Array, p: float, x_rate: Array, p_rate: float) -> Rates:
         """Rates of load, displacement, contact radius and central gap along a direction."""
-        fields, equations = self.fields(x, p), self.equations
-        y_rate = self.scale * math.cosh(p) * p_rate
-        load, displacement = equations.rates(fields, x_rate, y_rate)
+        equations, fields = self.seen(x, p)
+        y_rate, h_rate = self.scale * math.cosh(p) * p_rate, self.moving(x_rate, fields)
+        load, displacement = equations.rates(fields, h_rate, y_rate)
         if 0.0 <= p < TINY and equations.interaction is not None:
-            parts = abs(float(equations.rim_row @ x_rate))
+            parts = abs(float(equations.rim_row @ h_rate))
             if abs(displacement) > MOVING * parts:
                 if "slope" not in fields.derived:
-                    fields.derived["slope"] = load_per_displacement(equations, fields, self._solver(fields))
+                    fields.derived["slope"] = load_per_displacement(equations, fields, self._solver(x))
                 load = fields.derived["slope"] * displacement
         if equations.contact:
             return Rates(load, displacement, equations.coordinate.slopes(fields.y)[0] * y_rate, 0.0)
@@ -382,44 +489,55 @@ class ContactProblem(EquilibriumProblem):
 
         Deep in contact the rough answer is nearly always 0, which is what is expected; any other is checked finely.
         """
-        fields, equations = self.fields(x, p), self.equations
+        equations, fields = self.seen(x, p)
         return equations.unstable_modes(fields, finely=False) and equations.unstable_modes(fields)
 
     def azimuthal(self, x: Array, p: float, unstable: int, limit: int = 32, near: int = 1) -> Count | None:
         """Numbers of unstable modes cos mθ; none where no axisymmetric one is (see `azimuthal`, order in m)."""
-        return counted(self.equations, self.fields(x, p), unstable, limit, near) if unstable else Count()
+        return counted(*self.seen(x, p), unstable, limit, near) if unstable else Count()
 
     def mode_eigenvalue(self, x: Array, p: float, mode: int, index: int = 1) -> float:
         """An eigenvalue of T_m on the present mesh; 0 where the interaction stiffens everywhere."""
-        fields = self.fields(x, p)
+        equations, fields = self.seen(x, p)
         if not bool((fields.stiffness < 0).any()):
             return 0.0
-        return float(eigenvalues(self.equations, fields, mode, index)[-1])
+        return float(eigenvalues(equations, fields, mode, index)[-1])
 
     def mode_shape(self, x: Array, p: float, mode: int, index: int = 1) -> ModeShape:
         """Gap and pressure of the mode of that eigenvalue."""
-        return mode_shape(self.equations, self.fields(x, p), mode, index)
+        return mode_shape(*self.seen(x, p), mode, index)
 
     def profile(self, x: Array, p: float) -> Profile:
         """Gap and pressures over the radius."""
-        return profile_of(self.equations, self.fields(x, p))
+        return profile_of(*self.seen(x, p))
 
     # -- errors -------------------------------------------------------------------------------------------------------
     def defect(self, point: Point) -> Defect:
         """One Newton step towards the solution on the finer mesh."""
-        return self.error(self.fields(point.x, point.parameter))
+        return self.error(point.x, point.parameter)
 
-    def error(self, fields: Fields) -> Defect:
+    def error(self, x: Array, p: float) -> Defect:
         """Discretisation error of a solution."""
+        equations, fields = self.seen(x, p)
         if "error" not in fields.derived:
-            fields.derived["error"] = defect_error(self.equations, fields, self._solver(fields))
+            fields.derived["error"] = defect_error(equations, fields, self._solver(x))
         found: Defect = fields.derived["error"]
         return found
 
-    def _solver(self, fields: Fields) -> Solver | None:
-        """What solves with the Jacobian at the point found last; None at any other."""
-        x, solve = self._corrected or (None, None)
-        return solve if x is fields.h else None
+    def _solver(self, x: Array) -> Solver | None:
+        """What solves with dR/dh at the point found last; None at any other."""
+        found, solve = self._corrected or (None, None)
+        if found is not x or solve is None or self.front is None:
+            return solve if found is x else None
+        solved, pushed = solve, solve(np.append(np.zeros(x.size - 1), 1.0))
+        if not abs(pushed[-1]) > TINY_PIVOT * float(np.abs(pushed).max()):
+            return None
+
+        def held(f: Array) -> Array:  # with the mesh where it is
+            answer = solved(np.append(f, 0.0))
+            return np.asarray((answer - answer[-1] / pushed[-1] * pushed)[:-1])
+
+        return held
 
     # -- meshes -------------------------------------------------------------------------------------------------------
     def corrected(self, x: Array, p: float, solve: Solver) -> None:
@@ -428,74 +546,111 @@ class ContactProblem(EquilibriumProblem):
 
     def adapt(self, x: Array, p: float) -> Adaptation | None:
         """A better mesh where the error estimate exceeds the tolerance, or where far fewer panels would do."""
-        fields, self._row = self.fields(x, p), p
-        resolution = self.resolution
-        scale = max(1.0, abs(self.equations.load(fields)))
-        allowed = resolution.tolerance * scale
-        reach = needed_reach(self.equations, fields, 0.1 * allowed)
-        mesh = self.equations.mesh
-        error = self.relative_error(fields)
-        if error <= resolution.tolerance and reach <= mesh.edges[-1]:
+        self._row = p
+        problem, start = self._refitted(x, p)
+        front = problem.front
+        if self.resolution.moving:
+            front = steepest(problem.seen(start, p), front, problem.equations.mesh, self.resolution.moving)
+        if problem is self and front is self.front:
+            return None
+        transfer = moved = None
+        if front is not self.front:
+            problem, start = problem.anchored(front, start, p)
+
+            def moved(x: Array, tangent: Array, p: float) -> tuple[Array, Array]:
+                return self.carried(x, x, p, problem), self.carried(tangent, x, p, problem)
+
+        elif front is None:
+            transfer = self.equations.mesh.sampler(problem.equations.mesh.nodes)
+        else:
+            sampler = self.equations.mesh.sampler(problem.equations.mesh.nodes)
+
+            def transfer(vector: Array) -> Array:
+                return np.append(sampler(vector[:-1]), vector[-1])
+
+        problem._row = p
+        self._corrected = None
+        self._seen = []
+        self.equations.forget()  # its points stay, by the thousand in cascades of layers, but are seldom asked again
+        return Adaptation(problem, start, transfer, moved)
+
+    def _refitted(self, x: Array, p: float) -> tuple[ContactProblem, Array]:
+        """The problem on a mesh that satisfies the tolerance, if this one does not or is far finer, and the state."""
+        equations, fields = self.seen(x, p)
+        resolution, mesh = self.resolution, self.equations.mesh
+        allowed = resolution.tolerance * max(1.0, abs(equations.load(fields)))
+        reach = needed_reach(equations, fields, 0.1 * allowed)
+        error = self.relative_error(x, p)
+        if error <= resolution.tolerance and reach <= equations.mesh.edges[-1]:
             if error > 1e-3 * resolution.tolerance or mesh.panels <= 6:
-                return None
-            edges = adapted_edges(self.equations, fields, SLACK * allowed / self.sharpness, reach)
+                return self, x
+            edges = adapted_edges(equations, fields, SLACK * allowed / self.sharpness, reach, mesh)
             if len(edges) > 0.75 * mesh.panels:
-                return None
+                return self, x
         problem: ContactProblem = self
         start = x
         for _ in range(ROUNDS):
-            expected = problem.error(problem.fields(start, p)).state
+            expected = problem.error(start, p).state
             trial, carried = problem.remeshed(start, p, solve=False)
             found = trial.solve_at(carried, p, enough=NEARLY)  # it is corrected by who asked
-            if not np.abs(found - carried).max() <= LEAP * expected + 1e-6 * self.scale:
+            change = found - carried
+            moved = min(float(np.abs(by).max()) for by in (change, trial.moving(change, trial.fields(found, p))))
+            if not moved <= LEAP * expected + 1e-6 * self.scale:
                 break  # Newton's method has left for another solution
             problem, start = trial, found
-            if problem.relative_error(problem.fields(start, p)) <= resolution.tolerance:
+            if problem.relative_error(start, p) <= resolution.tolerance:
                 break
-        if problem is self:
-            return None
-        problem._row = p
-        nodes = problem.equations.mesh.nodes
-        self._corrected = None
-        self.equations.forget()  # its points stay, by the thousand in cascades of layers, but are seldom asked again
-        return Adaptation(problem, start, mesh.sampler(nodes))
+        return problem, start
+
+    def anchored(self, front: Front | None, x: Array, p: float) -> tuple[ContactProblem, Array]:
+        """The problem with another front, or with none, and the state."""
+        still, h = self.still(x), x[: self.size]
+        if front is None:
+            return still, h
+        if self.front is not None:
+            return ContactProblem(self.equations, self.scale, self.resolution, self.sharpness, front), x
+        return ContactProblem(still.equations, self.scale, self.resolution, self.sharpness, front), np.append(h, 0.0)
 
     def remeshed(
         self, x: Array, p: float, tolerance: float | None = None, solve: bool = True
     ) -> tuple[ContactProblem, Array]:
         """The problem on a mesh made for this solution, and the solution there (or, unsolved, carried to it)."""
-        fields = self.fields(x, p)
-        tolerance = self.resolution.tolerance if tolerance is None else tolerance
-        allowed = tolerance * max(1.0, abs(self.equations.load(fields)))
-        reach = needed_reach(self.equations, fields, 0.03 * allowed)
-        end = self.equations.mesh.edges[-1]
+        equations, fields = self.seen(x, p)
+        unit, tolerance = self.equations.mesh, self.resolution.tolerance if tolerance is None else tolerance
+        allowed = tolerance * max(1.0, abs(equations.load(fields)))
+        reach = needed_reach(equations, fields, 0.03 * allowed)
+        end = equations.mesh.edges[-1]
         sharpness = self.sharpness
         if reach > end:
             # The solution is not known out there: lengthen first, judge the panels in the next round.
             count = int(np.ceil(np.log2(reach / end)))
-            edges = np.append(self.equations.mesh.edges, end * (reach / end) ** (np.arange(1, count + 1) / count))
+            edges = np.append(unit.edges, unit.edges[-1] * (reach / end) ** (np.arange(1, count + 1) / count))
         else:
-            error = self.relative_error(fields)
+            error = self.relative_error(x, p)
             if error > tolerance:
-                guide = float(panel_errors(self.equations, fields).sum()) / max(1.0, abs(self.equations.load(fields)))
+                guide = float(panel_errors(equations, fields).sum()) / max(1.0, abs(equations.load(fields)))
                 sharpness = min(max(sharpness, 2 * error / max(guide, 1e-16)), 1e6)
-            edges = adapted_edges(self.equations, fields, SLACK * allowed / sharpness, reach)
+            edges = adapted_edges(equations, fields, SLACK * allowed / sharpness, reach, unit)
         return self.on(mesh_on(edges, self.resolution.order), x, p, sharpness, solve)
 
     def on(
         self, mesh: Mesh, x: Array, p: float, sharpness: float | None = None, solve: bool = True
     ) -> tuple[ContactProblem, Array]:
         """The problem on another mesh, and the solution of the same parameter there (or, unsolved, carried to it)."""
-        equations = self.equations.on(mesh)
-        sharpness = self.sharpness if sharpness is None else sharpness
-        problem = ContactProblem(equations, self.scale, self.resolution, sharpness)
-        carried = self.equations.mesh.interpolate(x, mesh.nodes)
+        problem = self.on_mesh(mesh, sharpness)
+        n = self.size
+        carried = np.append(self.equations.mesh.interpolate(x[:n], mesh.nodes), x[n:])
         return problem, problem.solve_at(carried, p) if solve else carried
 
     def on_mesh(self, mesh: Mesh, sharpness: float | None = None) -> ContactProblem:
-        """The problem on another mesh."""
+        """The problem on another mesh, with the front where it is."""
         sharpness = self.sharpness if sharpness is None else sharpness
-        return ContactProblem(self.equations.on(mesh), self.scale, self.resolution, sharpness)
+        return ContactProblem(self.equations.on(mesh), self.scale, self.resolution, sharpness, self.front)
+
+    @property
+    def moves(self) -> bool:
+        """With a front."""
+        return self.front is not None
 
     @property
     def size(self) -> int:
@@ -504,16 +659,25 @@ class ContactProblem(EquilibriumProblem):
 
     def finer(self) -> ContactProblem:
         """On panels of higher order."""
-        return ContactProblem(self.equations.finer, self.scale, self.resolution, self.sharpness)
+        return ContactProblem(self.equations.finer, self.scale, self.resolution, self.sharpness, self.front)
 
     def halved(self) -> ContactProblem:
         """On halved panels."""
         return self.on_mesh(self.equations.mesh.halved())
 
-    def carried(self, vector: Array, x: Array, other: EquilibriumProblem) -> Array:
-        """A function of tau on another problem's mesh."""
-        nodes = other.equations.mesh.nodes if isinstance(other, ContactProblem) else self.equations.mesh.nodes
-        return self.equations.mesh.interpolate(vector, nodes)
+    def carried(self, vector: Array, x: Array, p: float, other: EquilibriumProblem) -> Array:
+        """A function of tau on another problem's mesh, stretched to have the state at its front."""
+        if not isinstance(other, ContactProblem):
+            raise TypeError(f"{type(other).__name__} is not a ContactProblem")
+        mesh, nodes, front = self.equations.mesh, other.equations.mesh.nodes, other.front
+        if front == self.front:
+            n = self.size
+            return np.append(mesh.interpolate(vector[:n], nodes), vector[n:])
+        equations, fields = self.seen(x, p)
+        shift = front.anchored(equations, fields) if front is not None else 0.0
+        function = fields.h if vector is x else self.moving(vector, fields)
+        found = equations.mesh.interpolate(function, math.exp(shift) * nodes)
+        return found if front is None else np.append(found, shift if vector is x else 0.0)
 
     def joins(self, other: EquilibriumProblem) -> bool:
         """Either side of first touch is a representation of its own."""
@@ -525,8 +689,11 @@ class ContactProblem(EquilibriumProblem):
         The gap's answer s = (2/π) arccos(a/r) to a rigid motion varies on the scale of the radius a; on panels far
         longer the radius of a fold has a relative error that further panels farther out do not cure.
         """
+        if self.front is not None:
+            still = self.still(point.x)
+            return still.resolving(replace(point, problem=still, x=point.x[: still.size]), tolerance)
         x, u = point.x, point.parameter
-        if self.relative_error(self.fields(x, u)) > tolerance:
+        if self.relative_error(x, u) > tolerance:
             return self.remeshed(x, u, tolerance, solve=False)[0]
         mesh = self.equations.mesh
         length = SHARE * self.equations.coordinate.radius(self.coordinate(u)) if 0.0 < u < SMALL else 0.0
@@ -543,14 +710,14 @@ class ContactProblem(EquilibriumProblem):
             problem, x = problem.remeshed(x, point.parameter, tolerance)
             if problem.size > FEWER * self.size:
                 break
-            if problem.relative_error(problem.fields(x, point.parameter)) <= tolerance:
+            if problem.relative_error(x, point.parameter) <= tolerance:
                 return problem
         return self
 
     # -- off the curve ------------------------------------------------------------------------------------------------
     def gradients(self, x: Array, p: float) -> tuple[Array, Array]:
         """Derivatives of load and displacement with respect to h, (N,) each."""
-        return self.equations.gradients(self.fields(x, p))
+        return self.equations.gradients(self.fields(x, p))  # a search has no front
 
     def search(self, points: Sequence[Point]) -> Search | None:
         """On one mesh, from rows and undeformed states; without interaction there is nothing to find."""
@@ -561,7 +728,8 @@ class ContactProblem(EquilibriumProblem):
     ) -> int | None:
         """Followed with a viscous half space, see `relaxation`."""
         y, goals = self.coordinate(fold.parameter), [self.coordinate(other.parameter) for other in others]
-        return Release(self.equations, fold.x, y, self.scale, control, direction, guarded).nearest(goals)
+        equations, fields = self.seen(fold.x, fold.parameter)
+        return Release(equations, fields.h, y, self.scale, control, direction, guarded).nearest(goals)
 
     def rows_within(self, tolerance: float) -> ContactProblem:
         """The first problem of the chain with rows as accurate as this."""
@@ -577,7 +745,7 @@ class ContactProblem(EquilibriumProblem):
             resolution = Resolution(tolerance, order_for(tolerance), work=self.work)
         coordinate = ContactCoordinate(tip, old.coordinate.power)
         equations = Equations(tip, contact.interaction, old.mesh, coordinate, old.contact)
-        return ContactProblem(equations, self.scale, resolution, self.sharpness)
+        return ContactProblem(equations, self.scale, resolution, self.sharpness, self.front)
 
     @property
     def power(self) -> float:
@@ -589,11 +757,17 @@ class ContactProblem(EquilibriumProblem):
         """Without contact the equations go on into u > 0, where the gap would be negative at the centre."""
         return not self.equations.contact
 
+    def answer(self, x: Array) -> float:
+        """The length on which elasticity answers the interaction at first touch."""
+        return 0.5 / max(1.0, float(np.abs(self.fields(x, 0.0).stiffness).max()))
+
+    def resists(self, x: Array) -> bool:
+        """Whether the film at first touch is so stiff that a contact has a kink of its own."""
+        return 0.5 / max(1.0, float(self.fields(x, 0.0).stiffness[0])) < STIFF
+
     def graded(self, x: Array) -> list[Point]:
         """First touch with panels graded down to the length on which elasticity answers the interaction."""
-        mesh = self.equations.mesh
-        fields = self.fields(x, 0.0)
-        length = 0.5 / max(1.0, float(np.abs(fields.stiffness).max()))
+        mesh, length = self.equations.mesh, self.answer(x)
         if length >= mesh.innermost:
             return []
         count = max(1, math.ceil(math.log(mesh.innermost / length) / math.log(4)))
@@ -610,8 +784,8 @@ class ContactProblem(EquilibriumProblem):
             fields = self.fields(x, p)
             if not fields.finite:
                 return best
-            solve = partial(_solved, *lapack.dgetrf(self.equations.jacobian(fields).T, overwrite_a=1)[:2])
-            step = solve(-fields.residual)
+            solve = partial(_solved, *lapack.dgetrf(self.jacobian(x, p).T, overwrite_a=1)[:2])
+            step = solve(-self.residual(x, p))
             change = float(np.abs(step).max())
             if change >= 0.7 * size and change < 1e-8 * max(1.0, float(np.abs(x).max())):
                 return best  # rounding
@@ -624,11 +798,12 @@ class ContactProblem(EquilibriumProblem):
                 return best
         return best
 
-    def relative_error(self, fields: Fields) -> float:
+    def relative_error(self, x: Array, p: float) -> float:
         """Discretisation error of a solution relative to max(1, |value|): the larger of load's and displacement's."""
+        equations, fields = self.seen(x, p)
         if "relative" not in fields.derived:
-            load, displacement = self.equations.load(fields), self.equations.displacement(fields)
-            fields.derived["relative"] = self.error(fields).relative(Values(load, displacement, 0.0, 0.0, 0.0))
+            load, displacement = equations.load(fields), equations.displacement(fields)
+            fields.derived["relative"] = self.error(x, p).relative(Values(load, displacement, 0.0, 0.0, 0.0))
         return float(fields.derived["relative"])
 
 
@@ -639,7 +814,8 @@ def _solved(factors: Array, pivots: Array, f: Array) -> Array:
 
 def _margin(point: Point) -> float:
     """How far a disc is from being wrong, without tolerance."""
-    return equilibrium(point).margins(point.x, point.parameter)["inadmissible"] - TOLERATED
+    margin = equilibrium(point).margins(point.x, point.parameter)["inadmissible"]
+    return margin - (TOLERATED if point.observables["contact_radius"] > 0.0 else 0.0)
 
 
 def _disc(point: Point) -> Disc:
@@ -649,7 +825,7 @@ def _disc(point: Point) -> Disc:
     problem = point.problem
     if not isinstance(problem, ContactProblem):
         raise TypeError(f"{type(problem).__name__} is not a ContactProblem")
-    fields, equations = problem.fields(point.x, point.parameter), problem.equations
+    equations, fields = problem.seen(point.x, point.parameter)
     a, mesh = fields.rim.radius, equations.mesh
 
     def pressure(r: Array) -> Array:

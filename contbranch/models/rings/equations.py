@@ -339,7 +339,7 @@ class RingEquations(EquilibriumProblem):
         outer = 0 if self.layout.bounded else len(self.panels.outer) + self.panels.infinite
         return self.panels.order * (sum(len(piece) + 1 for piece in self.panels.halves) + outer) + self.edges
 
-    def carried(self, vector: Array, x: Array, other: RingEquations) -> Array:
+    def carried(self, vector: Array, x: Array, p: float, other: RingEquations) -> Array:
         """A vector of states (pressures, or their rates, and edges) on the other problem's panels, same edges."""
         n = x.size - self.edges
         here, there = (Grid(panels, x[n:], self.layout.bounded) for panels in (self.panels, other.panels))

@@ -85,7 +85,7 @@ def resolved(point: Point, held: Row | None = None) -> Point:
         if panels is None:
             break
         other = problem.on(panels)
-        x, tangent = (problem.carried(vector, point.x, other) for vector in (point.x, point.tangent_x))
+        x, tangent = (problem.carried(vector, point.x, point.parameter, other) for vector in (point.x, point.tangent_x))
         if held is None:
             row = other.metric(x).row(other, tangent, point.tangent_parameter)
         else:

@@ -94,7 +94,7 @@ class RingProblem(RingEquations):
             return None
         other = self.on(panels)
         self.forget()  # its points stay, but are seldom asked again
-        return Adaptation(other, self.carried(x, x, other), lambda vector: self.carried(vector, x, other))
+        return Adaptation(other, self.carried(x, x, p, other), lambda vector: self.carried(vector, x, p, other))
 
     def resolving(self, point: Point, tolerance: float) -> Self:
         """Panels made for a state."""
@@ -108,7 +108,7 @@ class RingProblem(RingEquations):
     def defect(self, point: Point) -> Defect:
         """One step of Newton's method on finer panels, across the curve; of the state the largest error of an edge."""
         fine = self.finer()
-        x, tangent = (self.carried(vector, point.x, fine) for vector in (point.x, point.tangent_x))
+        x, tangent = (self.carried(vector, point.x, point.parameter, fine) for vector in (point.x, point.tangent_x))
         row = fine.metric(x).row(fine, tangent, point.tangent_parameter)
         at = linearise(fine, x, point.parameter)
         dx, dd = solve(border(fine, x, point.parameter, at, row), -at[0], 0.0, point.parameter)

@@ -1,0 +1,121 @@
+"""A front that moves with the mesh: where the gap rises steeply, it does so at the same place of a stretched mesh.
+
+Laws that do not pull at contact, the edge of a squeezed film and the rings of a layered liquid have a steep zone far
+outside of the contact, which travels while everything else stays smooth. On the mesh ``tau = e^σ ξ`` with fixed ξ,
+where σ is one more unknown and ``g(ξ_f) = g_f`` one more equation, it stands still, and steps are as long as the curve
+in these coordinates allows.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from contbranch.arrays import Array
+from contbranch.contact.interactions import Interaction
+from contbranch.contact.tips import Tip
+
+from .equations import Equations, Fields
+from .mesh import Mesh
+
+__all__ = ["Front", "felt", "steepest"]
+
+# A front begins where the pressure changes by more than this multiple of its largest value over its distance from the
+# rim, ends where it changes by less than the second, and is moved where its own change is below this share.
+BEGINS, ENDS, FLATTER = 1.5, 1.0, 0.2
+# Radius over which the interaction is felt in units of the length on which elasticity answers it, from which on steps
+# are limited by fronts.
+STIFF = 16.0
+
+
+@dataclass(frozen=True)
+class Front:
+    """Where the front is in the mesh, and which gap it has there.
+
+    Attributes
+    ----------
+    place : float
+        ξ_f.
+    gap : float
+        g_f.
+    width : float
+        Over which the gap there changes by as much as it is.
+    weight : float
+        Of σ in the inner product of states: ∫ h² dξ where the front began.
+    """
+
+    place: float
+    gap: float
+    width: float
+    weight: float
+
+    def weights(self, mesh: Mesh) -> Array:
+        """Weights of the inner product of states, (N + 1,): all lengths around the front count alike, down to its own.
+
+        Otherwise nothing would tell how it looks, on which Newton's method depends.
+        """
+        own = self.place / (np.abs(mesh.nodes - self.place) + self.width)
+        return np.append(mesh.weights * (1.0 + own / math.log(2.0 + self.place / self.width)), self.weight)
+
+    def row(self, mesh: Mesh) -> tuple[slice, Array]:
+        """The nodes of the panel on which the front lies, and their weights in a value at its place."""
+        panel = int(np.searchsorted(mesh.edges[1:-1], self.place, side="right"))
+        local = (self.place - mesh.edges[panel]) / mesh.half[panel] - 1.0
+        return slice(panel * mesh.order, (panel + 1) * mesh.order), mesh.rule.lagrange(np.array([local]))[0]
+
+    def anchored(self, equations: Equations, fields: Fields) -> float:
+        """ln s for which the front lies where a state has its gap; nearest to where it would be unstretched."""
+        mesh, above = equations.mesh, fields.gap > self.gap
+        crossed = np.flatnonzero(above[1:] != above[:-1])
+        if len(crossed) == 0:
+            return 0.0
+        places = mesh.nodes[crossed]
+        k = int(crossed[np.argmin(np.abs(np.log(places / self.place)))])
+        low, high = float(mesh.nodes[k]), float(mesh.nodes[k + 1])
+        rising = bool(above[k + 1])
+        for _ in range(60):
+            middle = (low + high) / 2
+            if (float(mesh.interpolate(fields.gap, np.array([middle]))[0]) > self.gap) == rising:
+                high = middle
+            else:
+                low = middle
+        return math.log(low / self.place)
+
+
+def felt(tip: Tip, law: Interaction | None) -> float:
+    """Radius over which an interaction is felt; 0 where no one front is to be expected: layers have several."""
+    return 0.0 if law is None or math.isfinite(law.wave) else tip.radius_at(min(term.range for term in law.terms))
+
+
+def steepest(seen: tuple[Equations, Fields], present: Front | None, unit: Mesh, radius: float) -> Front | None:
+    """The front of a state: the present one as long as it serves, or one where the pressure is steepest; None without.
+
+    Parameters
+    ----------
+    seen : Equations, Fields
+    present : Front or None
+    unit : Mesh
+        The mesh before it was stretched.
+    radius : float
+        Over which the interaction is felt.
+    """
+    equations, fields = seen
+    mesh = equations.mesh
+    if not float(np.abs(fields.stiffness).max()) * radius > STIFF:
+        return present
+    steep = np.abs(mesh.nodes * mesh.derivative(fields.pressure)) / max(float(np.abs(fields.pressure).max()), 1e-300)
+    place = int(np.argmax(steep))
+    if not steep[place] > (BEGINS if present is None else ENDS):
+        return None
+    if present is not None:
+        nodes, _ = present.row(unit)
+        if float(steep[nodes].max()) > FLATTER * steep[place]:
+            return present
+    gap = fields.gap[max(place - 1, 0) : place + 2]
+    if not (bool((np.diff(gap) > 0).all()) or bool((np.diff(gap) < 0).all())):
+        return present
+    at, own = float(unit.nodes[place]), float(fields.gap[place])
+    width = abs(own / float(mesh.derivative(fields.gap)[place])) * at / float(mesh.nodes[place])
+    return Front(at, own, width, float(unit.weights @ fields.h**2))

@@ -1,0 +1,77 @@
+"""Flat tips touch on a ring before they touch at the centre: against one Chebyshev polynomial for the whole half space.
+
+The gap of a film is `g = A h + z − d` with `A h = (2/π) ∫ h(r sin θ) dθ`, and `h = B p` with
+`B p = 2 ∫ p(√(t² + v²)) dv`; contact begins at the displacement where the smallest gap is 0. Theory: Sneddon, Int. J.
+Eng. Sci. 3, 47 (1965). The displacement and load of the first contact below are published to nine digits.
+"""
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+import contbranch as cb
+
+CASES = [
+    (3.5, cb.Exponential(-1.0, 8.0), 6.8, (0.5, 0.62)),
+    (3.855, cb.Exponential(-1.0, 5.5), 5.5, (0.6, 0.8)),
+    (4.0, cb.Gauss(1.0, 10.0), 5.2, (-0.3, -0.1)),
+]
+
+
+def first_contact(exponent, law, reach, bracket, count=80):
+    """Displacement, load and radius at which the smallest gap of a tip rⁿ/n vanishes."""
+    angles = np.pi * (np.arange(count) + 0.5) / count
+    t, weights = reach * (np.cos(angles) + 1) / 2, (-1.0) ** np.arange(count) * np.sin(angles)
+    x, w = np.polynomial.legendre.leggauss(110)
+    x, w = (x + 1) / 2, w / 2
+
+    def sampled(places):
+        away = places[:, None] - t
+        away[away == 0.0] = 1e-300
+        rows = weights / away
+        return rows / rows.sum(axis=1)[:, None]
+
+    gaps = np.stack([w @ sampled(r * np.sin(np.pi / 2 * x)) for r in t])
+    far = np.sqrt(reach**2 - t**2)
+    abel = np.stack([2 * v * w @ sampled(np.sqrt(s * s + (v * x) ** 2)) for s, v in zip(t, far, strict=True)])
+    radii = np.linspace(0.0, 1.0, 2001)
+    fine, load = sampled(radii), 2 * reach * w @ sampled(reach * x)
+    state = {"h": np.zeros(count)}
+
+    def smallest(d):
+        h = state["h"]
+        for _ in range(50):
+            gap = gaps @ h + t**exponent / exponent - d
+            _, pressure, stiffness = law.evaluate(gap)
+            step = np.linalg.solve(np.eye(count) + abel @ (stiffness[:, None] * gaps), abel @ pressure - h)
+            h = h + step
+            if np.abs(step).max() < 1e-13:
+                break
+        gap = fine @ (gaps @ h + t**exponent / exponent - d)
+        k = int(np.clip(gap.argmin(), 1, len(radii) - 2))
+        a, b, c = np.polyfit(radii[k - 1 : k + 2], gap[k - 1 : k + 2], 2)
+        state.update(h=h, load=float(load @ h), radius=-b / (2 * a))
+        return c - b * b / (4 * a)
+
+    d = brentq(smallest, *bracket, xtol=1e-13)
+    smallest(d)
+    return d, state["load"], state["radius"]
+
+
+@pytest.mark.parametrize(("exponent", "law", "reach", "bracket"), CASES)
+def test_contact_begins_on_a_ring(exponent, law, reach, bracket):
+    diagram = cb.trace(cb.Contact(tip=cb.PowerLaw(exponent, 1.0), interaction=law, modulus=1.0))
+    assert diagram.status == "complete", diagram.message
+    first = next(event for event in diagram.events if event.kind != "fold")
+    assert first.kind == "topology"
+    assert first.contact_radius == 0.0
+    d, load, radius = first_contact(exponent, law, reach, bracket)
+    assert abs(first.displacement - d) < first.error["displacement"] < 1e-6
+    assert abs(first.load - load) < first.error["load"] < 3e-6
+    assert f"ring of radius {radius:.4f}"[:-1] in first.message
+
+
+def test_published_first_contact():
+    d, load, _ = first_contact(*CASES[0])
+    assert d == pytest.approx(0.588293324, abs=6e-9)
+    assert load == pytest.approx(2.38743786, abs=6e-9)

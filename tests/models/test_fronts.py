@@ -1,0 +1,36 @@
+"""Stiff attraction without force at contact: the steep front travels with the mesh, and the limits are JKR's.
+
+Pull-off tends to −3π/2 (K. L. Johnson, K. Kendall, A. D. Roberts, Proc. R. Soc. A 324, 301 (1971)), first touch to the
+state of JKR whose central pressure is zero, a³ = π/2 and F = −4π/3 (reduced units).
+"""
+
+import math
+
+import pytest
+
+import contbranch as cb
+
+PULL_OFF, TOUCH = -1.5 * math.pi, -4.0 / 3.0 * math.pi
+# (excess of pull-off, of touch) μ_T² over JKR's, measured from μ_T = 12 to 1000: A ln μ_T + B.
+LAW = {cb.Gauss: ((0.209, 0.254), (0.276, 0.58)), cb.VanDerWaals: ((0.362, 0.060), (0.475, 0.26))}
+
+
+@pytest.mark.parametrize("law", LAW)
+@pytest.mark.parametrize("tabor", [24.0, 96.0])
+def test_limits_of_jkr(law, tabor):
+    diagram = cb.trace(cb.Contact.reduced(law, tabor=tabor))
+    assert diagram.status == "complete", diagram.message
+    assert len(diagram.branches[0].load) <= 130
+    found = diagram.thresholds["pull_off_load"], diagram.thresholds["touch_load"]
+    for value, limit, (slope, offset) in zip(found, (PULL_OFF, TOUCH), LAW[law], strict=True):
+        excess = (value / limit - 1.0) * tabor**2
+        assert excess == pytest.approx(slope * math.log(tabor) + offset, rel=0.03)
+    assert max(max(event.error.values()) for event in diagram.events) < 5e-6
+
+
+def test_published_touch():
+    """A naive dense code without contact, whose nodes move with the front: F = −4.195077187, d = −1.352008439."""
+    events = cb.trace(cb.Contact.reduced(cb.Gauss, tabor=32.0)).events
+    (touch,) = (event for event in events if event.kind == "touch")
+    assert touch.load == pytest.approx(-4.195077187, abs=1e-6)
+    assert touch.displacement == pytest.approx(-1.352008439, abs=3e-7)
