@@ -429,7 +429,7 @@ class LatticeProblem(EquilibriumProblem):
         """On half the nodes a side."""
         return self._coarser or self  # type: ignore[return-value]
 
-    def carried(self, vector: Array, x: Array, other: Self) -> Array:
+    def carried(self, vector: Array, x: Array, p: float, other: Self) -> Array:
         """By trigonometric interpolation, or by means; where there is contact it stays."""
         if other.setup.grid == self.setup.grid:
             return vector
