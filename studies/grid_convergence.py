@@ -34,8 +34,7 @@ from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 
 import contbranch as cb
 from contbranch.curve.trace import Request
-from contbranch.models.grid.setup import Setup
-from contbranch.models.grid.trace import trace as trace_on_lattice
+from contbranch.models.grid import LatticeCurves
 from contbranch.output.plot_view import BLUE, GREY, ORANGE, STYLE, WIDTH
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -301,7 +300,7 @@ def limit(rows: Sequence[CellRow], name: str) -> float:
 
 @dataclass(frozen=True)
 class Cost:
-    """What a trace without verdicts in a periodic cell takes at a grid.
+    """What a trace in a periodic cell takes at a grid.
 
     Attributes
     ----------
@@ -328,13 +327,13 @@ class Cost:
 
 def cost(case: Case, edge: float, grid: int) -> Cost:
     """Trace a case in a periodic cell; the memory is that of the whole process so far."""
-    setup = Setup(case.contact, "periodic", edge, grid)
+    curves = LatticeCurves(case.contact, cb.Periodic(edge, grid))
     began = time.perf_counter()
-    result = trace_on_lattice(setup, Request(1e-6, target=case.max_load), verdicts=False)
+    track = curves.track(Request(1e-6, target=case.max_load))
     seconds = time.perf_counter() - began
-    marks = [k for k, row in enumerate(result.rows) if row.mark is not None]
-    away = [min((abs(k - mark) for mark in marks), default=9) > 2 for k in range(len(result.rows))]
-    pairs = np.array([row.pairs for row in result.rows])
+    marks = [mark.row for mark in track.marks]
+    pairs = track.column("fft_pairs")
+    away = [min((abs(k - mark) for mark in marks), default=9) > 2 for k in range(len(pairs))]
     ordinary, others = pairs[np.array(away)], pairs[~np.array(away)]
     return Cost(
         grid,

@@ -30,15 +30,15 @@ from scipy.interpolate import CubicSpline
 
 import contbranch as cb
 from contbranch.control import DISPLACEMENT
-from contbranch.curve.quasi_static import Jump, Leg, quasi_static
+from contbranch.curve.outcome import RawCurve
+from contbranch.curve.paths import CurveWalk
+from contbranch.curve.quasi_static import Jump, Leg
 from contbranch.curve.trace import Request
+from contbranch.models.grid import LatticeCurves
+from contbranch.models.grid.equilibria import LatticeProblem
 from contbranch.models.grid.landing import land
 from contbranch.models.grid.newton import Equilibrium, hold_control
 from contbranch.models.grid.observables import cell_fields
-from contbranch.models.grid.paths import GridWalk
-from contbranch.models.grid.rows import state_at
-from contbranch.models.grid.stability import Stability
-from contbranch.models.grid.trace import Traced, trace
 from contbranch.output.plot_view import BLUE, GREY, ORANGE, STYLE
 
 FIGURE = Path(__file__).resolve().parents[1] / "docs" / "figures" / "rough_cycle.png"
@@ -62,20 +62,26 @@ class Cycle:
     Attributes
     ----------
     contact : Contact
-    traced : Traced
-    walk : GridWalk
+    curve : RawCurve
+    walk : CurveWalk
     legs, jumps : list
-    trace_seconds, seconds : float
-        For the curve, and in all.
+    seconds : float
     """
 
     contact: cb.Contact
-    traced: Traced
-    walk: GridWalk
+    curve: RawCurve
+    walk: CurveWalk
     legs: list[Leg]
     jumps: list[Jump]
-    trace_seconds: float
     seconds: float
+
+    @property
+    def problem(self) -> LatticeProblem:
+        """The lattice's, in contact."""
+        problem = self.walk.track.points[-1].problem
+        if not isinstance(problem, LatticeProblem):
+            raise TypeError("the curve does not end on the lattice")
+        return problem
 
     @property
     def dissipated(self) -> float:
@@ -103,23 +109,22 @@ class Cycle:
 def measure(contact: cb.Contact, max_load: float = 0.3) -> Cycle:
     """Trace a contact up to a load (in its units) beyond which nothing happens, and follow the cycle."""
     began = time.perf_counter()
-    setup = cb.Periodic().setup(contact.to_reduced(), None, max_load / contact.scales.load, ACCURACY)
-    traced = trace(setup, Request(ACCURACY, DISPLACEMENT, max_load / contact.scales.load), verdicts=False)
-    between = time.perf_counter() - began
-    walk = GridWalk(traced, DISPLACEMENT, ACCURACY)
-    legs, jumps = quasi_static(walk)
-    jumps = walk.appraised(jumps)
-    return Cycle(contact, traced, walk, legs, jumps, between, time.perf_counter() - began)
+    request = Request(ACCURACY, DISPLACEMENT, max_load / contact.scales.load)
+    route = LatticeCurves(contact, cb.Periodic()).path(request)
+    walk = route.walk
+    if not isinstance(walk, CurveWalk):
+        raise TypeError("the path is not one along a curve")
+    return Cycle(contact, route.curve, walk, list(route.legs), list(route.jumps), time.perf_counter() - began)
 
 
 def energy_mismatch(cycle: Cycle) -> float:
     """Largest difference of V and ∫ F dd along the curve, by splines through the rows, relative to the range of V."""
-    rows = cycle.traced.rows
-    arcs = np.array([row.arc for row in rows])
-    kept = np.concatenate([[True], np.diff(arcs) > 0.0])
-    load, displacement, energy = (
-        np.array([getattr(row.reading, name) for row in rows])[kept] for name in ("load", "displacement", "energy")
-    )
+    points = cycle.walk.track.points
+    seen = np.array([[p.observables[name] for name in ("load", "displacement", "energy")] for p in points])
+    steps = np.linalg.norm(np.diff([np.append(p.x, p.parameter) for p in points], axis=0), axis=1)
+    kept = np.concatenate([[True], steps > 0.0])
+    arcs = np.concatenate([[0.0], np.cumsum(steps)])
+    load, displacement, energy = seen[kept].T
     arcs = arcs[kept]
     force, place = CubicSpline(arcs, load), CubicSpline(arcs, displacement)
     nodes, weights = np.polynomial.legendre.leggauss(4)
@@ -134,18 +139,16 @@ def indices(cycle: Cycle, count: int) -> list[tuple[int, int, bool]]:
 
     Rows are taken in the middle between folds: the longest such parts, as many unstable ones as stable ones.
     """
-    folds = [0, *sorted(cycle.walk.folds()), len(cycle.traced.rows) - 1]
+    folds = [0, *sorted(cycle.walk.folds()), len(cycle.curve.load) - 1]
     parts = sorted(pairwise(folds), key=lambda pair: pair[0] - pair[1])
     unstable = cycle.walk.unstable
     longest = [pair for pair in parts if unstable[pair[0]] == 0][: count // 2]
     longest += [pair for pair in parts if unstable[pair[0]] > 0][: count - count // 2]
-    stability = Stability(cycle.walk.problem)
     found = []
     for first, last in sorted(longest):
         row = (first + last) // 2
-        expected = int(cycle.traced.curve.unstable_displacement[row])
-        spectrum = stability.spectrum(state_at(cycle.walk.problem, cycle.traced.rows[row]), None)
-        found.append((row, expected, spectrum.index == expected))
+        expected, point = int(cycle.curve.unstable_displacement[row]), cycle.walk.track.points[row]
+        found.append((row, expected, cycle.problem.unstable(point.x, point.parameter) == expected))
     return found
 
 
@@ -154,30 +157,32 @@ def by_dynamics(cycle: Cycle, steps: int) -> Iterator[tuple[int, float, Equilibr
 
     The displacement goes up and down in equal steps; every relaxation starts from the state before.
     """
-    walk, problem = cycle.walk, cycle.walk.problem
+    walk, problem = cycle.walk, cycle.problem.nodes
     low = min(jump.begin.state.displacement for jump in cycle.jumps)
     high = max(jump.begin.state.displacement for jump in cycle.jumps)
     margin = 0.5 * (high - low) / steps
     up = np.linspace(low - margin, high + margin, steps)
-    state = walk.crossing(0, walk.values[0]).place
+    first = walk.track.points[0]
+    state = cycle.problem.state(first.x, first.parameter)
     for direction, values in ((1, up), (-1, up[::-1])):
         for value in values:
             hold = hold_control(problem, 0.0, 1.0, float(value))
             with np.errstate(over="ignore", invalid="ignore"):
                 state = land(problem, state.u, state.load, hold)
-            yield direction, float(value), state, distance(walk, state)
+            yield direction, float(value), state, distance(cycle, state)
 
 
-def distance(walk: GridWalk, state: Equilibrium) -> float:
+def distance(cycle: Cycle, state: Equilibrium) -> float:
     """Largest difference of a state's gaps from those of the nearest stable one on the curve, in ranges of the law."""
+    walk = cycle.walk
     value, values = state.displacement, walk.values
     low, high = np.minimum(values[:-1], values[1:]), np.maximum(values[:-1], values[1:])
     pieces = np.flatnonzero((walk.unstable == 0) & (low < value) & (value <= high))
-    loads = np.array([abs(walk.traced.rows[k].load - state.load) for k in pieces])
+    loads = np.array([abs(walk.row(k).load - state.load) for k in pieces])
     apart = np.inf
     for piece in pieces[np.argsort(loads)][:2]:
         other = walk.crossing(int(piece), value).place
-        apart = min(apart, float(np.abs(other.u - state.u).max()) / walk.setup.length)
+        apart = min(apart, cycle.problem.away(other, state))
     return apart
 
 
@@ -195,7 +200,7 @@ def draw(cycle: Cycle, path: Path = FIGURE) -> Figure:
         shown = sorted(largest, key=lambda ends: ends[0].state.displacement)
         panels = bottom.subplots(2, 3, squeeze=False)
         image: Any = None
-        edge = cycle.walk.setup.edge * scales.in_plane
+        edge = cycle.problem.setup.edge * scales.in_plane
         for column, (ends, letter) in enumerate(zip(shown, "abc", strict=False)):
             state = ends[0].state
             axes.annotate(
@@ -206,7 +211,7 @@ def draw(cycle: Cycle, path: Path = FIGURE) -> Figure:
                 fontweight="bold",
             )
             for line, stop in enumerate(ends):
-                gap = cell_fields(cycle.walk.problem, stop.place).gap * scales.normal
+                gap = cell_fields(cycle.problem.nodes, cycle.problem.at(stop.place)).gap * scales.normal
                 panel = panels[line, column]
                 image = panel.imshow(
                     np.where(gap > 0.0, gap, np.nan).T,
@@ -229,8 +234,7 @@ def draw(cycle: Cycle, path: Path = FIGURE) -> Figure:
 
 def _curve(axes: Axes, cycle: Cycle) -> None:
     scales, walk = cycle.contact.scales, cycle.walk
-    d = np.array([row.reading.displacement for row in cycle.traced.rows]) * scales.normal
-    load = np.array([row.load for row in cycle.traced.rows]) * scales.load
+    d, load = cycle.curve.displacement * scales.normal, cycle.curve.load * scales.load
     changes = np.flatnonzero(np.diff(walk.unstable > 0)) + 1
     for first, last in pairwise([0, *changes.tolist(), len(walk.unstable)]):
         stable = walk.unstable[first] == 0
@@ -271,18 +275,15 @@ def _curve(axes: Axes, cycle: Cycle) -> None:
 
 def report(cycle: Cycle, checked: int, steps: int) -> Iterator[str]:
     """What was measured, line by line."""
-    curve, folds = cycle.traced.curve, cycle.walk.folds()
+    curve, folds = cycle.curve, cycle.walk.folds()
     loads = sum(event.kind == "fold" and event.control == "load" for event in curve.events)
     ups = sum(jump.direction > 0 for jump in cycle.jumps)
-    yield f"nodes: {cycle.traced.setup.grid}²; {curve.message or 'complete'}"
+    yield f"nodes: {cycle.problem.setup.grid}²; {curve.message or 'complete'}"
     yield (
         f"points: {len(curve.load)}; folds of displacement: {len(folds)}, of load: {loads}; largest index "
         f"{int(curve.unstable_displacement.max())}"
     )
-    yield (
-        f"pairs of transforms: {curve.cost.fft_pairs}; {cycle.trace_seconds:.0f} s for the curve, "
-        f"{cycle.seconds - cycle.trace_seconds:.0f} s for the jumps"
-    )
+    yield (f"pairs of transforms: {curve.cost.fft_pairs}; {cycle.seconds:.0f} s")
     yield f"jumps: {ups} on approach, {len(cycle.jumps) - ups} on retraction; closed: {cycle.closes()}"
     for jump in cycle.jumps:
         begin, end = jump.begin.state, jump.end.state if jump.end else None

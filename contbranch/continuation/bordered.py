@@ -29,6 +29,7 @@ __all__ = [
     "MatrixFreeBordered",
     "SingularBorderedError",
     "SparseBordered",
+    "Unfactorised",
     "as_matrix",
     "bordered_matrix",
     "factorise",
@@ -54,6 +55,20 @@ class Bordered(Protocol):
 
     def determinant_sign(self) -> int | None:
         """Return the sign of the determinant, None where it is not available."""
+
+
+class Unfactorised:
+    """The matrix of a problem that solves its systems itself: nothing is known of it here."""
+
+    def solve(self, f: Array, g: float) -> tuple[Array, float]:
+        """Not available."""
+        raise SingularBorderedError("The problem solves its systems itself.")
+
+    def solve_transposed(self, f: Array, g: float) -> None:
+        """Not available."""
+
+    def determinant_sign(self) -> None:
+        """Not available."""
 
 
 class DenseBordered:

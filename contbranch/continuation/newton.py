@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from contbranch.continuation.bordered import Bordered, SingularBorderedError, factorise
+from contbranch.continuation.bordered import Bordered, SingularBorderedError, Unfactorised, factorise
 from contbranch.continuation.curve import Outcome
 from contbranch.continuation.metric import Metric
 from contbranch.continuation.options import Options
@@ -122,6 +122,9 @@ def correct(
         If the iteration does not contract, or the problem fails.
     """
     x, p = near
+    own = problem.in_plane(x, p, row, precise)
+    if own is not None:
+        return Corrected(*own, Unfactorised(), 1, 0.0, 0.0)
     tolerance, noise = options.tolerance, options.noise
     close = PRECISE_TANGENT_DISTANCE if precise else TANGENT_DISTANCE
     floor = _rounding_floor(problem, x, p, metric)

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["Adaptation", "Array", "Linearisation", "Problem"]
+__all__ = ["Adaptation", "Array", "Linearisation", "Problem", "Solution"]
 
 Array = npt.NDArray[np.float64]
 
@@ -23,6 +23,15 @@ class Linearisation(NamedTuple):
     residual: Array
     jacobian: Any
     parameter_derivative: Array
+
+
+class Solution(NamedTuple):
+    """A solution and a direction of the curve there: state, parameter, and their rates."""
+
+    x: Array
+    parameter: float
+    tangent_x: Array
+    tangent_parameter: float
 
 
 class Adaptation(NamedTuple):
@@ -115,6 +124,19 @@ class Problem(ABC):
 
     def preconditioner(self, x: Array, p: float) -> Callable[[Array], Array] | None:
         """Return a function that applies an approximate inverse of dF/dx; only for Jacobians without matrix."""
+        return None
+
+    def in_plane(self, x: Array, p: float, row: tuple[Array, float], precise: bool) -> Solution | None:
+        """Return the solution near (x, p) where `row` has the value that it has there, by means of the problem's own.
+
+        Default: None, and the engine takes Newton's method with `linearise`. For problems that are not smooth, and for
+        those whose linear systems have solvers of their own. `precise` asks for an accurate tangent.
+
+        Raises
+        ------
+        CorrectionError
+            If it was not found.
+        """
         return None
 
     def corrected(self, x: Array, p: float, solve: Callable[[Array], Array]) -> None:

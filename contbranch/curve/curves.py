@@ -153,7 +153,16 @@ class FollowedCurves:
 
     def trace(self, request: Request) -> RawCurve:
         """The whole curve with its events."""
-        return raw_curve(trace(self.model.problem(self.reduced, request.accuracy), request), request)
+        return raw_curve(self.track(request), request)
+
+    def problem(self, request: Request) -> EquilibriumProblem:
+        """The first problem of the curve."""
+        return self.model.problem(self.reduced, request.accuracy)
+
+    def track(self, request: Request, tolerance: float | None = None) -> Track:
+        """The curve with the problems that solved its rows, these within a tolerance if one is given."""
+        problem = self.problem(request)
+        return trace(problem if tolerance is None else problem.rows_within(tolerance), request)
 
     def solve(self, request: Request, field: str, value: float, near: State | None = None) -> Coexisting:
         """Equilibria on the curve with a load, displacement or contact radius, in order along it.
@@ -201,20 +210,21 @@ class FollowedCurves:
     def path(self, request: Request) -> Route:
         """The quasi-static path under a control."""
         control, tolerance = request.control, max(FINE, request.accuracy) / ROW_SAFETY
-        problem = self.model.problem(self.reduced, request.accuracy).rows_within(tolerance)
         request = replace(request, modes=0)
         for _ in range(EXTENSIONS):
-            track = trace(problem, request)
+            track = self.track(request, tolerance)
             curve = raw_curve(track, request)
             walk = CurveWalk(track, curve.events, control, request.accuracy)
             legs, jumps = quasi_static(walk) if len(track.points) > 1 else ([], [])
             lost = [jump for jump in jumps if jump.end is None and jump.direction > 0]
-            if not (lost and curve.complete) or over():
+            if not (lost and curve.complete) or walk.astray or over():
                 break
             value = control.of(lost[0].begin.state)
             request = replace(request, target=value + BEYOND * max(1.0, abs(value)), held=control)
         notes = [landed(self.contact, *note) for note in walk.notes]
-        return Route(walk, legs, jumps, curve, curve.complete, " ".join([curve.message, *notes]).strip())
+        notes += [left(self.contact, *one) for one in walk.astray]
+        complete = curve.complete and not walk.astray
+        return Route(walk, legs, jumps, curve, complete, " ".join([curve.message, *notes]).strip())
 
     def _crossings(self, request: Request, field: str, value: float) -> tuple[Track, list[Crossing]]:
         """Where the curve has a value, in order along it.
@@ -227,17 +237,25 @@ class FollowedCurves:
         control: Control | None = CONTROLS[field]
         if control is None and not 0 < value < self.reduced.axisymmetric_tip.extent:
             raise InputError(f"contact_radius: {value:g}; must be greater than zero (and within the tip)")
-        problem = self.model.problem(self.reduced, request.accuracy)
         request = replace(request, events=False, modes=0)
-        track = trace(problem, request)
+        track = self.track(request)
         if track.complete and not over() and value > track.column(field)[-1]:
-            track = trace(problem, replace(request, target=value + PAST * abs(value), held=control))
+            track = self.track(replace(request, target=value + PAST * abs(value), held=control))
         return track, crossings(track, field, value, request.accuracy)
 
 
 def _coexisting(track: Track, field: str, states: tuple[State, ...], connected: tuple[bool, ...]) -> Coexisting:
     lowest = float(track.column(field).min(initial=float("inf")))
-    return Coexisting(states, connected, lowest, Cost(0.0, track.work.newton), track.work.unknowns)
+    return Coexisting(states, connected, lowest, track.work.cost(), track.work.unknowns)
+
+
+def left(contact: Contact, fold: Stop, end: State) -> str:
+    """A sentence on a relaxation that has left the curve, in the contact's units."""
+    begin, after = state_in_units(contact, fold.state), state_in_units(contact, end)
+    return (
+        f"The relaxation from the fold at load {begin.load:.6g}, displacement {begin.displacement:.6g} ends in a "
+        f"state that is not on the traced curve (load {after.load:.6g}, displacement {after.displacement:.6g})."
+    )
 
 
 def landed(contact: Contact, fold: Stop, end: Stop) -> str:

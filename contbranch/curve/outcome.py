@@ -299,7 +299,7 @@ def _sensitivities(contact: Contact, told: Mapping[str, tuple[Event, str]]) -> d
     known: dict[int, dict[str, dict[str, float]]] = {}
     for event, _ in told.values():
         place = event.origin.raw.place if isinstance(event.origin, Origin) else None
-        if not (isinstance(place, Point) and isinstance(place.problem, EquilibriumProblem)):
+        if not (isinstance(place, Point) and isinstance(place.problem, EquilibriumProblem)) or place.problem.given:
             return None
         if id(event) not in known:
             driven = event.control if event.stiffness is None else Spring(event.stiffness)

@@ -13,7 +13,7 @@ from contbranch.arrays import Array, Integers
 from contbranch.continuation import CorrectionError, Point
 from contbranch.control import Control
 from contbranch.curve.outcome import RawEvent
-from contbranch.curve.problem import Values, equilibrium
+from contbranch.curve.problem import AstrayError, Values, equilibrium
 from contbranch.curve.quasi_static import Stop, next_along
 from contbranch.curve.refine import Found
 from contbranch.curve.solve import Crossing, before, crossing, energy_at, seen, state_on
@@ -26,6 +26,8 @@ __all__ = ["CurveWalk"]
 
 # Quadrature error allowed on a piece, as a share of the accuracy, or in units of rounding.
 SHARE, ROUNDINGS = 0.1, 10.0
+# ... and where the discretisation was given; it then may be too large for states between rows.
+GIVEN, LARGE = 1e-5, 128**2
 
 
 @dataclass(frozen=True)
@@ -43,6 +45,8 @@ class CurveWalk:
         Error allowed to the states between which the path jumps, relative to max(1, |value|).
     notes : list of (Stop, Stop)
         Folds, and states after them, between which the relaxation was not followed and energies do not decide.
+    astray : list of (Stop, State)
+        Folds from which the relaxation ends in a state that is not on the curve, and that state.
     """
 
     track: Track
@@ -50,7 +54,7 @@ class CurveWalk:
     control: Control
     accuracy: float
     notes: list[tuple[Stop, Stop]] = field(default_factory=list)
-    follows: bool = False
+    astray: list[tuple[Stop, State]] = field(default_factory=list)
     _crossings: dict[tuple[int, float], Stop] = field(default_factory=dict, init=False, repr=False)
     _between: dict[tuple[int, int, int], list[State]] = field(default_factory=dict, init=False, repr=False)
 
@@ -58,6 +62,11 @@ class CurveWalk:
     def empty(cls, control: Control) -> CurveWalk:
         """Of a curve that is not known."""
         return cls(Track((), {}, frozenset(), ()), (), control, 0.0)
+
+    @property
+    def follows(self) -> bool:
+        """Where the discretisation was given, curves need not hold all states: relaxations are always followed."""
+        return self.track.problem(0).given
 
     @cached_property
     def values(self) -> Array:
@@ -152,6 +161,9 @@ class CurveWalk:
 
     def _points(self, begin: Stop, end: Stop, count: int) -> list[Point]:
         points: list[Point] = []
+        problem = equilibrium(begin.place)
+        if problem.given and problem.size > LARGE:
+            return points
         try:
             piece = self._joined(begin, end)
             if isinstance(piece, Piece):
@@ -166,7 +178,8 @@ class CurveWalk:
         onward = self.track.onward
         first = begin.place if begin.row is None else onward.get(begin.row, begin.place)
         piece = begin.piece if begin.row is None else begin.row
-        if piece in self.track.gaps:
+        problem = equilibrium(first)
+        if piece in self.track.gaps or problem.cornered or not problem.joins(equilibrium(end.place)):
             return first, end.place
         return Piece(*linked(first, end.place), (begin.row in onward, end.row in onward))
 
@@ -193,6 +206,8 @@ class CurveWalk:
     def _allowed(self) -> float:
         """Quadrature error allowed on a piece; equations without errors of their own are integrated as exactly."""
         problem = self.track.problem(0)
+        if problem.given:
+            return GIVEN
         return SHARE * self.accuracy if problem.finer() is not problem else ROUNDINGS * problem.rounding
 
     def relaxed(self, fold: Stop, candidates: Sequence[Stop]) -> Stop | None:
@@ -203,16 +218,21 @@ class CurveWalk:
         decide.
         """
         problem = equilibrium(fold.place)
-        kind = type(problem)
-        alike = [stop for stop in candidates if type(stop.place.problem) is kind]
-        if alike and fold.row is not None:
+        alike = [stop for stop in candidates if problem.relaxes_to(equilibrium(stop.place))]
+        if (alike or self.follows) and fold.row is not None:
             # From the tangents: far away the values of neighbouring rows differ by less than their errors.
             direction = 1 if self.rising[max(fold.row - 1, 0)] > 0 else -1
-            guarded = any(type(point.problem) is not kind for point in self.track.points)
+            guarded = not all(problem.relaxes_to(equilibrium(point)) for point in self.track.points)
             places = [stop.place for stop in alike]
-            reached = problem.relaxed(fold.place, self.control, direction, places, guarded)
+            try:
+                reached = problem.relaxed(fold.place, self.control, direction, places, guarded)
+            except AstrayError as astray:
+                self.astray.append((fold, astray.state))
+                return None
             if reached is not None:
                 return alike[reached]
+        if not candidates:
+            return None
         end, certain = next_along(self, fold, candidates)
         if not certain:
             self.notes.append((fold, end))

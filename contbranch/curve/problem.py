@@ -6,7 +6,7 @@ import math
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
@@ -15,13 +15,18 @@ from contbranch.continuation.newton import tangent_at
 from contbranch.continuation.problem import Array
 from contbranch.continuation.walk import annotated
 from contbranch.control import Control
+from contbranch.results.diagram import Cost, State
 from contbranch.results.profile import ModeShape, Profile
 
 if TYPE_CHECKING:
     from contbranch.contact.contact import Contact
+    from contbranch.continuation import Event, StopAt
+    from contbranch.continuation.follow import Branch
+    from contbranch.curve.events import Ceiling, Folds
 
 __all__ = [
     "STEPS",
+    "AstrayError",
     "Defect",
     "EquilibriumProblem",
     "Rates",
@@ -111,6 +116,10 @@ class Work:
     newton: int = 0
     unknowns: int = 0
 
+    def cost(self) -> Cost:
+        """As results have it."""
+        return Cost(0.0, self.newton)
+
 
 @dataclass(frozen=True)
 class Succession:
@@ -172,6 +181,20 @@ class Search:
     size: float
 
 
+class AstrayError(Exception):
+    """A relaxation has come to rest at a state that is not on the curve.
+
+    Parameters
+    ----------
+    state : State
+        Reduced units.
+    """
+
+    def __init__(self, state: State) -> None:
+        super().__init__()
+        self.state = state
+
+
 class EquilibriumProblem(Problem):
     """Equilibria of one contact in reduced units, as long as one representation serves: a piece of its curve.
 
@@ -189,12 +212,16 @@ class EquilibriumProblem(Problem):
         Whether the parameter changes one way along the curve, and so is a coordinate on it.
     complete_by : str
         Why the curve holds every equilibrium there is, as the end of a sentence; empty where that is not known.
+    given : bool
+        Whether the discretisation is the user's, as nodes are: errors are stated, not brought below the accuracy asked;
+        rows lie as close as it lets them, and nothing is computed between them unless a value is asked there.
     """
 
     scale: float
     work: Work
     ordered: ClassVar[bool] = False
     complete_by: ClassVar[str] = ""
+    given: ClassVar[bool] = False
 
     @property
     def limitation(self) -> str:
@@ -262,6 +289,28 @@ class EquilibriumProblem(Problem):
         """Why a curve that ends at a point is incomplete; `name` is a margin, or empty if it could not be followed."""
         return ""
 
+    @property
+    def cornered(self) -> bool:
+        """Whether the curve has corners between rows, so that nothing is interpolated there."""
+        return False
+
+    def walked(self, start: Point, folds: Folds, end: Ceiling, stop: StopAt) -> Branch | None:
+        """The piece of curve that begins at a point, followed by means of the problem's own; None: by the engine.
+
+        Points of other problems may come last; the name of the last event says what ended it.
+        """
+        return None
+
+    def meeting(self, begin: Point, end: Point, control: Control, value: float) -> Point | None:
+        """The equilibrium between two rows at a value of a control, by means of the problem's own; None: by `refine`.
+
+        Raises
+        ------
+        CorrectionError
+            If it was not found.
+        """
+        return None
+
     def before(self, control: Control, value: float) -> Point | None:
         """An equilibrium close to the one with a value of a control farther away than the start; None without."""
         return None
@@ -278,6 +327,11 @@ class EquilibriumProblem(Problem):
     @abstractmethod
     def rates(self, x: Array, p: float, x_rate: Array, p_rate: float) -> Rates:
         """Derivatives of load, displacement, contact radius and central gap along a direction, exact."""
+
+    @property
+    def countable(self) -> bool:
+        """Whether the unstable modes of its states are those of the contact."""
+        return True
 
     @abstractmethod
     def unstable(self, x: Array, p: float) -> int:
@@ -298,9 +352,18 @@ class EquilibriumProblem(Problem):
         """
         return None
 
+    @property
+    def tells_modes(self) -> bool:
+        """Whether eigenvalues of azimuthal modes are known, and not only how many are unstable."""
+        return type(self).mode_eigenvalue is not EquilibriumProblem.mode_eigenvalue
+
     def mode_eigenvalue(self, x: Array, p: float, mode: int, index: int = 1) -> float:
         """An eigenvalue of an azimuthal mode, counted from the largest: the mode is unstable where it exceeds 1."""
         raise NotImplementedError
+
+    def variations(self, x: Array, p: float, mode: int, index: int = 1) -> str:
+        """What the mode of that eigenvalue is called."""
+        return f"variations cos({mode}θ)"
 
     def mode_shape(self, x: Array, p: float, mode: int, index: int = 1) -> ModeShape:
         """Gap and pressure of the mode of that eigenvalue."""
@@ -310,6 +373,10 @@ class EquilibriumProblem(Problem):
     def profile(self, x: Array, p: float) -> Profile:
         """Gap and pressures over the radius."""
 
+    def described(self, x: Array, p: float) -> Mapping[str, Any]:
+        """Further fields of a `State`."""
+        return {}
+
     def observables(self, x: Array, p: float) -> Mapping[str, float]:
         """The values, by name."""
         return self.values(x, p)._asdict()
@@ -318,6 +385,28 @@ class EquilibriumProblem(Problem):
     def finer(self) -> Self:
         """The same problem with errors smaller by orders; itself where there is nothing to refine."""
         return self
+
+    def compared(self) -> Self:
+        """The discretisation with which single states are compared for their errors."""
+        return self.finer()
+
+    def stated(self, point: Point, event: Event | None) -> tuple[float, float, float, float] | None:
+        """Errors of load, displacement, radius and gap of an event that needs no refinement; None: see `finer`.
+
+        Parameters
+        ----------
+        event : Event or None
+            None: the point itself.
+        """
+        return None
+
+    def left_out(self, x: Array, p: float) -> tuple[float, float, float, float]:
+        """Errors of load, displacement, radius and gap that finer discretisations have, too."""
+        return 0.0, 0.0, 0.0, 0.0
+
+    def verdict(self, point: Point, control: Control, error: Sequence[float]) -> tuple[str | None, str]:
+        """What a fold is worth on a discretisation that was given, and a sentence; None where nothing is to be said."""
+        return None, ""
 
     def halved(self) -> Self:
         """The same problem with halved panels, for states that are not smooth; by default `finer`."""
@@ -372,6 +461,10 @@ class EquilibriumProblem(Problem):
         """Where to look for equilibria off the curve, given its rows in this representation; None: nowhere."""
         return None
 
+    def relaxes_to(self, other: EquilibriumProblem) -> bool:
+        """Whether `relaxed` may come to rest at states of another problem."""
+        return type(other) is type(self)
+
     def relaxed(
         self, fold: Point, control: Control, direction: int, others: Sequence[Point], guarded: bool
     ) -> int | None:
@@ -389,6 +482,11 @@ class EquilibriumProblem(Problem):
             Of problems of the same class.
         guarded : bool
             Whether the relaxation may leave what this representation can hold, which then ends it.
+
+        Raises
+        ------
+        AstrayError
+            If it comes to rest at a state that is none of them.
         """
         return None
 

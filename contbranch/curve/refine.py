@@ -237,6 +237,9 @@ def refine(point: Point, event: Event | None, accuracy: float, beside: Point | N
     beside : Point, optional
         Another event: next to it a discretisation made for it is likely to serve this one.
     """
+    stated = equilibrium(point).stated(point, event)
+    if stated is not None:
+        return Found(numbers(point), stated, point)
     aimed = point
     try:
         if equilibrium(point).moves:  # what resolves the event itself would not resolve the way to it
@@ -287,7 +290,7 @@ def _best(place: _Place, event: Event | None, accuracy: float) -> Found | None:
             error = found.relative_error()
             if best is None or error < best.relative_error():
                 best = found
-            if error <= accuracy or finer.size > LARGEST or error > WORSE * last:
+            if error <= accuracy or finer.size > LARGEST or error > WORSE * last or problem.given:
                 break
             if error > GAIN * last:
                 # Higher order does not help where the law has kinks, as tables have: halve the panels.
@@ -326,18 +329,18 @@ def _compared(place: _Place, finer: tuple[float, Four] | None, accuracy: float) 
     point, here = place.point, numbers(place.point)
     parameter, there = finer or (point.parameter, here)
     floor = equilibrium(point).rounding + (FLOOR * accuracy if finer else 0.0)
-    along, moves = 0.0, Rates(0.0, 0.0, 0.0, 0.0)
+    along, moves, left_out = 0.0, Rates(0.0, 0.0, 0.0, 0.0), equilibrium(point).left_out(point.x, point.parameter)
     if place.uncertainty:  # what rounding leaves open of the place
         line = _Line(point)
         along, moves = line.speed(point) * point.tangent_parameter, line.rates(point)
 
-    def error(a: float, b: float, rate: float) -> float:
-        return SAFETY * abs(a - b) + floor * max(1.0, abs(a)) + 2 * abs(rate * place.uncertainty)
+    def error(a: float, b: float, rate: float, besides: float = 0.0) -> float:
+        return SAFETY * abs(a - b) + floor * max(1.0, abs(a)) + 2 * abs(rate * place.uncertainty) + besides
 
     load, displacement, radius, gap = (
         # What is zero by its nature has no error: the radius without contact, the gap in contact, the load far away.
-        0.0 if a == b == 0.0 else error(a, b, rate)
-        for a, b, rate in zip(here, there, moves, strict=True)
+        0.0 if a == b == 0.0 else error(a, b, rate, besides)
+        for a, b, rate, besides in zip(here, there, moves, left_out, strict=True)
     )
     return Found(here, (load, displacement, radius, gap), point, error(point.parameter, parameter, along))
 

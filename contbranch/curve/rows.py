@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from contbranch.curve.refine import Found, by_defect, refine
 from contbranch.curve.symmetry import Breaking, critical_eigenvalues, has_modes, merged, symmetry_breaking
 from contbranch.curve.trace import Request
 from contbranch.curve.track import Mark, Track
-from contbranch.results.diagram import Cost, Profile
+from contbranch.results.diagram import Profile
 from contbranch.threads import one_thread
 from contbranch.watch import finishing, kept, over, tell
 
@@ -31,29 +32,36 @@ CONE = "Exactly at first touch admissible variations form a cone, not a space: t
 DISTINCT, SHARPEST = 3.0, 1e-12
 # The rows' error estimates are those of one Newton step on a finer discretisation, with a floor.
 ROW_SAFETY, ROW_FLOOR = 3.0, 2e-8
+# Where the discretisation was given, errors are found at every so many rows, and indices at these shares of parts of
+# the curve with more than a few rows.
+STRIDE, SHARES, FEW = 6, (0.5, 0.3, 0.7), 6
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")  # of a law outside of where it was followed
 def raw_curve(track: Track, request: Request) -> RawCurve:
     """Rows and events of a curve; without ``request.events``, rows alone."""
     if not track.points:
-        return no_curve(track.message, Cost(0.0, track.work.newton), track.work.unknowns)
+        return no_curve(track.message, track.work.cost(), track.work.unknowns)
     found = _refined(track, request) if request.events else []
-    events = [_event(track, mark, one) for mark, one in zip(track.marks, found, strict=False)]
+    with finishing():
+        events = [_event(track, mark, one) for mark, one in zip(track.marks, found, strict=False)]
+    if track.problem(0).given:
+        _doubtful(track, events)
     breaking = Breaking()
     if request.events and request.modes:
         breaking = kept(lambda: symmetry_breaking(track, request), breaking)
         events = merged(events, breaking.events)
     complete, messages = track.complete, [track.message, breaking.message]
-    complete &= breaking.complete
-    held = track.hodograph.rows(track.controls[1])
-    if complete and not _end_agrees(track):
+    given, held = track.problem(0).given, track.hodograph.rows(track.controls[1])
+    complete &= breaking.complete or given
+    wrong = _contradicted(track) if complete else []
+    if wrong:
         complete = False
-        messages.append("The inertia at the end disagrees with the folds counted: a fold was missed or doubled.")
+        messages.append(_disagreement(track, wrong))
     worst = float(np.max([one.relative_error() for one in found], initial=0.0)) / request.accuracy
     if over():  # nothing more is computed of it, now or when it is asked for
         events = [replace(event, exponent=None, local_exponent=None) for event in events]
-    elif not worst <= 1.0:
+    elif not (worst <= 1.0 or given):
         complete = False
         much = f"is {worst:.3g} times the accuracy asked" if math.isfinite(worst) else "is not known"
         messages.append(f"An event's error estimate {much}.")
@@ -71,18 +79,55 @@ def raw_curve(track: Track, request: Request) -> RawCurve:
         events=events,
         complete=complete,
         message=" ".join(filter(None, messages)),
-        cost=Cost(0.0, track.work.newton),
+        cost=track.work.cost(),
         unknowns=track.work.unknowns,
         unstable_spring=track.hodograph.rows(track.controls[2]) if len(track.controls) > 2 else None,
         unstable_azimuthal=breaking.unstable if breaking.counts else None,
-        critical=(lambda: critical_eigenvalues(track.points)) if breaking.counts and has_modes(track) else None,
+        critical=(lambda: critical_eigenvalues(track.points))
+        if breaking.counts and has_modes(track) and not given
+        else None,
+        **_on_nodes(track),
     )
 
 
-def _end_agrees(track: Track) -> bool:
-    """Whether the Morse index under displacement control at the last row, by inertia, is what the folds say."""
-    last, held = track.points[-1], track.hodograph.pieces(track.controls[1])[0]
-    return len(held) == 0 or equilibrium(last).unstable(last.x, last.parameter) == held[-1]
+def _on_nodes(track: Track) -> dict[str, Any]:
+    """What rows on a lattice have besides."""
+    if "perimeter" not in track.points[0].observables:
+        return {}
+    pairs, rim = ([point.observables.get(name, 0.0) for point in track.points] for name in ("fft_pairs", "perimeter"))
+    area = np.pi * track.column("contact_radius") ** 2
+    return {"fft_pairs": np.array(pairs, dtype=np.int64), "contact_area": area, "contact_perimeter": np.array(rim)}
+
+
+def _contradicted(track: Track) -> list[int]:
+    """Rows whose Morse index under displacement control, by inertia, is not what the folds say: the last, and where the
+    discretisation was given, one in every part between two folds."""
+    held, last = track.hodograph.rows(track.controls[1]), len(track.points) - 1
+    parts = [[last]] if len(held) > 1 else []
+    if track.problem(0).given:
+        edges = [0, *sorted({mark.row for mark in track.marks if mark.kind == "fold"}), last]
+        for first, behind in pairwise(edges):
+            inner = [first + round(share * (behind - first)) for share in SHARES]
+            inside = [row for row in dict.fromkeys(inner) if first < row < behind]
+            parts += [inside] if behind - first > FEW else []
+
+    def agrees(row: int) -> bool:
+        point = track.points[row]
+        return bool(equilibrium(point).unstable(point.x, point.parameter) == held[row])
+
+    known = [[row for row in rows if track.problem(row).countable] for rows in parts]
+    return [rows[0] for rows in known if rows and not any(map(agrees, rows))]
+
+
+def _disagreement(track: Track, rows: Sequence[int]) -> str:
+    if not track.problem(0).given:
+        return "The inertia at the end disagrees with the folds counted: a fold was missed or doubled."
+    own = track.points[rows[0]].observables
+    return (
+        f"In {len(rows)} parts of the curve eigenvalues find another number of unstable modes than the folds say, "
+        f"first at load {own['load']:.6g}, displacement {own['displacement']:.6g} (reduced): "
+        "a fold was missed, or is none; try a finer grid."
+    )
 
 
 # -- events -----------------------------------------------------------------------------------------------------------
@@ -95,7 +140,8 @@ def _refined(track: Track, request: Request) -> list[Found]:
             tell(0.9 + 0.07 * k / len(track.marks), f"locating {mark.kind}")
             beside = found[-1].point if found else None
             found.append(refine(mark.point, _event_of(track, mark), request.accuracy, beside))
-        _sharpen(track, found, request.accuracy)
+        if not track.problem(0).given:
+            _sharpen(track, found, request.accuracy)
 
     kept(locate, None)
     with finishing():  # what was not reached is where the rows have it
@@ -138,9 +184,13 @@ def _event(track: Track, mark: Mark, found: Found) -> RawEvent:
         control = mark.control
         pieces, rising = track.hodograph.pieces(control)
         before, after = max(mark.row - 1, 0), min(mark.row, len(pieces) - 1)
-        corner = mark.row in track.onward
+        corner = mark.row in track.onward or track.problem(mark.row).given
+        point = found.point
+        verdict, message = equilibrium(point).verdict(point, control, found.error)
         return replace(
             event,
+            verdict=verdict,
+            message=message,
             control=control.kind,
             stiffness=control.spring_stiffness,
             before=int(pieces[before]),
@@ -157,9 +207,26 @@ def _event(track: Track, mark: Mark, found: Found) -> RawEvent:
             values=(*found.numbers[:3], 0.0),
             error=(*found.error[:3], 0.0),
             message=f"{mark.message} {CONE}".strip(),
-            local_exponent=lambda: sampled_exponent(found, LOAD, ahead),
+            local_exponent=None if track.problem(mark.row).given else lambda: sampled_exponent(found, LOAD, ahead),
         )
     return event
+
+
+def _doubtful(track: Track, events: list[RawEvent]) -> None:
+    """Mark neighbouring folds of a control that differ by less than the errors of both, smallest differences first."""
+    for control in track.controls:
+        own = [k for k, event in enumerate(events) if (event.kind, event.control) == ("fold", control.kind)]
+        while len(own) > 1:
+            heights = np.array([control.weighted(*events[k].values[:2]) for k in own])
+            errors = np.array([control.weighted(*events[k].error[:2]) for k in own])
+            apart = np.abs(np.diff(heights)) / np.minimum(errors[1:], errors[:-1])
+            place = int(np.argmin(apart))
+            if not apart[place] < 1.0:
+                break
+            for k in own[place : place + 2]:
+                message = "It differs from the fold next to it by less than the lattice's error."
+                events[k] = replace(events[k], verdict="unresolved", message=message)
+            del own[place : place + 2]
 
 
 # -- rows -------------------------------------------------------------------------------------------------------------
@@ -169,6 +236,8 @@ def _row_errors(points: Sequence[Point]) -> Array:
     Differences between two discretisations have a sign, which changes along the curve: at its zeros they say nothing,
     the neighbouring rows of the same discretisation do.
     """
+    if equilibrium(points[0]).given:
+        return _given_errors(points)
     own = np.array([_row_error(point) for point in points])
     found = own.copy()
     for k, (first, second) in enumerate(pairwise(points)):
@@ -177,20 +246,29 @@ def _row_errors(points: Sequence[Point]) -> Array:
     return found
 
 
+def _given_errors(points: Sequence[Point]) -> Array:
+    """Error estimates at some rows, and between them the larger one of both sides."""
+    rows = sorted({*range(0, len(points), STRIDE), len(points) - 1})
+    own = np.array([_row_error(points[row]) for row in rows])
+    place = np.searchsorted(rows, np.arange(len(points)))
+    return np.asarray(np.maximum(own[place], own[np.maximum(place - 1, 0)]))
+
+
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def _row_error(point: Point) -> Sequence[float]:
     """Error estimates of load and displacement."""
     problem, own = equilibrium(point), point.observables
     try:
         defect = problem.defect(point)[:2]
+        left_out = problem.left_out(point.x, point.parameter)[:2]
     except Exception:  # a user's law may raise anything, a finer discretisation may be too much: it is not known then
         defect = math.inf, math.inf
     if not np.isfinite(defect).all():
         return math.inf, math.inf
     floor = ROW_FLOOR if problem.finer() is not problem else problem.rounding
     return [
-        ROW_SAFETY * abs(error) + floor * max(1.0, abs(own[name]))
-        for error, name in zip(defect, ("load", "displacement"), strict=True)
+        (1.0 if problem.given else ROW_SAFETY) * abs(error) + floor * max(1.0, abs(own[name])) + besides
+        for error, name, besides in zip(defect, ("load", "displacement"), left_out, strict=True)
     ]
 
 

@@ -104,6 +104,9 @@ def crossing(track: Track, piece: int, control: Control | None, value: float, ac
     event = Reached(control, value if control is None else control.target(value))
     begin, end = track.onward.get(piece, track.points[piece]), track.points[piece + 1]
     try:
+        own = None if control is None else equilibrium(begin).meeting(begin, end, control, value)
+        if own is not None:
+            return Crossing(piece, refine(own, None, accuracy))
         ends = track.link(piece)
         # Without a piece in between, the state is next to one of its ends: with the one whose problem has it.
         nearest = [begin, end.turned()] if ends is None else [between(ends, event, BRACKET)[1]]
@@ -159,6 +162,7 @@ def _state(found: Found, indices: Sequence[int], given: Mapping[str, float]) -> 
         error=error,
         profile=problem.profile(state, p),
         unstable_azimuthal=0 if azimuthal is None else azimuthal.total,
+        **problem.described(state, p),
     )
 
 
@@ -172,7 +176,7 @@ def energy_at(found: Found) -> tuple[float, float]:
     problem = equilibrium(point)
     here = problem.values(point.x, point.parameter)
     rounding = ROUNDING * problem.rounding * max(1.0, abs(here.energy))
-    finer = problem.finer()
+    finer = problem.compared()
     if finer is problem:
         return here.energy, rounding
     try:
@@ -181,7 +185,8 @@ def energy_at(found: Found) -> tuple[float, float]:
         return here.energy, abs(here.load) * found.error[1] + abs(here.displacement) * found.error[0]
     there = finer.values(fine.x, fine.parameter)
     change = there.energy - here.energy - here.load * (there.displacement - here.displacement)
-    return here.energy, SAFETY * abs(change) + rounding
+    # What was given is compared with something coarser, whose error is the larger one.
+    return here.energy, (1.0 if problem.given else SAFETY) * abs(change) + rounding
 
 
 def seen(point: Point) -> State:

@@ -11,7 +11,7 @@ from contbranch.arrays import Array
 from contbranch.continuation import CorrectionError, Point, Segment
 from contbranch.continuation.walk import adapted, annotated, point_on
 from contbranch.curve.events import Slopes
-from contbranch.curve.problem import STEPS
+from contbranch.curve.problem import STEPS, equilibrium
 from contbranch.curve.track import linked, piece
 
 __all__ = ["Spacing"]
@@ -59,7 +59,7 @@ class Spacing:
         return 0.5 * length * math.tan(min(0.5 * widest, 0.25 * math.pi))
 
     def _between(self, begin: Point, end: Point) -> list[Point]:
-        if not self.stray(begin, end) > STRAY:
+        if equilibrium(begin).given or not self.stray(begin, end) > STRAY:
             return []
         try:
             segment = piece(*(point if point.observables else annotated(point) for point in linked(begin, end)))

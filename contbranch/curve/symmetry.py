@@ -17,7 +17,7 @@ from contbranch.arrays import Array, Integers
 from contbranch.continuation import CorrectionError, Event, Point
 from contbranch.control import DISPLACEMENT
 from contbranch.curve.outcome import RawEvent
-from contbranch.curve.problem import Count, EquilibriumProblem, equilibrium
+from contbranch.curve.problem import Count, equilibrium
 from contbranch.curve.refine import refine
 from contbranch.curve.trace import Request
 from contbranch.curve.track import Track, between
@@ -88,7 +88,7 @@ def symmetry_breaking(track: Track, request: Request) -> Breaking:
     for row, (here, there) in enumerate(pairwise(counts)):
         if here is None or there is None:
             continue
-        for event in _changes(here, there):
+        for event in _changes(here, there) if track.problem(row).tells_modes else ():
             tell(0.98, f"locating the loss of symmetry, m = {event.mode}")
             try:
                 kind = "lost" if there.of(event.mode) > here.of(event.mode) else "regained"
@@ -107,8 +107,7 @@ def symmetry_breaking(track: Track, request: Request) -> Breaking:
 
 def has_modes(track: Track) -> bool:
     """Whether the eigenvalues of azimuthal modes are known at every row, and not only how many are unstable."""
-    own = (type(equilibrium(point)).mode_eigenvalue for point in track.points)
-    return all(method is not EquilibriumProblem.mode_eigenvalue for method in own)
+    return all(equilibrium(point).tells_modes for point in track.points)
 
 
 def critical_eigenvalues(points: Sequence[Point]) -> Array:
@@ -148,13 +147,14 @@ def _located(track: Track, row: int, event: SymmetryEvent, kind: str, accuracy: 
     share, start = between(track.link(row), event)
     found = refine(start, event, accuracy)
     point = found.point
-    shape = equilibrium(point).mode_shape(point.x, point.parameter, event.mode, event.index)
+    which = point.x, point.parameter, event.mode, event.index
+    shape, named = equilibrium(point).mode_shape(*which), equilibrium(point).variations(*which)
     return RawEvent(
         "symmetry",
         row,
         found.numbers,
         found.error,
-        message=f"Stability to variations cos({event.mode}θ) is {kind} along the curve.",
+        message=f"Stability to {named} is {kind} along the curve.",
         place=point,
         position=row + share,
         mode=event.mode,

@@ -19,7 +19,7 @@ from contbranch.curve.track import Mark, Track
 from contbranch.errors import InputError, ModelError
 from contbranch.watch import blame, finishing, kept, over, tell
 
-__all__ = ["Request", "trace"]
+__all__ = ["Request", "follow_from", "trace"]
 
 # A trace ends at this multiple of the largest load of any event, and not below the least load (reduced).
 END_FACTOR, LEAST_END = 1.4, 10.0
@@ -82,16 +82,20 @@ def trace(problem: EquilibriumProblem, request: Request) -> Track:
             blame(error)
             message = f"The interaction cannot be evaluated far away: {type(error).__name__}: {error}"
             return _nothing(problem, request, message)
-        tracing = _Tracing(request)
-        if request.held is LOAD and start.observables["load"] >= tracing.end.target:
-            tracing.points, tracing.message = [start], "The curve begins at a larger load."
-        else:
-            kept(lambda: tracing.follow(start), None)
-        if request.events and not over():  # otherwise nothing but single states is wanted of the curve
-            kept(tracing.fill, None)
-        with finishing():
-            tracing.cut()
-            return tracing.track(problem) if tracing.points else _nothing(problem, request, tracing.message)
+        if request.held is LOAD and start.observables["load"] >= _Tracing(request).end.target:
+            return replace(_nothing(problem, request, "The curve begins at a larger load."), points=(start,))
+        return follow_from(start, request, problem)
+
+
+def follow_from(start: Point, request: Request, problem: EquilibriumProblem | None = None) -> Track:
+    """Follow a curve from one of its points, in the sense of its tangent, through all problems that succeed its own."""
+    tracing, problem = _Tracing(request), problem or equilibrium(start)
+    kept(lambda: tracing.follow(start), None)
+    if request.events and not over():  # otherwise nothing but single states is wanted of the curve
+        kept(tracing.fill, None)
+    with finishing():
+        tracing.cut()
+        return tracing.track(problem) if tracing.points else _nothing(problem, request, tracing.message)
 
 
 def _nothing(problem: EquilibriumProblem, request: Request, message: str) -> Track:
@@ -144,7 +148,8 @@ class _Tracing:
         problem, name = equilibrium(last), _stopped(branch)
         if name == self.end.name:
             self.complete = True
-            self.marks.append(Mark(len(self.points) - 1, "end", last))
+            message = problem.ending(name, last) if problem.given else ""
+            self.marks.append(Mark(len(self.points) - 1, "end", last, message=message))
             return None
         if over():
             return None
@@ -170,12 +175,13 @@ class _Tracing:
             if joint.same and len(self.points) > 1:
                 self.onward[len(self.points) - 1] = start
             problem = equilibrium(start)
-            margins = [Margin(name) for name in problem.margins(start.x, start.parameter)]
-            events = [Folds(self.request.controls, self._met, self.slopes), *margins, self.end]
-            interval = Range(*problem.parameter_range)
-            balance = problem.balance(start, joint.step)
-            stop = StopAt(predicate=self._told)
-            branch = follow(start, balance, interval, problem.steps(start), events, stop)
+            folds, stop = Folds(self.request.controls, self._met, self.slopes), StopAt(predicate=self._told)
+            branch = problem.walked(start, folds, self.end, stop)
+            if branch is None:
+                margins = [Margin(name) for name in problem.margins(start.x, start.parameter)]
+                interval = Range(*problem.parameter_range)
+                balance = problem.balance(start, joint.step)
+                branch = follow(start, balance, interval, problem.steps(start), [folds, *margins, self.end], stop)
             if len(branch.points) > 1:
                 break
         if branch is None:
@@ -211,7 +217,12 @@ class _Tracing:
 
     def _met(self, point: Point) -> None:
         """Raise the end beyond the load of an event."""
-        self.largest = max(self.largest, point.observables["load"])
+        load, problem = point.observables["load"], equilibrium(point)
+        self.largest = max(self.largest, load)
+        if problem.given and point.observables["contact_radius"] > 0.0 and self.request.held is LOAD:
+            # No curve ends where the error of a fold leaves open whether it is beyond.
+            error = abs(problem.defect(point).load)
+            self.end.target = max(self.end.target, load + error) if math.isfinite(error) else self.end.target
         if self.request.target is None:
             self.end.target = max(LEAST_END, END_FACTOR * self.largest)
 

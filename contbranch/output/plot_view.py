@@ -33,7 +33,7 @@ BLUE: Final = "#0072B2"
 ORANGE: Final = "#D55E00"
 GREY: Final = "#555555"
 DASHES: Final = (0, (3.2, 1.6))
-_STYLE: Final[Any] = {
+STYLE: Final[Any] = {
     "font.size": 8.0,
     "axes.labelsize": 8.5,
     "axes.linewidth": 0.7,
@@ -108,7 +108,7 @@ class _Picture(Figure):
 
 def _style() -> Any:
     """The style of all figures, without what the user has set in ``matplotlib.rcParams``."""
-    return {key: value for key, value in _STYLE.items() if rcParams[key] == rcParamsDefault[key]}
+    return {key: value for key, value in STYLE.items() if rcParams[key] == rcParamsDefault[key]}
 
 
 @contextmanager

@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .arrays import Array, Mask
+from .measure import Direction, Measure
 from .newton import Equilibrium, Hold, Settings, newton, tangent
 from .problem import GridProblem
-from .walk import Direction, Measure
 
 __all__ = ["Arc", "arcs"]
 

@@ -7,52 +7,61 @@ ripples average out: by least squares,
     min ∫ |F(a) - P(a)|² da
 
 over some rows of nodes, P a polynomial. The integral runs along the arcs, each with its length in a: most of the bias
-of single states is that they gather where a hardly changes. Folds of the contact are those of P. How much they move if
-the window or the degree is another one, and by how much the states scatter about P, is their error.
+of single states is that they gather where a hardly changes. A spline through the middles of such windows is a piece of
+the contact's curve, and its folds are the contact's.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-import scipy
+from scipy.interpolate import CubicSpline
 
+from contbranch.continuation import Options, Point
+from contbranch.continuation.problem import Array as Vector
+from contbranch.continuation.problem import Linearisation
 from contbranch.control import Control
+from contbranch.curve.problem import STEPS, Count, Defect, EquilibriumProblem, Rates, Succession, Values
+from contbranch.results.profile import Profile
 
-from .arcs import Arc
+from .arcs import Arc, arcs
 from .arrays import Array
+from .measure import Measure
 from .newton import Equilibrium
-from .rows import Reading, Row, read
+from .readings import Reading, read
 from .setup import Setup
-from .walk import Measure
 
-__all__ = ["LEAST", "MEASURED", "Average", "Fold", "Samples", "half_width", "turned"]
+if TYPE_CHECKING:
+    from .equilibria import LatticeProblem
+
+__all__ = ["AveragedProblem", "Fit", "Samples", "averaged", "half_width", "turned"]
 
 # Half of a window in rows of nodes, the share of the contact radius that it may take up, and its least; where a row
 # has many nodes, fewer rows are enough.
 ROWS, SHARE, LEAST, MANY = 3.5, 0.6, 1.6, 110.0
-# Least radius of a fold, in rows of nodes.
-FEWEST = 1.0
 DEGREE = 3
-# Other windows (relative) and degrees, of which a fold's error is made.
-OTHERS = ((0.7, 3), (1.3, 3), (1.0, 4), (1.0, 2))
-# Centres of windows a row of nodes where folds are looked for.
-CENTRES = 4
+# Windows, relative: that of the average, the one with which it is compared, and by how much, and how often, wider ones
+# where ripples are left.
+WINDOW, OTHER, WIDER, WIDENINGS = 1.0, 0.8, 1.15, 4
+# Centres of windows a row of nodes, and rows of the curve.
+CENTRES, ROWS_A_ROW = 4, 1
 # States a row of nodes of which the fields are kept.
 STATES = 3
 # Weight of first touch, in rows of nodes.
 TOUCH = 0.5
+# Rows of nodes at most by which an average begins later than the row before it.
+JOINT = 1.5
+# Arcs at most of one average, and rows of nodes for which they are followed where steps lead nowhere.
+MOST_ARCS, STUCK = 3000, 2.0
 # Gauss-Legendre rule for the product of two parabolas.
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)
 _NODES, _WEIGHTS = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS
 _LAGRANGE = np.stack([(1 - _NODES) * (1 - 2 * _NODES), 4 * _NODES * (1 - _NODES), _NODES * (2 * _NODES - 1)])
 _SLOPES = np.stack([4 * _NODES - 3, 4 - 8 * _NODES, 4 * _NODES - 1])
-# Scatter that counts in the error of an average of so many arcs, and the factor of what other windows give.
-SCATTER, OTHER = 1.0, 1.0
 # Error of the contact radius itself, in rows of nodes.
 MEASURED = 0.03
 
@@ -63,14 +72,13 @@ def half_width(radius: float, spacing: float) -> float:
     return spacing * max(LEAST, min(ROWS, SHARE * rows, MANY / max(rows, 1.0)))
 
 
-def turned(
-    rows: Sequence[Row], controls: Sequence[Control], spacing: float, beyond: float
-) -> tuple[float, float | None]:
+def turned(seen: Array, controls: Sequence[Control], spacing: float, beyond: float) -> tuple[float, float | None]:
     """Where a control has turned round, at a radius with rows on both sides over more than what single nodes do.
 
     Parameters
     ----------
-    rows : sequence of Row
+    seen : array (M, 3)
+        Load, displacement and contact radius of rows along the curve.
     controls : sequence of Control
     spacing : float
     beyond : float
@@ -83,8 +91,7 @@ def turned(
     centre : float or None
         The radius.
     """
-    rows = sorted(rows, key=lambda row: row.arc)
-    radii = np.array([row.reading.contact_radius for row in rows])
+    radii = seen[:, 2]
     inner = np.flatnonzero(radii > beyond)
     if beyond < 0.0 and inner.size:
         inner = inner[max(int(np.argmax(radii > 0.0)) - 1, 0) :]
@@ -96,25 +103,11 @@ def turned(
         # one row without contact, or beyond the window
         first = max(min(int(np.argmax(radii > max(radii[k] - half, 0.0))), k) - 1, 0)
         for control in controls:
-            values = np.array([control.value(*row.reading[:2]) for row in rows[first:]])
+            values = np.array([control.value(*row[:2]) for row in seen[first:]])
             others = np.delete(values, k - first)
             if k > first and not others.min() < values[k - first] < others.max():
                 return beyond, float(radii[k])
     return beyond, None
-
-
-class Fold(NamedTuple):
-    """A fold of the average: contact radius, load, displacement and energy there, errors, and arcs in its window.
-
-    The error of the potential V - F d, at the load of the fold, is smaller than those of its terms.
-    """
-
-    radius: float
-    values: Array
-    errors: Array
-    maximum: bool
-    arcs: int
-    potential: float
 
 
 @dataclass
@@ -148,7 +141,7 @@ class Samples:
         self.last = arc
         self.ends.append(seen[2].contact_radius)
         self.lengths.append(Measure.at(arc.begin, setup.length).apart(arc.end, arc.begin))
-        if seen[0].contact_radius > 0.0 and np.isfinite([one.four for one in seen]).all():
+        if seen[0].contact_radius > 0.0 and np.isfinite([one[:4] for one in seen]).all():
             radii = np.array([one.contact_radius for one in seen])
             own = np.maximum(_LAGRANGE @ (_WEIGHTS * (radii @ _SLOPES)), 0.0)
             length = max(radii[2] - radii[0], 0.0)
@@ -167,112 +160,294 @@ class Samples:
         self.values.append((touch.load, touch.displacement, touch.energy))
         self.weight.append(TOUCH * spacing)
 
-    def state(self, radius: float) -> Equilibrium:
-        """A state with fields near a contact radius; of these u, load and contact only."""
-        return min(self.states, key=lambda one: abs(one[0] - radius))[1]
 
-
-class Average:
-    """The averaged curve over a stretch of arcs.
+class Fit:
+    """Load, displacement and energy over the contact radius: local polynomials, and a spline through their middles.
 
     Parameters
     ----------
     samples : Samples
     spacing : float
+    width : float
+        Of the windows, relative.
     """
 
-    def __init__(self, samples: Samples, spacing: float) -> None:
-        self.spacing = spacing
+    def __init__(self, samples: Samples, spacing: float, width: float = WINDOW) -> None:
+        self.samples, self.spacing, self.width = samples, spacing, width
         self.radius, self.weight = np.array(samples.radius), np.array(samples.weight)
         self.values = np.array(samples.values).reshape(-1, 3)
         self.first, self.last = (float(f(self.radius)) for f in (np.min, np.max))
+        count = max(4, int(CENTRES * (self.last - self.first) / spacing))
+        self.centres = np.linspace(self.first, self.last, count)
+        middles, self.scatter = (np.array(own) for own in zip(*map(self._window, self.centres), strict=True))
+        self.curve = CubicSpline(self.centres, middles)
 
-    def _fit(self, radius: float, width: float, degree: int) -> tuple[Array, float, float, Array, int]:
-        """Coefficients in (a - centre)/half, centre, half, root mean square of what is left, and states used."""
-        half = width * half_width(radius, self.spacing)
+    def _window(self, radius: float) -> tuple[Array, Array]:
+        """The average at a radius, and the error that the scatter of the arcs leaves to it."""
+        half = self.width * half_width(radius, self.spacing)
         room = 0.5 * half
         centre = min(max(radius, self.first + room), max(self.last - room, self.first + room))
+        distance = np.abs(self.radius - centre)
+        enough = np.sort(distance[self.weight > 0.0])[: 3 * (DEGREE + 1)]
+        half = max(half, 1.001 * float(enough[-1]))
         x = (self.radius - centre) / half
         near = (np.abs(x) < 1.0) & (self.weight > 0.0)
-        if near.sum() < 3 * (degree + 1):
-            half = 1.001 * np.sort(np.abs(self.radius[self.weight > 0.0] - centre))[: 3 * (degree + 1)][-1]
-            x = (self.radius - centre) / half
-            near = (np.abs(x) < 1.0) & (self.weight > 0.0)
         x, values = x[near], self.values[near]
-        weight = np.sqrt(self.weight[near] * (1.0 - np.abs(x) ** 3) ** 3)
-        basis = np.vander(x, degree + 1, increasing=True)
-        found = np.linalg.lstsq(basis * weight[:, None], values * weight[:, None], rcond=None)[0]
-        left = (weight[:, None] * (values - basis @ found)) ** 2
-        return found, centre, half, np.sqrt(left.sum(axis=0) / (weight**2).sum()), int(near.sum())
-
-    def at(self, radius: float, width: float = 1.0, degree: int = DEGREE) -> tuple[Array, Array]:
-        """Load, displacement and energy at a contact radius, and their slopes."""
-        found, centre, half, _, _ = self._fit(radius, width, degree)
-        x = (radius - centre) / half
-        powers = np.arange(degree + 1)
-        slopes = np.append(0.0, powers[1:] * x ** (powers[1:] - 1)) @ found / half
-        return x**powers @ found, slopes
-
-    def scatter(self, radius: float) -> tuple[Array, int]:
-        """How far states are from their average, and how many arcs are in the window."""
-        _, _, _, left, count = self._fit(radius, 1.0, DEGREE)
-        return left, max(count // 3, 1)
-
-    def _slope(self, control: Control, radius: float, width: float = 1.0, degree: int = DEGREE) -> float:
-        load, displacement, _ = self.at(radius, width, degree)[1]
-        return control.weighted(load, displacement)
+        weight = np.sqrt(self.weight[near] * (1.0 - np.abs(x) ** 3) ** 3)[:, None]
+        basis = np.vander(x, DEGREE + 1, increasing=True)
+        found = np.linalg.lstsq(basis * weight, values * weight, rcond=None)[0]
+        left = np.sqrt(((weight * (values - basis @ found)) ** 2).sum(axis=0) / (weight**2).sum())
+        return ((radius - centre) / half) ** np.arange(DEGREE + 1) @ found, left / np.sqrt(max(len(x) // 3, 1))
 
     @cached_property
-    def centres(self) -> Array:
-        """Radii at which the average is a centred one, about."""
-        edges = [half_width(radius, self.spacing) for radius in (self.first, self.last)]
-        low, high = self.first + 0.3 * edges[0], self.last - 0.3 * edges[1]
-        return np.linspace(low, high, max(2, int(CENTRES * (high - low) / self.spacing)))
+    def other(self) -> Fit:
+        """Over other windows, which tells its errors."""
+        return Fit(self.samples, self.spacing, OTHER * self.width)
 
-    def folds(self, control: Control) -> list[Fold]:
-        """The folds of a control in order of the contact radius, but for pairs that their errors swallow."""
-        slopes = np.array([self._slope(control, radius) for radius in self.centres])
-        found = []
-        for k in np.flatnonzero(slopes[:-1] * slopes[1:] < 0.0):
-            bracket = float(self.centres[k]), float(self.centres[k + 1])
-            if bracket[1] < FEWEST * self.spacing:
-                continue
-            radius = float(scipy.optimize.brentq(lambda a: self._slope(control, a), *bracket))
-            found.append(self._fold(control, radius, bool(slopes[k] > 0.0)))
-        while len(found) > 1:
-            heights = np.array([control.weighted(*fold.values[:2]) for fold in found])
-            errors = np.array([control.weighted(*fold.errors[1:3]) for fold in found])
-            rise = np.abs(np.diff(heights)) / np.maximum(errors[1:], errors[:-1])
-            least = int(np.argmin(rise))
-            if rise[least] >= 1.0:
+    def turns(self, control: Control) -> tuple[Array, Array]:
+        """Contact radii where what is controlled turns round, and its values there."""
+        own = CubicSpline(self.centres, self.curve(self.centres)[:, :2] @ control.weights)
+        found = own.derivative().roots(extrapolate=False)
+        return found, own(found)
+
+    def rippled(self, controls: Sequence[Control]) -> bool:
+        """Whether neighbouring folds of a control differ by less than their errors."""
+        errors = self.scatter + np.abs(self.curve(self.centres) - self.other.curve(self.centres))
+        for control in controls:
+            places, heights = self.turns(control)
+            left = np.interp(places, self.centres, errors[:, :2] @ np.abs(control.weights))
+            if (np.abs(np.diff(heights)) < np.maximum(left[1:], left[:-1])).any():
+                return True
+        return False
+
+
+class AveragedProblem(EquilibriumProblem):
+    """The average over a stretch of arcs: x = (F, d), and the parameter is the contact radius.
+
+    Parameters
+    ----------
+    lattice : LatticeProblem
+    samples : Samples
+    fit : Fit
+    first : float
+        Contact radius at which its rows begin.
+    """
+
+    given: ClassVar[bool] = True
+    ordered: ClassVar[bool] = True
+    rounding = 1e-12
+
+    def __init__(self, lattice: LatticeProblem, samples: Samples, fit: Fit, first: float) -> None:
+        self.lattice, self.samples, self.fit, self.first = lattice, samples, fit, first
+        self.setup, self.scale, self.work = lattice.setup, lattice.setup.lattice.spacing, lattice.work
+        self.states, self.behind = list(samples.states), samples.last
+
+    @property
+    def parameter_range(self) -> tuple[float, float]:
+        """The stretch."""
+        return self.first, self.fit.last
+
+    def residual(self, x: Vector, p: float) -> Vector:
+        """How far load and displacement are from the average."""
+        return x - self.fit.curve(p)[:2]
+
+    def linearise(self, x: Vector, p: float) -> Linearisation:
+        """The identity, and the slopes of the average."""
+        return Linearisation(self.residual(x, p), np.eye(2), -self.fit.curve(p, 1)[:2])
+
+    def at(self, p: float) -> Point:
+        """The point at a contact radius."""
+        x, slope = self.fit.curve(p)[:2], self.fit.curve(p, 1)[:2]
+        return Point(self, x, p, slope, 1.0, observables=self.observables(x, p))
+
+    def start(self, control: Control) -> Point:
+        """Where its rows begin."""
+        return self.at(self.first)
+
+    def steps(self, start: Point) -> Options:
+        """Some in every row of nodes."""
+        share = self.setup.lattice.spacing / (ROWS_A_ROW * (self.fit.last - self.first))
+        share = min(share, 0.5)
+        return replace(
+            STEPS, largest_parameter_step=share, first_step=share, angle=1.0, angle_limit=1.5, tolerance=1e-6
+        )
+
+    def successor(self, name: str, points: Sequence[Point]) -> Succession | None:
+        """It takes the place of rows that it spans; behind its last arc the lattice's own curve goes on."""
+        if name == "average":
+            radii = [row.observables["contact_radius"] for row in points[:-1]]
+            kept = next((k for k, radius in enumerate(radii) if radius > self.first), len(radii))
+            return Succession("", points[-1], (points[-1],), dropped=len(points) - max(kept, 1))
+        return Succession("", points[-1], (self.lattice.behind(self.samples),), same=False, dropped=1)
+
+    def values(self, x: Vector, p: float) -> Values:
+        """Of the average."""
+        load, displacement, energy = self.fit.curve(p).tolist()
+        return Values(load, displacement, p, 0.0, energy)
+
+    def observables(self, x: Vector, p: float) -> Mapping[str, float]:
+        """The values, and the length of the rim."""
+        perimeter = float(np.interp(p, self.samples.radius, self.samples.perimeters))
+        return self.values(x, p)._asdict() | {"perimeter": perimeter, "fft_pairs": float(self.state(p).pairs)}
+
+    def rates(self, x: Vector, p: float, x_rate: Vector, p_rate: float) -> Rates:
+        """Of the average."""
+        load, displacement, _ = (p_rate * self.fit.curve(p, 1)).tolist()
+        return Rates(load, displacement, p_rate, 0.0)
+
+    def finer(self) -> AveragedProblem:
+        """Over other windows, which tells its errors."""
+        return self._other
+
+    @cached_property
+    def _other(self) -> AveragedProblem:
+        return AveragedProblem(self.lattice, self.samples, self.fit.other, self.first)
+
+    def meeting(self, begin: Point, end: Point, control: Control, value: float) -> Point | None:
+        """The state on the lattice next to the place where the average has the value."""
+        known = [control.value(row.observables["load"], row.observables["displacement"]) for row in (begin, end)]
+        share = (value - known[0]) / (known[1] - known[0]) if known[1] != known[0] else 0.0
+        place = begin.parameter + share * (end.parameter - begin.parameter)
+        return self.lattice.beside(self.nearest(place), control, value)
+
+    def left_out(self, x: Vector, p: float) -> tuple[float, float, float, float]:
+        """What the scatter of the arcs leaves open, and what the cell does."""
+        load, displacement, _ = np.array([np.interp(p, self.fit.centres, own) for own in self.fit.scatter.T]).tolist()
+        cell = read(self.setup, self.nearest(p)).errors
+        return load + cell[0], displacement + cell[1], MEASURED * self.fit.spacing + cell[2], 0.0
+
+    def defect(self, point: Point) -> Defect:
+        """By the other windows."""
+        p = point.parameter
+        load, displacement, _ = (self.fit.curve(p) - self.fit.other.curve(p)).tolist()
+        return Defect(load, displacement, 0.0)
+
+    def verdict(self, point: Point, control: Control, error: Sequence[float]) -> tuple[str | None, str]:
+        """It was not looked for on another lattice."""
+        near = np.abs(self.fit.radius - point.parameter) < self.fit.width * half_width(
+            point.parameter, self.fit.spacing
+        )
+        return "averaged", f"The average over {int(near.sum()) // 3} changes of the contact on the lattice."
+
+    # -- the states beside it -----------------------------------------------------------------------------------------
+    def state(self, p: float) -> Equilibrium:
+        """The state with fields next to a contact radius; of these u, load and contact only."""
+        return min(self.states, key=lambda one: abs(one[0] - p))[1]
+
+    def nearest(self, p: float) -> Equilibrium:
+        """The same with all fields; one pair of transforms."""
+        state = self.state(p)
+        return self.lattice.state(state.u.ravel(), state.load)
+
+    @property
+    def countable(self) -> bool:
+        """Not of the states beside it, with their ripples."""
+        return False
+
+    def unstable(self, x: Vector, p: float) -> int:
+        """Of the state beside it."""
+        return self.lattice.modes.symmetric(self.nearest(p))
+
+    def azimuthal(self, x: Vector, p: float, unstable: int, limit: int = 32, near: int = 1) -> Count | None:
+        """Of the state beside it."""
+        state = self.state(p)
+        return self.lattice.azimuthal(state.u.ravel(), state.load, unstable, limit, near)
+
+    def profile(self, x: Vector, p: float) -> Profile:
+        """Of the state beside it."""
+        state = self.state(p)
+        return self.lattice.profile(state.u.ravel(), state.load)
+
+    def described(self, x: Vector, p: float) -> Mapping[str, Any]:
+        """Of the state beside it."""
+        state = self.state(p)
+        return self.lattice.described(state.u.ravel(), state.load)
+
+    def relaxes_to(self, other: EquilibriumProblem) -> bool:
+        """Whatever lies on the lattice."""
+        return self.lattice.relaxes_to(other)
+
+    def relaxed(
+        self, fold: Point, control: Control, direction: int, others: Sequence[Point], guarded: bool
+    ) -> int | None:
+        """From the state beside the fold."""
+        return self.lattice.landed(self.nearest(fold.parameter), fold, control, direction, others)
+
+    def away(self, point: Point, state: Equilibrium) -> float:
+        """Whether a state with about the contact radius of a point is far from it."""
+        radius = read(self.setup, state, cell=False).contact_radius
+        return 0.0 if abs(radius - point.parameter) <= self.setup.lattice.spacing else np.inf
+
+
+def averaged(
+    lattice: LatticeProblem, points: Sequence[Point], centre: float, controls: Sequence[Control], stuck: bool
+) -> Point | None:
+    """The average around a contact radius that has been passed, or where steps lead nowhere: its first point.
+
+    Parameters
+    ----------
+    points : sequence of Point
+        The rows of the piece of curve, in order.
+    controls : sequence of Control
+        Every fold of which is to lie well inside.
+    stuck : bool
+    """
+    setup = lattice.setup
+    spacing, wide = setup.lattice.spacing, half_width(centre, setup.lattice.spacing)
+    radii = np.array([point.observables["contact_radius"] for point in points])
+    samples, row = lattice.past, 0
+    if samples is not None and samples.last is not None and samples.ends[-1] >= centre - 1.5 * wide:
+        begin, end = samples.last.middle, samples.last.end
+        fields = end.fields._replace(u=2.0 * end.u - begin.u, load=2.0 * end.load - begin.load)
+        way = end, replace(end, fields=fields)
+    else:
+        below = np.flatnonzero(radii[:-1] <= max(centre - 1.3 * wide, 0.0))
+        if not below.size or not (points[row := int(below[-1])].x.size and points[row + 1].x.size):
+            return None
+        way = lattice.at(points[row]), lattice.at(points[row + 1])
+        samples = Samples()
+        if row == 0 and lattice.touch is not None:
+            samples.begin(Reading(*lattice.values(lattice.touch.x, lattice.touch.parameter)), spacing)
+    wanted, known = centre + (STUCK * spacing if stuck else 0.0), len(samples.ends)
+    reach, fit = wanted, None
+    for arc in arcs(setup.problem, setup.length, way, lattice.settings):
+        end_radius = samples.add(setup, arc)
+        if end_radius >= reach + 1.3 * half_width(reach, spacing):
+            fit = _ironed(samples, spacing, controls)
+            reach = max([reach, *(float(radius) for one in controls for radius in fit.turns(one)[0])])
+            if reach + 1.1 * half_width(reach, spacing) < end_radius:
                 break
-            del found[least : least + 2]  # no more than the ripples leave
-        return found
+        if end_radius < max(samples.ends) - STUCK * spacing or end_radius > 0.49 * setup.edge:
+            break
+        if len(samples.ends) - known > MOST_ARCS:
+            break
+    if not (len(samples.ends) > known + 2 and samples.radius and samples.radius[-1] > wanted):
+        return None
+    fit = fit or _ironed(samples, spacing, controls)
+    kept, least = points[row], fit.first + 0.5 * spacing * (fit.first == 0.0)
+    x_rate, load = kept.tangent_x, kept.tangent_parameter
+    if row:
+        x_rate, load = kept.x - points[row - 1].x, kept.parameter - points[row - 1].parameter
+    load, displacement, *_ = lattice.rates(kept.x, kept.parameter, x_rate, load)
+    first = _joint(fit, max(kept.observables["contact_radius"], least), (load, displacement), controls)
+    return None if first >= fit.last else AveragedProblem(lattice, samples, fit, first).at(first)
 
-    def _fold(self, control: Control, radius: float, maximum: bool) -> Fold:
-        values = self.at(radius)[0]
-        left, count = self.scatter(radius)
-        half = half_width(radius, self.spacing)
-        differences, potential = np.zeros(4), 0.0
-        for width, degree in OTHERS:
-            near = np.linspace(radius - 0.6 * half, radius + 0.6 * half, 26)
-            near = near[(near > self.first) & (near < self.last)]
-            heights = np.array([self.at(a, width, degree)[0] for a in near])
-            driven = np.array([control.weighted(*row[:2]) for row in heights])
-            best = int(np.argmax(driven) if maximum else np.argmin(driven))
-            place = self._vertex(near, driven, best)
-            change = self.at(place, width, degree)[0] - values
-            differences = np.maximum(differences, np.abs(np.append(place - radius, change)))
-            along = (values[0] + 0.5 * change[0]) * change[1]
-            potential = max(potential, abs(float(change[2] - along)))
-        errors = OTHER * differences + np.append(MEASURED * self.spacing, SCATTER * left / np.sqrt(count))
-        return Fold(radius, values, errors, maximum, count, OTHER * potential)
 
-    @staticmethod
-    def _vertex(places: Array, heights: Array, best: int) -> float:
-        """The extremum of the parabola through the best of equidistant places and its neighbours."""
-        if not 0 < best < len(places) - 1:
-            return float(places[best])
-        before, here, after = heights[best - 1 : best + 2]
-        bend = before - 2.0 * here + after
-        return float(places[best] + 0.5 * (places[1] - places[0]) * (before - after) / bend if bend else places[best])
+def _joint(fit: Fit, first: float, ahead: tuple[float, float], controls: Sequence[Control]) -> float:
+    """The first contact radius, from one on, at which the average goes the way of the lattice's curve before it."""
+    way = np.sign([one.weighted(*ahead) for one in controls])
+    for radius in first + fit.spacing * np.linspace(0.0, JOINT, 13):
+        slopes = [one.weighted(*fit.curve(radius, 1)[:2]) for one in controls]
+        if (np.sign(slopes) == way).all():
+            return float(radius)
+    return first
+
+
+def _ironed(samples: Samples, spacing: float, controls: Sequence[Control]) -> Fit:
+    """The average over windows so wide that its folds differ by more than the ripples leave."""
+    fit = Fit(samples, spacing)
+    for _ in range(WIDENINGS):
+        if not fit.rippled(controls):
+            break
+        fit = Fit(samples, spacing, WIDER * fit.width)
+    return fit

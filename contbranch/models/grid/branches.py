@@ -10,24 +10,27 @@ The branch with the opposite amplitude is the image of this one and is not follo
 
 from __future__ import annotations
 
-import time
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
-from contbranch.curve.outcome import RawCurve
-from contbranch.curve.trace import Request
+from contbranch.continuation import Point, StopAt
+from contbranch.continuation.follow import Branch
+from contbranch.curve.events import Ceiling, Folds
+from contbranch.curve.outcome import RawCurve, RawEvent
+from contbranch.curve.problem import Count
+from contbranch.curve.rows import raw_curve
+from contbranch.curve.trace import Request, follow_from
+from contbranch.curve.track import Track
 
 from .arrays import Array
-from .setup import Setup
-from .switching import Switched, kept_symmetry, mirrored, switch
-from .symmetry import Breaking, distinct
-from .trace import Traced, followed
+from .equilibria import LatticeProblem
+from .measure import quietly
+from .stability import Stability
+from .switching import Departure, Image, Switched, has_symmetry, kept_symmetry, lacking, mirrored, switch
 from .transforms import EVEN
-from .walk import Point, quietly
 
-__all__ = ["POINTS", "follow_branch", "with_branches"]
+__all__ = ["POINTS", "departure", "follow_branch", "with_branches"]
 
 
 # Points of a branch at most.
@@ -37,91 +40,133 @@ POINTS = 60
 BACK, SAME = 0.3, 0.05
 
 
-@dataclass
-class _Ending:
-    """Whether a branch has come back to the symmetric curve, or has as many points as were asked for."""
+class BranchProblem(LatticeProblem):
+    """Equilibria of a branch on the whole lattice.
 
-    switched: Switched
-    points: int
-    count: int = 2
-    odd: Array | None = field(default=None, repr=False)
+    Parameters
+    ----------
+    origin : LatticeProblem
+        Of the curve that it leaves.
+    switched : Switched
+        Its first states.
+    points : int
+        With which it ends.
+    """
 
-    def __call__(self, points: Sequence[Point]) -> tuple[str, bool] | None:
-        """The message with which it ends, and whether the last point lies beyond."""
-        lattice, sector = self.switched.problem.lattice, self.switched.sector
-        u = points[-1].state.u
-        odd = u - mirrored(lattice, u, sector)
-        before, self.odd, self.count = self.odd, odd, self.count + 1
-        if before is not None and np.vdot(before, odd) <= 0.0:
-            return "The branch meets the symmetric curve again, and goes on as its own image.", True
-        if self.count >= self.points:
-            return f"The branch was followed over {self.points} points.", False
-        return None
+    tells_modes = False
+
+    def __init__(self, origin: LatticeProblem, switched: Switched, points: int) -> None:
+        super().__init__(origin.setup.whole(), origin.tolerance, wall=True)
+        self.switched, self.points = switched, points
+        self.kept: Image = kept_symmetry(self.setup.lattice, switched.sector, origin.nodes.swapped)
+        self.stability, self.turning = Stability(self.nodes), origin.modes.axisymmetric
+        self.message = ""
+
+    def begin(self) -> Point:
+        """The first state, towards the second."""
+        first, last = self.switched.states
+        return self.point(first, (last.u - first.u, last.load - first.load))
+
+    def odd(self, x: Array) -> Array:
+        """What the symmetry of the curve changes."""
+        u = x.reshape(self.nodes.shape)
+        return np.asarray(u - mirrored(self.setup.lattice, u, self.switched.sector))
+
+    def walked(self, start: Point, folds: Folds, end: Ceiling, stop: StopAt) -> Branch:
+        """Up to where it meets the curve again, or has as many points as were asked for."""
+        odd, count = self.odd(start.x), 1
+
+        def ended(point: Point) -> bool:
+            nonlocal odd, count
+            before, odd, count = odd, self.odd(point.x), count + 1
+            if np.vdot(before, odd) <= 0.0:
+                self.message = "The branch meets the symmetric curve again, and goes on as its own image."
+            elif count >= self.points:
+                self.message = f"The branch was followed over {self.points} points."
+            return bool(self.message)
+
+        return super().walked(start, folds, end, StopAt(predicate=ended))
+
+    def ending(self, name: str, point: Point) -> str:
+        """By what it was ended."""
+        return self.message or super().ending(name, point)
+
+    def unstable(self, x: Array, p: float) -> int:
+        """Modes with the symmetry that the branch keeps; at its very beginning an eigenvalue is all but zero."""
+        spectrum = self.stability.spectrum(self.state(x, p), None)
+        return int((has_symmetry(spectrum, self.kept) & (spectrum.eigenvalues < 0.0)).sum())
+
+    def azimuthal(self, x: Array, p: float, unstable: int, limit: int = 32, near: int = 1) -> Count | None:
+        """Modes without it, but for the turn around the axis."""
+        if not limit:
+            return None
+        number = lacking(self.stability.spectrum(self.state(x, p), None), self.kept, self.turning)
+        return Count((number,) if number else ())
 
 
-def follow_branch(setup: Setup, event: Breaking, request: Request, points: int | None = None) -> Traced | str:
+def departure(event: RawEvent) -> Departure:
+    """Where a branch leaves at a symmetry event."""
+    place, mode = event.place, event.mode or 0
+    problem: LatticeProblem = place.problem
+    state = problem.at(place)
+    found = problem.modes.of(state, mode, event.index)
+    return Departure(state, found.sector or EVEN, mode, found.vector)
+
+
+def follow_branch(event: RawEvent, request: Request, points: int | None = None) -> Track | str:
     """Follow the branch that leaves a curve at a symmetry event; the reason, a sentence, if none was found.
 
     Parameters
     ----------
-    setup : Setup
-        With which the event was found, on a quarter of the lattice.
-    event : Breaking
+    event : RawEvent
+        Found on a quarter of the lattice.
     request : Request
         As for `trace`. Without modes, those that break the symmetry of the branch are not counted.
     points : int, optional
         The branch ends after so many (default: `POINTS`), if it has not come back to the symmetric curve before.
     """
-    sector = event.kind.sector
-    what = f"at load {event.equilibrium.load * setup.units.load:.6g} with mode {event.mode}"
-    if sector == EVEN and event.mode % 4 == 0:
+    origin: LatticeProblem = event.place.problem
+    leaves = departure(event)
+    what = f"at load {leaves.equilibrium.load * origin.setup.units.load:.6g} with mode {leaves.mode}"
+    if leaves.sector == EVEN and leaves.mode % 4 == 0:
         return f"The branch {what} has the symmetry of the lattice, which cannot tell it from the curve."
     with quietly():
-        switched = switch(setup.problem, event)
-    if switched is None:
-        return f"No states of the branch {what} were found."
-    whole = setup.whole()
-    kept = kept_symmetry(whole.lattice, sector, setup.problem.swapped)
-    ending = _Ending(switched, POINTS if points is None else points)
-    return followed(whole, request, switched.states, ending, kept)
+        switched = switch(origin.nodes, leaves)
+        if switched is None:
+            return f"No states of the branch {what} were found."
+        problem = BranchProblem(origin, switched, POINTS if points is None else points)
+        return follow_from(problem.begin(), request)
 
 
-def with_branches(setup: Setup, traced: Traced, request: Request) -> RawCurve:
+def with_branches(curve: RawCurve, request: Request) -> RawCurve:
     """The raw result of a traced curve together with every branch that leaves it.
 
     A branch that comes back to the curve at another event is not followed again from there.
     """
-    began, curve = time.perf_counter(), traced.curve
-    known: list[tuple[Breaking, Traced]] = []
-    notes = [curve.message] if curve.message else []
-    missing = []
+    known: list[tuple[RawEvent, Track]] = []
+    notes, missing = [curve.message] if curve.message else [], []
     if request.target is None and len(curve.load):
         request = replace(request, target=float(curve.load.max()))
-    for event in distinct(traced.breakings) if setup.contact.tip.is_axisymmetric else traced.breakings:
-        if any(_ends_at(branch, origin, event) for origin, branch in known):
+    for event in curve.events:
+        if event.kind != "symmetry" or any(_ends_at(branch, origin, event) for origin, branch in known):
             continue
-        found = follow_branch(setup, event, request)
+        found = follow_branch(event, request)
         if isinstance(found, str):
             missing.append(found)
         else:
             known.append((event, found))
-    others = tuple(branch.curve for _, branch in known)
+    others = tuple(raw_curve(branch, request) for _, branch in known)
     missing += [f"Branch {number}: {one.message}" for number, one in enumerate(others, start=1) if one.message]
-    return replace(
-        curve,
-        others=others,
-        complete=curve.complete and not missing,
-        message=" ".join(notes + missing),
-        cost=setup.counter.cost(curve.cost.wall_s + time.perf_counter() - began),
-    )
+    complete, message = curve.complete and not missing, " ".join(notes + missing)
+    return replace(curve, others=others, complete=complete, message=message)
 
 
-def _ends_at(branch: Traced, origin: Breaking, event: Breaking) -> bool:
+def _ends_at(branch: Track, origin: RawEvent, event: RawEvent) -> bool:
     """Whether a branch that left at one event has come back at another."""
-    if event.kind.sector != origin.kind.sector or event.mode != origin.mode:
+    problem = branch.problem(0)
+    if event.mode != origin.mode or not isinstance(problem, BranchProblem):
         return False
-    lattice, sector = branch.setup.lattice, origin.kind.sector
-    sizes = [np.abs(row.u - mirrored(lattice, row.u, sector)).max() for row in branch.rows if row.u is not None]
-    there = np.array([event.equilibrium.load, event.equilibrium.displacement])
-    close = np.abs(there - branch.rows[-1].reading[:2]) <= SAME * np.maximum(1.0, np.abs(there))
-    return bool(close.all() and sizes and sizes[-1] < BACK * max(sizes))
+    sizes = [np.abs(problem.odd(point.x)).max() for point in branch.points]
+    there, last = np.array(event.values[:2]), branch.points[-1].observables
+    close = np.abs(there - [last["load"], last["displacement"]]) <= SAME * np.maximum(1.0, np.abs(there))
+    return bool(close.all() and sizes[-1] < BACK * max(sizes))

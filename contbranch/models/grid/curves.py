@@ -1,109 +1,137 @@
-"""The curves of a contact on a lattice: what is asked of any model's, answered by walks of their own."""
+"""The curves of a contact on a lattice: those of its equilibrium problem, and single states without a curve."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
-from functools import cached_property
-from itertools import chain
 
-from contbranch.contact.contact import Contact
 from contbranch.contact.height_map import HeightMap
-from contbranch.curve.curves import EXTENSIONS, Coexisting, Route, landed
-from contbranch.curve.outcome import RawCurve, state_in_units
-from contbranch.curve.quasi_static import Stop, quasi_static
-from contbranch.curve.trace import Request
+from contbranch.curve.curves import Coexisting, FollowedCurves
+from contbranch.curve.outcome import RawCurve
+from contbranch.curve.problem import EquilibriumProblem
+from contbranch.curve.rows import raw_curve
+from contbranch.curve.trace import Request, trace
+from contbranch.curve.track import Track
 from contbranch.results.diagram import State
 from contbranch.watch import kept, over
 
 from .branches import with_branches
+from .equilibria import LatticeProblem
+from .measure import quietly
 from .model import FreeSpace, Periodic
-from .paths import GridWalk
+from .ramp import jump_message
+from .resolution import Resolution, border_energy, border_message, repetition, warn
+from .setup import Setup
 from .size import announce, chosen_size
-from .solve import find_all, solve_all
-from .trace import trace
+from .solve import solve_all
+from .walk import HOPELESS
 
-__all__ = ["LatticeCurves"]
+__all__ = ["LatticeCurves", "traced"]
 
-# A curve is continued up to a load greater by this factor, until what a path jumps to lies on it.
-FURTHER = 1.5
+# Where the law is stiffer than the lattice by this factor, a contact of many nodes cannot be followed, and one of few.
+COARSE, SMALL, FEW = 1.6, 128, 2.2
+# The largest array of nodes on which the curve is followed instead.
+LARGEST = 1024
 
 
 @dataclass(frozen=True)
-class LatticeCurves:
+class LatticeCurves(FollowedCurves):
     """Curves of a contact on a lattice (a `curve.curves.Curves`).
 
     Attributes
     ----------
     contact : Contact
         In its own units.
-    given : Periodic or FreeSpace
+    model : Periodic or FreeSpace
         In the contact's units.
     """
 
-    contact: Contact
-    given: Periodic | FreeSpace
+    model: Periodic | FreeSpace  # type: ignore[assignment]
     followable = False
 
-    @cached_property
-    def model(self) -> Periodic | FreeSpace:
-        """The model in reduced units."""
-        return self.given.scaled(self.contact)
+    def setup(self, request: Request, field: str | None = None, value: float | None = None) -> Setup:
+        """The lattice for a load or displacement, or for a trace to its largest load."""
+        asked = request.target if field is None else value
+        return self.model.scaled(self.contact).setup(self.reduced, field, asked, request.accuracy)
 
-    @cached_property
-    def reduced(self) -> Contact:
-        """The contact in reduced units."""
-        return self.contact.to_reduced()
+    def problem(self, request: Request) -> EquilibriumProblem:
+        """The first problem of the curve."""
+        return LatticeProblem(self.setup(request), tolerance(request))
+
+    def track(self, request: Request, tolerance: float | None = None) -> Track:
+        """The curve, with what is to be said of the lattice; where it is too coarse, on twice the nodes a side."""
+        return traced(self.setup(request), request)
 
     def trace(self, request: Request) -> RawCurve:
         """The whole curve with its events, and its branches if the model wants them."""
-        setup = self.model.setup(self.reduced, None, request.target, request.accuracy)
-        announce(setup.grid)
-        traced = trace(setup, request)
-        if not self.model.branches or over():
-            return traced.curve
-        return kept(lambda: with_branches(setup, traced, request), traced.curve)
+        track = self.track(request)
+        with quietly():
+            curve = raw_curve(track, request)
+            if not self.model.branches or over():
+                return curve
+            return kept(lambda: with_branches(curve, request), curve)
 
     def solve(self, request: Request, field: str, value: float, near: State | None = None) -> Coexisting:
         """Equilibria with a load or displacement, one for every start that leads to one.
 
         Where `near` has the fields of this lattice, it is the start.
         """
-        setup = self.model.setup(self.reduced, field, value, request.accuracy)
-        return solve_all(setup, request, field, value, near)
+        return solve_all(self.setup(request, field, value), request, field, value, near)
 
     def find_all(self, request: Request, field: str, value: float, window: tuple[float, float] | None) -> Coexisting:
         """The equilibria on the curve with a value, in a window of displacements; others are not looked for."""
-        model, contact = self.model, self.reduced
-        setup = model.setup(contact, field, value, request.accuracy)
+        setup, contact, model = self.setup(request, field, value), self.reduced, self.model
+        edge, grid = setup.edge, setup.grid
         if model.cell is None and not isinstance(contact.tip, HeightMap):
             # The curve goes on to the events, which may take more room than the value does.
-            room, _ = chosen_size(contact, model.name, (None, setup.grid), (None, None), request.accuracy)
-            if room > setup.edge:
+            room, _ = chosen_size(contact, model.name, (None, grid), (None, None), request.accuracy)
+            if room > edge:
                 edge, grid = chosen_size(contact, model.name, (room, model.grid), (field, value), request.accuracy)
-                setup = replace(setup, edge=edge, grid=grid)
-        return find_all(setup, request, field, value, window)
+        sized = replace(model, cell=edge * self.contact.scales.in_plane, grid=grid)
+        if field == "load":
+            request = replace(request, target=max(value, 0.0) * 1.1 + 1.0)
+        return super(LatticeCurves, replace(self, model=sized)).find_all(request, field, value, window)
 
-    def path(self, request: Request) -> Route:
-        """The quasi-static path under a control."""
-        setup = self.model.setup(self.reduced, None, request.target, request.accuracy)
-        announce(setup.grid)
-        for _ in range(EXTENSIONS):
-            traced = trace(setup, request)
-            walk = GridWalk(traced, request.control, request.accuracy)
-            legs, jumps = quasi_static(walk) if len(traced.rows) > 1 else ([], [])
-            lost = any(jump.end is None and jump.direction > 0 for jump in jumps)
-            if not lost or walk.astray or not traced.curve.complete or over():
-                break
-            request = replace(request, target=FURTHER * float(traced.curve.load[-1]))
-        curve = traced.curve
-        notes = chain((landed(self.contact, *note) for note in walk.notes), (self._astray(*one) for one in walk.astray))
-        message = " ".join([curve.message, *notes]).strip()
-        return Route(walk, legs, walk.appraised(jumps), curve, curve.complete and not walk.astray, message)
 
-    def _astray(self, fold: Stop, end: State) -> str:
-        """A sentence on a relaxation that has left the curve, in the contact's units."""
-        begin, after = state_in_units(self.contact, fold.state), state_in_units(self.contact, end)
-        return (
-            f"The relaxation from the fold at load {begin.load:.6g}, displacement {begin.displacement:.6g} ends in a "
-            f"state that is not on the traced curve (load {after.load:.6g}, displacement {after.displacement:.6g})."
-        )
+def tolerance(request: Request) -> float:
+    """Residual of the points of a curve, relative."""
+    return min(max(request.accuracy, 1e-10), 1e-6)
+
+
+def traced(setup: Setup, request: Request) -> Track:
+    """The curve on a lattice, with what is to be said of that; where it is too coarse, on twice the nodes a side."""
+    announce(setup.grid)
+    resolution = Resolution.of(setup)
+    notes = [resolution.message, repetition(setup), jump_message(setup.law)]
+    for note in notes:
+        warn(note)
+    fine = setup.averaging and not setup.crowded and 1.0 < resolution.ratio <= HOPELESS
+    fine &= 2 * setup.lattice.size <= LARGEST
+    coarse = fine and resolution.ratio > (COARSE if setup.lattice.size > SMALL else FEW)
+    with quietly():
+        track = None if coarse else trace(LatticeProblem(setup, tolerance(request)), request)
+        if track is None or (fine and not track.complete and not over()):
+            finer = traced(setup.fine, request)
+            note = f"On a grid of {setup.grid} nodes the curve cannot be followed: this is that on twice as many."
+            return replace(finer, message=f"{note} {finer.message}".strip())
+        notes.append(_reaching(setup, track))
+        warn(notes[-1])
+    notes.append(no_comparison(setup))
+    return replace(track, message=" ".join(filter(None, [track.message, *notes])))
+
+
+def no_comparison(setup: Setup) -> str:
+    """A sentence if there is no lattice with half the nodes to compare with; errors of points are then not known."""
+    if setup.coarse is not None:
+        return ""
+    fitting = 2 * setup.grid if setup.crowded else max(16, 4 * math.ceil(setup.grid / 4))
+    return f"Errors of points are not known on a grid of {setup.grid}: use one divisible by 4, such as {fitting}."
+
+
+def _reaching(setup: Setup, track: Track) -> str:
+    """Where along the curve the interaction reaches furthest beyond the border of the cell."""
+    heights = setup.problem.heights
+    touching = (point for point in track.points if point.x.size == heights.size and point.observables["contact_radius"])
+    gaps = ((heights + point.x.reshape(heights.shape), point.parameter) for point in touching)
+    worst = max(gaps, key=lambda gap: border_energy(setup.problem, gap[0]), default=None)
+    return "" if setup.crowded or worst is None else border_message(setup, *worst)

@@ -13,9 +13,9 @@ iteration breaks that.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,18 +23,13 @@ from .arrays import Array, Mask
 from .lattice import Lattice
 from .newton import Equilibrium, Hold, Settings, newton
 from .problem import GridProblem
-from .setup import Setup
-from .stability import ZERO, Sector, Spectrum, Stability
-from .symmetry import Breaking
+from .stability import ZERO, Sector, Spectrum
 from .transforms import EVEN
 
-if TYPE_CHECKING:
-    from .rows import Row
-
 __all__ = [
+    "Departure",
     "Image",
     "Switched",
-    "first_index",
     "has_symmetry",
     "kept_symmetry",
     "lacking",
@@ -52,13 +47,24 @@ TURN = 0.02
 
 # Amplitude, relative to the length over which the interaction decays.
 AMPLITUDE = 0.03
-# Factor of it where an eigenvalue jumps as the contact changes by a node: many have to change.
+# Factor of it with a contact, where an eigenvalue jumps as that changes by a node: many have to change.
 MANY = 4.0
 # Amplitudes are halved so often until both states are found, and the load changes like that of a pitchfork.
 HALVINGS = 4
 # How far F₂ from the first state may be from the extrapolated one, relative.
 SHARE = 0.2
 SETTINGS = Settings(tolerance=1e-9, steps=20)
+# What is left open of the load of an event, relative.
+ROUNDED = 1e-8
+
+
+class Departure(NamedTuple):
+    """Where a branch leaves: the state, its variation φ on a quarter of the lattice with its sector, and its mode."""
+
+    equilibrium: Equilibrium
+    sector: Sector
+    mode: int
+    vector: Array
 
 
 @dataclass(frozen=True)
@@ -120,14 +126,14 @@ def mirrored(lattice: Lattice, values: Array, sector: Sector) -> Array:
     return np.roll(np.flip(values, axis), lattice.inside - lattice.size, axis)
 
 
-def switch(problem: GridProblem, event: Breaking, amplitude: float | None = None) -> Switched | None:
+def switch(problem: GridProblem, event: Departure, amplitude: float | None = None) -> Switched | None:
     """Two states of the branch that leaves the curve at a symmetry event; None if they are not found.
 
     Parameters
     ----------
     problem : GridProblem
         In which the event was found, on a quarter of the lattice.
-    event : Breaking
+    event : Departure
     amplitude : float, optional
         ε, largest change of the gap at the first state, in units of length; default: from the interaction. It is halved
         where the states are not found, or are not those of a pitchfork.
@@ -137,12 +143,12 @@ def switch(problem: GridProblem, event: Breaking, amplitude: float | None = None
     ValueError
         If the event's variation cannot be told from its opposite by a symmetry of the lattice (cos 4θ, for instance).
     """
-    sector = event.kind.sector
+    sector = event.sector
     if sector == EVEN and event.mode % 4 == 0:
         raise ValueError(f"mode: {event.mode}; the lattice has no symmetry that it breaks")
     lattice = problem.lattice
     whole = whole_problem(problem)
-    vector = event.vector
+    vector = event.vector / event.vector.flat[np.argmax(np.abs(event.vector))]
     if sector == EVEN:
         vector = 0.5 * (vector - vector.T)
     direction = lattice.unfold(vector, sector)
@@ -155,22 +161,23 @@ def switch(problem: GridProblem, event: Breaking, amplitude: float | None = None
         lattice.unfold(state.contact.astype(np.float64)) > 0.5,
         Settings(tolerance=max(SETTINGS.tolerance, 2.0 * state.residual), steps=0),
     )
-    epsilon = amplitude if amplitude is not None else _amplitude(origin) * (MANY if event.jump else 1.0)
+    touching = bool(origin.contact.any())
+    epsilon = amplitude if amplitude is not None else _amplitude(origin) * (MANY if touching else 1.0)
     best: Switched | None = None
     for _ in range(HALVINGS + 1):
         found = _pair(whole, origin, direction, epsilon, event)
         best = found or best
-        if found is not None and (event.jump or abs(_near(found) - found.curvature) <= SHARE * abs(found.curvature)):
+        if found is not None and (touching or abs(_near(found) - found.curvature) <= SHARE * abs(found.curvature)):
             break
         epsilon *= 0.5
     return best
 
 
 def _pair(
-    problem: GridProblem, origin: Equilibrium, direction: Array, epsilon: float, event: Breaking
+    problem: GridProblem, origin: Equilibrium, direction: Array, epsilon: float, event: Departure
 ) -> Switched | None:
     """States at ε and 2ε, if there are, and are not the symmetric ones."""
-    sector = event.kind.sector
+    sector = event.sector
     row = _row(origin, direction)
     start = origin.u + epsilon * direction
     first = newton(problem, start, origin.load, _hold(origin, row, epsilon), settings=SETTINGS)
@@ -188,7 +195,7 @@ def _pair(
     near, far = rise / epsilon**2, (second.load - origin.load) / (4.0 * epsilon**2)
     curvature = (4.0 * near - far) / 3.0
     # With terms F₂ (1 + x + O(x²)), x ∝ ε², what the extrapolation leaves is 4 x² of it.
-    error = 4.0 * (curvature - near) ** 2 / abs(curvature) + 2.0 * event.load_error / epsilon**2
+    error = 4.0 * (curvature - near) ** 2 / abs(curvature) + 2.0 * ROUNDED * max(1.0, abs(origin.load)) / epsilon**2
     return Switched(
         problem,
         origin,
@@ -234,23 +241,6 @@ def kept_symmetry(lattice: Lattice, sector: Sector, swapped: bool) -> Image:
 def has_symmetry(spectrum: Spectrum, kept: Image) -> Mask:
     """Which variations are rather even than odd under a symmetry of the whole lattice."""
     return np.array([np.vdot(vector, kept(vector)) > 0.0 for vector in spectrum.vectors], dtype=bool)
-
-
-def first_index(setup: Setup, rows: Sequence[Row], folds: Sequence[int], kept: Image) -> int:
-    """Index under displacement control with which a branch begins: by eigenvalues, at a row inside the first piece.
-
-    At its very beginning an eigenvalue is all but zero; and rows without contact are preferred, since eigenvalues jump
-    with the nodes of a contact.
-    """
-    last = min([*folds, len(rows) - 1])
-    inside = [row for row in rows[1 : last + 1] if row.u is not None]
-    free = [row for row in inside if row.reading.contact_radius == 0.0]
-    chosen = free or inside
-    state = chosen[len(chosen) // 2].state(setup.problem) if chosen else None
-    if state is None:
-        return 0
-    spectrum = Stability(setup.problem).spectrum(state, None)
-    return int((has_symmetry(spectrum, kept) & (spectrum.eigenvalues < 0.0)).sum())
 
 
 def lacking(spectrum: Spectrum, kept: Image, turning: bool) -> int:

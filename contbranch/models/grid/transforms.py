@@ -13,6 +13,7 @@ from typing import Literal
 import numpy as np
 import pyfftw
 
+from contbranch.curve.problem import Work
 from contbranch.results.diagram import Cost
 from contbranch.watch import check
 
@@ -29,12 +30,11 @@ _INVERSE = {"even": "FFTW_REDFT01", "odd": "FFTW_RODFT01"}
 
 
 @dataclass
-class Counter:
+class Counter(Work):
     """Pairs of transforms spent, one forward and one inverse whatever their size, and on what."""
 
     equilibrium: int = 0
     stability: int = 0
-    newton: int = 0
     target: Literal["equilibrium", "stability"] = "equilibrium"
 
     def add(self) -> None:
@@ -42,9 +42,9 @@ class Counter:
         check()
         setattr(self, self.target, getattr(self, self.target) + 1)
 
-    def cost(self, wall: float = 0.0) -> Cost:
-        """What was spent, with a wall time in seconds."""
-        return Cost(wall, self.newton, self.equilibrium, self.stability)
+    def cost(self) -> Cost:
+        """As results have it."""
+        return Cost(0.0, self.newton, self.equilibrium, self.stability)
 
 
 def wavenumbers(nodes: int, spacing: float, parity: tuple[Parity, Parity] | None) -> Array:

@@ -1,347 +1,429 @@
-"""Following the curve of equilibria of a lattice problem through folds and changes of the contact set.
+"""Following the curve of equilibria on a lattice through folds and changes of the contact set.
 
-A point is predicted by the polynomial through the last points in the arclength s, and corrected by Newton's method in
-the plane through the prediction normal to the predicted direction. Arclength is measured in displacements where the
-surfaces interact, and in the load:
-
-    ds² = Σ W du² / ℓ² + (dF/F*)²,     W ∝ (1 + (g/2ℓ)²)⁻², Σ W = 1,
-
-so that it does not depend on the lattice, and a change of the film's shape at nearly constant load and displacement
-counts as much as one of these. The contact set changes node by node: the curve has a small kink at every change, which
-the steps pass over, and a correction of the contact set belongs to every Newton step.
+A point is predicted by the polynomial through the last points in the arclength (`measure`), and corrected by Newton's
+method in the plane through the prediction normal to the predicted direction. The contact set changes node by node: the
+curve has a small corner at every change, over which the steps pass, and a correction of the contact set belongs to
+every Newton step. Tangents are those of the arcs between corners; so the direction of a row is that from row to row.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import scipy
 
-from .arrays import Array
-from .newton import Equilibrium, Hold, Settings, Sketch, newton
-from .problem import GridProblem
-from .setup import Setup, carried
-from .units import REDUCED_VALUES, UnitValues
+from contbranch.continuation import CorrectionError, End, EventPoint, Outcome, Point, StopAt
+from contbranch.continuation.follow import Branch
+from contbranch.curve.events import Ceiling, Folds
+from contbranch.watch import finishing, kept, over
 
-__all__ = ["Direction", "Measure", "Point", "Track", "WalkOptions", "Walker", "beside", "following", "quietly"]
+from .averaging import LEAST, averaged, half_width, turned
+from .measure import Direction, Measure, Stretch, lagrange, predicted
+from .newton import Equilibrium, newton
+from .readings import clearance, read
+from .resolution import Resolution, fills
 
+if TYPE_CHECKING:
+    from .equilibria import LatticeProblem
+
+__all__ = ["HOPELESS", "Walker"]
 
 # Steps in s: the first, and the limits.
-FIRST, LEAST, MOST = 0.05, 2e-4, 0.5
+FIRST, LEAST_STEP, MOST_STEP = 0.05, 2e-4, 0.5
 # Part of a step by which a prediction may miss, as goal of the step control.
 CURVATURE = 0.02
 # Least cosine between the predicted direction and the step, and degree of the predicting polynomial.
 ANGLE, ORDER = 0.9, 2
+# Distance by which predictions may miss at any rate, and where much happens on short parts of the curve.
+NOISE, CLOSE = 1e-3, 3e-3
+# Memory for the fields of rows, from which profiles are made when they are asked for.
+KEPT_BYTES = 600e6
+# Points at most, and those from which is predicted.
+MOST_POINTS, HISTORY = 2000, 12
+# Where the law is stiffer than the lattice by this factor, averages mean nothing.
+HOPELESS = 3.5
+# So many points in a row that lie on known parts of the curve end it; the last rows are no known part.
+RETURNS, RECENT = 4, 6
 
 
-@dataclass(frozen=True)
-class WalkOptions:
-    """How a curve is followed.
-
-    Attributes
-    ----------
-    tolerance : float
-        Residual of every point, relative.
-    period : float
-        Length of the curve over which the contact moves by one row of nodes.
-    noise : float
-        Distance by which it may miss at any rate: changes of the contact set make predictions no better.
-    hops : bool
-        Whether corners of the lattice's own may be passed by longer steps.
-    """
-
-    tolerance: float = 1e-7
-    period: float = 0.02
-    noise: float = 1e-3
-    hops: bool = True
-
-
-def quietly() -> np.errstate:
-    """Numbers that overflow in a trial state are answered by shorter steps."""
-    return np.errstate(over="ignore", invalid="ignore", divide="ignore")
-
-
-def following(tolerance: float) -> Settings:
-    """Tolerances for corrections from a good prediction: one that does not converge soon is better given up."""
-    return Settings(tolerance=tolerance, steps=15, inner=80, growth=30.0, patience=4)
-
-
-@dataclass(frozen=True)
-class Point:
+class Place(NamedTuple):
     """An equilibrium with its arclength."""
 
     arc: float
     state: Equilibrium
 
-    @property
-    def load(self) -> float:
-        """F."""
-        return self.state.load
 
-    @property
-    def displacement(self) -> float:
-        """Displacement of the far field d."""
-        return self.state.displacement
+class Row(NamedTuple):
+    """A point with its arclength, and the name of what happens there."""
 
-
-@dataclass(frozen=True)
-class Measure:
-    """The inner product of steps at one state: weights of the field and of the load."""
-
-    weights: Array
-    load_weight: float
-
-    @staticmethod
-    def of(gap: Array, load: float, length: float) -> Measure:
-        """The measure at a gap and load for a law of a range."""
-        weights = (1.0 + np.minimum(gap / (2.0 * length), 1e6) ** 2) ** -2
-        scale = length + 0.5 * max(gap.min(), 0.0)
-        return Measure(weights / (weights.sum() * scale**2), 1.0 / (3.0 + 0.3 * abs(load)) ** 2)
-
-    @staticmethod
-    def at(state: Equilibrium, length: float) -> Measure:
-        """The measure at a state."""
-        return Measure.of(state.fields.gap, state.load, length)
-
-    def apart(self, one: Equilibrium, other: Equilibrium) -> float:
-        """The distance of two states."""
-        return self.norm(one.u - other.u, one.load - other.load)
-
-    def product(self, u: Array, load: float, v: Array, other: float) -> float:
-        """Inner product of two steps."""
-        return float(np.einsum("ij,ij,ij->", self.weights, u, v)) + self.load_weight * load * other
-
-    def norm(self, u: Array, load: float) -> float:
-        """Length of a step."""
-        return math.sqrt(self.product(u, load, u, load))
-
-
-@dataclass(frozen=True)
-class Direction:
-    """A covector (row, load weight) that measures progress along a piece of the curve."""
-
-    row: Array
-    load_weight: float
-
-    @staticmethod
-    def along(measure: Measure, u: Array, load: float) -> Direction:
-        """The covector of a step."""
-        return Direction(measure.weights * u, measure.load_weight * load)
-
-    @staticmethod
-    def between(begin: Equilibrium, end: Equilibrium, length: float) -> Direction:
-        """The covector of the step from one state to another."""
-        return Direction.along(Measure.at(begin, length), end.u - begin.u, end.load - begin.load)
-
-    def value(self, u: Array, load: float) -> float:
-        """Progress at a field and load."""
-        return float(np.vdot(self.row, u)) + self.load_weight * load
-
-    def of(self, state: Equilibrium) -> float:
-        """Progress at a state."""
-        return self.value(state.u, state.load)
-
-    def hold(self, value: float, slack: float) -> Hold:
-        """What Newton's method keeps for a given progress."""
-        return Hold(value, self.load_weight, self.row, slack)
-
-    def corrected(self, problem: GridProblem, sketch: Sketch, slack: float, settings: Settings) -> Equilibrium | None:
-        """The equilibrium with the progress of a trial state; None if it is not found."""
-        u, load, contact = sketch
-        hold = self.hold(self.value(u, load), slack)
-        found = newton(problem, np.where(contact, -problem.heights, u), load, hold, contact, settings)
-        return found if found.converged else None
-
-
-def lagrange(nodes: Array, at: float) -> tuple[Array, Array]:
-    """Weights of the values at the nodes in the interpolating polynomial at a place, and in its derivative."""
-    own = np.eye(len(nodes))
-    scale = np.prod(nodes[:, None] - nodes + own, axis=1)
-    ahead = np.where(own, 1.0, at - nodes)
-    slopes = sum(np.where(own[k], 0.0, np.prod(np.where(own[k], 1.0, ahead), axis=1)) for k in range(len(nodes)))
-    return np.prod(ahead, axis=1) / scale, slopes / scale
-
-
-def predicted(problem: GridProblem, states: Sequence[Equilibrium], weights: Array, wall: bool = True) -> Sketch:
-    """The combination of states; a node belongs to the contact by the wall's pressure there less the gap outside."""
-    walls = [np.where(one.contact, one.fields.excess, -np.minimum(one.fields.gap, 1e3)) for one in states]
-    contact = (np.tensordot(weights, walls, 1) > 0.0) & wall
-    u = np.where(contact, -problem.heights, np.tensordot(weights, [one.u for one in states], 1))
-    return Sketch(u, float(weights @ [one.load for one in states]), contact)
-
-
-@dataclass
-class Track:
-    """Equilibria by their progress along a direction, each new one interpolated from those known and corrected."""
-
-    problem: GridProblem
-    states: list[Equilibrium]
-    direction: Direction
-    settings: Settings
-
-    def at(self, value: float) -> Equilibrium | None:
-        """The equilibrium at a progress; None if it is not found.
-
-        At most four states are used, those nearest in progress and apart from each other.
-        """
-        progress = np.array([self.direction.of(state) for state in self.states])
-        near: list[int] = []
-        for k in np.argsort(np.abs(progress - value), kind="stable"):
-            if len(near) < 4 and (np.abs(progress[k] - progress[near]) > 1e-6 * np.ptp(progress)).all():
-                near.append(k)
-        chosen = [self.states[k] for k in near]
-        sketch = predicted(self.problem, chosen, lagrange(progress[near], value)[0], self.settings.wall)
-        hold = self.direction.hold(value, 1e-3 * np.ptp(progress[near]))
-        found = newton(self.problem, sketch.u, sketch.load, hold, sketch.contact, self.settings)
-        if not found.converged:
-            return None
-        self.states.append(found)
-        return found
-
-    def zero(
-        self, function: Callable[[Equilibrium], float], low: float, high: float, part: float = 1e-9
-    ) -> Equilibrium | None:
-        """The state between two values of the progress where a function of the state is zero, to a part of the way."""
-
-        def value(progress: float) -> float:
-            state = self.at(progress)
-            if state is None:
-                raise ValueError("no state there")
-            return function(state)
-
-        try:
-            return self.at(scipy.optimize.brentq(value, low, high, xtol=part * abs(high - low)))
-        except ValueError:
-            return None
+    arc: float
+    point: Point
+    event: str = ""
 
 
 @dataclass
 class Walker:
-    """A walk along a curve.
+    """A walk along a piece of curve.
 
     Attributes
     ----------
-    problem : GridProblem
-    length : float
-        ℓ, the range of the law.
-    options : WalkOptions
-    points : list of Point
-        The last that were accepted; whoever walks may delete all but the last few.
-    message : str
-        Why the walk could not go on; empty as long as it can.
-    units : UnitValues
-        For the message.
+    problem : LatticeProblem
+    folds : Folds
+        Whose controls are watched.
+    end : Ceiling
+    stop : StopAt
     """
 
-    problem: GridProblem
-    length: float
-    options: WalkOptions = field(default_factory=WalkOptions)
-    points: list[Point] = field(default_factory=list)
-    message: str = ""
-    units: UnitValues = REDUCED_VALUES
+    problem: LatticeProblem
+    folds: Folds
+    end: Ceiling
+    stop: StopAt
 
     def __post_init__(self) -> None:
-        self.step_size = FIRST
+        problem = self.problem
+        self.setup, self.nodes, self.settings = problem.setup, problem.nodes, problem.settings
+        self.resolution = Resolution.of(self.setup)
+        self.spacing = self.setup.lattice.spacing
+        # Length of the curve over which the contact moves by one row of nodes.
+        self.period = self.spacing / self.setup.length
+        self.noise = max(NOISE, 0.05 * self.period)
+        # Contacts of single asperities are small parts of the surface: what happens to one of them is a short part of
+        # the curve, over which a step that moves all contacts by a node would leap.
+        self.hops = not (self.setup.crowded and self.resolution.ratio <= 1.0)
+        if not self.hops:
+            self.noise = CLOSE
+        self.averaging = self.setup.averaging and not self.setup.crowded and self.resolution.ratio <= HOPELESS
+        self._sharp = replace(self.settings, tolerance=min(self.settings.tolerance, 1e-8))
+        self.places: list[Place] = []
+        self.rows: list[Row] = []
+        self.step_size, self.checked, self.returns, self.kept = FIRST, -1.0, 0, 0.0
 
-    @property
-    def settings(self) -> Settings:
-        """Tolerances of the corrections."""
-        return following(self.options.tolerance)
-
-    def begin(self, start: Equilibrium, onward: Equilibrium) -> None:
-        """Set out from one equilibrium towards another close to it."""
-        distance = Measure.at(start, self.length).apart(onward, start)
-        self.points = [Point(0.0, start), Point(distance, onward)]
+    # -- the piece ----------------------------------------------------------------------------------------------------
+    def branch(self, start: Point) -> Branch:
+        """The piece that begins at a point, in the direction of its tangent."""
+        state, shape = self.problem.at(start), self.nodes.shape
+        back = state.u - start.tangent_x.reshape(shape), state.load - start.tangent_parameter
+        before = replace(state, fields=state.fields._replace(u=back[0], load=back[1]))
+        distance = Measure.at(state, self.setup.length).apart(state, before)
+        self.places = [Place(-distance, before), Place(0.0, state)]
         self.step_size = min(FIRST, 2.0 * distance)
+        self.rows = [Row(0.0, start)]
+        # An interrupted walk has what it has passed.
+        end = kept(self._run, End(Outcome.REACHED_EDGE))
+        with finishing():
+            if over() and self.averaging and self.problem.wall:  # an average could still take the place of rows
+                sure = self.checked - 1.5 * half_width(max(self.checked, 0.0), self.spacing)
+                known = (row for row in self.rows[1:] if row.point.observables["contact_radius"] <= sure)
+                self.rows = [self.rows[0], *known]
+            return self._branch(end)
 
-    def step(self) -> bool:
-        """Go one step on; False, and a message, if that is not possible."""
-        options = self.options
-        hopped = False
-        while self.step_size >= LEAST:
-            if options.hops and not hopped and self.step_size < 0.25 * options.period:
+    def _run(self) -> End:
+        """Follow the piece to its end."""
+        problem, met, lost = self.problem, End(Outcome.STOPPED_AT_EVENT), End(Outcome.REACHED_EDGE)
+        while len(self.rows) < MOST_POINTS:
+            if not self._step():
+                radius = self.rows[-1].point.observables["contact_radius"]
+                if self.averaging and problem.wall and self._averaged(radius, stuck=True):
+                    return met
+                return lost
+            if not problem.wall and self._touched():
+                return met
+            self._add(self.places[-1])
+            self._turns()
+            if self.averaging and problem.wall:
+                self.checked, centre = turned(self._seen(), self.folds.controls, self.spacing, self.checked)
+                if centre is None and self._beyond():
+                    centre = self._pending()
+                if centre is not None and self._averaged(centre):
+                    return met
+            if self._beyond():
+                self._close()
+                return met
+            here = self.rows[-1].point
+            self.returns = self.returns + 1 if self._returned() else 0
+            if fills(self.setup, self.places[-1].state) or self._outgrown(here) or self.returns == RETURNS:
+                return lost
+            if self.stop.predicate is not None and self.stop.predicate(here):
+                self.rows[-1] = self.rows[-1]._replace(event=self.end.name)
+                return met
+            del self.places[:-HISTORY]
+        return lost
+
+    def _outgrown(self, point: Point) -> bool:
+        return not self.setup.crowded and point.observables["contact_radius"] > 0.49 * self.setup.edge
+
+    def _add(self, place: Place, event: str = "") -> Point:
+        """Append a row, with its fields as long as memory allows."""
+        before = self.places[-2].state if len(self.places) > 1 else place.state
+        point = self.problem.point(place.state, (place.state.u - before.u, place.state.load - before.load))
+        if self.kept > KEPT_BYTES:
+            point = replace(point, x=np.empty(0), tangent_x=np.empty(0))
+        self.kept += 2.0 * point.x.nbytes
+        self.rows.append(Row(place.arc, point, event))
+        return point
+
+    def _branch(self, end: End) -> Branch:
+        """The rows in order, with the directions between them."""
+        last = self.rows[-1:] if end.outcome is Outcome.STOPPED_AT_EVENT else []
+        rows = sorted(self.rows[: len(self.rows) - len(last)], key=lambda row: row.arc) + last
+        points = [row.point for row in rows]
+        known = points
+        if rows[-1].event == "average":  # what it spans is dropped
+            first = next(
+                (k for k, p in enumerate(points) if p.observables["contact_radius"] >= points[-1].parameter), 2
+            )
+            known = points[: max(first, 2)]
+        branch = Branch([], [], end)
+        for k, row in enumerate(rows[1:], start=1):
+            point = row.point
+            if point.problem is self.problem:
+                point = self._directed(point, *self._around(known if k < len(known) else points, k), bool(row.event))
+            if row.event:
+                branch.events.append((EventPoint(point, 0.0, 0.0, name=row.event), k - 1))
+            branch.points.append(point)
+        return branch
+
+    def _directed(self, point: Point, before: Point, after: Point, event: bool) -> Point:
+        """A row with its direction: that of the parabola through rows on both sides; the tangent where it is asked."""
+        if not point.x.size == before.x.size == after.x.size:
+            return point
+        ways = [(end.x - start.x, end.parameter - start.parameter) for start, end in ((before, point), (point, after))]
+        first, last = (math.sqrt(self.problem.inner(x, x)) + abs(load) for x, load in ways)
+        # Rows may be one, and there is none before the first and behind the last; single nodes are averaged over.
+        plain = first * last == 0.0 or (self.averaging and self.problem.wall)
+        weights = (1.0, 1.0) if plain else (last / first, first / last)
+        (x, load), (further, more) = ways
+        along = weights[0] * x + weights[1] * further, weights[0] * load + weights[1] * more
+        point = replace(point, tangent_x=along[0], tangent_parameter=along[1])
+        return self.problem.tangential(point) if event and not self.problem.wall else point
+
+    def _around(self, points: list[Point], k: int) -> tuple[Point, Point]:
+        """The rows between which the direction of a row is taken: those next to it; with averages, outside of what
+        single nodes do."""
+        own = [p for p in points if p.problem is points[k].problem or p is points[0]]
+        place = own.index(points[k])
+        first, last = max(place - 1, 0), min(place + 1, len(own) - 1)
+        # A fold may be one of the rows.
+        first -= first > 0 and own[first].parameter == own[place].parameter
+        last += last + 1 < len(own) and own[last].parameter == own[place].parameter
+        if self.averaging and self.problem.wall:
+            radii = [p.observables["contact_radius"] for p in own]
+            half = 0.5 * half_width(radii[place], self.spacing)
+            while first > 0 and radii[place] - radii[first] < half:
+                first -= 1
+            while last < len(own) - 1 and radii[last] - radii[place] < half:
+                last += 1
+        return own[first], own[last]
+
+    def _seen(self) -> np.ndarray:
+        """Load, displacement and contact radius of the rows in order."""
+        rows = sorted(self.rows, key=lambda row: row.arc)
+        names = "load", "displacement", "contact_radius"
+        return np.array([[row.point.observables[name] for name in names] for row in rows])
+
+    # -- what happens -------------------------------------------------------------------------------------------------
+    def _touched(self) -> bool:
+        """Whether the gap has closed within the last step, which then ends there."""
+        if clearance(self.setup, self.places[-1].state) > 0.0:
+            return False
+        last = self.places.pop()
+        states = [place.state for place in self.places[-3:] if place.arc >= 0.0]
+        way = Direction.between(states[-1], last.state, self.setup.length)
+        stretch = Stretch(self.nodes, [*states, last.state], way, self._sharp)
+        found = stretch.zero(lambda state: clearance(self.setup, state), way.of(states[-1]), way.of(last.state))
+        state = found or last.state
+        self.places.append(Place(self.places[-1].arc + self._apart(self.places[-1].state, state), state))
+        self._turns()
+        self._turns_late()
+        point = self._add(self.places[-1], "touch")
+        self.rows[-1] = self.rows[-1]._replace(
+            point=replace(point, observables={**point.observables, "central_gap": 0.0})
+        )
+        return True
+
+    def _apart(self, one: Equilibrium, other: Equilibrium) -> float:
+        return Measure.at(one, self.setup.length).apart(other, one)
+
+    def _turns(self) -> None:
+        """Locate the folds around the last point but one."""
+        if len(self.places) < 3 or self._left_to_averages(self.places[-2].state):
+            return
+        before, middle, after = self.places[-3:]
+        for control in self.folds.controls:
+            values = [control.value(place.state.load, place.state.displacement) for place in (before, middle, after)]
+            rise, fall = np.diff(values)
+            if not (rise * fall < 0.0 and max(abs(rise), abs(fall)) > 1e-9 * max(1.0, abs(values[1]))):
+                continue
+            states = [place.state for place in self.places[-4:] if place.arc >= 0.0]
+            change = after.state.u - before.state.u, after.state.load - before.state.load
+            way = Direction.along(Measure.at(middle.state, 1.0), *change)
+            stretch = Stretch(self.nodes, states, way, self._sharp)
+            low, high = way.of(before.state), way.of(after.state)
+            found = stretch.extremum(control, float(np.sign(rise)), low, high)
+            if found is None or (control.value(found.load, found.displacement) - values[1]) * rise < 0.0:
+                found = middle.state  # it is close
+            arc = before.arc + self._apart(before.state, found)
+            if arc > 0.0:
+                self.folds.told(self._add(Place(min(arc, after.arc), found), control.kind))
+
+    def _turns_late(self) -> None:
+        """Locate the folds between the last two states before first touch, by the tangent there."""
+        before, after = self.places[-2:]
+        change = after.state.u - before.state.u, after.state.load - before.state.load
+        point = self.problem.tangential(self.problem.point(after.state, change))
+        load, displacement, *_ = self.problem.rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
+        for control in self.folds.controls:
+            values = [control.value(place.state.load, place.state.displacement) for place in (before, after)]
+            if (values[1] - values[0]) * control.value(load, displacement) >= 0.0:
+                continue
+            states = [place.state for place in self.places[-4:] if place.arc >= 0.0]
+            way = Direction.between(before.state, after.state, self.setup.length)
+            found = Stretch(self.nodes, states, way, self._sharp).extremum(
+                control, float(np.sign(values[1] - values[0])), way.of(before.state), way.of(after.state)
+            )
+            if found is not None:
+                arc = before.arc + self._apart(before.state, found)
+                self.folds.told(self._add(Place(min(arc, after.arc), found), control.kind))
+
+    def _left_to_averages(self, state: Equilibrium) -> bool:
+        """Whether a fold at a state is sought by averages."""
+        if not self.averaging or not state.contact.any():
+            return False
+        return not self._left_to_lattice(read(self.setup, state, cell=False).contact_radius)
+
+    def _left_to_lattice(self, radius: float) -> bool:
+        """Whether a contact has too few nodes for averages."""
+        return radius < LEAST * self.spacing and self.resolution.ratio <= 1.0
+
+    def _averaged(self, centre: float, stuck: bool = False) -> bool:
+        """Let the average take over around a contact radius; whether that could be done."""
+        rows = sorted(self.rows, key=lambda row: row.arc)
+        first = averaged(self.problem, [row.point for row in rows], centre, self.folds.controls, stuck)
+        if first is None:
+            return False
+        self.rows.append(Row(rows[-1].arc, first, "average"))
+        return True
+
+    def _pending(self) -> float | None:
+        """A contact radius at which a control has turned round just before the end."""
+        seen = self._seen()
+        for control in self.folds.controls:
+            rises = np.diff([control.value(*row[:2]) for row in seen])
+            turns = np.flatnonzero((rises[:-1] * rises[1:] < 0.0) & (seen[1:-1, 2] > max(self.checked, 0.0)))
+            if turns.size and not self._left_to_lattice(float(seen[turns[0] + 1, 2])):
+                return float(seen[turns[0] + 1, 2])
+        return None
+
+    def _beyond(self) -> bool:
+        """Whether the last step has passed the end in contact."""
+        near, last = (row.point for row in sorted(self.rows, key=lambda row: row.arc)[-2:])
+        ahead = self.end.value(last)
+        return bool(self.places[-1].state.contact.any()) and ahead >= max(0.0, self.end.value(near))
+
+    def _close(self) -> None:
+        """Close the curve exactly at its end."""
+        rows = sorted(self.rows, key=lambda row: row.arc)[-2:]
+        near, last = (row.point for row in rows)
+        control, found = self.end.control, last
+        if self.end.value(near) < 0.0 and control is not None and near.x.size and last.x.size:
+            value = self.end.target if control.kind != "spring" else self.end.target / control.target(1.0)
+            with suppress(CorrectionError):
+                found = self.problem.meeting(near, last, control, value)
+        self.rows.remove(rows[1])
+        self.rows.append(Row(rows[1].arc, found, self.end.name))
+
+    def _returned(self) -> bool:
+        """Whether the last point lies on a piece of the curve between earlier rows: a step has leapt to it."""
+        here = self.rows[-1].point
+        place = np.array([here.observables["load"], here.observables["displacement"]])
+        for first, second in pairwise(sorted(self.rows[: -2 * RECENT], key=lambda row: row.arc)):
+            begin, end = (
+                np.array([row.point.observables[n] for n in ("load", "displacement")]) for row in (first, second)
+            )
+            way, past = end - begin, place - begin
+            share = past @ way / (way @ way or -1.0)
+            if not (first.point.x.size == second.point.x.size == here.x.size and 0.0 <= share <= 1.0):
+                continue
+            aside, change = past - share * way, second.point.x - first.point.x
+            if aside @ aside > 1e-4 * (way @ way):
+                continue
+            if np.abs(here.x - first.point.x - share * change).max() <= 0.1 * np.abs(change).max():
+                return True
+        return False
+
+    # -- steps --------------------------------------------------------------------------------------------------------
+    def _step(self) -> bool:
+        """Go one step on; False if that is not possible."""
+        hopped = not self.hops
+        while self.step_size >= LEAST_STEP:
+            if not hopped and self.step_size < 0.25 * self.period:
                 if self._hop():
                     return True
                 hopped = True
-            angle = ANGLE if self.step_size > options.period else 0.5
+            angle = ANGLE if self.step_size > self.period else 0.5
             accepted = self._attempt(self.step_size, ORDER, angle, 0.15)
             if accepted is not None:
-                point, miss, failed = accepted
-                self.points.append(point)
-                goal = max(CURVATURE * self.step_size, options.noise)
+                place, miss, failed = accepted
+                self.places.append(place)
+                goal = max(CURVATURE * self.step_size, self.noise)
                 growth = math.sqrt(goal / max(miss, 1e-12))
-                self.step_size = min(MOST, self.step_size * min(1.6 if not failed else 1.0, max(0.5, growth)))
+                self.step_size = min(MOST_STEP, self.step_size * min(1.6 if not failed else 1.0, max(0.5, growth)))
                 return True
             self.step_size *= 0.5
-        last = self.points[-1]
-        self.message = (
-            f"The curve could not be followed beyond load {last.load * self.units.load:.6g}, displacement "
-            f"{last.displacement * self.units.normal:.6g}: no equilibrium was found within the smallest step"
-        )
         return False
 
     def _hop(self) -> bool:
         """Pass corners of the lattice's own, which are a period apart, by a longer step along the mean direction."""
-        if not self.points[-1].state.contact.any():
+        if not self.places[-1].state.contact.any():
             return False
         for factor in (1.0, 2.0, 0.5, 4.0):
-            size = factor * self.options.period
+            size = factor * self.period
             accepted = self._attempt(size, 1, 0.5, 0.8)
             if accepted is not None:
-                self.points.append(accepted[0])
+                self.places.append(accepted[0])
                 self.step_size = size
                 return True
         return False
 
-    def recent(self, count: int, size: float) -> list[Point]:
-        """The last point and earlier ones at distances that suit a step: kinks of the lattice lie closer."""
-        chosen = [self.points[-1]]
-        for point in reversed(self.points[:-1]):
-            if chosen[-1].arc - point.arc >= 0.5 * size:
-                chosen.append(point)
+    def _recent(self, count: int, size: float) -> list[Place]:
+        """The last place and earlier ones at distances that suit a step: corners of the lattice lie closer."""
+        chosen = [self.places[-1]]
+        for place in reversed(self.places[:-1]):
+            if chosen[-1].arc - place.arc >= 0.5 * size:
+                chosen.append(place)
             if len(chosen) == count:
                 break
         if len(chosen) == 1:
-            chosen.append(self.points[0] if len(self.points) < 3 else self.points[-2])
+            chosen.append(self.places[0] if len(self.places) < 3 else self.places[-2])
         return chosen[::-1]
 
-    def _retraced(self, state: Equilibrium, distance: float) -> bool:
-        """Whether a state lies closer to an earlier point than to the last one: the walk has turned round."""
-        others = [point.state for point in self.points[:-1]]
-        return any(Measure.at(other, self.length).apart(state, other) < 0.9 * distance for other in others)
-
-    def _attempt(self, size: float, order: int, angle: float, loose: float) -> tuple[Point, float, bool] | None:
-        """A step of a given size: the point, by how much the prediction missed, and whether that was much."""
-        past = self.recent(order + 1, size)
-        last, states = past[-1].state, [point.state for point in past]
-        arcs = np.array([point.arc for point in past])
+    def _attempt(self, size: float, order: int, angle: float, loose: float) -> tuple[Place, float, bool] | None:
+        """A step of a given size: the place, by how much the prediction missed, and whether that was much."""
+        past = self._recent(order + 1, size)
+        last, states = past[-1].state, [place.state for place in past]
+        arcs = np.array([place.arc for place in past])
         weights, slopes = lagrange(arcs, arcs[-1] + size)
-        u, load, contact = predicted(self.problem, states, weights)
-        rate = np.tensordot(slopes, [state.u for state in states], 1), float(slopes @ [point.load for point in past])
-        measure = Measure.at(last, self.length)
+        u, load, contact = predicted(self.nodes, states, weights, self.problem.wall)
+        rate = np.tensordot(slopes, [state.u for state in states], 1), float(slopes @ [state.load for state in states])
+        measure = Measure.at(last, self.setup.length)
         direction = Direction.along(measure, *rate)
         hold = direction.hold(direction.value(u, load), 1e-3 * size * measure.product(*rate, *rate))
-        found = newton(self.problem, u, load, hold, contact, self.settings)
+        found = newton(self.nodes, u, load, hold, contact, self.settings)
         if not found.converged:
             return None
         miss = measure.norm(found.u - u, found.load - load)
         change = found.u - last.u, found.load - last.load
         distance = measure.norm(*change)
         cosine = direction.value(*change) / (distance * measure.norm(*rate)) if distance > 0 else 0.0
-        allowed = max(loose * size, 4.0 * self.options.noise)
+        allowed = max(loose * size, 4.0 * self.noise)
         if cosine < angle or miss > allowed or distance > 4.0 * size or self._retraced(found, distance):
             return None
-        return Point(past[-1].arc + distance, found), miss, miss > 0.5 * allowed
+        return Place(past[-1].arc + distance, found), miss, miss > 0.5 * allowed
 
-
-def beside(
-    setup: Setup, other: Setup, state: Equilibrium, way: tuple[Equilibrium, Equilibrium], settings: Settings
-) -> Equilibrium | None:
-    """The state on another lattice in the plane through a state and across the way from one state to another."""
-    sketch, begin, end = (carried(setup, other, one) for one in (state, *way))
-    change = end.u - begin.u, end.load - begin.load
-    direction = Direction.along(Measure.of(other.problem.heights + sketch.u, state.load, setup.length), *change)
-    return direction.corrected(other.problem, sketch, 1e-6 * abs(direction.value(*change)), settings)
+    def _retraced(self, state: Equilibrium, distance: float) -> bool:
+        """Whether a state lies closer to an earlier one than to the last: the walk has turned round."""
+        return any(self._apart(place.state, state) < 0.9 * distance for place in self.places[:-1])

@@ -9,12 +9,12 @@ import contbranch as cb
 from contbranch.contact.contact import Contact
 from contbranch.control import LOAD
 from contbranch.curve.trace import Request
+from contbranch.models.grid import LatticeCurves
 from contbranch.models.grid.arcs import arcs
-from contbranch.models.grid.averaging import Average, Samples, half_width
+from contbranch.models.grid.averaging import Fit, Samples, half_width
+from contbranch.models.grid.equilibria import LatticeProblem
+from contbranch.models.grid.measure import following, quietly
 from contbranch.models.grid.newton import Equilibrium
-from contbranch.models.grid.rows import state_at
-from contbranch.models.grid.trace import trace
-from contbranch.models.grid.walk import following, quietly
 
 REPULSION = cb.Contact.reduced("gauss", tabor=2.0, sign=-1)
 ATTRACTION = cb.Contact.reduced("exponential", tabor=2.0)
@@ -67,13 +67,15 @@ def test_a_loop_through_averages_dissipates_what_the_contact_does() -> None:
 
 
 def test_arcs_join_where_a_node_has_neither_gap_nor_pressure() -> None:
-    model = cb.FreeSpace(cell=9.0, grid=96)
-    setup = model.scaled(REPULSION).setup(REPULSION.to_reduced(), None, None, 1e-6)
-    rows = trace(setup, Request(1e-6, modes=0), verdicts=False).rows
-    start = [row for row in rows if row.contact is not None and not row.contact.any()][-2:]
+    curves = LatticeCurves(REPULSION, cb.FreeSpace(cell=9.0, grid=96))
+    points = [
+        point for point in curves.track(Request(1e-6, modes=0)).points if isinstance(point.problem, LatticeProblem)
+    ]
+    start = [point for point in points if point.observables["contact_radius"] == 0.0][-2:]
+    setup = start[0].problem.setup
     samples, ends = Samples(), list[Equilibrium]()
     with quietly():
-        way = state_at(setup.problem, start[0]), state_at(setup.problem, start[1])
+        way = tuple(point.problem.at(point) for point in start)
         for arc in arcs(setup.problem, setup.length, way, following(1e-8)):
             joined = arc.end.contact & ~arc.middle.contact
             assert joined.any() or (arc.middle.contact & ~arc.end.contact).any()
@@ -85,8 +87,8 @@ def test_arcs_join_where_a_node_has_neither_gap_nor_pressure() -> None:
             if samples.add(setup, arc) > 0.9:
                 break
     assert len(ends) > 20
-    (fold,) = Average(samples, setup.lattice.spacing).folds(LOAD)
-    assert fold.values[0] == pytest.approx(13.8228886, abs=0.01)
+    ((_,), (load,)) = Fit(samples, setup.lattice.spacing).turns(LOAD)
+    assert load == pytest.approx(13.8228886, abs=0.01)
 
 
 def test_windows_fit_the_contact() -> None:

@@ -6,15 +6,21 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from grid_states import Row, grid_problem, traced
+from grid_states import Row, traced
 
 import contbranch as cb
+from contbranch.curve.outcome import RawEvent
+from contbranch.curve.refine import refine
+from contbranch.curve.symmetry import SymmetryEvent
+from contbranch.curve.track import between
 from contbranch.models.grid.angular import angular_content, mode_shape
+from contbranch.models.grid.branches import departure
+from contbranch.models.grid.equilibria import LatticeProblem
 from contbranch.models.grid.lattice import Lattice
 from contbranch.models.grid.newton import Hold, newton
+from contbranch.models.grid.setup import Setup
 from contbranch.models.grid.stability import Stability
 from contbranch.models.grid.switching import mirrored, switch
-from contbranch.models.grid.symmetry import Kind, counted, distinct, symmetry_breaking
 from contbranch.models.grid.transforms import EVEN
 
 # A tip flatter than a parabola: its film is thinnest on a ring, which breaks up.
@@ -23,26 +29,29 @@ EDGE = 8.0
 ODD, DOUBLE = ("odd", "even"), ("odd", "odd")
 
 
-def azimuthal(problem, equilibrium, morse):
-    """Unstable modes m = 0, and all m ≥ 1 with cos mθ and sin mθ as one, at fixed displacement."""
-    counts = counted(problem, equilibrium, morse)
-    even = sum(number for kind, number in counts.items() if kind.sector == EVEN)
-    return morse.spectra[EVEN].index - even, even + counts[Kind(("odd", "even"))]
-
-
 class Events:
     """The first symmetry events of the contact's curve on a lattice, and those of the axisymmetric model."""
 
     def __init__(self, grid: int, count: int) -> None:
         self.curve = traced(CONTACT, 1e-8)
         self.expected = [event for event in self.curve.curve.events if event.kind == "symmetry"][:count]
+        self.problem = LatticeProblem(Setup(CONTACT, "free", EDGE, grid), 1e-8)
+        self.nodes = self.problem.nodes
         rows = sorted({row for event in self.expected for row in range(event.row, event.row + 2)})
         self.rows = [Row(CONTACT, self.curve, row) for row in rows]
-        self.problem = grid_problem(CONTACT, "free", EDGE, grid)
-        self.stability = Stability(self.problem)
-        self.points = [row.on(self.problem) for row in self.rows]
-        self.indices = [self.stability.morse(point) for point in self.points]
-        self.events, self.missed = symmetry_breaking(self.problem, self.points, self.indices, 1e-8, self.stability)
+        self.states = [row.on(self.nodes) for row in self.rows]
+        points = [self.problem.point(state, (state.u, 0.0)) for state in self.states]
+        self.events = []
+        for event in self.expected:
+            first = rows.index(event.row)
+            ends = points[first], points[first + 1]
+            way = ends[1].x - ends[0].x, ends[1].parameter - ends[0].parameter
+            ends = tuple(replace(end, tangent_x=way[0], tangent_parameter=way[1]) for end in ends)
+            passing = SymmetryEvent(event.mode)
+            _, near = between(ends, passing)
+            found = refine(near, passing, 1e-6)
+            raw = RawEvent("symmetry", 0, found.numbers, found.error, place=found.point, mode=event.mode)
+            self.events.append((departure(raw), found))
 
 
 @pytest.fixture(scope="module")
@@ -81,15 +90,12 @@ def test_events_lie_where_the_axisymmetric_model_has_them(found):
 
     On 128² nodes the loads are closer still, by the factor that is checked below.
     """
-    assert not found.missed
-    assert [event.mode for event in distinct(found.events)] == [event.mode for event in found.expected] == [1, 2]
-    for event, expected in zip(distinct(found.events), found.expected, strict=True):
-        assert event.lost
-        assert not event.jump
-        values = event.equilibrium.load, event.equilibrium.displacement
-        assert values == pytest.approx(expected.values[:2], rel=2e-5)
-        assert max(event.load_error, event.displacement_error) < 1e-7 * event.equilibrium.load
-        shape, other = event.shape, expected.mode_shape
+    for (event, place), expected in zip(found.events, found.expected, strict=True):
+        assert place.numbers[:2] == pytest.approx(expected.values[:2], rel=2e-5)
+        for value, true, error in zip(place.numbers[:2], expected.values, place.error, strict=False):
+            assert abs(value - true) <= error < 0.01 * value
+        shape = found.problem.mode_shape(place.point.x, place.point.parameter, event.mode)
+        other = expected.mode_shape
         assert shape.mode == other.mode
         inner = (shape.r > 0.2) & (shape.r < 2.5)
         assert shape.gap[inner] == pytest.approx(np.interp(shape.r[inner], other.r, other.gap), abs=0.02)
@@ -99,31 +105,29 @@ def test_events_lie_where_the_axisymmetric_model_has_them(found):
         )
 
 
-def test_both_orientations_of_a_mode_are_found_and_counted_once(found):
-    kinds = [event.kind for event in found.events]
-    assert sorted(kinds) == sorted([Kind(ODD), Kind(EVEN, 2), Kind(DOUBLE)])
-    loads = [event.equilibrium.load for event in found.events if event.mode == 2]
-    assert loads[0] == pytest.approx(loads[1], rel=1e-5)
-    for row, point, index in zip(found.rows, found.points, found.indices, strict=True):
-        assert azimuthal(found.problem, point, index) == (row.n_0, sum(row.azimuthal))
+def test_modes_are_counted_as_those_of_the_axisymmetric_model(found):
+    assert [event.sector for event, _ in found.events] == [ODD, EVEN]
+    for row, state in zip(found.rows, found.states, strict=True):
+        assert found.problem.modes.symmetric(state) == row.n_0
+        assert found.problem.modes.count(state, row.n_0).modes == row.azimuthal
 
 
 def test_the_eigenvalue_is_zero_at_the_event(found):
-    for event in found.events:
-        spectrum = Stability(found.problem).spectrum(event.equilibrium, event.kind.sector, count=2)
+    for event, _ in found.events:
+        spectrum = Stability(found.nodes).spectrum(event.equilibrium, event.sector, count=2)
         assert np.abs(spectrum.eigenvalues).min() < 1e-6
-        shape = mode_shape(found.problem, event.equilibrium, event.vector, event.kind.sector, event.mode)
+        shape = mode_shape(found.nodes, event.equilibrium, event.vector, event.sector, event.mode)
         assert np.abs(shape.gap).max() == pytest.approx(1.0)
 
 
 @pytest.fixture(scope="module")
 def switched(found):
-    return switch(found.problem, found.events[0])
+    return switch(found.nodes, found.events[0][0])
 
 
 def test_the_branch_breaks_the_symmetry(found, switched):
     """Asymmetric by 2 ε at ε and more at 2ε, an equilibrium to the solver's tolerance, and its image one too."""
-    event, lattice = found.events[0], switched.problem.lattice
+    event, lattice = found.events[0][0], switched.problem.lattice
     assert event.mode == 1
     epsilon = switched.amplitudes[0]
     for factor, state in zip((1, 2), switched.states, strict=True):
@@ -141,13 +145,13 @@ def test_the_branch_is_a_pitchfork(found, switched):
     The curve is unstable to m = 1 at loads below that of the event, and the branch lies there. It is as stable as the
     curve is above, but for an eigenvalue 0 whose vector is a turn around the axis, since any other orientation will do.
     """
-    event = found.events[0]
-    near = switch(found.problem, event, 0.25 * switched.amplitudes[0])
+    event = found.events[0][0]
+    near = switch(found.nodes, event, 0.25 * switched.amplitudes[0])
     assert near.curvature == pytest.approx(switched.curvature, abs=switched.curvature_error + near.curvature_error)
     assert switched.curvature_error < 0.1 * abs(switched.curvature)
     assert switched.curvature < 0.0
-    assert found.points[1].load < event.equilibrium.load < found.points[0].load
-    above, below = found.indices[0], found.indices[1]
+    assert found.states[1].load < event.equilibrium.load < found.states[0].load
+    above, below = (Stability(found.nodes).morse(state) for state in found.states[:2])
     assert (above.breaking, below.breaking) == (0, 2)
     spectrum = Stability(switched.problem).morse(switched.states[1]).spectra[None]
     turn = int(np.abs(spectrum.eigenvalues).argmin())
@@ -194,13 +198,13 @@ def test_the_branch_can_be_followed(switched):
 def test_refinement_keeps_event_and_branch(found, switched):
     """From 64² to 96² nodes event and F₂ move by what their lattice leaves, and the former closer to the exact ones."""
     fine = Events(96, 1)
-    event, expected = fine.events[0], fine.expected[0].values[0]
-    assert abs(event.equilibrium.load - expected) < 0.5 * abs(found.events[0].equilibrium.load - expected) + 1e-6
-    again = switch(fine.problem, event, switched.amplitudes[0])
+    event, expected = fine.events[0][0], fine.expected[0].values[0]
+    assert abs(event.equilibrium.load - expected) < 0.5 * abs(found.events[0][0].equilibrium.load - expected) + 1e-6
+    again = switch(fine.nodes, event, switched.amplitudes[0])
     assert again.distance == pytest.approx(switched.distance, rel=0.01)
     assert again.curvature == pytest.approx(switched.curvature, rel=0.05)
 
 
 def test_a_mode_with_the_lattices_own_symmetry_is_refused(found):
     with pytest.raises(ValueError, match="mode: 4"):
-        switch(found.problem, replace(found.events[0], kind=Kind(EVEN, 4), mode=4))
+        switch(found.nodes, found.events[0][0]._replace(sector=EVEN, mode=4))

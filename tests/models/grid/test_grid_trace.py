@@ -9,8 +9,6 @@ import numpy as np
 import pytest
 
 import contbranch as cb
-from contbranch.control import DISPLACEMENT, LOAD
-from contbranch.models.grid.rows import morse_indices
 from contbranch.results.diagram import Diagram, Event
 
 REPULSION = cb.Contact.reduced("gauss", tabor=1.0, sign=-1)
@@ -223,12 +221,3 @@ def test_saved_diagrams_keep_what_grids_add(tmp_path) -> None:  # type: ignore[n
     assert [e.verdict for e in again.events] == [e.verdict for e in diagram.events]
     assert again.branches[0].fft_pairs.tolist() == diagram.branches[0].fft_pairs.tolist()
     assert again.branches[0].state(5).gap == pytest.approx(diagram.branches[0].state(5).gap)
-
-
-@pytest.mark.parametrize("order", [("load", "displacement"), ("displacement", "load")])
-def test_a_corner_where_load_and_displacement_turn_together_ends_the_instability(order: tuple[str, str]) -> None:
-    """On a lattice both folds of the wetting side can be one step of the contact: what follows is stable."""
-    folds = [(2, "load"), (3, "displacement"), (5, order[0]), (6, order[1])]
-    indices = morse_indices(9, folds, (5.0, 5.0), one=lambda row, other: (row, other) == (5, 6))
-    assert indices.pieces(LOAD)[0].tolist() == [0, 0, 1, 1, 1, 0, 0, 0]
-    assert indices.pieces(DISPLACEMENT)[0].tolist() == [0, 0, 0, 1, 1, 0, 0, 0]

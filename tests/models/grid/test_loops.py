@@ -7,9 +7,9 @@ import pytest
 
 import contbranch as cb
 from contbranch.control import DISPLACEMENT
+from contbranch.curve.paths import CurveWalk
 from contbranch.curve.trace import Request
-from contbranch.models.grid.paths import GridWalk, _parabola
-from contbranch.models.grid.trace import trace
+from contbranch.models.grid import LatticeCurves
 
 REPULSION = cb.Contact.reduced(cb.Gauss, tabor=1.0, sign=-1)
 ATTRACTION = cb.Contact.reduced(cb.Gauss, tabor=2.5)
@@ -54,21 +54,16 @@ def test_attraction_under_load_does_not_close() -> None:
     assert "infinite separation" in found.message
 
 
-def test_parabola_is_exact_for_quadratics() -> None:
-    """F = 1 + s², d = s² - s over 0 ≤ s ≤ 1: ∫ (1 + s²)(2 s - 1) ds = 1/6."""
-    points = [(1.0 + s * s, s * s - s) for s in (0.0, 0.5, 1.0)]
-    assert _parabola(*points) == pytest.approx(1.0 / 6.0, abs=1e-14)
-
-
 def test_crossings_lie_at_the_value() -> None:
-    setup = CELL.setup(ATTRACTION, None, 1.0, 1e-6)
-    walk = GridWalk(trace(setup, Request(1e-6, DISPLACEMENT, 1.0), verdicts=False), DISPLACEMENT, 1e-6)
+    request = Request(1e-6, DISPLACEMENT, 1.0)
+    track = LatticeCurves(ATTRACTION, CELL).track(request)
+    walk = CurveWalk(track, (), DISPLACEMENT, 1e-6)
     stable = np.flatnonzero(walk.unstable == 0)
     for piece in (stable[2], stable[-2]):
         value = 0.3 * walk.values[piece] + 0.7 * walk.values[piece + 1]
         stop = walk.crossing(int(piece), float(value))
         assert stop.state.displacement == pytest.approx(value, abs=1e-9)
-        ends = [walk.traced.rows[piece + k].load for k in (0, 1)]
+        ends = [walk.row(int(piece) + k).load for k in (0, 1)]
         assert min(ends) < stop.state.load < max(ends)
 
 

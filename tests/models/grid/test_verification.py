@@ -3,31 +3,32 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
-from grid_states import Row, grid_problem, traced
+from grid_states import traced
 from scipy.interpolate import CubicSpline
 
 import contbranch as cb
 from contbranch.control import DISPLACEMENT, LOAD
+from contbranch.curve.rows import raw_curve
 from contbranch.curve.trace import Request
+from contbranch.models.grid import LatticeCurves
 from contbranch.models.grid import branches as branches_module
-from contbranch.models.grid.branches import follow_branch
+from contbranch.models.grid.branches import departure, follow_branch
+from contbranch.models.grid.measure import quietly
 from contbranch.models.grid.newton import Hold, Settings, hold_control, newton
 from contbranch.models.grid.resolution import GridWarning
-from contbranch.models.grid.rows import morse_indices
 from contbranch.models.grid.setup import Setup
-from contbranch.models.grid.stability import SECTORS, Stability
+from contbranch.models.grid.stability import SECTORS
 from contbranch.models.grid.switching import kept_symmetry, mirrored
-from contbranch.models.grid.symmetry import symmetry_breaking
-from contbranch.models.grid.trace import trace
-from contbranch.models.grid.verification import pieces, verify_curve
 
 # Flatter than a parabola: the film is thinnest on a ring, which breaks up.
 FLAT = cb.Contact(cb.PowerLaw(3.0, 1.0), cb.Gauss(-1.0, 0.4))
 ROUND = cb.Contact(cb.Parabola(1.0), cb.Gauss(-1.0, 1.0))
 EDGE = 8.0
+REQUEST = Request(1e-6)
 
 
 @pytest.fixture(scope="module")
@@ -35,16 +36,28 @@ def expected():
     return traced(FLAT, 1e-8)
 
 
+class Traced:
+    """A curve on a lattice, its rows and events."""
+
+    def __init__(self, contact, model, request=REQUEST):
+        self.track = LatticeCurves(contact, model).track(request)
+        with quietly():
+            self.curve = raw_curve(self.track, request)
+        self.points = self.track.points
+        self.indices = self.track.hodograph
+        self.setup = self.track.problem(0).setup
+
+
 @pytest.fixture(scope="module")
 def flat():
     """Half as many nodes as the warning asks for, enough for what happens before the film closes."""
     with pytest.warns(GridWarning, match="at least 128"):
-        return trace(Setup(FLAT, "free", EDGE, 64), Request(1e-6), verdicts=False)
+        return Traced(FLAT, cb.FreeSpace(EDGE, 64))
 
 
 @pytest.fixture(scope="module")
 def parabola():
-    return trace(Setup(ROUND, "free", EDGE, 64), Request(1e-6), verdicts=False)
+    return Traced(ROUND, cb.FreeSpace(EDGE, 64))
 
 
 # Events
@@ -83,7 +96,8 @@ def test_numbers_of_azimuthal_modes_change_at_the_events(flat, expected):
     assert np.array_equal(column, count)
     assert not column[flat.indices.rows(DISPLACEMENT)[: len(column)] == 0].any()
     changes = expected.curve.unstable_azimuthal[np.flatnonzero(np.diff(expected.curve.unstable_azimuthal)) + 1]
-    assert list(column[[event.row + 1 for event in events]]) == list(changes[: len(events)])
+    steps = [1 if "lost" in event.message else -1 for event in events]
+    assert list(np.cumsum(steps)) == list(changes[: len(events)])
 
 
 def test_a_parabola_keeps_its_symmetry(parabola):
@@ -96,7 +110,7 @@ def test_a_parabola_keeps_its_symmetry(parabola):
 
 
 def test_without_modes_none_are_examined():
-    curve = trace(Setup(ROUND, "free", EDGE, 32), Request(1e-5, modes=0), verdicts=False).curve
+    curve = Traced(ROUND, cb.FreeSpace(EDGE, 32), Request(1e-5, modes=0)).curve
     assert curve.unstable_azimuthal is None
     assert curve.cost.stability_pairs > 0
 
@@ -104,41 +118,22 @@ def test_without_modes_none_are_examined():
 def test_a_convex_energy_is_not_examined():
     """v'' ≥ 0: one equilibrium for every displacement."""
     contact = cb.Contact(cb.Parabola(1.0), cb.Exponential(-1.0, 1.0))
-    curve = trace(Setup(contact, "free", 2.0 * EDGE, 32), Request(1e-5), verdicts=False).curve
+    curve = Traced(contact, cb.FreeSpace(2.0 * EDGE, 32), Request(1e-5)).curve
     assert curve.cost.stability_pairs == 0
     assert not curve.unstable_azimuthal.any()
 
 
-def test_pieces_are_those_between_folds():
-    assert pieces(10, [3, 4, 7]) == [(0, 3), (3, 4), (4, 7), (7, 9)]
-    assert pieces(2, []) == [(0, 1)]
-
-
 def test_a_fold_that_is_missing_contradicts(parabola):
-    """Counted without one of the folds, or with one too many, the index is not that of the eigenvalues."""
-    events = [event for event in parabola.curve.events if event.kind == "fold"]
-    folds = [(event.row, event.control) for event in events]
-    count = len(parabola.rows)
-
-    def verified(counted):
-        rows = [row for row, _ in counted]
-        return verify_curve(parabola.setup, parabola.rows, morse_indices(count, counted, (1, 1)), rows, 1e-6)
-
-    assert not verified(folds).contradicted
-    assert verified(folds).notes == ()
-    for left in range(len(folds)):
-        found = verified(folds[:left] + folds[left + 1 :])
-        assert found.contradicted
-        assert "a fold was missed, or is none" in found.notes[0]
-    assert verified([*folds, (count - 4, "load")]).contradicted
-
-
-def test_rows_without_fields_are_not_checked_silently(parabola):
-    rows = [replace(row, u=None, contact=None) for row in parabola.rows]
-    folds = [event.row for event in parabola.curve.events if event.kind == "fold"]
-    found = verify_curve(parabola.setup, rows, parabola.indices, folds, 1e-6)
-    assert not found.contradicted
-    assert any("memory was short" in note for note in found.notes)
+    """Counted with one fold too many or too few, the index is not that of the eigenvalues."""
+    request = Request(1e-6, modes=0)
+    angles = parabola.indices.angles
+    folds = [mark.row for mark in parabola.track.marks if mark.kind == "fold"]
+    for row in (folds[0] // 2, (folds[0] + folds[1]) // 2 + 1, len(angles) - 4):
+        turned = replace(parabola.indices, angles=np.append(angles[:row], angles[row:] - np.pi))
+        with quietly():
+            found = raw_curve(replace(parabola.track, hodograph=turned), request)
+        assert not found.complete
+        assert "a fold was missed, or is none" in found.message
 
 
 # Branches
@@ -158,60 +153,59 @@ def test_a_branch_keeps_another_symmetry_than_it_breaks(kind, sector):
     assert np.allclose(mirrored(lattice.whole(), whole, sector), -whole)
 
 
-def asymmetry(branch, sector):
+def asymmetry(branch):
     """Of every row: root mean square of the difference from its image."""
-    lattice = branch.setup.lattice
-    return np.array([np.sqrt(np.mean((row.u - mirrored(lattice, row.u, sector)) ** 2)) for row in branch.rows])
+    return np.array([np.sqrt(np.mean(branch.problem(0).odd(point.x) ** 2)) for point in branch.points])
+
+
+def first_branch(flat, points, request=REQUEST):
+    """The branch that leaves at the first event: its track and its rows."""
+    track = follow_branch(before_touch(flat)[0], request, points=points)
+    with quietly():
+        return track, raw_curve(track, request)
 
 
 @pytest.fixture(scope="module")
 def branch(flat):
-    return follow_branch(flat.setup, flat.breakings[0], Request(1e-6), points=12)
+    return first_branch(flat, 12)
 
 
 def test_the_branch_of_the_first_mode_is_followed(flat, branch):
     """A dozen equilibria to the solver's tolerance, without the symmetry; the mirror that is kept is kept."""
-    event = flat.breakings[0]
-    assert (event.mode, event.kind.sector) == (1, SECTORS[1])
-    problem = branch.setup.problem
-    assert len(branch.rows) >= 12
-    size = asymmetry(branch, event.kind.sector)
-    assert (np.diff(size) > 0).all()
-    for row in branch.rows:
-        fields = problem.fields(row.u, row.load)
-        excess = np.where(row.contact, np.minimum(fields.excess, 0.0), fields.excess)
-        assert np.linalg.norm(excess) <= 1e-6 * np.linalg.norm(fields.elastic)
-        assert np.abs(row.u - mirrored(branch.setup.lattice, row.u, ("even", "odd"))).max() < 1e-4
-    assert (np.diff(branch.curve.load) < 0).all()
-    assert [event.kind for event in branch.curve.events].count("touch") == 1
+    track, curve = branch
+    event = departure(before_touch(flat)[0])
+    assert (event.mode, event.sector) == (1, SECTORS[1])
+    assert len(track.points) >= 12
+    assert (np.diff(asymmetry(track)) > 0).all()
+    problem = track.problem(0)
+    for point in track.points:
+        state = problem.at(point)
+        excess = np.where(state.contact, np.minimum(state.fields.excess, 0.0), state.fields.excess)
+        assert np.linalg.norm(excess) <= 1e-6 * np.linalg.norm(state.fields.elastic)
+        assert np.abs(state.u - mirrored(problem.setup.lattice, state.u, ("even", "odd"))).max() < 1e-4
+    assert (np.diff(curve.load) < 0).all()
 
 
 def test_the_branch_inherits_what_the_curve_loses(flat, branch):
     """Before the event one axisymmetric mode is unstable and no other; so it is on the branch, close to it."""
-    event = flat.breakings[0]
-    assert flat.indices.rows(DISPLACEMENT)[event.row + 1] == 1
-    assert branch.curve.unstable_displacement[1] == 1
-    assert branch.curve.unstable_azimuthal[1] == 0
+    _, curve = branch
+    assert flat.indices.rows(DISPLACEMENT)[before_touch(flat)[0].row + 1] == 1
+    assert curve.unstable_displacement[1] == 1
+    assert curve.unstable_azimuthal[1] == 0
 
 
-def test_refinement_keeps_the_branch(branch, expected):
-    """The event on 128² nodes, from rows of the axisymmetric model; asymmetry and displacement at the same loads."""
-    event = next(event for event in expected.curve.events if event.kind == "symmetry")
-    rows = [Row(FLAT, expected, row) for row in (event.row, event.row + 1)]
-    setup = Setup(FLAT, "free", EDGE, 128)
-    problem = grid_problem(FLAT, "free", EDGE, 128)
-    stability = Stability(problem)
-    points = [row.on(problem) for row in rows]
-    found, _ = symmetry_breaking(problem, points, [stability.morse(point) for point in points], 1e-6, stability)
-    fine = follow_branch(setup, found[0], Request(1e-6, modes=0), points=6)
-    low, high = fine.curve.load.min(), branch.curve.load.max()
-    sector = SECTORS[1]
+def test_refinement_keeps_the_branch(branch):
+    """On 128² nodes: asymmetry and displacement at the same loads."""
+    fine_flat = Traced(FLAT, cb.FreeSpace(EDGE, 128), Request(1e-6, target=17.0))
+    fine, fine_rows = first_branch(fine_flat, 6, Request(1e-6, modes=0))
+    coarse, rows = branch
+    low, high = fine_rows.load.min(), rows.load.max()
     for values, others, tolerance in (
-        (branch.curve.displacement, fine.curve.displacement, 1e-3),
-        (asymmetry(branch, sector) ** 2, asymmetry(fine, sector) ** 2, 0.06),
+        (rows.displacement, fine_rows.displacement, 1e-3),
+        (asymmetry(coarse) ** 2, asymmetry(fine) ** 2, 0.06),
     ):
-        coarse_curve = CubicSpline(branch.curve.load[::-1], values[::-1])
-        fine_curve = CubicSpline(fine.curve.load[::-1], others[::-1])
+        coarse_curve = CubicSpline(rows.load[::-1], values[::-1])
+        fine_curve = CubicSpline(fine_rows.load[::-1], others[::-1])
         loads = np.linspace(low + 0.1 * (high - low), high, 8)
         assert coarse_curve(loads) == pytest.approx(fine_curve(loads), rel=tolerance)
 
@@ -262,13 +256,16 @@ def test_quarter_and_whole_lattice_agree(kind):
 
 def test_load_and_displacement_lead_to_the_same_states(parabola):
     """At a row's load, and at its displacement, starting with its state: the same fields, on unstable parts too."""
-    problem = parabola.setup.problem
-    settings = Settings(tolerance=1e-11)
-    folds = [event.row for event in parabola.curve.events if event.kind == "fold"]
-    for first, last in pieces(len(parabola.rows), folds):
-        row = parabola.rows[(first + last) // 2]
-        if last - first < 2:
+    problem, settings = parabola.setup.problem, Settings(tolerance=1e-11)
+    folds = [mark.row for mark in parabola.track.marks if mark.kind == "fold"]
+    edges = [0, *folds, len(parabola.points) - 1]
+    own = [k for k, point in enumerate(parabola.points) if point.x.size == problem.heights.size]
+    for first, last in pairwise(edges):
+        inside = [k for k in own if first < k < last]
+        if not inside:
             continue
+        point = parabola.points[inside[len(inside) // 2]]
+        row = point.problem.at(point)
         by_load = newton(problem, row.u, row.load, Hold(row.load), row.contact, settings)
         hold = hold_control(problem, 0.0, 1.0, by_load.displacement)
         by_displacement = newton(problem, row.u, row.load, hold, row.contact, settings)
@@ -283,10 +280,10 @@ def test_an_end_next_to_folds_is_the_last_row():
     nodes = np.arange(48) / 48 * 2.0 * np.pi
     waves = np.cos(nodes[:, None]) + 0.8 * np.cos(nodes + 0.4) + 0.3 * np.cos(2.0 * nodes[:, None] + nodes)
     contact = cb.Contact(cb.HeightMap(0.6 * waves, cell=EDGE, radius=1.0), cb.Gauss(-1.0, 1.0))
-    found = trace(Setup(contact.to_reduced(), "periodic", EDGE, 48), Request(1e-6, target=20.0), verdicts=False)
+    found = Traced(contact, cb.Periodic(EDGE, 48), Request(1e-6, target=20.0))
     marks = [(event.kind, event.control) for event in found.curve.events if event.kind != "touch"]
     kinds = [("fold", "load"), ("fold", "displacement")]
     assert marks == [*kinds, *kinds[::-1], ("end", None)]
-    assert found.curve.events[-1].row == len(found.rows) - 1
+    assert found.curve.events[-1].row == len(found.points) - 1
     assert found.curve.complete
     assert found.indices.rows(LOAD)[-1] == 0

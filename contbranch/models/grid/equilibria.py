@@ -1,0 +1,571 @@
+"""The equilibria of a contact on a lattice as a problem that `contbranch.curve` follows, judges and presents.
+
+A state x is the field u on the nodes, the parameter the load. Nodes whose gap is zero are in contact; before first
+touch there is no wall, so that what closes is found as the zero of a smooth function. The curve is walked by steps that
+pass the corners where single nodes join the contact (`walk`); around a fold in contact its average takes its place
+(`averaging`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar, Self
+
+import numpy as np
+
+from contbranch.continuation import CorrectionError, Event, Outcome, Point, StopAt
+from contbranch.continuation.follow import Branch
+from contbranch.continuation.problem import Solution
+from contbranch.control import DISPLACEMENT, Control
+from contbranch.curve.events import Ceiling, FoldEvent, Folds, Margin, Reached
+from contbranch.curve.problem import (
+    AstrayError,
+    Count,
+    Defect,
+    EquilibriumProblem,
+    Rates,
+    Succession,
+    Values,
+    equilibrium,
+)
+from contbranch.curve.refine import moved
+from contbranch.errors import ModelError
+from contbranch.results.diagram import ModeShape, State
+from contbranch.results.profile import Profile
+
+from .arrays import Array, Mask
+from .landing import land
+from .measure import Direction, Measure, Stretch, following, quietly
+from .modes import Modes
+from .newton import Equilibrium, Hold, Settings, control_held, newton, tangent
+from .observables import cell_fields, interpolate, mean_gap, profile
+from .readings import Reading, clearance, read
+from .resolution import Resolution, fills
+from .setup import Setup, carried, coarsened, refined
+from .walk import Walker
+
+if TYPE_CHECKING:
+    from .averaging import Samples
+
+__all__ = ["LatticeProblem"]
+
+# The first gap at most, in heights of the tip at the border of the cell: from there on all of the cell acts alike.
+FURTHEST = 1.0
+# States whose fields are kept, since more than one question is asked of each.
+RECENT = 8
+# Least error of an event, relative to max(1, |value|).
+FLOOR = 3e-7
+# Two states are one if no gap differs by more than this part of the law's range: relaxations and Newton's method stop
+# at different residuals, and soft states are far apart for the same one.
+SAME = 0.02
+# States closer than this part of the range are on one part of the curve; how often, and by how many
+# times the fold's error, the control is then moved beyond it.
+LEFT, PUSHES, HARDER = 0.3, 4, 4.0
+# A fold whose load, displacement or position is as certain as this, relative to max(1, |value|), is said to stay.
+STAYS = 1e-3
+# A correction that changes a gap by so many ranges leads to another part of the curve.
+NEAR = 2.0
+# Step along the curve for a difference, in ranges of the law, and the factor that the error on twice the nodes, and of
+# a single step to the event there, has.
+STEP, SAFETY = 1e-2, 2.0
+# An excess of pressure that may be neglected.
+NOTHING = 1e-12
+
+
+class LatticeProblem(EquilibriumProblem):
+    """Equilibria on one lattice.
+
+    Parameters
+    ----------
+    setup : Setup
+    tolerance : float
+        Residual of every point, relative.
+    wall : bool
+        Whether gaps must not be negative.
+    touch : Point, optional
+        First touch, of the problem without a wall.
+    past : Samples, optional
+        Arcs just before, of which an average was made.
+    """
+
+    given: ClassVar[bool] = True
+    rounding = 1e-7
+
+    def __init__(
+        self,
+        setup: Setup,
+        tolerance: float = 1e-6,
+        wall: bool = False,
+        touch: Point | None = None,
+        past: Samples | None = None,
+    ) -> None:
+        self.setup, self.tolerance, self.wall, self.touch, self.past = setup, tolerance, wall, touch, past
+        self.nodes, self.scale, self.work = setup.problem, setup.length, setup.counter
+        self.work.unknowns = self.size
+        self._recent: deque[tuple[Array, Equilibrium]] = deque(maxlen=RECENT)
+
+    @property
+    def size(self) -> int:
+        """Nodes."""
+        return self.setup.lattice.size**2
+
+    @cached_property
+    def settings(self) -> Settings:
+        """Tolerances of corrections from a good prediction."""
+        return replace(following(self.tolerance), wall=self.wall)
+
+    @cached_property
+    def sharp(self) -> Settings:
+        """Tolerances of states that are asked for."""
+        return replace(self.settings, tolerance=min(self.tolerance, 1e-9), steps=30, growth=1e3, patience=30)
+
+    # -- states -------------------------------------------------------------------------------------------------------
+    def state(self, x: Array, p: float) -> Equilibrium:
+        """The equilibrium of a point with all its fields; one pair of transforms unless it was asked for lately.
+
+        Raises
+        ------
+        ModelError
+            If the fields were given up to save memory.
+        """
+        known = next((state for other, state in self._recent if other is x), None)
+        if known is not None:
+            return known
+        if not x.size:
+            raise ModelError("the curve has too many points to keep the fields of all; use a coarser grid")
+        u = x.reshape(self.nodes.shape)
+        contact = (self.nodes.heights + u <= 0.0) & self.wall
+        found = Equilibrium(self.nodes.fields(u, p, contact), contact, 0.0, self.nodes.displacement(u, p), True)
+        self._recent.append((x, found))
+        return found
+
+    def at(self, point: Point) -> Equilibrium:
+        """The equilibrium of a point."""
+        return self.state(point.x, point.parameter)
+
+    def point(self, state: Equilibrium, direction: tuple[Array, float]) -> Point:
+        """An equilibrium as a point, with a direction of the curve."""
+        x = state.u.ravel()
+        self._recent.append((x, state))
+        change, load = direction
+        seen = {**self.observables(x, state.load), "fft_pairs": float(state.pairs)}
+        return Point(self, x, state.load, change.ravel(), load, observables=seen)
+
+    def between(self, state: Equilibrium, begin: Point, end: Point) -> Point:
+        """An equilibrium between two points of the curve as a point."""
+        return self.point(state, (end.x - begin.x, end.parameter - begin.parameter))
+
+    def tangential(self, point: Point) -> Point:
+        """The point with the tangent of the curve, in the sense of the direction that it has."""
+        along = point.tangent_x.reshape(self.nodes.shape)
+        measure = Measure.of(
+            np.maximum(self.nodes.heights + point.x.reshape(self.nodes.shape), 0.0), point.parameter, self.scale
+        )
+        hold = Direction.along(measure, along, point.tangent_parameter).hold(0.0, 0.0)
+        with quietly():
+            u, load = tangent(self.nodes, self.at(point), hold, 1e-8)[:2]
+        return replace(point, tangent_x=u.ravel(), tangent_parameter=load)
+
+    def reading(self, x: Array, p: float) -> Reading:
+        """What is seen of a state."""
+        return read(self.setup, self.state(x, p))
+
+    # -- the equations ------------------------------------------------------------------------------------------------
+    def residual(self, x: Array, p: float) -> Array:
+        """The pressure that is not balanced: on free nodes all of it, in contact what would pull."""
+        state = self.state(x, p)
+        excess = state.fields.excess
+        return np.where(state.contact, np.minimum(excess, 0.0), excess).ravel()
+
+    @cached_property
+    def _weights(self) -> Array:
+        """Of the nodes in lengths along the curve: those that come near the tip, whatever the lattice."""
+        weights = (1.0 + (np.minimum(self.nodes.heights, 1e6) / (2.0 * (1.0 + self.scale))) ** 2) ** -2
+        return np.ravel(weights / weights.sum())
+
+    def inner(self, u: Array, v: Array) -> float:
+        """The mean over the nodes near the tip."""
+        return float(np.einsum("i,i,i->", self._weights, u, v))
+
+    def dual(self, u: Array) -> Array:
+        """See `inner`."""
+        return np.asarray(self._weights * u)
+
+    def in_plane(self, x: Array, p: float, row: tuple[Array, float], precise: bool) -> Solution:
+        """By the semismooth Newton method of the lattice, which takes care of the contact."""
+        along, weight = row[0].reshape(self.nodes.shape), row[1]
+        value = float(row[0] @ x) + weight * p
+        hold = Hold(value, weight, along, 1e-9 * max(1.0, abs(value)))
+        with quietly():
+            found = newton(self.nodes, x.reshape(self.nodes.shape), p, hold, None, self.sharp)
+            if not found.converged or np.abs(found.u.ravel() - x).max() > NEAR * self.scale:
+                raise CorrectionError(Outcome.STEP_TOO_SMALL, "(No equilibrium was found on the lattice.)")
+            u, load = tangent(self.nodes, found, hold, 1e-8 if precise else 1e-3)[:2]
+        point = self.point(found, (u, load))
+        return Solution(point.x, point.parameter, point.tangent_x, load)
+
+    # -- the curve ----------------------------------------------------------------------------------------------------
+    def start(self, control: Control) -> Point:
+        """Far away, where the interaction has decayed.
+
+        Raises
+        ------
+        CorrectionError
+            If there is no interaction, or no equilibrium without contact.
+        """
+        nodes, setup, law = self.nodes, self.setup, self.setup.law
+        if law is None:
+            lacking = "(There is no interaction with which the contact could begin; use the axisymmetric model.)"
+            raise CorrectionError(Outcome.START_FAILED, lacking)
+        inside = nodes.heights[: setup.lattice.inside, : setup.lattice.inside]
+        most = max(10.0 * self.scale, FURTHEST * float(inside[np.isfinite(inside)].max()))
+        displacement = -min(law.reach(self.tolerance), most)
+        step = 0.05 * max(self.scale, 0.2 * abs(displacement))
+        if not law.evaluate(np.array([-displacement])).pressure.any():
+            displacement -= 1.5 * step  # a law that ends: two states beyond its end, from where the walk goes in
+        u = np.full(nodes.shape, -displacement)
+        load = nodes.lattice.node_area * float(nodes.respond(nodes.heights + u)[1].sum())
+        with quietly():
+            first = newton(nodes, u, load, control_held(nodes, DISPLACEMENT, displacement), None, self.settings)
+            hold = control_held(nodes, DISPLACEMENT, displacement + step)
+            second = newton(nodes, first.u - step, first.load, hold, None, self.settings)
+        if not (first.converged and second.converged):
+            raise CorrectionError(Outcome.START_FAILED, "(Far away there is no equilibrium; try a finer grid.)")
+        return self.point(first, (second.u - first.u, second.load - first.load))
+
+    @property
+    def cornered(self) -> bool:
+        """In contact, where a node joins it."""
+        return self.wall
+
+    def walked(self, start: Point, folds: Folds, end: Ceiling, stop: StopAt) -> Branch:
+        """By steps that pass the corners of the lattice, see `walk`."""
+        with quietly():
+            return Walker(self, folds, end, stop).branch(start)
+
+    def margins(self, x: Array, p: float) -> Mapping[str, float]:
+        """Without a wall, the gap that closes at first touch."""
+        return {} if self.wall else {"touch": clearance(self.setup, self.state(x, p))}
+
+    def successor(self, name: str, points: Sequence[Point]) -> Succession | None:
+        """In contact behind first touch."""
+        if name != "touch":
+            return None
+        behind = LatticeProblem(self.setup, self.tolerance, True, points[-1])
+        return Succession(name, points[-1], (replace(points[-1], problem=behind),))
+
+    def ending(self, name: str, point: Point) -> str:
+        """What to change."""
+        if name == "end":
+            return ""
+        units, own, resolution = self.setup.units, point.observables, Resolution.of(self.setup)
+        load, displacement = own["load"] * units.load, own["displacement"] * units.normal
+        if not self.setup.crowded and (
+            own["contact_radius"] > 0.49 * self.setup.edge or fills(self.setup, self.at(point))
+        ):
+            return f"The contact has reached the border of the cell at load {load:.6g}; use a larger cell."
+        remedy = "try a finer grid or a larger cell"
+        if resolution.ratio > 1.0:
+            remedy = f"the grid is too coarse for this interaction, {resolution.remedy}"
+        return (
+            f"The curve could not be followed beyond load {load:.6g}, displacement {displacement:.6g}: no equilibrium "
+            f"was found within the smallest step; {remedy}."
+        )
+
+    def behind(self, samples: Samples) -> Point:
+        """Where the lattice's own curve goes on behind the arcs of an average."""
+        if samples.last is None:
+            raise ModelError("an average without arcs")
+        end, problem = samples.last.end, LatticeProblem(self.setup, self.tolerance, True, past=samples)
+        # Over a row of nodes: single arcs ripple.
+        row = samples.ends[-1] - self.setup.lattice.spacing
+        begin = next((state for radius, state in reversed(samples.states) if radius < row), samples.states[0][1])
+        return problem.point(end, (end.u - begin.u, end.load - begin.load))
+
+    def before(self, control: Control, value: float) -> Point | None:
+        """Farther away than the start, where nothing but a rigid shift changes; a load does not tell states there.
+
+        Raises
+        ------
+        CorrectionError
+            If it was not found.
+        """
+        if control.kind == "load":
+            return None
+        start = self.start(control)
+        near = self.at(start)
+        u = near.u + (control.value(near.load, near.displacement) - value)
+        with quietly():
+            found = newton(self.nodes, u, near.load, control_held(self.nodes, control, value), None, self.sharp)
+        # Residuals are relative to the pressure, of which rounding leaves little out there.
+        if not found.converged and not found.residual * float(np.abs(found.fields.elastic).max()) <= NOTHING:
+            raise CorrectionError(Outcome.START_FAILED, f"where the control is {value:.6g}")
+        return self.point(found, (start.tangent_x, start.tangent_parameter))
+
+    def joins(self, other: EquilibriumProblem) -> bool:
+        """On the same lattice, on both sides of first touch."""
+        return isinstance(other, LatticeProblem)
+
+    def meeting(self, begin: Point, end: Point, control: Control, value: float) -> Point:
+        """From between two rows, within the bracket; next to a fold along the curve."""
+        hold, rows = control_held(self.nodes, control, value), (begin, end)
+        values = [control.value(row.observables["load"], row.observables["displacement"]) for row in rows]
+        if value in values:
+            return rows[values.index(value)]
+        share = (value - values[0]) / (values[1] - values[0])
+        first, last = (equilibrium(row).at(row) for row in rows)  # type: ignore[attr-defined]
+        way = Direction.between(first, last, self.scale)
+        ends = way.of(first), way.of(last)
+        bounds = min(ends), max(ends)
+        u, load = first.u + share * (last.u - first.u), first.load + share * (last.load - first.load)
+        contact = first.contact if share < 0.5 else last.contact
+
+        def found(u: Array, load: float, contact: Mask, settings: Settings) -> Equilibrium | None:
+            start = np.where(contact, -self.nodes.heights, u)
+            state = newton(self.nodes, start, load, hold, contact, settings)
+            return state if state.converged and bounds[0] <= way.of(state) <= bounds[1] else None
+
+        with quietly():
+            state = found(u, load, contact, self.sharp)
+            # Next to a fold Newton's method leaves the bracket: the curve is followed within it. Soft there, it is
+            # known less well than the residual says.
+            stretch = Stretch(self.nodes, [first, last], way, self.sharp)
+            for part in () if state else (1e-2, 1e-9):
+                near = stretch.zero(lambda one: control.value(one.load, one.displacement) - value, *bounds, part)
+                if near is not None:
+                    softer = replace(self.sharp, tolerance=0.1 * self.sharp.tolerance)
+                    state = state or found(near.u, near.load, near.contact, softer)
+        if state is None:
+            raise CorrectionError(Outcome.STEP_TOO_SMALL, "(No equilibrium was found between two rows.)")
+        return self.between(state, begin, end)
+
+    def beside(self, state: Equilibrium, control: Control, value: float) -> Point | None:
+        """The equilibrium next to a state at a value of a control, with its tangent; None if there is none."""
+        hold = control_held(self.nodes, control, value)
+        with quietly():
+            found = newton(self.nodes, state.u, state.load, hold, state.contact, self.sharp)
+            if not found.converged or self._apart(found, state) > 1.0:
+                return None
+            along = tangent(self.nodes, found, hold)
+        return self.point(found, (along.field, along.load))
+
+    # -- what is seen -------------------------------------------------------------------------------------------------
+    def values(self, x: Array, p: float) -> Values:
+        """As read off the nodes."""
+        return Values(*self.reading(x, p)[:5])
+
+    def observables(self, x: Array, p: float) -> Mapping[str, float]:
+        """The values, and the length of the rim."""
+        return dict(zip((*Values._fields, "perimeter"), self.reading(x, p), strict=False))
+
+    def rates(self, x: Array, p: float, x_rate: Array, p_rate: float) -> Rates:
+        """Of load, displacement and gap; a contact grows by nodes, and has no rate."""
+        u, state = x_rate.reshape(self.nodes.shape), self.state(x, p)
+        gap = 0.0
+        if not state.contact.any():
+            gap = float(x_rate[np.argmin(state.fields.gap)])
+            if not self.setup.crowded:
+                gap = interpolate(self.setup.lattice, u, 0.0, 0.0)
+        return Rates(p_rate, self.nodes.displacement(u, p_rate), 0.0, gap)
+
+    @cached_property
+    def modes(self) -> Modes:
+        """The unstable modes of its states."""
+        return Modes(self.setup)
+
+    @property
+    def countable(self) -> bool:
+        """Not where the law is stiffer than the lattice: they are those of single nodes."""
+        return Resolution.of(self.setup).ratio <= 1.0
+
+    def unstable(self, x: Array, p: float) -> int:
+        """Modes with the symmetry of the tip."""
+        return self.modes.symmetric(self.state(x, p))
+
+    def azimuthal(self, x: Array, p: float, unstable: int, limit: int = 32, near: int = 1) -> Count | None:
+        """Modes that break a symmetry of the tip, by the number of periods around the axis; None on whole lattices."""
+        return self.modes.count(self.state(x, p), unstable) if self.setup.quarter and limit else None
+
+    def mode_eigenvalue(self, x: Array, p: float, mode: int, index: int = 1) -> float:
+        """Of the modes with so many periods around the axis."""
+        return self.modes.eigenvalue(self.state(x, p), mode, index)
+
+    def mode_shape(self, x: Array, p: float, mode: int, index: int = 1) -> ModeShape:
+        """Projected on rings."""
+        return self.modes.shape(self.state(x, p), mode, index)
+
+    def variations(self, x: Array, p: float, mode: int, index: int = 1) -> str:
+        """By periods around the axis, or by the mirrors that they break."""
+        return self.modes.name(self.state(x, p), mode, index)
+
+    def profile(self, x: Array, p: float) -> Profile:
+        """Means over circles."""
+        return profile(self.nodes, self.state(x, p))
+
+    def described(self, x: Array, p: float) -> Mapping[str, Any]:
+        """Mean gap and the fields on the nodes."""
+        state = self.state(x, p)
+        return {"mean_gap": mean_gap(self.nodes, state), "in_cell": lambda: cell_fields(self.nodes, state)}
+
+    # -- other lattices -----------------------------------------------------------------------------------------------
+    @cached_property
+    def _finer(self) -> LatticeProblem:
+        return LatticeProblem(self.setup.fine, self.tolerance, self.wall)
+
+    def finer(self) -> Self:
+        """On twice the nodes a side."""
+        return self._finer  # type: ignore[return-value]
+
+    @cached_property
+    def _coarser(self) -> LatticeProblem | None:
+        coarse = self.setup.coarse
+        return None if coarse is None else LatticeProblem(coarse, self.tolerance, self.wall)
+
+    def compared(self) -> Self:
+        """On half the nodes a side."""
+        return self._coarser or self  # type: ignore[return-value]
+
+    def carried(self, vector: Array, x: Array, p: float, other: Self) -> Array:
+        """By trigonometric interpolation, or by means; where there is contact it stays."""
+        if other.setup.grid == self.setup.grid:
+            return vector
+        field, centred, finer = vector.reshape(self.nodes.shape), self.setup.centred, other.setup.grid > self.setup.grid
+        moved = refined(field, self.setup.lattice, centred) if finer else coarsened(field, centred)
+        if vector is x and self.wall:
+            contact = self.nodes.heights + field <= 0.0
+            stays = (
+                contact.repeat(2, 0).repeat(2, 1) if finer else coarsened(np.where(contact, 1.0, 0.0), centred) >= 0.5
+            )
+            moved = np.where(stays, -other.nodes.heights, moved)
+        return np.ravel(moved)
+
+    def left_out(self, x: Array, p: float) -> tuple[float, float, float, float]:
+        """What the cell leaves out, and what reading off the nodes does."""
+        return self.reading(x, p).errors
+
+    def difference(self, point: Point, control: Control | None = None) -> Array:
+        """Change of load, displacement, radius and gap on half the nodes a side: at a value of a control, or across the
+        curve; infinite where that is not known."""
+        coarse = self._coarser
+        unknown = np.full(4, np.inf)
+        if coarse is None:
+            return unknown
+        here, state = self.reading(point.x, point.parameter), self.at(point)
+        u, load, contact = carried(self.setup, coarse.setup, state)
+        start = np.where(contact, -coarse.nodes.heights, u)
+        if control is not None:
+            hold = control_held(coarse.nodes, control, control.value(here.load, here.displacement))
+        else:
+            way = coarsened(point.tangent_x.reshape(self.nodes.shape), self.setup.centred)
+            measure = Measure.of(np.maximum(coarse.nodes.heights + start, 0.0), load, self.scale)
+            along = Direction.along(measure, way, point.tangent_parameter)
+            hold = along.hold(along.value(start, load), 1e-6 * abs(along.value(way, point.tangent_parameter)))
+        with quietly():
+            found = newton(coarse.nodes, start, load, hold, contact, self.settings)
+        if not found.converged:
+            return unknown
+        return np.abs(np.subtract(here[:4], read(coarse.setup, found, cell=False)[:4]))
+
+    def _moved(self, point: Point, event: Event) -> Array:
+        """By how much, and a little more, an event of the film lies elsewhere on twice the nodes a side."""
+        fine = self._finer
+        ahead = STEP * self.scale / float(np.abs(point.tangent_x).max())
+        there = moved(point, fine)
+        size = fine.metric(there.x).norm(fine, there.tangent_x, there.tangent_parameter)
+        row = fine.metric(there.x).row(fine, there.tangent_x / size, there.tangent_parameter / size)
+        try:
+            found = []
+            for step in (0.0, ahead):
+                x, p = there.x + step * there.tangent_x, there.parameter + step * there.tangent_parameter
+                one = Point(fine, *fine.in_plane(x, p, row, True))
+                found.append((event.value(one), np.array(fine.values(one.x, one.parameter)[:4])))
+        except CorrectionError:
+            return self.difference(point)
+        (first, seen), (last, further) = found
+        # Where its rate vanishes at the event, what is controlled changes by half as much.
+        share = np.where([getattr(event, "name", "") == name for name in ("load", "displacement", "", "")], 0.5, 1.0)
+        share *= -first / (last - first) if last != first else 0.0
+        change = seen + share * (further - seen) - self.values(point.x, point.parameter)[:4]
+        return np.asarray(SAFETY * np.abs(change))
+
+    def defect(self, point: Point) -> Defect:
+        """By the lattice with half the nodes a side."""
+        load, displacement, _, _ = self.difference(point)
+        return Defect(load, displacement, 0.0)
+
+    def stated(self, point: Point, event: Event | None) -> tuple[float, float, float, float] | None:
+        """By the lattice with half the nodes a side; events without contact by that with twice as many."""
+        if not self.wall and isinstance(event, FoldEvent | Margin):
+            error = self._moved(point, event)
+        else:
+            error = self.difference(point, event.control if isinstance(event, Reached) else None)
+            error *= SAFETY if isinstance(event, FoldEvent) else 1.0
+        seen = np.abs(self.reading(point.x, point.parameter)[:4])
+        floor = self.settings.tolerance if isinstance(event, Reached) else FLOOR
+        error += floor * np.maximum(1.0, seen) + self.left_out(point.x, point.parameter)
+        error[2:] = np.where([seen[3] > 0.0 or not self.wall, seen[2] > 0.0], 0.0, error[2:])
+        return tuple(error.tolist())
+
+    def verdict(self, point: Point, control: Control, error: Sequence[float]) -> tuple[str | None, str]:
+        """Whether it stays on another lattice, by its error."""
+        moved = control.value(error[0], error[1])
+        value = control.value(*self.reading(point.x, point.parameter)[:2])
+        what = "the position of the spring" if control.kind == "spring" else control.kind
+        if not math.isfinite(moved):
+            return None, "Whether it stays on another grid is not known."
+        words = "stays" if moved <= STAYS * max(1.0, abs(value)) else "moves"
+        return (
+            words,
+            f"On another grid it {words}: by {moved * self.setup.units.of(control.kind):.3g} in {what} at most.",
+        )
+
+    # -- jumps --------------------------------------------------------------------------------------------------------
+    def relaxes_to(self, other: EquilibriumProblem) -> bool:
+        """Whatever lies on the lattice."""
+        return hasattr(other, "setup")
+
+    def relaxed(
+        self, fold: Point, control: Control, direction: int, others: Sequence[Point], guarded: bool
+    ) -> int | None:
+        """By damped dynamics from the fold, the control moved beyond it by its error: the lattice's barriers hold it.
+
+        Raises
+        ------
+        AstrayError
+            If they end in a state that is none of the others.
+        """
+        return self.landed(self.at(fold), fold, control, direction, others)
+
+    def landed(
+        self, begin: Equilibrium, fold: Point, control: Control, direction: int, others: Sequence[Point]
+    ) -> int | None:
+        """As `relaxed`, from a state near the fold."""
+        value = control.value(*equilibrium(fold).values(fold.x, fold.parameter)[:2])
+        error = np.nan_to_num(np.abs(equilibrium(fold).defect(fold)[:2]), posinf=0.0).tolist()
+        push = control.value(*error) + 1e-6 * max(1.0, abs(value))
+        end = None
+        for _ in range(PUSHES):
+            with quietly():
+                hold = control_held(self.nodes, control, value + direction * push)
+                end = land(self.nodes, begin.u, begin.load, hold, self.sharp.tolerance)
+                back = newton(self.nodes, end.u, end.load, control_held(self.nodes, control, value), end.contact)
+            end = back if end.converged and back.converged and self._apart(back, end) < LEFT else end
+            apart = [equilibrium(other).away(other, end) for other in others]  # type: ignore[attr-defined]
+            if end.converged and apart and min(apart) <= SAME:
+                return apart.index(min(apart))
+            push *= HARDER
+        if end is None or not end.converged:
+            return None
+        raise AstrayError(State(*read(self.setup, end)[:5], 0, 0, 0.0))
+
+    def _apart(self, one: Equilibrium, other: Equilibrium) -> float:
+        """Largest difference between two states' gaps, relative to the law's range."""
+        return float(np.abs(one.u - other.u).max()) / self.scale
+
+    def away(self, point: Point, state: Equilibrium) -> float:
+        """The same of a point's state and another."""
+        return float(np.abs(point.x - state.u.ravel()).max()) / self.scale
