@@ -26,7 +26,7 @@ __all__ = ["advise", "regime"]
 
 FINEST, COARSEST = 1e-13, 0.5
 # The trace that tells the truth: a tenth of what is asked, within limits that keep it short, and seconds at most.
-SHARE, COARSE, FINE, PATIENCE = 0.1, 1e-3, 1e-7, 1.5
+SHARE, COARSE, FINE, PATIENCE = 0.1, 1e-4, 1e-7, 1.5
 # What the axisymmetric model reaches, and how its time grows with digits asked beyond those of the trace.
 REACHES, DIGIT = 1e-11, 1.35
 # The relative error of a fold's load on a grid with nodes as far apart as the range is long, with its order.
@@ -71,8 +71,12 @@ def advise(contact: Contact, accuracy: float = 0.01, control: str | Spring = "lo
     reduced = contact.to_reduced()
     truth = None
     if axisymmetric(contact) is not None or model.name == Exact.name:
-        fine = min(max(SHARE * accuracy, FINE), COARSE)
-        truth = trace(reduced, held.kind if held.kind != "spring" else "load", fine, modes=0, time_limit=PATIENCE)
+        kind = "load" if held.kind == "spring" else held.kind
+        coarse = min(max(SHARE * accuracy, FINE), COARSE)
+        for tolerance in (coarse, SHARE**2 * coarse):  # what coarse meshes cannot settle, finer ones may
+            truth = trace(reduced, kind, tolerance, modes=0, time_limit=PATIENCE)
+            if truth.status == "complete":
+                break
     wanted: Judged = {} if truth is None else _judged(truth, held)
     candidates = list(_grids(reduced, wanted, accuracy))
     if truth is not None:
