@@ -18,6 +18,7 @@ import numpy as np
 
 from contbranch.continuation import CorrectionError, End, EventPoint, Outcome, Point, StopAt
 from contbranch.continuation.follow import Branch
+from contbranch.curve.angle import in_passing, short_way
 from contbranch.curve.events import Ceiling, Folds
 from contbranch.watch import finishing, kept, over
 
@@ -40,6 +41,8 @@ CURVATURE = 0.02
 ANGLE, ORDER = 0.9, 2
 # Distance by which predictions may miss at any rate, and where much happens on short parts of the curve.
 NOISE, CLOSE = 1e-3, 3e-3
+# Changes of load and displacement that are rounding, relative to max(1, |value|).
+ROUNDING = 1e-9
 # Memory for the fields of rows, from which profiles are made when they are asked for.
 KEPT_BYTES = 600e6
 # Points at most, and those from which is predicted.
@@ -170,6 +173,8 @@ class Walker:
         """The rows in order, with the directions between them."""
         last = self.rows[-1:] if end.outcome is Outcome.STOPPED_AT_EVENT else []
         rows = sorted(self.rows[: len(self.rows) - len(last)], key=lambda row: row.arc) + last
+        if self.problem.wall and not self.averaging:
+            rows = self._cornered(rows)
         points = [row.point for row in rows]
         known = points
         if rows[-1].event == "average":  # what it spans is dropped
@@ -186,6 +191,30 @@ class Walker:
                 branch.events.append((EventPoint(point, 0.0, 0.0, name=row.event), k - 1))
             branch.points.append(point)
         return branch
+
+    def _cornered(self, rows: list[Row]) -> list[Row]:
+        """The rows of a chain of arcs, with the folds where its direction turns from one row to the next.
+
+        Several controls may turn round in one corner: they do so in the order in which (d', F') passes their directions
+        on the shorter way, with a row each.
+        """
+        controls, places = self.folds.controls, list[Row]()
+        for row in rows:  # what was located may be a row already
+            if places and row.event not in ("average", self.end.name) and self._one(places[-1], row):
+                continue
+            places.append(row._replace(event="") if any(row.event == c.kind for c in controls) else row)
+        seen = np.array([[row.point.observables[name] for name in ("displacement", "load")] for row in places])
+        ways = [math.atan2(load, displacement) for displacement, load in np.diff(seen, axis=0)]
+        found = places[:1]
+        for row, (before, after) in zip(places[1:], [*pairwise(ways), (0.0, 0.0)], strict=False):
+            passed = [] if row.event else in_passing(controls, before, short_way(after - before))
+            found += [row._replace(event=control.kind) for control in passed] or [row]
+        return found
+
+    def _one(self, row: Row, other: Row) -> bool:
+        """Whether two rows are one state, but for rounding."""
+        own, new = (np.array([at.point.observables[n] for n in ("load", "displacement")]) for at in (row, other))
+        return bool((np.abs(own - new) <= ROUNDING * np.maximum(1.0, np.abs(own))).all())
 
     def _directed(self, point: Point, before: Point, after: Point, event: bool) -> Point:
         """A row with its direction: that of the parabola through rows on both sides; the tangent where it is asked."""
@@ -256,7 +285,7 @@ class Walker:
         for control in self.folds.controls:
             values = [control.value(place.state.load, place.state.displacement) for place in (before, middle, after)]
             rise, fall = np.diff(values)
-            if not (rise * fall < 0.0 and max(abs(rise), abs(fall)) > 1e-9 * max(1.0, abs(values[1]))):
+            if not (rise * fall < 0.0 and max(abs(rise), abs(fall)) > ROUNDING * max(1.0, abs(values[1]))):
                 continue
             states = [place.state for place in self.places[-4:] if place.arc >= 0.0]
             change = after.state.u - before.state.u, after.state.load - before.state.load
@@ -266,7 +295,8 @@ class Walker:
             found = stretch.extremum(control, float(np.sign(rise)), low, high)
             if found is None or (control.value(found.load, found.displacement) - values[1]) * rise < 0.0:
                 found = middle.state  # it is close
-            arc = before.arc + self._apart(before.state, found)
+            near = middle if way.of(found) > way.of(middle.state) else before
+            arc = near.arc + self._apart(near.state, found)
             if arc > 0.0:
                 self.folds.told(self._add(Place(min(arc, after.arc), found), control.kind))
 
