@@ -319,7 +319,8 @@ class Walker:
         way = Direction.along(Measure.at(middle.state, 1.0), *change)
         known = [place.state for place in self.places[-4:] if place.arc >= 0.0]
         if self._chained:
-            known = [*self._corners(before.state, middle.state, after.state, way), *known]
+            if self.hops:  # a step passes few corners
+                known = [*self._corners(before.state, middle.state, after.state, way), *known]
             self.rows = [row for row in self.rows if row.arc != middle.arc or row.event]  # what is found is better
         stretch, low, high = Stretch(self.nodes, known, way, self._sharp), way.of(before.state), way.of(after.state)
         for control, sign in turned:
