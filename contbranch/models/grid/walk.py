@@ -321,7 +321,8 @@ class Walker:
         if self._chained:
             if self.hops:  # a step passes few corners
                 known = [*self._corners(before.state, middle.state, after.state, way), *known]
-            self.rows = [row for row in self.rows if row.arc != middle.arc or row.event]  # what is found is better
+            # What is found takes the place of the row that told of it.
+            self.rows = [self.rows[0], *(row for row in self.rows[1:] if row.arc != middle.arc or row.event)]
         stretch, low, high = Stretch(self.nodes, known, way, self._sharp), way.of(before.state), way.of(after.state)
         for control, sign in turned:
             stretch.extremum(control, sign, low, high)
@@ -342,7 +343,7 @@ class Walker:
     def _corners(self, begin: Equilibrium, middle: Equilibrium, end: Equilibrium, way: Direction) -> list[Equilibrium]:
         """The states at the corners between two of a chain, and half the way between them."""
         found: list[Equilibrium] = []
-        for arc in islice(arcs(self.nodes, self.setup.length, (begin, middle), self.settings), MOST_CORNERS):
+        for arc in islice(arcs(self.nodes, self.setup.length, (begin, middle), self._sharp), MOST_CORNERS):
             found += [arc.middle, arc.end]
             if way.of(arc.end) > way.of(end):
                 break
