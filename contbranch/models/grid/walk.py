@@ -11,16 +11,18 @@ from __future__ import annotations
 import math
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import islice, pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from contbranch.continuation import CorrectionError, End, EventPoint, Outcome, Point, StopAt
 from contbranch.continuation.follow import Branch
+from contbranch.curve.angle import in_passing, short_way
 from contbranch.curve.events import Ceiling, Folds
 from contbranch.watch import finishing, kept, over
 
+from .arcs import arcs
 from .averaging import LEAST, averaged, half_width, turned
 from .measure import Direction, Measure, Stretch, lagrange, predicted
 from .newton import Equilibrium, newton
@@ -28,6 +30,8 @@ from .readings import clearance, read
 from .resolution import Resolution, fills
 
 if TYPE_CHECKING:
+    from contbranch.control import Control
+
     from .equilibria import LatticeProblem
 
 __all__ = ["HOPELESS", "Walker"]
@@ -40,6 +44,10 @@ CURVATURE = 0.02
 ANGLE, ORDER = 0.9, 2
 # Distance by which predictions may miss at any rate, and where much happens on short parts of the curve.
 NOISE, CLOSE = 1e-3, 3e-3
+# Changes of load and displacement that are rounding, relative to max(1, |value|).
+ROUNDING = 1e-9
+# Corners at most around one fold.
+MOST_CORNERS = 40
 # Memory for the fields of rows, from which profiles are made when they are asked for.
 KEPT_BYTES = 600e6
 # Points at most, and those from which is predicted.
@@ -170,6 +178,8 @@ class Walker:
         """The rows in order, with the directions between them."""
         last = self.rows[-1:] if end.outcome is Outcome.STOPPED_AT_EVENT else []
         rows = sorted(self.rows[: len(self.rows) - len(last)], key=lambda row: row.arc) + last
+        if self._chained:
+            rows = self._cornered(rows)
         points = [row.point for row in rows]
         known = points
         if rows[-1].event == "average":  # what it spans is dropped
@@ -186,6 +196,50 @@ class Walker:
                 branch.events.append((EventPoint(point, 0.0, 0.0, name=row.event), k - 1))
             branch.points.append(point)
         return branch
+
+    def _cornered(self, rows: list[Row]) -> list[Row]:
+        """The rows of a chain of arcs, with the folds where its direction turns from one row to the next.
+
+        Several controls may turn round in one corner: they do so in the order in which (d', F') passes their directions
+        on the shorter way, with a row each. Steps pass over what single nodes do; what they met of it by chance is
+        left out.
+        """
+        controls, places = self.folds.controls, list[Row]()
+        for row in rows:  # what was located may be a row already
+            if places and row.event not in ("average", self.end.name) and self._one(places[-1], row):
+                continue
+            places.append(row._replace(event="") if any(row.event == c.kind for c in controls) else row)
+        while self.hops and (ripple := self._ripple(places)) is not None:
+            del places[ripple]
+        seen = np.array([[row.point.observables[name] for name in ("displacement", "load")] for row in places])
+        ways = [math.atan2(load, displacement) for displacement, load in np.diff(seen, axis=0)]
+        found = places[:1]
+        for row, (before, after) in zip(places[1:], [*pairwise(ways), (0.0, 0.0)], strict=False):
+            passed = [] if row.event else in_passing(controls, before, short_way(after - before))
+            found += [row._replace(event=control.kind) for control in passed] or [row]
+        return found
+
+    def _ripple(self, rows: list[Row]) -> slice | None:
+        """Rows along which a control goes back within a row of nodes, by less than it goes before and behind."""
+        load, displacement, radius = (
+            np.array([row.point.observables[name] for row in rows])
+            for name in ("load", "displacement", "contact_radius")
+        )
+        for control in self.folds.controls:
+            values = np.array([control.value(*place) for place in zip(load, displacement, strict=True)])
+            rises = np.diff(values)
+            turns = np.r_[0, np.flatnonzero(rises[:-1] * rises[1:] < 0.0) + 1, len(rows) - 1]
+            swings = np.abs(np.diff(values[turns]))
+            for k in range(1, len(swings) - 1):
+                first, last = turns[k], turns[k + 1]
+                if swings[k] < min(swings[k - 1], swings[k + 1]) and abs(radius[last] - radius[first]) < self.spacing:
+                    return slice(first, last + 1)
+        return None
+
+    def _one(self, row: Row, other: Row) -> bool:
+        """Whether two rows are one state, but for rounding."""
+        own, new = (np.array([at.point.observables[n] for n in ("load", "displacement")]) for at in (row, other))
+        return bool((np.abs(own - new) <= ROUNDING * np.maximum(1.0, np.abs(own))).all())
 
     def _directed(self, point: Point, before: Point, after: Point, event: bool) -> Point:
         """A row with its direction: that of the parabola through rows on both sides; the tangent where it is asked."""
@@ -253,22 +307,47 @@ class Walker:
         if len(self.places) < 3 or self._left_to_averages(self.places[-2].state):
             return
         before, middle, after = self.places[-3:]
+        turned: list[tuple[Control, float]] = []
         for control in self.folds.controls:
             values = [control.value(place.state.load, place.state.displacement) for place in (before, middle, after)]
             rise, fall = np.diff(values)
-            if not (rise * fall < 0.0 and max(abs(rise), abs(fall)) > 1e-9 * max(1.0, abs(values[1]))):
-                continue
-            states = [place.state for place in self.places[-4:] if place.arc >= 0.0]
-            change = after.state.u - before.state.u, after.state.load - before.state.load
-            way = Direction.along(Measure.at(middle.state, 1.0), *change)
-            stretch = Stretch(self.nodes, states, way, self._sharp)
-            low, high = way.of(before.state), way.of(after.state)
-            found = stretch.extremum(control, float(np.sign(rise)), low, high)
-            if found is None or (control.value(found.load, found.displacement) - values[1]) * rise < 0.0:
-                found = middle.state  # it is close
-            arc = before.arc + self._apart(before.state, found)
+            if rise * fall < 0.0 and max(abs(rise), abs(fall)) > ROUNDING * max(1.0, abs(values[1])):
+                turned.append((control, float(np.sign(rise))))
+        if not turned:
+            return
+        change = after.state.u - before.state.u, after.state.load - before.state.load
+        way = Direction.along(Measure.at(middle.state, 1.0), *change)
+        known = [place.state for place in self.places[-4:] if place.arc >= 0.0]
+        if self._chained:
+            if self.hops:  # a step passes few corners
+                known = [*self._corners(before.state, middle.state, after.state, way), *known]
+            # What is found takes the place of the row that told of it.
+            self.rows = [self.rows[0], *(row for row in self.rows[1:] if row.arc != middle.arc or row.event)]
+        stretch, low, high = Stretch(self.nodes, known, way, self._sharp), way.of(before.state), way.of(after.state)
+        for control, sign in turned:
+            stretch.extremum(control, sign, low, high)
+        inside = [middle.state, *(state for state in stretch.states if low < way.of(state) < high)]
+        for control, sign in turned:
+            heights = [sign * control.value(state.load, state.displacement) for state in inside]
+            found = inside[int(np.argmax(heights))]
+            near = middle if way.of(found) > way.of(middle.state) else before
+            arc = near.arc + self._apart(near.state, found)
             if arc > 0.0:
                 self.folds.told(self._add(Place(min(arc, after.arc), found), control.kind))
+
+    @property
+    def _chained(self) -> bool:
+        """Whether rows are a chain of the lattice's own arcs, no averages."""
+        return self.problem.wall and not self.averaging
+
+    def _corners(self, begin: Equilibrium, middle: Equilibrium, end: Equilibrium, way: Direction) -> list[Equilibrium]:
+        """The states at the corners between two of a chain, and half the way between them."""
+        found: list[Equilibrium] = []
+        for arc in islice(arcs(self.nodes, self.setup.length, (begin, middle), self._sharp), MOST_CORNERS):
+            found += [arc.middle, arc.end]
+            if way.of(arc.end) > way.of(end):
+                break
+        return found
 
     def _turns_late(self) -> None:
         """Locate the folds between the last two states before first touch, by the tangent there."""
