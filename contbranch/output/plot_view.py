@@ -258,23 +258,27 @@ def arrange_panels(figure: Any, panels: Sequence[Axes]) -> None:
         for axis in (axes.xaxis, axes.yaxis):
             axis.set_major_formatter(_PlainTicks())
     for _ in range(2):  # the second time with the ticks that fit
+        over = 0.0
         for i, axes in enumerate(panels):
             bottom = (len(panels) - 1 - i) * slot + below
             size = (width - left - right, slot - below - title)
             axes.set_position((left / width, bottom / height, size[0] / width, size[1] / height))
-            _space_ticks(axes, renderer)
-        frames = [axes.get_window_extent() for axes in panels]
-        reach = [[axis.get_tightbbox(renderer) for axis in (axes.yaxis, axes.xaxis)] for axes in panels]
-        left = max((frame.x0 - y.x0 for frame, (y, _) in zip(frames, reach, strict=True) if y), default=0) / dpi + 0.06
-        over = max((x.x1 - frame.x1 for frame, (_, x) in zip(frames, reach, strict=True) if x), default=0) / dpi
+            over = max(over, _space_ticks(axes, renderer) / dpi)
+        reach = ((axes.get_window_extent().x0, axes.yaxis.get_tightbbox(renderer)) for axes in panels)
+        left = max((edge - box.x0 for edge, box in reach if box), default=0.0) / dpi + 0.06
         right = max(_RIGHT, over + 0.03)
 
 
-def _space_ticks(axes: Axes, renderer: Any) -> None:
-    """Take fewer ticks along x until their labels stand apart."""
+def _space_ticks(axes: Axes, renderer: Any) -> float:
+    """Take fewer ticks along x until their labels stand apart; return how far the last reaches beyond the frame."""
     apart = _APART * renderer.points_to_pixels(1.0)
+    edge = float(axes.get_window_extent().x1)
+    boxes: list[Any] = []
     for count in range(_MOST_TICKS, 2, -1):
-        boxes = [label.get_window_extent(renderer) for label in axes.get_xticklabels() if label.get_text()]
+        low, high = axes.get_xlim()
+        labels = (label for label in axes.get_xticklabels() if low <= label.get_position()[0] <= high)
+        boxes = [label.get_window_extent(renderer) for label in labels]
         if all(right.x0 - left.x1 > apart for left, right in pairwise(boxes)):
-            return
+            break
         axes.xaxis.set_major_locator(MaxNLocator(count, steps=[1, 2, 2.5, 5, 10]))
+    return max((float(box.x1) - edge for box in boxes), default=0.0)
