@@ -28,9 +28,7 @@ FINEST, COARSEST = 1e-13, 0.5
 # The trace that tells the truth: a tenth of what is asked, within limits that keep it short, and seconds at most.
 SHARE, COARSE, FINE, PATIENCE = 0.1, 1e-4, 1e-7, 1.5
 # What the axisymmetric model reaches, and how its time grows with digits asked beyond those of the trace.
-REACHES, DIGIT = 1e-11, 1.35
-# The relative error of a fold's load on a grid with nodes as far apart as the range is long, with its order.
-GRID_ERROR, ORDER = 0.02, 1.5
+REACHES, DIGIT = 1e-11, 1.12
 
 # A contact is near a limit whose pull-off load is off by less; a theory that is better than this is recommended.
 NEAR, ENOUGH = 0.05, 0.01
@@ -249,7 +247,7 @@ def _own(contact: Contact, wanted: Judged, accuracy: float, truth: Diagram) -> C
 
 def _grids(contact: Contact, wanted: Judged, accuracy: float) -> Iterator[Candidate]:
     """Grids of the size that they would choose for themselves."""
-    from contbranch.models.grid.size import chosen_size, expected_seconds
+    from contbranch.models.grid.size import COARSE_ERROR, ORDER, chosen_size, expected_seconds
 
     length = 1.0 if contact.interaction is None else contact.interaction.range
     for kind in ("free", "periodic"):
@@ -257,7 +255,7 @@ def _grids(contact: Contact, wanted: Judged, accuracy: float) -> Iterator[Candid
             cell, grid = chosen_size(contact, kind, (None, None), (None, None), accuracy)
         except InputError:
             continue
-        error = GRID_ERROR * (cell / grid / length) ** ORDER
+        error = COARSE_ERROR * (cell / grid / length) ** ORDER
         seconds = expected_seconds(grid)
         why = f"{grid} nodes a side in a cell of {cell:.3g} (reduced): errors as measured for that spacing."
         yield Candidate(kind, dict.fromkeys(wanted, error), seconds, why)

@@ -48,11 +48,11 @@ def test_wrong_numbers(value, message):
 
 
 def test_a_trace_of_minutes_is_announced() -> None:
-    """As measured: 250 s on 512 nodes a side; half as many take seven times less."""
+    """N² log N a pair of transforms, and somewhat more of them: four to nine times as long on twice as many nodes."""
     from contbranch.models.grid.size import announce, expected_seconds
 
-    assert expected_seconds(512) == pytest.approx(250.0)
+    assert 4.0 < expected_seconds(512) / expected_seconds(256) < 9.0
     assert 4.0 < expected_seconds(2048) / expected_seconds(1024) < 9.0
     announce(256)
-    with pytest.warns(GridWarning, match="a trace on 512 nodes a side takes 4 minutes, about"):
-        announce(512)
+    with pytest.warns(GridWarning, match="a trace on 768 nodes a side takes [0-9]+ minutes, about"):
+        announce(768)

@@ -21,9 +21,9 @@ from .sketch import relatives
 
 __all__ = ["announce", "chosen_size", "expected_seconds"]
 
-# Seconds of a trace on a grid of so many nodes a side, one core, measured on exponential and Gauss laws, μ_T = 1 and 2;
-# minutes from which on a trace is announced.
-SECONDS = {64: 2.0, 128: 8.0, 256: 40.0, 512: 250.0}
+# Seconds of a trace in a free cell of 10 on so many nodes a side, one core: means over the exponential attraction with
+# μ_T = 1 and the Gauss attraction with 2 (finer ones by the last growth); minutes from which on a trace is announced.
+SECONDS = {64: 1.4, 128: 3.2, 256: 18.0}
 LONG = 2.0
 
 # Edge of the cell over the radius at which the interaction has decayed; images of a periodic cell act from far away.
