@@ -37,6 +37,7 @@ from contbranch.errors import ModelError
 from contbranch.results.diagram import ModeShape, State
 from contbranch.results.profile import Profile
 
+from .arcs import pressed
 from .arrays import Array, Mask
 from .landing import land
 from .measure import Direction, Measure, Stretch, following, quietly
@@ -255,8 +256,15 @@ class LatticeProblem(EquilibriumProblem):
         """In contact behind first touch."""
         if name != "touch":
             return None
-        behind = LatticeProblem(self.setup, self.tolerance, True, points[-1])
-        return Succession(name, points[-1], (replace(points[-1], problem=behind),))
+        last = points[-1]
+        start = replace(last, problem=LatticeProblem(self.setup, self.tolerance, True, last))
+        if self.setup.crowded:  # what touches is a node: there the curve has a corner
+            state, along = self.at(last), last.tangent_x.reshape(self.nodes.shape)
+            towards = Direction.along(Measure.at(state, self.scale), along, last.tangent_parameter)
+            direction = pressed(self.nodes, self.scale, state, towards, self.settings)
+            if direction is not None:
+                start = replace(start, tangent_x=direction[0].ravel(), tangent_parameter=direction[1])
+        return Succession(name, last, (start,))
 
     def ending(self, name: str, point: Point) -> str:
         """What to change."""

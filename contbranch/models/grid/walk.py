@@ -304,7 +304,8 @@ class Walker:
 
     def _turns(self) -> None:
         """Locate the folds around the last point but one."""
-        if len(self.places) < 3 or self._left_to_averages(self.places[-2].state):
+        # The first place of all is none of the curve's.
+        if len(self.places) < 3 or self.places[-3].arc < 0.0 or self._left_to_averages(self.places[-2].state):
             return
         before, middle, after = self.places[-3:]
         turned: list[tuple[Control, float]] = []
