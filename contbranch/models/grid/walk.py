@@ -46,8 +46,8 @@ ANGLE, ORDER = 0.9, 2
 NOISE, CLOSE = 1e-3, 3e-3
 # Changes of load and displacement that are rounding, relative to max(1, |value|).
 ROUNDING = 1e-9
-# Corners at most around one fold.
-MOST_CORNERS = 40
+# Corners at most around one fold, and those at a time where steps fail.
+MOST_CORNERS, CORNERS = 40, 6
 # Memory for the fields of rows, from which profiles are made when they are asked for.
 KEPT_BYTES = 600e6
 # Points at most, and those from which is predicted.
@@ -108,6 +108,7 @@ class Walker:
         self._sharp = replace(self.settings, tolerance=min(self.settings.tolerance, 1e-8))
         self.places: list[Place] = []
         self.rows: list[Row] = []
+        self.queue: list[Equilibrium] = []
         self.step_size, self.checked, self.returns, self.kept = FIRST, -1.0, 0, 0.0
 
     # -- the piece ----------------------------------------------------------------------------------------------------
@@ -438,7 +439,9 @@ class Walker:
     # -- steps --------------------------------------------------------------------------------------------------------
     def _step(self) -> bool:
         """Go one step on; False if that is not possible."""
-        hopped = not self.hops
+        if self.queue:
+            return self._next()
+        hopped, begun = not self.hops, self.step_size
         while self.step_size >= LEAST_STEP:
             if not hopped and self.step_size < 0.25 * self.period:
                 if self._hop():
@@ -454,7 +457,21 @@ class Walker:
                 self.step_size = min(MOST_STEP, self.step_size * min(1.6 if not failed else 1.0, max(0.5, growth)))
                 return True
             self.step_size *= 0.5
-        return False
+        self.step_size = begun
+        return self._chained and self._next()
+
+    def _next(self) -> bool:
+        """Go on to the next corner of a chain where steps fail; several at a time."""
+        if not self.queue:
+            before, last = (place.state for place in self.places[-2:])
+            fields = last.fields._replace(u=2.0 * last.u - before.u, load=2.0 * last.load - before.load)
+            way = last, replace(last, fields=fields)
+            self.queue = [arc.end for arc in islice(arcs(self.nodes, self.setup.length, way, self.settings), CORNERS)]
+            if not self.queue:
+                return False
+        last, state = self.places[-1], self.queue.pop(0)
+        self.places.append(Place(last.arc + self._apart(last.state, state), state))
+        return True
 
     def _hop(self) -> bool:
         """Pass corners of the lattice's own, which are a period apart, by a longer step along the mean direction."""
@@ -499,7 +516,8 @@ class Walker:
         change = found.u - last.u, found.load - last.load
         distance = measure.norm(*change)
         cosine = direction.value(*change) / (distance * measure.norm(*rate)) if distance > 0 else 0.0
-        allowed = max(loose * size, 4.0 * self.noise)
+        # A step shorter than what may be missed could be a leap; corners of a chain are found by themselves.
+        allowed = max(loose * size, 4.0 * self.noise if self.hops else min(4.0 * self.noise, size))
         if cosine < angle or miss > allowed or distance > 4.0 * size or self._retraced(found, distance):
             return None
         return Place(past[-1].arc + distance, found), miss, miss > 0.5 * allowed
