@@ -23,10 +23,10 @@ from contbranch.curve.events import Ceiling, Folds
 from contbranch.watch import finishing, kept, over
 
 from .arcs import arcs
-from .averaging import LEAST, averaged, half_width, turned
+from .averaging import averaged, half_width, turned
 from .measure import Direction, Measure, Stretch, lagrange, predicted
 from .newton import Equilibrium, newton
-from .readings import clearance, read
+from .readings import clearance
 from .resolution import Resolution, fills
 
 if TYPE_CHECKING:
@@ -124,7 +124,7 @@ class Walker:
         # An interrupted walk has what it has passed.
         end = kept(self._run, End(Outcome.REACHED_EDGE))
         with finishing():
-            if over() and self.averaging and self.problem.wall:  # an average could still take the place of rows
+            if over() and self._averages:  # an average could still take the place of rows
                 sure = self.checked - 1.5 * half_width(max(self.checked, 0.0), self.spacing)
                 known = (row for row in self.rows[1:] if row.point.observables["contact_radius"] <= sure)
                 self.rows = [self.rows[0], *known]
@@ -136,14 +136,14 @@ class Walker:
         while len(self.rows) < MOST_POINTS:
             if not self._step():
                 radius = self.rows[-1].point.observables["contact_radius"]
-                if self.averaging and problem.wall and self._averaged(radius, stuck=True):
+                if self._averages and self._averaged(radius, stuck=True):
                     return met
                 return lost
             if not problem.wall and self._touched():
                 return met
             self._add(self.places[-1])
             self._turns()
-            if self.averaging and problem.wall:
+            if self._averages:
                 self.checked, centre = turned(self._seen(), self.folds.controls, self.spacing, self.checked)
                 if centre is None and self._beyond():
                     centre = self._pending()
@@ -249,7 +249,7 @@ class Walker:
         ways = [(end.x - start.x, end.parameter - start.parameter) for start, end in ((before, point), (point, after))]
         first, last = (math.sqrt(self.problem.inner(x, x)) + abs(load) for x, load in ways)
         # Rows may be one, and there is none before the first and behind the last; single nodes are averaged over.
-        plain = first * last == 0.0 or (self.averaging and self.problem.wall)
+        plain = first * last == 0.0 or self._averages
         weights = (1.0, 1.0) if plain else (last / first, first / last)
         (x, load), (further, more) = ways
         along = weights[0] * x + weights[1] * further, weights[0] * load + weights[1] * more
@@ -265,7 +265,7 @@ class Walker:
         # A fold may be one of the rows.
         first -= first > 0 and own[first].parameter == own[place].parameter
         last += last + 1 < len(own) and own[last].parameter == own[place].parameter
-        if self.averaging and self.problem.wall:
+        if self._averages:
             radii = [p.observables["contact_radius"] for p in own]
             half = 0.5 * half_width(radii[place], self.spacing)
             while first > 0 and radii[place] - radii[first] < half:
@@ -275,10 +275,15 @@ class Walker:
         return own[first], own[last]
 
     def _seen(self) -> np.ndarray:
-        """Load, displacement and contact radius of the rows in order."""
-        rows = sorted(self.rows, key=lambda row: row.arc)
+        """Load, displacement and contact radius of the rows in order; before first touch, just behind it on the film."""
         names = "load", "displacement", "contact_radius"
-        return np.array([[row.point.observables[name] for name in names] for row in rows])
+        seen = [[row.point.observables[name] for name in names] for row in sorted(self.rows, key=lambda row: row.arc)]
+        start = self.rows[0].point
+        if self.problem.touch is not None:
+            ahead = self.problem.rates(start.x, start.parameter, start.tangent_x, start.tangent_parameter)[:2]
+            small = 1e-3 * self.setup.length / (max(map(abs, ahead)) or 1.0)
+            seen.insert(0, [seen[0][0] - small * ahead[0], seen[0][1] - small * ahead[1], 0.0])
+        return np.array(seen)
 
     # -- what happens -------------------------------------------------------------------------------------------------
     def _touched(self) -> bool:
@@ -306,7 +311,7 @@ class Walker:
     def _turns(self) -> None:
         """Locate the folds around the last point but one."""
         # The first place of all is none of the curve's.
-        if len(self.places) < 3 or self.places[-3].arc < 0.0 or self._left_to_averages(self.places[-2].state):
+        if len(self.places) < 3 or self.places[-3].arc < 0.0 or self._averages:
             return
         before, middle, after = self.places[-3:]
         turned: list[tuple[Control, float]] = []
@@ -336,6 +341,11 @@ class Walker:
             arc = near.arc + self._apart(near.state, found)
             if arc > 0.0:
                 self.folds.told(self._add(Place(min(arc, after.arc), found), control.kind))
+
+    @property
+    def _averages(self) -> bool:
+        """Whether folds are sought by averages."""
+        return self.problem.wall and self.averaging
 
     @property
     def _chained(self) -> bool:
@@ -370,16 +380,6 @@ class Walker:
                 arc = before.arc + self._apart(before.state, found)
                 self.folds.told(self._add(Place(min(arc, after.arc), found), control.kind))
 
-    def _left_to_averages(self, state: Equilibrium) -> bool:
-        """Whether a fold at a state is sought by averages."""
-        if not self.averaging or not state.contact.any():
-            return False
-        return not self._left_to_lattice(read(self.setup, state, cell=False).contact_radius)
-
-    def _left_to_lattice(self, radius: float) -> bool:
-        """Whether a contact has too few nodes for averages."""
-        return radius < LEAST * self.spacing and self.resolution.ratio <= 1.0
-
     def _averaged(self, centre: float, stuck: bool = False) -> bool:
         """Let the average take over around a contact radius; whether that could be done."""
         rows = sorted(self.rows, key=lambda row: row.arc)
@@ -395,7 +395,7 @@ class Walker:
         for control in self.folds.controls:
             rises = np.diff([control.value(*row[:2]) for row in seen])
             turns = np.flatnonzero((rises[:-1] * rises[1:] < 0.0) & (seen[1:-1, 2] > max(self.checked, 0.0)))
-            if turns.size and not self._left_to_lattice(float(seen[turns[0] + 1, 2])):
+            if turns.size:
                 return float(seen[turns[0] + 1, 2])
         return None
 
