@@ -270,7 +270,7 @@ class LatticeProblem(EquilibriumProblem):
         """What to change."""
         if name == "end":
             return ""
-        units, own, resolution = self.setup.units, point.observables, Resolution.of(self.setup)
+        units, own, resolution = self.setup.units, point.observables, self.resolution
         load, displacement = own["load"] * units.load, own["displacement"] * units.normal
         if not self.setup.crowded and (
             own["contact_radius"] > 0.49 * self.setup.edge or fills(self.setup, self.at(point))
@@ -388,7 +388,12 @@ class LatticeProblem(EquilibriumProblem):
     @property
     def countable(self) -> bool:
         """Not where the law is stiffer than the lattice: they are those of single nodes."""
-        return Resolution.of(self.setup).ratio <= 1.0
+        return self.resolution.ratio <= 1.0
+
+    @cached_property
+    def resolution(self) -> Resolution:
+        """The law's stiffness against the lattice's."""
+        return Resolution.of(self.setup)
 
     def unstable(self, x: Array, p: float) -> int:
         """Modes with the symmetry of the tip."""
@@ -460,7 +465,7 @@ class LatticeProblem(EquilibriumProblem):
         curve; infinite where that is not known."""
         coarse = self._coarser
         unknown = np.full(4, np.inf)
-        if coarse is None:
+        if coarse is None or self.resolution.fails(self.at(point)):
             return unknown
         here, state = self.reading(point.x, point.parameter), self.at(point)
         u, load, contact = carried(self.setup, coarse.setup, state)
@@ -481,6 +486,8 @@ class LatticeProblem(EquilibriumProblem):
     def _moved(self, point: Point, event: Event) -> Array:
         """By how much, and a little more, an event of the film lies elsewhere on twice the nodes a side."""
         fine = self._finer
+        if self.resolution.fails(self.at(point)):
+            return np.full(4, np.inf)
         ahead = STEP * self.scale / float(np.abs(point.tangent_x).max())
         there = moved(point, fine)
         size = fine.metric(there.x).norm(fine, there.tangent_x, there.tangent_parameter)

@@ -27,14 +27,14 @@ from .averaging import averaged, half_width, turned
 from .measure import Direction, Measure, Stretch, lagrange, predicted
 from .newton import Equilibrium, newton
 from .readings import clearance
-from .resolution import Resolution, fills
+from .resolution import HOPELESS, fills
 
 if TYPE_CHECKING:
     from contbranch.control import Control
 
     from .equilibria import LatticeProblem
 
-__all__ = ["HOPELESS", "Walker"]
+__all__ = ["Walker"]
 
 # Steps in s: the first, and the limits.
 FIRST, LEAST_STEP, MOST_STEP = 0.05, 2e-4, 0.5
@@ -52,8 +52,6 @@ MOST_CORNERS, CORNERS = 40, 6
 KEPT_BYTES = 600e6
 # Points at most, and those from which is predicted.
 MOST_POINTS, HISTORY = 2000, 12
-# Where the law is stiffer than the lattice by this factor, averages mean nothing.
-HOPELESS = 3.5
 # So many points in a row that lie on known parts of the curve end it; the last rows are no known part.
 RETURNS, RECENT = 4, 6
 
@@ -94,7 +92,7 @@ class Walker:
     def __post_init__(self) -> None:
         problem = self.problem
         self.setup, self.nodes, self.settings = problem.setup, problem.nodes, problem.settings
-        self.resolution = Resolution.of(self.setup)
+        self.resolution = problem.resolution
         self.spacing = self.setup.lattice.spacing
         # Length of the curve over which the contact moves by one row of nodes.
         self.period = self.spacing / self.setup.length
