@@ -1,4 +1,4 @@
-"""Are the curves of contacts without axial symmetry complete, and in what time? Random surfaces and ellipses on 64² nodes.
+"""Are curves of contacts without axial symmetry complete, and in what time? Random surfaces and ellipses on 64² nodes.
 
     python studies/random_surfaces.py                  # 100 contacts, some ten minutes
     python studies/random_surfaces.py --count 20 --seed 7

@@ -18,7 +18,7 @@ from .measure import Direction, Measure
 from .newton import Equilibrium, Hold, Settings, newton, tangent
 from .problem import GridProblem
 
-__all__ = ["Arc", "arcs", "pressed"]
+__all__ = ["Arc", "arcs", "onward", "pressed"]
 
 # Violations of the inequalities that are rounding, relative to the largest gap in play and to the pressure.
 LOOSE = 1e-6
@@ -232,6 +232,12 @@ def arcs(
         yield arc
         state = arc.end
         way = follower.onward(state, node, last)
+
+
+def onward(before: Equilibrium, state: Equilibrium) -> tuple[Equilibrium, Equilibrium]:
+    """A state, and as far ahead of it as another is behind: a start of arcs."""
+    fields = state.fields._replace(u=2.0 * state.u - before.u, load=2.0 * state.load - before.load)
+    return state, replace(state, fields=fields)
 
 
 def pressed(

@@ -28,7 +28,7 @@ from contbranch.control import Control
 from contbranch.curve.problem import STEPS, Count, Defect, EquilibriumProblem, Rates, Succession, Values
 from contbranch.results.profile import Profile
 
-from .arcs import Arc, arcs
+from .arcs import Arc, arcs, onward
 from .arrays import Array
 from .measure import Measure
 from .newton import Equilibrium
@@ -402,9 +402,7 @@ def averaged(
     radii = np.array([point.observables["contact_radius"] for point in points])
     samples, row = lattice.past, 0
     if samples is not None and samples.last is not None and samples.ends[-1] >= centre - 1.5 * wide:
-        begin, end = samples.last.middle, samples.last.end
-        fields = end.fields._replace(u=2.0 * end.u - begin.u, load=2.0 * end.load - begin.load)
-        way = end, replace(end, fields=fields)
+        way = onward(samples.last.middle, samples.last.end)
     else:
         below = np.flatnonzero(radii[:-1] <= max(centre - 1.3 * wide, 0.0))
         if not below.size or not (points[row := int(below[-1])].x.size and points[row + 1].x.size):

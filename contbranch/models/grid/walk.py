@@ -22,7 +22,7 @@ from contbranch.curve.angle import in_passing, short_way
 from contbranch.curve.events import Ceiling, Folds
 from contbranch.watch import finishing, kept, over
 
-from .arcs import arcs
+from .arcs import arcs, onward
 from .averaging import averaged, half_width, turned
 from .measure import Direction, Measure, Stretch, lagrange, predicted
 from .newton import Equilibrium, newton
@@ -273,7 +273,7 @@ class Walker:
         return own[first], own[last]
 
     def _seen(self) -> np.ndarray:
-        """Load, displacement and contact radius of the rows in order; before first touch, just behind it on the film."""
+        """Load, displacement and contact radius of the rows in order; first of all, of the film next to first touch."""
         names = "load", "displacement", "contact_radius"
         seen = [[row.point.observables[name] for name in names] for row in sorted(self.rows, key=lambda row: row.arc)]
         start = self.rows[0].point
@@ -461,14 +461,12 @@ class Walker:
     def _next(self) -> bool:
         """Go on to the next corner of a chain where steps fail; several at a time."""
         if not self.queue:
-            before, last = (place.state for place in self.places[-2:])
-            fields = last.fields._replace(u=2.0 * last.u - before.u, load=2.0 * last.load - before.load)
-            way = last, replace(last, fields=fields)
+            way = onward(*(place.state for place in self.places[-2:]))
             self.queue = [arc.end for arc in islice(arcs(self.nodes, self.setup.length, way, self.settings), CORNERS)]
             if not self.queue:
                 return False
-        last, state = self.places[-1], self.queue.pop(0)
-        self.places.append(Place(last.arc + self._apart(last.state, state), state))
+        begin, state = self.places[-1], self.queue.pop(0)
+        self.places.append(Place(begin.arc + self._apart(begin.state, state), state))
         return True
 
     def _hop(self) -> bool:
