@@ -74,7 +74,7 @@ class CellFields(Record):
     wall_pressure: Array
 
     def shown(self, nodes: int | None = None) -> CellFields:
-        """The part of the cell where there is pressure, as it is, or at `nodes` nodes a side or fewer in single precision."""
+        """The part with pressure, as it is, or at `nodes` nodes a side or fewer and in single precision."""
         loud = np.abs(self.pressure) > FAINT * np.abs(self.pressure).max(initial=0.0)
         x, y = (_taken(loud.any(axis=axis), nodes) for axis in (1, 0))
         fields: Any = (
