@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from contbranch import __version__
 from contbranch.contact.contact import Contact, look_up
 from contbranch.control import Spring, as_control
-from contbranch.errors import InputError
 from contbranch.output.document import plain
 from contbranch.results.diagram import Branch, Diagram, Event
 from contbranch.results.profile import Profile
