@@ -271,14 +271,13 @@ class Walker:
         return own[first], own[last]
 
     def _seen(self) -> np.ndarray:
-        """Load, displacement and contact radius of the rows in order; first of all, of the film next to first touch."""
+        """Load, displacement and contact radius of the rows in order; first of all, just behind the first on its way."""
         names = "load", "displacement", "contact_radius"
         seen = [[row.point.observables[name] for name in names] for row in sorted(self.rows, key=lambda row: row.arc)]
         start = self.rows[0].point
-        if self.problem.touch is not None:
-            ahead = self.problem.rates(start.x, start.parameter, start.tangent_x, start.tangent_parameter)[:2]
-            small = 1e-3 * self.setup.length / (max(map(abs, ahead)) or 1.0)
-            seen.insert(0, [seen[0][0] - small * ahead[0], seen[0][1] - small * ahead[1], 0.0])
+        ahead = self.problem.rates(start.x, start.parameter, start.tangent_x, start.tangent_parameter)[:2]
+        small = 1e-3 * self.setup.length / (max(map(abs, ahead)) or 1.0)
+        seen.insert(0, [seen[0][0] - small * ahead[0], seen[0][1] - small * ahead[1], seen[0][2]])
         return np.array(seen)
 
     # -- what happens -------------------------------------------------------------------------------------------------
