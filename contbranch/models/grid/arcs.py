@@ -41,7 +41,7 @@ class Arc:
 
 @dataclass(frozen=True)
 class _Way:
-    """A direction of the curve at a state, of unit length, with its change of pressure, and the measure that says so."""
+    """A direction of the curve at a state, of unit length, its change of the pressure, and the measure that says so."""
 
     measure: Measure
     u: Array

@@ -271,7 +271,7 @@ class Walker:
         return own[first], own[last]
 
     def _seen(self) -> np.ndarray:
-        """Load, displacement and contact radius of the rows in order; first of all, just behind the first on its way."""
+        """Load, displacement and contact radius of the rows in order; first of all, just behind the first one."""
         names = "load", "displacement", "contact_radius"
         seen = [[row.point.observables[name] for name in names] for row in sorted(self.rows, key=lambda row: row.arc)]
         start = self.rows[0].point
