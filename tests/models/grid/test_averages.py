@@ -136,3 +136,10 @@ def test_a_lattice_that_is_hopeless_states_no_error() -> None:
     for event in found.events:
         (other,) = (e for e in exact.events if (e.kind, e.control, e.name) == (event.kind, event.control, event.name))
         assert abs(event.load - other.load) <= event.error["load"]
+
+
+def test_a_fold_at_a_row_is_one_fold() -> None:
+    """Here a step ends within 1e-5 of the squeeze-out fold: it was two folds that no error could tell apart."""
+    contact = cb.Contact.reduced("gauss", tabor=0.8199181789703047, sign=-1)
+    found = cb.trace(contact, "displacement", model=cb.FreeSpace(cell=11.58146480150417, grid=48), modes=0)
+    assert folds(found) == [("load", "squeeze-out"), ("load", "wetting")]
