@@ -185,7 +185,7 @@ def _event(track: Track, mark: Mark, found: Found) -> RawEvent:
         control = mark.control
         pieces, rising = track.hodograph.pieces(control)
         before, after = max(mark.row - 1, 0), min(mark.row, len(pieces) - 1)
-        corner = mark.row in track.onward or track.problem(mark.row).given
+        corner = mark.row in track.onward or track.problem(mark.row).cornered
         point = found.point
         verdict, message = equilibrium(point).verdict(point, control, found.error)
         return replace(
