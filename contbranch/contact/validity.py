@@ -50,10 +50,10 @@ def _warn(text: str) -> None:
 
 
 def notes(contact: Contact, load: ArrayLike, contact_radius: ArrayLike) -> str:
-    """Sentences on states of a physical contact that lie outside of what the theory holds for; mostly none."""
+    """Sentences on limits of tip and laws, and on physical states outside of what the theory holds for; mostly none."""
+    found = [f"{name}: {part.limitation}." for name, part in _named(contact) if part.limitation]
     if not contact.units.physical:
-        return ""
-    found = []
+        return " ".join(found)
     tip, radius, force = contact.tip.axisymmetric, np.asarray(contact_radius), np.asarray(load)
     if tip is not None and radius.size:
         inside = np.minimum(radius, (1.0 - 1e-9) * tip.extent)

@@ -224,9 +224,9 @@ class EquilibriumProblem(Problem):
     given: ClassVar[bool] = False
 
     @property
-    def limitation(self) -> str:
-        """Where the description of the contact ends, a sentence; empty where it does not."""
-        return ""
+    def begins(self) -> str | None:
+        """What ends the contact's description where its curve begins, as an event's name; None: nothing."""
+        return None
 
     # -- the curve ----------------------------------------------------------------------------------------------------
     @abstractmethod

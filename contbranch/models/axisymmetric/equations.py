@@ -35,8 +35,10 @@ Array = NDArray[np.float64]
 TAIL_NODES = 20
 # Below this size of the blocks a plain product is as fast.
 SMALLEST_SPLIT = 48
-# Relative step of the difference of a tip's shape between two meshes.
-STRETCH = 1e-5
+# A mesh that ends this close to a tip's edge ends there.
+WITHIN = 1.0 - 1e-12
+# Radii so much smaller than the distance from the rim do not matter for the slope of a tip's gap.
+APART = 1e-6
 # Solutions whose fields are kept: the ends of a step and what was tried between them.
 RECENT = 6
 
@@ -273,9 +275,12 @@ class Equations:
         """
         if "spread" not in fields.derived:
             rho, a = self.mesh.nodes, fields.rim.radius
-            above, below = (self.tip.shape_gap(rho * (1 + side * STRETCH), a)[0] for side in (1, -1))
-            with np.errstate(invalid="ignore"):
-                gap = np.nan_to_num((above - below) / (2 * STRETCH))  # beyond the end of a tip nothing moves
+            gap = rho * self.tip.height_derivative(rho)
+            if a > 0:  # rho dg/drho = (2/π) (rho/r)² ∫_a^r ζ' t/√(r² − t²) dt, from its part in dg/da
+                steep = (2 / np.pi) * float(self.tip.transform_derivative(np.float64(a)))
+                around = rho * rho * ((fields.derived["shape_slope"] + steep * np.arctan2(rho, a)) / a)
+                gap = np.where(rho > a / APART, gap, around)
+            gap[~np.isfinite(gap)] = 0.0  # beyond the end of a tip nothing moves
             if a > 0:
                 gap -= 2 * a * a * fields.rim.plane_slope(fields.h - fields.rim_value)
             answer = np.zeros_like(gap)
@@ -344,7 +349,7 @@ class Equations:
         if isinstance(known, _Beyond):
             return known
         tail, found = self._tail_of(fields), NOTHING
-        if self.interaction is not None and tail.ends < self.tip.extent:
+        if self.interaction is not None and tail.ends < WITHIN * self.tip.extent:
             displacement = self._own_displacement(fields)
             lift = float(fields.gap[-1]) + displacement - tail.last
             energy, pressure, stiffness = self.interaction.evaluate(tail.height - displacement + lift * tail.fading)
@@ -388,6 +393,12 @@ class Equations:
             load + beyond.load_per_displacement * displacement - beyond.load_per_gap * gap,
             displacement + beyond.shift_per_displacement * displacement - beyond.shift_per_gap * gap,
         )
+
+    def load_per_stretch(self, fields: Fields) -> float:
+        """Rate of the load within the mesh with ln of its stretch at fixed nodal h: ∫ h dt is of order 1 in lengths."""
+        rim, a = fields.rim, fields.rim.radius
+        slope = 2 * a * a * rim.weights_slope(fields.h) - a * fields.rim_value if a > 0 else 0.0
+        return 2 * (float(rim.weights @ fields.h) - slope)
 
     # -- pressures inside the contact, admissibility ------------------------------------------------------------------
     def inner_pressure(self, fields: Fields, r: Array) -> Array:
