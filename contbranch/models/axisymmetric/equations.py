@@ -22,6 +22,7 @@ from scipy.linalg import lapack
 
 from contbranch.contact.interactions import Interaction
 from contbranch.contact.tips import Tip
+from contbranch.contact.validity import energy_pole
 from contbranch.models.quadrature import chebyshev_values, gauss, gauss_between
 
 from .mesh import Mesh
@@ -31,8 +32,8 @@ __all__ = ["RECENT", "ContactCoordinate", "Equations", "Fields"]
 
 Array = NDArray[np.float64]
 
-# Gauss nodes in end/r for what lies beyond the mesh.
-TAIL_NODES = 20
+# Gauss nodes in a power of end/r for what lies beyond the mesh, at most this one: energies around sharp tips decay slowly.
+TAIL_NODES, SLOWEST = 20, 6.0
 # Below this size of the blocks a plain product is as fast.
 SMALLEST_SPLIT = 48
 # A mesh that ends this close to a tip's edge ends there.
@@ -122,6 +123,8 @@ class _Tail:
         Of the tip, and of the elastic displacement, which is 1 at the last node.
     rings : array (2, K)
         Weights of load and shift.
+    poles : array (K,)
+        What is taken off the energy per area, times its pole, where the integral would be infinite.
     answers : array (4, K)
         Weights with which the stiffness gives the last four numbers of `_Beyond`.
     """
@@ -131,9 +134,12 @@ class _Tail:
         node = math.hypot(float(mesh.nodes[-1]), radius)
         nodes, weights = gauss(TAIL_NODES)
         x = (nodes + 1) / 2
-        r = self.ends / x
+        exponent = float(self.ends * tip.height_derivative(self.ends) / tip.height(self.ends))
+        power = min(1 / max(2 * exponent - 2, 1 / SLOWEST), SLOWEST) if 1.0 < exponent < 1.5 else 1.0
+        r = self.ends / x**power
         self.last, self.height, self.fading = float(tip.height(node)), tip.height(r), node / r
-        ring = np.pi * weights * r * (self.ends / x**2)
+        ring = np.pi * weights * r * (power * r / x)
+        self.poles = 1 / (r * r)
         self.rings = np.array([ring, ring / (np.pi * np.sqrt(r * r - radius * radius))])
         sharing = np.array([1 - self.fading, self.fading])
         self.answers: Array = (self.rings[:, None] * sharing).reshape(4, -1)
@@ -354,9 +360,14 @@ class Equations:
             lift = float(fields.gap[-1]) + displacement - tail.last
             energy, pressure, stiffness = self.interaction.evaluate(tail.height - displacement + lift * tail.fading)
             load, shift = (tail.rings @ pressure).tolist()
-            found = _Beyond(load, float(tail.rings[0] @ energy), shift, *(tail.answers @ stiffness).tolist())
+            beyond = float(tail.rings[0] @ (energy - self._pole * tail.poles)) - 2 * np.pi * self._pole * math.log(tail.ends)
+            found = _Beyond(load, beyond, shift, *(tail.answers @ stiffness).tolist())
         fields.derived["beyond"] = found
         return found
+
+    @cached_property
+    def _pole(self) -> float:
+        return energy_pole(self.tip, self.interaction)
 
     def _tail_of(self, fields: Fields) -> _Tail:
         if self._tail is None or self._tail.radius != fields.rim.radius:
