@@ -29,8 +29,8 @@ BEGINS, ENDS, FLATTER = 1.5, 1.0, 0.2
 # A mesh that ends beyond this share of the distance to the edge of the tip ends there.
 CLOSE_TO_EDGE = 0.8
 # Radius over which the interaction is felt in units of the length on which elasticity answers it, from which on steps
-# are limited by fronts.
-STIFF = 16.0
+# are limited by fronts; and from which on by such as are flatter by this factor, like the edges of large films.
+STIFF, LARGE, OF_FILMS = 16.0, 1000.0, 0.2
 
 
 @dataclass(frozen=True)
@@ -163,11 +163,12 @@ def steepest(seen: tuple[Equations, Fields], present: Front | None, unit: Mesh, 
     """
     equations, fields = seen
     mesh = equations.mesh
-    if not float(np.abs(fields.stiffness).max()) * radius > STIFF:
+    stiff = float((np.abs(fields.stiffness) * np.maximum(mesh.nodes, radius)).max())
+    if not stiff > STIFF:
         return present
     steep = np.abs(mesh.nodes * mesh.derivative(fields.pressure)) / max(float(np.abs(fields.pressure).max()), 1e-300)
     place = int(np.argmax(steep))
-    if not steep[place] > (BEGINS if present is None else ENDS):
+    if not steep[place] > (BEGINS if present is None else ENDS) * (OF_FILMS if stiff > LARGE else 1.0):
         return None
     if present is not None:
         nodes, _ = present._row(unit)

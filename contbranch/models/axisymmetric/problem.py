@@ -90,6 +90,8 @@ FARTHEST, TINY_PIVOT = 30.0, 1e-12
 # A film whose response elasticity answers on a length below this is stiff; the contact behind first touch at which the
 # direction of the curve is then taken, as a share of the radius of the front.
 STIFF, SEEN = 1e-3, 0.01
+# By how much less than the parameter the state counts there, whose rate changes around the rim all along the kink.
+CALM = 10.0
 # Multiple of rounding at which corrections may stop contracting: stiff films are ill-conditioned.
 NOISE = 1e7
 # Edges of panels below this share of the distance to the edge of a tip are kept where the mesh is to end there.
@@ -312,7 +314,7 @@ class ContactProblem(EquilibriumProblem):
         if step is None:
             return super().balance(start)
         length = step / STEPS.first_step
-        return Balance(length * math.sqrt(self.inner(start.tangent_x, start.tangent_x)), length)
+        return Balance(CALM * length * math.sqrt(self.inner(start.tangent_x, start.tangent_x)), length)
 
     @property
     def parameter_range(self) -> tuple[float, float]:
