@@ -361,7 +361,7 @@ class ContactProblem(EquilibriumProblem):
         start = disc.touching(h)
         problem = start.problem
         step = problem.ahead() if isinstance(problem, ContactProblem) and disc.resists(h) else None
-        return Succession("touch", last, (start,), step=step, others=lambda: disc.graded(h))
+        return Succession("touch", last, (start,), step=step, others=lambda: disc.graded(h) + disc.passed(start))
 
     def _behind(self) -> ContactProblem:
         """The problem on the other side of first touch."""
@@ -429,6 +429,15 @@ class ContactProblem(EquilibriumProblem):
         return Point(
             problem, x, 0.0, (here - x) / ahead, 1.0, observables=problem.values(x, 0.0)._asdict(), label="start"
         )
+
+    def passed(self, start: Point) -> list[Point]:
+        """A contact that has passed its kink, where rounding hides the way from first touch to there."""
+        problem = equilibrium(start)
+        if not (isinstance(problem, ContactProblem) and problem.resists(start.x)):
+            return []
+        ahead = problem.ahead()
+        x = problem.solve_at(start.x + ahead * start.tangent_x / start.tangent_parameter, ahead)
+        return [oriented(problem, x, ahead, problem.direction(x, ahead))]
 
     @property
     def begins(self) -> str | None:
