@@ -20,6 +20,7 @@ _QUINTIC_ROWS: Final = 8
 _ALTERNATING: Final = 0.5
 _SCATTERED: Final = 1e-7
 _SCATTER_ROWS: Final = 12
+_SEEN: Final = 3.0  # standard deviations by which values of such a table differ from nothing
 _DECAYED: Final = 0.01  # a law whose table ends below this part of its maximum is taken to zero
 
 
@@ -112,6 +113,9 @@ def energy_of_table(gaps: Array, values: Array, kind: str) -> Table:
         Which of the two.
     """
     values, scatter = smoothed(gaps, values)
+    ends = np.flatnonzero(np.abs(values) > _SEEN * scatter)
+    if scatter and _LEAST_ROWS <= ends[-1] + 1 < gaps.size:  # beyond, there is nothing but scatter
+        gaps, values = gaps[: ends[-1] + 1], values[: ends[-1] + 1]
     # Energies are differentiated once more: both give a pressure with continuous curvature, whose kinks cost digits.
     spline = scipy.interpolate.make_interp_spline(
         gaps, values, k=5 if kind == "energies" and gaps.size >= _QUINTIC_ROWS else 3
@@ -122,7 +126,9 @@ def energy_of_table(gaps: Array, values: Array, kind: str) -> Table:
     decayed = abs(level) <= _DECAYED * np.max(np.abs(values))
     if kind == "energies":  # a constant tail has no force, so the force must have decayed as well
         decayed = decayed and abs(slope) <= _DECAYED * np.max(np.abs(spline(gaps, 1)))
-    pieces = _joined(pieces, _to_zero(float(gaps[-1]), float(gaps[-2]), (level, slope, *higher)))
+    decayed = decayed or abs(level) <= 2.0 * _SEEN * scatter
+    derivatives = (level, slope, *higher)[: 3 if scatter else spline.k]
+    pieces = _joined(pieces, _to_zero(float(gaps[-1]), float(gaps[-2]), derivatives))
     if kind == "pressures":
         integral = pieces.antiderivative()
         pieces = scipy.interpolate.PPoly(-integral.c, integral.x)

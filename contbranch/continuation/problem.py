@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -68,7 +68,7 @@ class Problem(ABC):
         repeated shorter.
     """
 
-    ordered: ClassVar[bool] = False
+    ordered: bool = False
 
     @abstractmethod
     def residual(self, x: Array, p: float) -> Array:

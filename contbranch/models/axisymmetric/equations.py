@@ -453,31 +453,35 @@ class Equations:
         energy, pressure, _ = self.interaction.evaluate(np.zeros(1))
         return float(energy[0]), float(pressure[0])
 
-    def admissibility(self, fields: Fields, scale: float) -> float:
-        """Smallest of gap/scale outside the disc and of the wall pressure inside relative to the interaction's largest.
+    def admissibility(self, fields: Fields, scale: float) -> tuple[float, float]:
+        """Smallest of gap/scale outside the disc and of the wall pressure inside relative to the interaction's largest,
+        and where.
 
         Negative if a disc is wrong, or if the surfaces meet on a ring before they do at the centre; at most 1.
         """
-        least, a = min(1.0, self._lowest(fields) / scale), fields.rim.radius
+        (lowest, place), a = self._lowest(fields), fields.rim.radius
+        least = min(1.0, lowest / scale)
         if a > 0 and self.interaction is not None:
             own = self.contact_pressure()
             wall = self.inner_pressure(fields, a * PROBES) - own
             largest = max(abs(own), float(np.abs(fields.pressure).max()), 1 / scale)
-            least = min(least, float(wall.min()) / largest)
-        return least
+            if (pressed := float(wall.min()) / largest) < least:
+                least, place = pressed, 0.0
+        return least, place
 
-    def _lowest(self, fields: Fields) -> float:
-        """The lowest interior minimum of the gap that is no ripple of rounding; infinite without."""
+    def _lowest(self, fields: Fields) -> tuple[float, float]:
+        """The lowest interior minimum of the gap that is no ripple of rounding, and its radius; infinite without."""
         gap, mesh = fields.gap, self.mesh
         inner = np.flatnonzero((gap[1:-1] < gap[:-2]) & (gap[1:-1] <= gap[2:])) + 1
         if len(inner) == 0:
-            return math.inf
+            return math.inf, 0.0
         lowest = inner[np.argmin(gap[inner])]
         if not gap[lowest] < gap[:lowest].max() - RIPPLE * (abs(self._own_displacement(fields)) + abs(gap[lowest])):
-            return math.inf
+            return math.inf, 0.0
         panels = np.clip(lowest // mesh.order + np.array([-1, 0, 1]), 0, mesh.panels - 1)
         places = gauss_between(mesh.edges[panels], mesh.edges[panels + 1], BETWEEN * mesh.order)[0].ravel()
-        return min(float(gap[lowest]), float(mesh.interpolate(gap, places).min()))
+        least = min(float(gap[lowest]), float(mesh.interpolate(gap, places).min()))
+        return least, math.hypot(float(mesh.nodes[lowest]), fields.rim.radius)
 
     # -- stability ----------------------------------------------------------------------------------------------------
     def unstable_modes(self, fields: Fields, finely: bool = True) -> int:

@@ -96,8 +96,8 @@ CALM = 10.0
 NOISE = 1e7
 # Edges of panels below this share of the distance to the edge of a tip are kept where the mesh is to end there.
 INSIDE = 0.97
-# Share of a tip's extent up to which the contact may grow.
-WHOLE = 0.999
+# Share of a tip's extent up to which the contact may grow, and beyond which the gap closes at its edge.
+WHOLE, OUTERMOST = 0.999, 0.9
 # At first touch a mesh aims at this share of the tolerance, since tiny contacts ask for more than the touch itself.
 AHEAD = 0.1
 
@@ -163,8 +163,6 @@ class ContactProblem(EquilibriumProblem):
         With it a state is (h, σ), and h belongs to the mesh of `equations` stretched by e^σ.
     """
 
-    ordered = True
-
     def __init__(
         self,
         equations: Equations,
@@ -178,7 +176,10 @@ class ContactProblem(EquilibriumProblem):
         self.resolution = resolution
         self.sharpness = sharpness
         self.front = front
-        mesh = equations.mesh
+        mesh, tip, law = equations.mesh, equations.tip, equations.interaction
+        # Where the film is squeezed out on a ring, round a flat tip or at an edge, the gap at the centre may grow again.
+        layered = law is not None and math.isfinite(law.wave)
+        self.ordered = not (layered or tip.apex_exponent > 2.0 or isinstance(front, Edge))
         self._weights = mesh.weights if front is None else front.weights(mesh)
         self._seen: list[tuple[Array, float, Equations, Fields]] = []
         self._corrected: tuple[Array, Solver] | None = None
@@ -338,10 +339,15 @@ class ContactProblem(EquilibriumProblem):
         equations, fields = self.seen(x, p)
         if "admissible" not in fields.derived:
             fields.derived["admissible"] = equations.admissibility(fields, self.scale)
-        found = {"inadmissible": fields.derived["admissible"] + (TOLERATED if self.equations.contact else 0.0)}
-        if self.equations.contact and math.isfinite(equations.tip.extent):
-            found["tip-edge"] = WHOLE - fields.rim.radius / equations.tip.extent
-        return found
+        least, radius = fields.derived["admissible"]
+        least, extent = least + (TOLERATED if self.equations.contact else 0.0), equations.tip.extent
+        if not math.isfinite(extent):
+            return {"inadmissible": least}
+        outside = radius > OUTERMOST * extent  # the edge of a tip is a corner, at which films are squeezed out first
+        return {
+            "inadmissible": 1.0 if outside else least,
+            "tip-edge": min(WHOLE - fields.rim.radius / extent, least if outside else 1.0),
+        }
 
     def successor(self, name: str, points: Sequence[Point]) -> Succession | None:
         """First touch is followed by a disc of contact, a contact set that stops being a disc by any other.
