@@ -317,7 +317,7 @@ def _virial(event: cb.Event) -> float:
         return 0.0
     load, d, energy = equations.load(fields), equations.displacement(fields), equations.energy(fields)
     nodes, weights = np.polynomial.legendre.leggauss(10)
-    panels = np.arange(60.0)[:, None] + (nodes + 1) / 2
+    panels = np.arange(25.0)[:, None] + (nodes + 1) / 2
     r = math.hypot(a, mesh.edges[-1]) * np.exp(panels)  # beyond the mesh the surface is that under a point force
     gap = equations.tip.height(r) - d + load / (np.pi * r)
     far, ring = law.evaluate(gap), np.pi * r * weights * r
