@@ -239,7 +239,7 @@ class AveragedProblem(EquilibriumProblem):
     """
 
     given: ClassVar[bool] = True
-    ordered: ClassVar[bool] = True
+    ordered = True
     rounding = 1e-12
 
     def __init__(self, lattice: LatticeProblem, samples: Samples, fit: Fit, first: float) -> None:
