@@ -1,6 +1,5 @@
 """Numbers of nodes: which are accepted, and what is suggested instead of the others."""
 
-
 import numpy as np
 import pytest
 
