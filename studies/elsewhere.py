@@ -8,6 +8,7 @@ along secants, which nothing guards against turning round.
 
 from __future__ import annotations
 
+import itertools
 import math
 import time
 from collections.abc import Callable, Sequence
@@ -46,7 +47,7 @@ class Failure(Exception):
     Parameters
     ----------
     kind : str
-        ``"diverged"``, ``"out of iterations"`` or ``"out of time"``.
+        ``"diverged"``, ``"retraced"``, ``"out of iterations"`` or ``"out of time"``.
     words : str
     """
 
@@ -235,21 +236,17 @@ class Radial:
     nodes : int
     reach : float
         Radius at which the mesh ends.
-    grading : float
-        Length of a panel over that of its inner neighbour.
     """
 
     contact: cb.Contact
     nodes: int
     reach: float
-    grading: float = 1.0
     order: int = 8
     _sides: dict[bool, Equations] = field(default_factory=dict, init=False)
 
     def __post_init__(self) -> None:
         tip, law = self.contact.axisymmetric_tip, self.contact.interaction
-        lengths = self.grading ** np.arange(self.nodes // self.order)
-        edges = np.concatenate([[0.0], np.cumsum(lengths)]) * (self.reach / lengths.sum())
+        edges = np.linspace(0.0, self.reach, self.nodes // self.order + 1)
         mesh, coordinate = mesh_on(edges, self.order), ContactCoordinate(tip, 2.0)
         self._sides = {side: Equations(tip, law, mesh, coordinate, side) for side in (False, True)}
 
@@ -316,17 +313,37 @@ class Radial:
         return self.newton(x, lambda _, now, gradient: (now - value, gradient), control)[0]
 
     def along(self, coordinates: Sequence[float]) -> list[Array]:
-        """States at values of y, which changes one way along the whole curve: what a careful method would follow."""
-        last = np.append(np.zeros(self.size), 1.0)[None, :].ravel()
-        unit = np.zeros(self.size + 1)
-        unit[-1] = 1.0
+        """States at values of y, which changes one way along the whole curve: what a careful method would follow.
+
+        Raises
+        ------
+        Failure
+            If Newton's method fails with a thousandth of a step.
+        """
         states: list[Array] = []
+        last = np.append(np.zeros(self.size), coordinates[0])
         for y in coordinates:
-            x = np.append(last[:-1], y)
-            x = self.newton(x, lambda _, __, ___: (0.0, unit), "load")[0]
-            states.append(x)
-            last = x
+            part = 1.0
+            while True:
+                begin = float(last[-1])
+                place = y if part == 1.0 else begin + part * (y - begin)
+                try:
+                    last = self._at(np.append(last[:-1], place))
+                except Failure:
+                    part *= 0.25
+                    if part < 1e-3 or not states:
+                        raise
+                    continue
+                if place == y:
+                    break
+                part = min(1.0, 2.0 * part)
+            states.append(last)
         return states
+
+    def _at(self, x: Array) -> Array:
+        """The state with the contact coordinate of a trial state."""
+        unit = np.append(np.zeros(self.size), 1.0)
+        return self.newton(x, lambda _, __, ___: (0.0, unit), "load")[0]
 
     def stepped(self, start: Array, control: Held, values: Sequence[float], until: float) -> Passed:
         """Natural-parameter stepping: Newton's method at one value after the other, steps halved where it fails.
@@ -336,31 +353,30 @@ class Radial:
         Failure
             If it fails with a thousandth of a step, or time is up.
         """
-        x, states, passed = start, [self.seen(start)], [float(values[0])]
+        x = self.held(start, control, float(values[0]))
+        states, here = [self.seen(x)], float(values[0])
         for goal in values[1:]:
             part = 1.0
-            while (left := goal - passed[-1]) != 0.0:
+            while here != goal:
                 if time.process_time() > until:
-                    raise Failure("out of time", f"time was up at {control} {passed[-1]:.4g}")
-                target = goal if part == 1.0 else passed[-1] + part * left
+                    raise Failure("out of time", f"time was up at {control} {here:.4g}")
+                target = goal if part == 1.0 else here + part * (goal - here)
                 try:
                     x = self.held(x, control, target)
                 except Failure as failure:
                     part *= 0.25
                     if part < 1e-3:
-                        words = f"no convergence beyond {control} {passed[-1]:.5g}"
-                        raise Failure("diverged", words) from failure
+                        raise Failure("diverged", f"no convergence beyond {control} {here:.5g}") from failure
                     continue
-                passed.append(target)
-                states.append(self.seen(x))
-                part = min(1.0, 2.0 * part)
-        return Passed(tuple(passed), tuple(states))
+                here, part = target, min(1.0, 2.0 * part)
+            states.append(self.seen(x))
+        return Passed(tuple(values), tuple(states))
 
     def followed(self, start: Array, end: float, control: Held, until: float, points: int = 400) -> list[Array]:
         """Pseudo-arclength steps along secants, without any guard on their direction, until y exceeds `end`.
 
         Lengths are Euclidean, in h (mean square), y and the control. Steps grow by half after four Newton steps or
-        fewer, and are halved where Newton's method fails.
+        fewer, to a fiftieth of the range of y at most, and are halved where Newton's method fails.
 
         Raises
         ------
@@ -373,18 +389,18 @@ class Radial:
             seen = self.seen(x)
             return seen.load if control == "load" else seen.displacement
 
-        unit = np.zeros(self.size + 1)
-        unit[-1] = 1.0
         first = start.copy()
         first[-1] += 0.01 * max(1.0, abs(start[-1]))
-        states = [start, self.newton(first, lambda _, __, ___: (0.0, unit), control)[0]]
+        states = [start, self._at(first)]
         controls = [value(x) for x in states]
         length = smallest = 0.0
+        largest = 0.02 * (end - float(start[-1]))
         while states[-1][-1] < end:
             if time.process_time() > until:
                 raise Failure("out of time", "time was up")
+            back = sum(after[-1] < before[-1] for before, after in itertools.pairwise(states))
             if len(states) >= points:
-                raise Failure("out of iterations", f"{points} points did not suffice")
+                raise Failure("retraced" if back > 2 else "out of iterations", f"{points} points did not suffice")
             dx, dc = states[-1] - states[-2], controls[-1] - controls[-2]
             norm = math.sqrt(float(weight @ dx**2) + dc * dc)
             dx, dc = dx / norm, dc / norm
@@ -409,11 +425,13 @@ class Radial:
             except Failure as failure:
                 length *= 0.5
                 if length < smallest:
-                    raise Failure("diverged", f"no convergence beyond {control} {anchor:.5g}") from failure
+                    raise Failure(
+                        "retraced" if back > 2 else "diverged", f"no convergence beyond {control} {anchor:.5g}"
+                    ) from failure
                 continue
             states.append(x)
             controls.append(value(x))
-            length *= 1.5 if count <= 4 else 1.0
+            length = min(largest, length * (1.5 if count <= 4 else 1.0))
         return states
 
     def indices(self, x: Array, control: Held, nearest: int | None = None) -> int:

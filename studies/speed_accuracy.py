@@ -23,7 +23,7 @@ import math
 import sys
 import time
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
@@ -379,22 +379,26 @@ class Measured:
         return f"{self.method}|{self.setting}|{self.law}|{self.tabor:g}|{self.task}"
 
 
-def tasks(
-    chosen: Iterable[Method], tabors: Sequence[float] = TABORS
-) -> Iterator[tuple[str, Method, str, Subject, str]]:
-    """All measurements, by their keys."""
+Task = tuple[str, Method, str, Subject, str]
+
+
+def tasks(chosen: Iterable[Method], tabors: Sequence[float] = TABORS) -> list[Task]:
+    """All measurements with their keys, coarse grids first."""
+    found: list[tuple[int, Task]] = []
     for tabor in tabors:
         for method in chosen:
             for law in method.laws:
                 for setting in method.settings:
+                    nodes, _, steps = setting.partition("/")
+                    size = int(nodes) if nodes.isdigit() else 0
+                    if "grid" in method.name and size > FINEST_GRID.get(tabor, 256):
+                        continue
                     for task in ("folds", "radius"):
-                        nodes, _, steps = setting.partition("/")
                         if task == "radius" and steps == "20":
                             continue  # a single state knows no steps: one measurement a grid
-                        if "grid" in method.name and int(nodes) > FINEST_GRID.get(tabor, 256):
-                            continue
-                        subject = Subject(law, tabor)  # type: ignore[arg-type]
-                        yield f"{method.name}|{setting}|{law}|{tabor:g}|{task}", method, setting, subject, task
+                        key = f"{method.name}|{setting}|{law}|{tabor:g}|{task}"
+                        found.append((size, (key, method, setting, Subject(law, tabor), task)))  # type: ignore[arg-type]
+    return [task for _, task in sorted(found, key=lambda one: one[0])]
 
 
 def measure(method: Method, setting: str, subject: Subject, task: str, least: float = 0.3) -> Measured:
