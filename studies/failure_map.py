@@ -74,7 +74,7 @@ OUTCOMES: Final = (RIGHT, REFUSED, TRAPPED, RETRACED, DIVERGED, ITERATIONS, TIME
 
 # Of methods that state no error; steps of a ramp; seconds of a cell, and of the package's own settings.
 ALLOWED, STEPS = 0.03, 40
-LIMIT, OWN_LIMIT = 6.0, 40.0
+LIMIT, OWN_LIMIT = 5.0, 40.0
 # A stated error larger than this share of max(1, |value|) says that the value is worthless.
 WORTHLESS = 0.1
 # Σ 1/R³ over a square lattice: what the images of a periodic cell do to the curvature of a tip.
@@ -150,6 +150,8 @@ def _clock(seconds: float) -> Callable[[float, str], None]:
 
 
 def _truth(subject: Subject) -> Truth | None:
+    if subject.sign < 0 and subject.tabor > 64.0 and not subject.convex:
+        return None  # no trace ends
     for accuracy in (1e-9, 1e-7):
         diagram = cb.trace(subject.contact, accuracy=accuracy, modes=0, progress=_clock(OWN_LIMIT))
         if diagram.status == "complete":
@@ -434,8 +436,7 @@ METHODS: Final = (
     Method("axisymmetric, exact, rings", "auto", True, LAWS, _traced),
     *(
         Method(f"{kind} grid", str(grid), True, LAWS[:3] if grid == 64 else TWO, _traced)
-        for kind in ("free", "periodic")
-        for grid in (64, 96)
+        for kind, grid in (("free", 64), ("periodic", 64), ("free", 96))
     ),
     *(Method(f"{name} ramp", str(grid), False, TWO, _relaxed) for name in ("L-BFGS-B", "FIRE") for grid in (32, 64)),
     *(Method("natural-parameter steps", str(nodes), False, TWO, _stepped) for nodes in (128,)),
@@ -602,6 +603,13 @@ LOOKS: Final = {
     WRONG: ("#C43C00", "W"),
 }
 UNKNOWN: Final = "#FFFFFF"
+NAMES: Final = {
+    "exponential": "Exponential",
+    "gauss": "Gauss",
+    "van-der-waals": "Van der Waals",
+    "inverse-square": "Inverse square",
+    "maugis-dugdale": "Maugis-Dugdale",
+}
 
 
 def label(tabor: float) -> str:
@@ -612,7 +620,7 @@ def label(tabor: float) -> str:
 def draw(cells: Sequence[Cell]) -> Figure:
     """All methods on the two laws that each has been tried with; and the default settings on all laws."""
     rows = list(dict.fromkeys((cell.method, cell.resolution) for cell in cells))
-    own = [row for row in rows if any(cell.own and (cell.method, cell.resolution) == row for cell in cells)]
+    own = list(dict.fromkeys((cell.method, cell.resolution) for cell in cells if cell.own and cell.law not in TWO))
     blocks: list[tuple[list[tuple[str, str]], list[tuple[str, int]]]] = [
         (rows, [(law, sign) for law in TWO for sign in (1, -1)]),
         (own, [(law, sign) for law in LAWS if law not in TWO for sign in (1, -1)]),
@@ -629,11 +637,11 @@ def draw(cells: Sequence[Cell]) -> Figure:
             for axes, (law, sign) in zip(panels, subjects, strict=True):
                 here = [c for c in cells if c.control == control and (c.law, c.sign) == (law, sign)]
                 _panel(axes, here, lines)
-                axes.set_title(f"{law.replace('-', ' ')},\n{'attraction' if sign > 0 else 'repulsion'}", fontsize=7.0)
+                axes.set_title(f"{NAMES[law]},\n{'attraction' if sign > 0 else 'repulsion'}", fontsize=7.0)
             words = [f"{name}, {grid}" if grid.isdigit() else name for name, grid in lines]
             panels[0].set_yticks(range(len(lines)), words, fontsize=6.0)
             part.supylabel(f"{control} held", fontsize=7.5)
-        handles = [Patch(facecolor=colour, edgecolor="0.6", label=f"{letter or 'blank'}: {name}")
+        handles = [Patch(facecolor=colour, edgecolor="0.6", label=f"{letter}: {name}".removeprefix(": "))
                    for name, (colour, letter) in LOOKS.items()]  # fmt: skip
         figure.legend(handles=handles, loc="outside upper center", ncols=4, frameon=False)
     return figure

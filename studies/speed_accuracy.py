@@ -61,7 +61,7 @@ GRIDS: Final = (64, 128, 256, 512)
 FINEST_GRID: Final = {0.25: 4096, 1.0: 4096}
 # Of ramps: nodes a side and steps.
 RAMPS: Final = ((64, 20), (64, 80), (128, 40))
-PEER_RAMPS: Final = ((64, 20), (64, 80), (128, 40))
+PEER_RAMPS: Final = ((64, 20), (64, 80))
 LIMIT: Final = 30.0  # seconds that one measurement may take, between two of its steps
 FINEST: Final = (1e-12, 1e-11, 1e-10, 1e-9)
 Law = Literal["exponential", "gauss", "maugis-dugdale"]
