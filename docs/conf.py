@@ -1,0 +1,118 @@
+"""How the pages are made: `sphinx-build -W -n docs FOLDER`, without network.
+
+Formulas become MathML, the pictures of the gallery are drawn by `studies/gallery.py`, and the page of the command line
+is what `contbranch COMMAND --help` prints.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+from contextlib import redirect_stdout
+from io import StringIO
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from docutils import nodes
+from latex2mathml.converter import convert
+
+if TYPE_CHECKING:
+    from sphinx.application import Sphinx
+    from sphinx.writers.html5 import HTML5Translator
+
+ROOT = Path(__file__).resolve().parents[1]
+GENERATED = Path(__file__).parent / "generated"
+sys.path[:0] = [str(ROOT)]
+os.environ.setdefault("MPLBACKEND", "Agg")
+os.environ["COLUMNS"] = "100"
+
+import contbranch  # noqa: E402
+
+project = "contbranch"
+author = "The contbranch developers"
+copyright = "2026, the contbranch developers"  # noqa: A001
+release = version = contbranch.__version__
+
+extensions = ["myst_nb", "sphinx.ext.autodoc", "numpydoc"]
+exclude_patterns = ["_build", "**.ipynb_checkpoints"]
+nitpicky = True
+# What docstrings put in backquotes is linked where it is a name of the package, and is code otherwise.
+default_role = "py:obj"
+nitpick_ignore_regex = [("py:.*", ".*")]
+
+html_theme = "furo"
+html_title = f"contbranch {release}"
+html_static_path = ["static"]
+html_css_files = ["pages.css"]
+html_show_sphinx = False
+
+myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
+myst_heading_anchors = 3
+nb_execution_mode = "force"
+nb_execution_timeout = 300
+nb_execution_raise_on_error = True
+nb_merge_streams = True
+
+autodoc_member_order = "bysource"
+autodoc_typehints = "none"
+numpydoc_show_class_members = False
+numpydoc_class_members_toctree = False
+numpydoc_xref_param_type = False
+
+html_math_renderer = "mathml"
+
+
+def mathml(self: HTML5Translator, node: nodes.Element) -> None:
+    """Write a formula as MathML, which browsers draw by themselves."""
+    block = isinstance(node, nodes.math_block)
+    formula = convert(node.astext(), display="block" if block else "inline")
+    self.body.append(f'<div class="formula">{formula}</div>' if block else formula)
+    raise nodes.SkipNode
+
+
+def draw_gallery(_: Sphinx) -> None:
+    """Draw what `studies/gallery.py` draws, and write the page that shows it."""
+    from studies.gallery import FIGURES
+
+    GENERATED.mkdir(exist_ok=True)
+    parts = ["# Gallery\n\nThe figures that results draw by themselves, `python studies/gallery.py FOLDER`.\n"]
+    for name, draw in FIGURES.items():
+        picture = GENERATED / f"{name}.png"
+        if not picture.exists():
+            draw().savefig(picture, dpi=150)
+        title = name.replace("_", " ").capitalize()
+        code = f"```{{literalinclude}} ../../studies/gallery.py\n:pyobject: {name}\n```"
+        parts.append(f"## {title}\n\n{draw.__doc__}\n\n![{title}]({picture.name})\n\n{code}\n")
+    write("gallery", "\n".join(parts))
+
+
+def write_command_line(_: Sphinx) -> None:
+    """Write what every command says of itself."""
+    from contbranch.cli import main
+
+    def told(*words: str) -> str:
+        with redirect_stdout(StringIO()) as said:
+            main([*words, "--help"])
+        return said.getvalue()
+
+    top = told()
+    names = re.findall(r"^  ([a-z]+)  ", top, flags=re.MULTILINE)
+    page = ["# Command line\n", f"```text\n{top}```\n"]
+    page += [f"## contbranch {name}\n\n```text\n{told(name)}```\n" for name in names]
+    write("command-line", "\n".join(page))
+
+
+def write(name: str, text: str) -> None:
+    """Write a page, unless it is there as it is."""
+    path = GENERATED / f"{name}.md"
+    GENERATED.mkdir(exist_ok=True)
+    if not path.exists() or path.read_text(encoding="utf-8") != text:
+        path.write_text(text, encoding="utf-8")
+
+
+def setup(app: Sphinx) -> None:
+    """Register what is made here."""
+    app.add_html_math_renderer("mathml", (mathml, None), (mathml, None))
+    app.connect("builder-inited", draw_gallery)
+    app.connect("builder-inited", write_command_line)
