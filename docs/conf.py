@@ -103,6 +103,14 @@ def write_command_line(_: Sphinx) -> None:
     write("command-line", "\n".join(page))
 
 
+def escape_bars(_app: Sphinx, _what: str, _name: str, _obj: object, _options: object, lines: list[str]) -> None:
+    """Let |x| in docstrings be an absolute value and not a substitution."""
+    lines[:] = [
+        "``".join(part.replace("|", r"\|") if i % 2 == 0 else part for i, part in enumerate(line.split("``")))
+        for line in lines
+    ]
+
+
 def write(name: str, text: str) -> None:
     """Write a page, unless it is there as it is."""
     path = GENERATED / f"{name}.md"
@@ -114,5 +122,6 @@ def write(name: str, text: str) -> None:
 def setup(app: Sphinx) -> None:
     """Register what is made here."""
     app.add_html_math_renderer("mathml", (mathml, None), (mathml, None))
+    app.connect("autodoc-process-docstring", escape_bars)
     app.connect("builder-inited", draw_gallery)
     app.connect("builder-inited", write_command_line)

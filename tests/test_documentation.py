@@ -93,7 +93,7 @@ def shown_in(text: str, printed: str, tolerance: float = 1e-3) -> str | None:
         timed = timed or words[-1:] == ["seconds"]
         words = words[:-1] if timed and len(words) > 1 and number(words[-1]) is not None else words
 
-        def found(candidate: str, words: list[str] = words) -> bool:
+        def found(candidate: str, words: list[str] = words, timed: bool = timed) -> bool:
             others = candidate.split()[: len(words)] if timed else candidate.split()
             return len(words) == len(others) and all(
                 alike(*pair, tolerance) for pair in zip(words, others, strict=True)
