@@ -125,18 +125,10 @@ class LatticeProblem(EquilibriumProblem):
 
     # -- states -------------------------------------------------------------------------------------------------------
     def state(self, x: Array, p: float) -> Equilibrium:
-        """The equilibrium of a point with all its fields; one pair of transforms unless it was asked for lately.
-
-        Raises
-        ------
-        ModelError
-            If the fields were given up to save memory.
-        """
+        """The equilibrium of a point with all its fields; one pair of transforms unless it was asked for lately."""
         known = next((state for other, state in self._recent if other is x), None)
         if known is not None:
             return known
-        if not x.size:
-            raise ModelError("the curve has too many points to keep the fields of all; use a coarser grid")
         u = x.reshape(self.nodes.shape)
         contact = (self.nodes.heights + u <= 0.0) & self.wall
         found = Equilibrium(self.nodes.fields(u, p, contact), contact, 0.0, self.nodes.displacement(u, p), True)

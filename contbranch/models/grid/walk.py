@@ -24,6 +24,7 @@ from contbranch.watch import finishing, kept, over
 
 from .arcs import arcs
 from .averaging import LEAST, averaged, half_width, turned
+from .keeping import Keeping
 from .measure import Direction, Measure, Stretch, lagrange, predicted
 from .newton import Equilibrium, newton
 from .readings import clearance, read
@@ -48,8 +49,6 @@ NOISE, CLOSE = 1e-3, 3e-3
 ROUNDING = 1e-9
 # Corners at most around one fold.
 MOST_CORNERS = 40
-# Memory for the fields of rows, from which profiles are made when they are asked for.
-KEPT_BYTES = 600e6
 # Points at most, and those from which is predicted.
 MOST_POINTS, HISTORY = 2000, 12
 # Where the law is stiffer than the lattice by this factor, averages mean nothing.
@@ -108,7 +107,8 @@ class Walker:
         self._sharp = replace(self.settings, tolerance=min(self.settings.tolerance, 1e-8))
         self.places: list[Place] = []
         self.rows: list[Row] = []
-        self.step_size, self.checked, self.returns, self.kept = FIRST, -1.0, 0, 0.0
+        self.step_size, self.checked, self.returns = FIRST, -1.0, 0
+        self.kept = Keeping()
 
     # -- the piece ----------------------------------------------------------------------------------------------------
     def branch(self, start: Point) -> Branch:
@@ -165,12 +165,10 @@ class Walker:
         return not self.setup.crowded and point.observables["contact_radius"] > 0.49 * self.setup.edge
 
     def _add(self, place: Place, event: str = "") -> Point:
-        """Append a row, with its fields as long as memory allows."""
+        """Append a row, with its fields, from which profiles are made when they are asked for."""
         before = self.places[-2].state if len(self.places) > 1 else place.state
         point = self.problem.point(place.state, (place.state.u - before.u, place.state.load - before.load))
-        if self.kept > KEPT_BYTES:
-            point = replace(point, x=np.empty(0), tangent_x=np.empty(0))
-        self.kept += 2.0 * point.x.nbytes
+        point = replace(point, x=self.kept(point.x), tangent_x=self.kept(point.tangent_x))
         self.rows.append(Row(place.arc, point, event))
         return point
 
