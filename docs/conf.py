@@ -1,7 +1,7 @@
 """How the pages are made: `sphinx-build -W -n docs FOLDER`, without network.
 
-Formulas become MathML, the pictures of the gallery are drawn by `studies/gallery.py`, and the page of the command line
-is what `contbranch COMMAND --help` prints.
+Formulas are drawn by matplotlib, the pictures of the gallery by `studies/gallery.py`, and the page of the command line is
+what `contbranch COMMAND --help` prints.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from docutils import nodes
-from latex2mathml.converter import convert
 
 if TYPE_CHECKING:
     from sphinx.application import Sphinx
@@ -60,14 +59,30 @@ numpydoc_show_class_members = False
 numpydoc_class_members_toctree = False
 numpydoc_xref_param_type = False
 
-html_math_renderer = "mathml"
+html_math_renderer = "drawn"
 
 
-def mathml(self: HTML5Translator, node: nodes.Element) -> None:
-    """Write a formula as MathML, which browsers draw by themselves."""
-    block = isinstance(node, nodes.math_block)
-    formula = convert(node.astext(), display="block" if block else "inline")
-    self.body.append(f'<div class="formula">{formula}</div>' if block else formula)
+def drawn(formula: str) -> str:
+    """Return a line of TeX as a picture in the colour of the text."""
+    from matplotlib import rc_context
+    from matplotlib.font_manager import FontProperties
+    from matplotlib.mathtext import math_to_image
+
+    words = re.sub(r"\\text\{(.*?)\}", lambda found: rf"\mathrm{{{found[1].replace(' ', chr(92) + ' ')}}}", formula)
+    with rc_context({"mathtext.fontset": "stix", "svg.fonttype": "path", "svg.hashsalt": formula}):
+        picture = StringIO()
+        math_to_image(
+            f"${' '.join(words.split())}$", picture, prop=FontProperties(size=12), dpi=72, format="svg", color="#123456"
+        )
+    svg = picture.getvalue().replace("#123456", "currentColor")
+    return svg[svg.index("<svg") :]
+
+
+def write_formula(self: HTML5Translator, node: nodes.Element) -> None:
+    """Write the lines of a displayed formula, one below the other."""
+    text = re.sub(r"\\(begin|end)\{aligned\}", "", node.astext()).replace("&&", r"\quad ").replace("&", "")
+    lines = text.split(r"\\")
+    self.body.append(f'<div class="formula">{"".join(f"<div>{drawn(line)}</div>" for line in lines)}</div>')
     raise nodes.SkipNode
 
 
@@ -121,7 +136,7 @@ def write(name: str, text: str) -> None:
 
 def setup(app: Sphinx) -> None:
     """Register what is made here."""
-    app.add_html_math_renderer("mathml", (mathml, None), (mathml, None))
+    app.add_html_math_renderer("drawn", (write_formula, None), (write_formula, None))
     app.connect("autodoc-process-docstring", escape_bars)
     app.connect("builder-inited", draw_gallery)
     app.connect("builder-inited", write_command_line)
