@@ -145,8 +145,8 @@ def _to_edge(equations: Equations, fields: Fields) -> float:
 
 
 def felt(tip: Tip, law: Interaction | None) -> float:
-    """Radius over which an interaction is felt; 0 where no one front is to be expected: layers have several."""
-    return 0.0 if law is None or math.isfinite(law.wave) else tip.radius_at(min(term.range for term in law.terms))
+    """Radius over which an interaction is felt; 0 without."""
+    return 0.0 if law is None else tip.radius_at(min(term.range for term in law.terms))
 
 
 def steepest(seen: tuple[Equations, Fields], present: Front | None, unit: Mesh, radius: float) -> Front | None:

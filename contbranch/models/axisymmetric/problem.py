@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.linalg import lapack
 
 from contbranch.contact.contact import Contact
-from contbranch.continuation import Adaptation, Balance, Linearisation, Options, Point
+from contbranch.continuation import Adaptation, Balance, CorrectionError, Linearisation, Options, Point
 from contbranch.control import Control
 from contbranch.curve.problem import (
     STEPS,
@@ -443,7 +443,10 @@ class ContactProblem(EquilibriumProblem):
             return []
         ahead = problem.ahead()
         x = problem.solve_at(start.x + ahead * start.tangent_x / start.tangent_parameter, ahead)
-        return [oriented(problem, x, ahead, problem.direction(x, ahead))]
+        try:
+            return [oriented(problem, x, ahead, problem.direction(x, ahead))]
+        except (CorrectionError, np.linalg.LinAlgError):
+            return []
 
     @property
     def begins(self) -> str | None:
