@@ -40,8 +40,9 @@ from contbranch.models.axisymmetric.problem import ContactProblem
 
 Array = NDArray[np.float64]
 
-# Gap, in units of the shortest range, and wall pressure, in units of the largest pressure, may be this much below zero.
-PENETRATION = 2e-3
+# Gap, in units of the shortest range, and wall pressure, in units of the largest pressure, may be this much below zero,
+# or this multiple of the accuracy.
+PENETRATION, POINTWISE = 2e-3, 100.0
 # Energies may differ from the work of the load by this multiple of the rows' errors, and what the quadrature leaves open.
 WORK = 20.0
 # The virial holds to this multiple of the accuracy of the rows, relative to load and displacement of 1 at least.
@@ -212,14 +213,15 @@ def violations(diagram: cb.Diagram) -> Iterator[str]:
                 error, value = event.error[name] / unit, getattr(event, name) / unit
                 if not error <= diagram.accuracy * max(1.0, abs(value)):
                     yield f"error of {name} {error:.2g} at {event.name or event.kind}"
+    allowed = max(PENETRATION, POINTWISE * diagram.accuracy)
     ranges = [term.range for term in diagram.contact.interaction.terms]
     for row in dict.fromkeys(np.linspace(0, len(branch.load) - 1, LOOKED_AT).astype(int).tolist()):
         profile = branch.state(row).profile
         gap, largest = np.nan_to_num(profile.gap, posinf=1e300), float(np.abs(profile.pressure).max())
-        if not gap.min() >= -PENETRATION * min(ranges):
+        if not gap.min() >= -allowed * min(ranges):
             yield f"gap {gap.min() / min(ranges):.2g} ranges at row {row}"
             break
-        if not profile.wall_pressure.min() >= -PENETRATION * largest:
+        if not profile.wall_pressure.min() >= -allowed * largest:
             yield f"wall pressure {profile.wall_pressure.min() / largest:.2g} at row {row}"
             break
     for event in diagram.events:
