@@ -621,14 +621,20 @@ class ContactProblem(EquilibriumProblem):
             expected = problem.error(start, p).state
             trial, carried = problem.remeshed(start, p, solve=False)
             found = trial.solve_at(carried, p, enough=NEARLY)  # it is corrected by who asked
-            change = found - carried
-            moved = min(float(np.abs(by).max()) for by in (change, trial.moving(change, trial.fields(found, p))))
+            change, told = found - carried, trial.told(problem)
+            moves = change[: trial.size], trial.moving(change, trial.fields(found, p))
+            moved = min(float(np.abs(by[told]).max(initial=0.0)) for by in moves)
             if not moved <= LEAP * expected + 1e-6 * self.scale:
                 break  # Newton's method has left for another solution
             problem, start = trial, found
             if problem.relative_error(start, p) <= resolution.tolerance:
                 break
         return problem, start
+
+    def told(self, coarse: ContactProblem) -> slice:
+        """Nodes at which a coarser mesh's panels tell the solution: not next to an edge, where it ends like a root."""
+        mesh, own = coarse.equations.mesh, self.equations.mesh
+        return slice(int(np.searchsorted(own.nodes, mesh.edges[-2])) if own.bounded else None)
 
     def _fronted(self, x: Array, p: float) -> Front | Edge | None:
         """What the mesh is to move with at a state."""
