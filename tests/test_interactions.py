@@ -1,4 +1,4 @@
-"""Laws against their formulas: (12) and l. 437 for the energies, mpmath for derivatives and integrals."""
+"""Laws against their formulas: (12) and what is said of it for the energies, mpmath for derivatives and integrals."""
 
 import dataclasses
 import math

@@ -102,7 +102,7 @@ class VanDerWaals(Interaction):
 
 @dataclass(frozen=True)
 class InverseSquare(Interaction):
-    """v = -Δγ/(1 + g/z0)² (l. 437): the van der Waals tail with a force when the surfaces touch."""
+    """v = -Δγ/(1 + g/z0)², in place of (12): the van der Waals tail with a force when the surfaces touch."""
 
     name = "inverse-square"
 
@@ -146,7 +146,7 @@ class MaugisDugdale(Interaction):
 
 @dataclass(frozen=True)
 class Layered(Interaction):
-    """v = -Δγ e^(-g/z0) cos(2πg/λ + φ)/cos φ: the decaying oscillation of a layered fluid (l. 665-669).
+    """v = -Δγ e^(-g/z0) cos(2πg/λ + φ)/cos φ: the decaying oscillation of a layered fluid.
 
     Attributes
     ----------
