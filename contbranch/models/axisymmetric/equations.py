@@ -32,7 +32,8 @@ __all__ = ["RECENT", "ContactCoordinate", "Equations", "Fields"]
 
 Array = NDArray[np.float64]
 
-# Gauss nodes in a power of end/r for what lies beyond the mesh, at most this one: energies around sharp tips decay slowly.
+# Gauss nodes in a power of end/r for what lies beyond the mesh, at most this one: energies around sharp tips decay
+# slowly.
 TAIL_NODES, SLOWEST = 20, 6.0
 # Below this size of the blocks a plain product is as fast.
 SMALLEST_SPLIT = 48

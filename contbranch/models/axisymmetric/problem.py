@@ -177,7 +177,7 @@ class ContactProblem(EquilibriumProblem):
         self.sharpness = sharpness
         self.front = front
         mesh, tip, law = equations.mesh, equations.tip, equations.interaction
-        # Where the film is squeezed out on a ring, round a flat tip or at an edge, the gap at the centre may grow again.
+        # Where the film is squeezed out on a ring, round a flat tip or at an edge, the central gap may grow again.
         layered = law is not None and math.isfinite(law.wave)
         self.ordered = not (layered or tip.apex_exponent > 2.0 or isinstance(front, Edge))
         self._weights = mesh.weights if front is None else front.weights(mesh)
@@ -223,7 +223,7 @@ class ContactProblem(EquilibriumProblem):
         return np.append(fields.residual, self.front.off(self.equations.mesh, equations, fields, float(x[-1])))
 
     def jacobian(self, x: Array, p: float) -> Array:
-        """dR/dx, (N, N); with a front bordered by the derivatives with respect to σ and by those of its own equation."""
+        """dR/dx, (N, N); with a front bordered by the derivatives with respect to σ and those of its equation."""
         equations, fields = self.seen(x, p)
         if self.front is None:
             return equations.jacobian(fields)
