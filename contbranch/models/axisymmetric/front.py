@@ -1,4 +1,4 @@
-"""What moves with the mesh: a front, where the gap rises steeply, or the edge of a tip, is always at the same place of it.
+"""What moves with the mesh, always at the same place of it: a front, where the gap rises steeply, or a tip's edge.
 
 Laws that do not pull at contact, the edge of a squeezed film and the rings of a layered liquid have a steep zone far
 outside of the contact, which travels while everything else stays smooth. On the mesh ``tau = e^σ ξ`` with fixed ξ,
