@@ -137,7 +137,8 @@ class Sweep(Result):
             found[name] = np.array([task.thresholds.get(name, blank) for task in self.tasks])
         found["status"] = np.array([task.status for task in self.tasks])
         found["message"] = np.array([task.message for task in self.tasks])
-        return {"task": of_columns(found, self.unit_names, **{name: quantity(name) for name in self.names})}
+        units = {name: quantity(name, self.unit_names) for name in self.names}
+        return {"task": of_columns(found, self.unit_names, **units)}
 
     def plot(self, **options: Any) -> Figure:
         """Not drawn as a figure.
@@ -150,6 +151,8 @@ class Sweep(Result):
         raise InputError("plot: sweeps are shown as pages; write contbranch view, or draw a table's columns")
 
 
-def quantity(threshold: str) -> str:
-    """The quantity in whose unit a threshold is."""
+def quantity(threshold: str, known: Mapping[str, str]) -> str:
+    """The quantity in whose unit a threshold is, if it has none of its own."""
+    if threshold in known:
+        return threshold
     return "contact_radius" if threshold.endswith("radius") else threshold.rpartition("_")[2]
