@@ -2,7 +2,8 @@
 
     python studies/fit_map.py [--size 8] [--folder FOLDER]
 
-A stiff square lies in a soft surface, and the work of adhesion grows from left to right. Written are the curves, one CSV file each, ``map.h5`` and ``map.png``.
+A stiff square lies in a soft surface, and the work of adhesion grows from left to right. Written are the curves,
+one file each, ``map.h5`` and ``map.png``.
 """
 
 from __future__ import annotations

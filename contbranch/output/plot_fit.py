@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 
 __all__ = ["fit_figure", "map_figure"]
 
+# Units as one says them.
+PEOPLE = {"nN/nm²": ("MPa", 1e3), "nN/nm": ("mN/m", 1e3)}
+
 
 def fit_figure(fit: Fit) -> Figure:
     """Draw force and residuals over the piezo position; samples are dots, the fit is a line, jumps are crosses."""
@@ -54,10 +57,12 @@ def map_figure(fits: FitMap, names: Sequence[str]) -> Figure:
         figure.set_figwidth(WIDTH * max(1.0, len(names)))
         for axes, name in zip(figure.subplots(1, len(names), squeeze=False)[0], names, strict=True):
             x, y, values = fits.picture(name)
-            image = axes.pcolormesh(x, y, values, shading="nearest", cmap="viridis", rasterized=True)
+            unit = fits.unit_names.get(name, "")
+            unit, factor = PEOPLE.get(unit, (unit, 1.0))
+            image = axes.pcolormesh(x, y, factor * values, shading="nearest", cmap="viridis", rasterized=True)
             rows, columns = np.nonzero(~np.isfinite(values))
             axes.plot(x[columns], y[rows], "x", color=GREY, markersize=3.0, markeredgewidth=0.6)
-            axes.set(aspect="equal", title=_titled(name.replace("_", " "), fits.unit_names.get(name, "")))
+            axes.set(aspect="equal", title=_titled(name.replace("_", " "), unit))
             across, up = ("x", "y") if "x" in fits.parameters else ("column", "row")
             axes.set_xlabel(_titled(across, fits.unit_names.get(across, "")))
             axes.set_ylabel(_titled(up, fits.unit_names.get(up, "")))
