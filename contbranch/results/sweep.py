@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
@@ -158,7 +158,7 @@ class Sweep(Result):
         return sweep_figure(self, thresholds)
 
 
-def quantity(threshold: str, known: Mapping[str, str]) -> str:
+def quantity(threshold: str, known: Collection[str] = ()) -> str:
     """The quantity in whose unit a threshold is, if it has none of its own."""
     if threshold in known:
         return threshold
