@@ -489,8 +489,9 @@ class _Fitting:
         """Standard deviation that independent residuals would have, were there as many as they are worth."""
         own = found.residuals[: found.comparison.samples.size] * found.spread
         size, length = 1.4826 * float(np.median(np.abs(own))), 1.0
-        clipped = np.clip(own, -ROBUST * size, ROBUST * size)
-        size = math.sqrt(float(clipped @ clipped) / max(own.size - found.x.size, 1))
+        if size <= MISFIT * self.seen.noise:  # the model's curve: all but outliers tell of the noise
+            clipped = np.clip(own, -ROBUST * size, ROBUST * size)
+            size = math.sqrt(float(clipped @ clipped) / max(own.size - found.x.size, 1))
         if size > MISFIT * self.seen.noise or found.spread > self.seen.noise:
             order = np.argsort(found.comparison.samples)
             length = _correlation_length(own[order])
