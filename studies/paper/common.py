@@ -11,7 +11,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from typing import Any, Final
@@ -28,6 +28,7 @@ from scipy.optimize import brentq
 import contbranch as cb
 from contbranch.output.plot_view import STYLE, WIDTH
 from contbranch.theory import maugis
+from contbranch.threads import one_thread
 
 Array = NDArray[np.float64]
 DOCS: Final = Path(__file__).resolve().parents[2] / "docs"
@@ -149,6 +150,10 @@ class Result:
     findings: list[Finding] = field(default_factory=list)
     statements: list[Statement] = field(default_factory=list)
     tables: dict[str, str] = field(default_factory=dict)
+
+    def told(self) -> Result:
+        """What was found, without the picture, which is saved already."""
+        return replace(self, figure=Figure())
 
     def text(self) -> str:
         """Caption, findings and statements in Markdown."""
@@ -354,6 +359,6 @@ def run(make: Maker, doc: str | None) -> None:
     )
     given = parser.parse_args()
     began = time.process_time()
-    result = make(given.fast)
+    result = one_thread(make)(given.fast)
     print(result.text())
     print(f"\n{save(result, given.output)}; {time.process_time() - began:.1f} s", file=sys.stderr)
