@@ -36,6 +36,7 @@ unit of the last digit printed, or what "about" leaves open. Where it does not, 
 - *misprint*: the paper contradicts itself or its own model;
 - *lattice*, *finite size*: its values come from a lattice in a periodic cell;
 - *window*: an exponent, or what a power law extrapolates to, depends on the loads that are fitted;
+- *last digit*: the caption of Table 1 says that its last digits may not be significant;
 - *metastability*: a state was held, or left, at another load than where it ceases to be stable;
 - *fit*: a constant chosen for the smallest error instead of an exact limit.
 

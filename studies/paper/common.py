@@ -24,6 +24,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 from scipy.optimize import brentq
+from scipy.special import ellipk
 
 import contbranch as cb
 from contbranch.output.plot_view import STYLE, WIDTH
@@ -299,6 +300,35 @@ def gap_slope(state: cb.State, r: Array) -> Array:
     """dg/dr outside the contact."""
     rho = np.sqrt(r**2 - state.contact_radius**2)
     return np.asarray(gap_spline(state).derivative()(rho) * r / rho)
+
+
+def gap_at(state: cb.State, r: Array) -> Array:
+    """The gap at radii: 0 in contact, the profile's, and beyond the profile z − d + w with the surface's displacement w.
+
+    w = (4/π) ∫ p(s) s K(m)/(r + s) ds, m = 4rs/(r + s)², of rings of pressure, in √|s² − a²|, in which p is smooth.
+    """
+    a, end = state.contact_radius, float(state.r[-1])
+    outside = r > end
+    gap = np.zeros_like(r)
+    near = (r >= a) & ~outside
+    gap[near] = gap_spline(state)(np.sqrt(np.maximum(r[near] ** 2 - a**2, 0.0)))
+    nodes, weights = np.polynomial.legendre.leggauss(400)
+    far = r[outside]
+    gap[outside] = 0.5 * far**2 - state.displacement
+    for inside in (True, False):
+        part = state.r < a if inside else state.r >= a
+        if part.sum() < 6:
+            continue
+        root = np.sqrt(np.abs(state.r[part] ** 2 - a**2))
+        root, order = np.unique(root, return_index=True)
+        low, high = (0.0, a) if inside else (0.0, root[-1])
+        at = low + 0.5 * (high - low) * (1.0 + nodes)
+        pressure = make_interp_spline(root, state.pressure[part][order], k=3)(at)
+        s = np.sqrt(np.maximum(a**2 - at**2, 0.0) if inside else a**2 + at**2)
+        m = 4.0 * far[:, None] * s / (far[:, None] + s) ** 2
+        weight = 0.5 * (high - low) * weights * at * pressure  # s ds = ± root d(root)
+        gap[outside] += 4.0 / np.pi * (ellipk(m) / (far[:, None] + s)) @ weight
+    return gap
 
 
 def crossing(function: Callable[[float], float], low: float, high: float) -> float:

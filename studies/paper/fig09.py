@@ -58,9 +58,9 @@ def make(fast: bool = False) -> Result:
     at = tabors(fast)
     fine = np.geomspace(at[0], at[-1], 200)
     with panels() as (figure, axes):
-        for limit, name in ((DMT_RADIUS, "DMT"), (JKR_RADIUS, "JKR")):
+        for limit, name, x, side in ((DMT_RADIUS, "DMT", 0.98, "right"), (JKR_RADIUS, "JKR", 0.02, "left")):
             axes.axhline(limit, color="0.5", linewidth=0.8, linestyle="--")
-            axes.annotate(name, (0.02, limit), xycoords=("axes fraction", "data"), va="bottom", fontsize=7)
+            axes.annotate(name, (x, limit), xycoords=("axes fraction", "data"), va="bottom", ha=side, fontsize=7)
         exact = [zero_load("Maugis-Dugdale", float(tabor))[0] for tabor in fine]
         axes.plot(fine, exact, color=LAW_COLOURS["Maugis-Dugdale"], label="Maugis-Dugdale")
         for law in SIMULATED:
@@ -69,8 +69,8 @@ def make(fast: bool = False) -> Result:
             axes.plot(at, [zero_load(law, t)[0] for t in at], MARKS[law], label=law, **style, **filled)
             if law in FLAT:
                 axes.plot(at, [steepest(solved(law, t, 0.0)) for t in at], MARKS[law], **style, **filled)
-        axes.set(xscale="log", xlabel=TABOR, ylabel=RADIUS, ylim=(1.6, 2.75))
-        axes.legend(loc="center left", bbox_to_anchor=(0.0, 0.62))
+        axes.set(xscale="log", xlabel=TABOR, ylabel=RADIUS, ylim=(1.6, 3.1))
+        axes.legend(loc="upper left")
     low, high = np.array([2.0**-14, 2.0**-12]), np.array([8.0, 32.0] if fast else [16.0, 32.0])
     soft = {law: exponent(np.array([zero_load(law, t)[0] for t in low]), DMT_RADIUS, low) for law in LAW_COLOURS}
     stiff = {

@@ -48,7 +48,7 @@ def make(fast: bool = False) -> Result:
     curve = make_interp_spline(np.log(fine / middle["Maugis-Dugdale"]), exact, k=3)
     apart: dict[str, Array] = {}
     with panels() as (figure, axes):
-        for limit, name, align in ((DMT_DISPLACEMENT, "DMT", "top"), (JKR_DISPLACEMENT, "JKR", "bottom")):
+        for limit, name, align in ((DMT_DISPLACEMENT, "DMT", "bottom"), (JKR_DISPLACEMENT, "JKR", "bottom")):
             axes.axhline(limit, color="0.5", linewidth=0.8, linestyle="--")
             axes.annotate(name, (0.02, limit), xycoords=("axes fraction", "data"), va=align, fontsize=7)
         axes.plot(fine / middle["Maugis-Dugdale"], exact, color="black", label="Maugis-Dugdale")
@@ -58,8 +58,14 @@ def make(fast: bool = False) -> Result:
             style = {"color": LAW_COLOURS[law], "markersize": 4.0, "linestyle": "none"}
             filled = {} if law == "exponential" else {"markerfacecolor": "none"}
             axes.plot(at / middle[law], values, MARKS[law], label=law, **style, **filled)
-        axes.set(xscale="log", xlabel=r"$\mu_T/\mu_T(\mathrm{half\ way})$", ylabel=DISPLACEMENT, xlim=(3e-3, 4e2))
-        axes.legend(loc="upper right")
+        axes.set(
+            xscale="log",
+            xlabel=r"$\mu_T/\mu_T(\mathrm{half\ way})$",
+            ylabel=DISPLACEMENT,
+            xlim=(3e-3, 4e2),
+            ylim=(1.88, 2.92),
+        )
+        axes.legend(loc="upper right", bbox_to_anchor=(1.0, 0.9))
     low, high = np.array([1e-8, 1e-7]), np.array([100.0, 200.0])
     unit = np.cbrt(3.0 * np.pi / 4.0) ** 2
     rates = [

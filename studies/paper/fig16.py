@@ -51,7 +51,7 @@ def make(fast: bool = False) -> Result:
             axes.set(xlabel=LOAD, ylabel=RADIUS, xlim=(low, high), ylim=(0.0, None))
         both[0].set_ylim(0.0, 2.2)
         both[1].set(xscale="log", ylim=(0.0, 6.5))
-        both[0].legend(loc="upper left")
+        both[1].legend(loc="upper left")
     limits = {(law, t): traced(law, t, -1, TOPS[t]).thresholds for law in ("exponential", "Gauss") for t in TABORS}
     gaps = {key: found["squeeze_out_load"] - found["wetting_load"] for key, found in limits.items()}
     folds = {key: len(list(traced(*key, -1, TOPS[key[1]]).folds("load"))) for key in limits}

@@ -17,11 +17,11 @@ from studies.paper.common import (
     COLOURS,
     DISTANCE,
     GAP,
-    Array,
     Finding,
     Result,
     Statement,
     crossing,
+    gap_at,
     gap_spline,
     panels,
     run,
@@ -31,15 +31,6 @@ from studies.paper.common import (
 CASES = tuple((law, tabor) for law in ("exponential", "Gauss") for tabor in (4.0, 1.0))
 LARGE, INTERMEDIATE = 60.0, 7.5
 STYLES = {"exponential": "-", "Gauss": (0, (5, 1.5))}
-
-
-def profile(state: cb.State, r: Array) -> Array:
-    """The gap at radii; beyond the profile that of the far field, g = r²/2 − d + F/(πr)."""
-    a, last = state.contact_radius, float(state.r[-1])
-    known = r <= last
-    rho = np.sqrt(np.maximum(np.minimum(r, last) ** 2 - a**2, 0.0))
-    near = np.where(r > a, gap_spline(state)(rho), 0.0)
-    return np.where(known, near, 0.5 * r**2 - state.displacement + state.load / (np.pi * np.maximum(r, 1e-9)))
 
 
 def make(fast: bool = False) -> Result:
@@ -61,14 +52,14 @@ def make(fast: bool = False) -> Result:
                 for number, state in enumerate(stable[law, tabor, load]):
                     style = {"color": COLOURS[tabor], "linestyle": STYLES[law], "linewidth": 0.8 if number else 1.3}
                     label = rf"{law}, $\mu_T = {tabor:g}$" if not number else None
-                    one.plot(r, profile(state, r), label=label, **style)
+                    one.plot(r, gap_at(state, r), label=label, **style)
             one.set(xlabel=DISTANCE, ylabel=GAP, xlim=horizontal, ylim=vertical)
             one.annotate(f"$F_N = {load:g}$", (0.04, 0.94), xycoords="axes fraction", va="top")
-        axes[2].legend(loc="upper right")
+        axes[0].legend(loc="center left", bbox_to_anchor=(0.0, 0.6))
     touching = next(s for s in stable["Gauss", 4.0, LARGE] if s.contact_radius > 0.0)
     hovering = [s for s in stable["Gauss", 4.0, LARGE] if s.contact_radius == 0.0]
     a = touching.contact_radius
-    far = float(profile(touching, np.array([a + 0.1]))[0])
+    far = float(gap_at(touching, np.array([a + 0.1]))[0])
     gap = gap_spline(touching)
     half = 0.5 * float(gap(np.sqrt((a + 0.5) ** 2 - a**2)))
     width = crossing(lambda x: float(gap(np.sqrt(x**2 - a**2))) - half, a + 1e-9, a + 0.5) - a
@@ -91,13 +82,13 @@ def make(fast: bool = False) -> Result:
         Finding("width over which the gap opens (order)", "after Fig. 18", 0.1, 0.05, width),
         Finding("gap beyond the rim, in $1/\\mu_T$ (order of 1)", "after Fig. 18", 1.0, 0.5, 4.0 * far),
     ]
-    apart = float(np.ptp([profile(s, np.array([5.0]))[0] for law, t in CASES for s in stable[law, t, LARGE]]))
-    inner = float(np.ptp([profile(s, np.array([2.0]))[0] for law, t in CASES for s in stable[law, t, LARGE]]))
+    apart = float(np.ptp([gap_at(s, np.array([5.0]))[0] for law, t in CASES for s in stable[law, t, LARGE]]))
+    inner = float(np.ptp([gap_at(s, np.array([2.0]))[0] for law, t in CASES for s in stable[law, t, LARGE]]))
     statements = [
         Statement(
             "at the large load gaps of all models are indistinguishable at small magnification",
             "Fig. 19(a)",
-            f"apart by {apart:.3f} at $r = 5$, where the gap is {profile(touching, np.array([5.0]))[0]:.2f}, and by {inner:.3f} at 2: "
+            f"apart by {apart:.3f} at $r = 5$, where the gap is {gap_at(touching, np.array([5.0]))[0]:.2f}, and by {inner:.3f} at 2: "
             f"{apart / views[0][2][1]:.1%} of the axis",
             apart < 0.02 * views[0][2][1],
         ),
@@ -110,8 +101,8 @@ def make(fast: bool = False) -> Result:
         Statement(
             "an almost constant gap of order $1/\\mu_T$ surrounds the contact, as of one confined layer",
             "after Fig. 18",
-            f"{profile(touching, np.array([a + 0.3]))[0]:.3f} at $r - a_c$ = 0.3, {profile(touching, np.array([a + 1.0]))[0]:.3f} at 1",
-            abs(profile(touching, np.array([a + 1.0]))[0] / profile(touching, np.array([a + 0.3]))[0] - 1.0) < 0.3,
+            f"{gap_at(touching, np.array([a + 0.3]))[0]:.3f} at $r - a_c$ = 0.3, {gap_at(touching, np.array([a + 1.0]))[0]:.3f} at 1",
+            abs(gap_at(touching, np.array([a + 1.0]))[0] / gap_at(touching, np.array([a + 0.3]))[0] - 1.0) < 0.3,
         ),
     ]
     caption = "Gaps of repulsive contacts that are stable under a load; thin: the film that coexists with the contact."
