@@ -87,7 +87,7 @@ def fits(law: str, tabor: float) -> tuple[Row, ...]:
         off = np.abs(fit.force(exact.displacement) - exact.load) / fit.pull_off_load
         known = kept & (exact.displacement >= float(fit.displacement(fit.detachment_radius)))
         mean = float(np.sqrt(np.mean((fit.contact_radius(load) / radius - 1.0) ** 2)))
-        rows.append(Row(law, tabor, fit, mean, float(off[kept & exact.stable].max()), float(off[known].max())))
+        rows.append(Row(law, tabor, fit, mean, float(off[known & exact.stable].max()), float(off[known].max())))
     return tuple(rows)
 
 
