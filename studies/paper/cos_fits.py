@@ -28,6 +28,8 @@ from studies.paper.common import DOCS, LAWS, Array, branch, contact, table, trac
 __all__ = ["FORMS", "TABORS", "Row", "fits", "force_curve", "in_words", "table_of_fits", "window"]
 
 TABORS = tuple(2.0**k for k in range(-6, 7))
+# Rows kept of each leg of F(d).
+ROWS = 40
 FORMS = dict(zip(cos.FORMS, ("(47)", "(48)", "free exponent"), strict=True))
 
 COLUMNS = (
@@ -97,7 +99,13 @@ def force_curve(law: str, tabor: float) -> list[list[float]]:
     fit = fits(law, tabor)[-1].fit
     path = loop.path
     fitted = np.where(path.contact_radius > 0.0, fit.force(path.displacement), 0.0)
-    columns = (path.displacement, path.load, path.contact_radius, path.direction, fitted)
+    number = np.arange(len(path))
+    ends = np.flatnonzero(np.diff(path.leg)) + 1
+    leg = np.split(number, ends)
+    kept = np.unique(
+        np.concatenate([one[np.linspace(0, len(one) - 1, min(len(one), ROWS)).round().astype(int)] for one in leg])
+    )
+    columns = (column[kept] for column in (path.displacement, path.load, path.contact_radius, path.direction, fitted))
     return [[float(value) for value in row] for row in zip(*columns, strict=True)]
 
 

@@ -52,7 +52,7 @@ def make(fast: bool = False) -> Result:
     gauss, other = solved("Gauss", TABOR, 0.0), solved("exponential", TABOR, 0.0)
     peak, a = steepest(gauss), gauss.contact_radius
     with panels(3) as (figure, (linear, logarithmic, slope)):
-        r = a + np.concatenate([np.geomspace(1e-6, 0.4, 400), np.linspace(0.4, 1.2, 1200)])
+        r = a + np.unique(np.concatenate([np.geomspace(1e-6, 0.4, 400), np.linspace(0.4, 1.2, 1200)]))
         gap = gap_at(gauss, r)
         linear.plot(r, gap, color="black", label="$g$")
         linear.plot(r, 10.0 * gap, color="black", linestyle=":", label="$10\\,g$")

@@ -36,8 +36,8 @@ FLAT = ("Gauss", "van der Waals")
 
 
 def tabors(fast: bool) -> tuple[float, ...]:
-    """Powers of 4 or of 2."""
-    return tuple(2.0**k for k in range(-8, 6, 2 if fast else 1))
+    """Powers of 2, or of 16."""
+    return tuple(2.0**k for k in range(-8, 6, 4 if fast else 1))
 
 
 @cache
@@ -130,7 +130,7 @@ def make(fast: bool = False) -> Result:
         Statement(
             "the definition by the steepest gap needs a neck, hence a large $\\mu_T$",
             "Fig. 9",
-            "a local maximum of $g'$ exists from $\\mu_T$ = "
+            "of those drawn, a local maximum of $g'$ exists from $\\mu_T$ = "
             + " and ".join(
                 f"{min(t for t in at if np.isfinite(steepest(solved(law, t, 0.0)))):g} ({law})" for law in FLAT
             ),

