@@ -2,8 +2,8 @@
 
     python studies/paper/all.py [--fast] [--output DIR] [--processes N]    # DIR/paper.md, figures/paper, tables
 
-The page has the figures, every number that the paper prints with its reading accuracy, ours with its error, a verdict, and
-the reason of a difference. The exit status is 1 if a difference has no explanation.
+The page has the figures, every number that the paper prints with its reading accuracy, ours with its error, a verdict,
+and the reason of a difference. The exit status is 1 if a difference has no explanation.
 """
 
 from __future__ import annotations
@@ -29,19 +29,20 @@ NAMES = ("table1", "fig13", "fig04", "fig09", "fig15", "fig10", "fig03", "fig17"
 NAMES += ("fig19", "fig11", "fig05", "fig06", "fig07", "fig14", "fig02")
 HEAD = """# The paper, figure by figure
 
-Figures 2 to 19 and Table 1 of [Müser's paper](model.md#references), computed anew by `python studies/paper/all.py`, which writes
-this page. [Reduced units](model.md#conventions); lines and equation numbers are the paper's. A number agrees if it lies within half a
-unit of the last digit printed, or what "about" leaves open. Where it does not, the verdict is the kind of reason:
+Figures 2 to 19 and Table 1 of [Müser's paper](model.md#references), computed anew by `python studies/paper/all.py`,
+which writes this page. [Reduced units](model.md#conventions); equation numbers are the paper's. A number agrees if it
+lies within half a unit of the last digit printed, or within what "about" leaves open. Where it does not, the verdict is
+the kind of reason:
 
 - *misprint*: the paper contradicts itself or its own model;
-- *lattice*, *finite size*: its values come from a lattice in a periodic cell;
+- *lattice*: its values come from a lattice in a periodic cell;
 - *window*: an exponent, or what a power law extrapolates to, depends on the loads that are fitted;
 - *last digit*: the caption of Table 1 says that its last digits may not be significant;
-- *metastability*: a state was held, or left, at another load than where it ceases to be stable;
+- *metastability*: a state was left at another load than where it ceases to be stable;
 - *fit*: a constant chosen for the smallest error instead of an exact limit.
 
-A reason counts only as far as it goes: every one comes with the largest difference that it explains, computed where it can be, and a
-difference beyond that is marked DIFFERS. Figure 1 and 20 are drawings.
+A reason counts only as far as it goes: every one has a largest difference that it explains, and one beyond that is
+marked DIFFERS. Figures 1 and 20 are drawings.
 """
 
 

@@ -303,7 +303,7 @@ def gap_slope(state: cb.State, r: Array) -> Array:
 
 
 def gap_at(state: cb.State, r: Array) -> Array:
-    """The gap at radii: 0 in contact, the profile's, and beyond the profile z − d + w with the surface's displacement w.
+    """The gap at radii: 0 in contact, the profile's, and beyond it z − d + w with the surface's displacement w.
 
     w = (4/π) ∫ p(s) s K(m)/(r + s) ds, m = 4rs/(r + s)², of rings of pressure, in √|s² − a²|, in which p is smooth.
     """

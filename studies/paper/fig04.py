@@ -196,15 +196,18 @@ def make(fast: bool = False) -> Result:
     return Result(
         "fig04",
         "Displacement of the far field from a finite cell",
-        "Negative displacement along the diagonal of three periodic cells, exponential model, $\\mu_T = 1$, $F_N = 1.5625$; "
+        "Negative displacement along the diagonal of three periodic cells, exponential model, $\\mu_T = 1$, "
+        "$F_N = 1.5625$; "
         f"grey: without a cell. The shifted mean, extrapolated in $1/L^3$ from neighbouring cells, gives {limits}.",
         draw(cells),
         findings,
         [
             Statement(
-                "at $\\Delta a/a_c = 1/32$ and $a_c/L = 1/8$ the radius of Hertz' contact is accurate to less than 0.1 %",
+                "at $\\Delta a/a_c = 1/32$ and $a_c/L = 1/8$ the radius of Hertz' contact is accurate to "
+                "less than 0.1 %",
                 "Numerical Analysis",
-                f"largest error {100.0 * row.fitted:.3f} %, {100.0 * row.corrected:.3f} % without the curvature of the images",
+                f"largest error {100.0 * row.fitted:.3f} %, {100.0 * row.corrected:.3f} % without the "
+                f"curvature of the images",
                 row.corrected < 1e-3,
             ),
             Statement(

@@ -82,7 +82,8 @@ def make(fast: bool = False) -> Result:
             peak,
             1e-4,
             "lattice",
-            f"the neck is $1/\\mu_T^2$ = {TABOR**-2:.3f} wide, less than the spacing of a lattice of 512 nodes over four contact "
+            f"the neck is $1/\\mu_T^2$ = {TABOR**-2:.3f} wide, less than the spacing of a lattice of 512 "
+            f"nodes over four contact "
             f"radii, {spacing:.3f}",
             spacing,
         ),
@@ -98,14 +99,17 @@ def make(fast: bool = False) -> Result:
         Statement(
             "the two radii do not approach each other quickly when $\\mu_T$ grows",
             "Fig. 8",
-            f"$\\mu_T$ = 16: {a:.4f} and {peak:.4f}; 32: {later.contact_radius:.4f} and {steepest(later):.4f}. They never do: the "
-            f"gap closes where JKR's pressure is positive, at $\\sqrt{{2/3}}\\,a_{{JKR}}$ = {closed:.4f}; the steepest gap tends "
+            f"$\\mu_T$ = 16: {a:.4f} and {peak:.4f}; 32: {later.contact_radius:.4f} and "
+            f"{steepest(later):.4f}. They never do: the "
+            f"gap closes where JKR's pressure is positive, at $\\sqrt{{2/3}}\\,a_{{JKR}}$ = {closed:.4f}; the "
+            f"steepest gap tends "
             f"to $a_{{JKR}}$ = {JKR_RADIUS:.4f}",
             peak - a > 0.4 and steepest(later) - later.contact_radius > 0.4,
         ),
     ]
     caption = (
-        "Gap of the Gauss model at zero load for $\\mu_T = 16$: linear (dotted: ten times enlarged), logarithmic with the "
+        "Gap of the Gauss model at zero load for $\\mu_T = 16$: linear (dotted: ten times enlarged), "
+        "logarithmic with the "
         "exponential model for comparison, and its slope. Grey: where the gap closes, and where its slope is largest."
     )
     return Result("fig08", "Gap of the Gauss model", caption, figure, findings, statements)

@@ -138,7 +138,8 @@ def make(fast: bool = False) -> Result:
         ),
     ]
     caption = (
-        "Contact radius at zero load. Gauss and van der Waals: lower symbols where the gap closes, upper ones where its slope "
+        "Contact radius at zero load. Gauss and van der Waals: lower symbols where the gap closes, upper "
+        "ones where its slope "
         "is largest."
     )
     return Result("fig09", "Contact radius at zero load", caption, figure, findings, statements)

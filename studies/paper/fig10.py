@@ -93,7 +93,8 @@ def make(fast: bool = False) -> Result:
         Statement(
             "scaled to coincide half-way, $d(\\mu_T)$ hardly depends on the interaction",
             "Fig. 10",
-            f"at most {worst:.3f} from the MD curve, {worst / (DMT_DISPLACEMENT - JKR_DISPLACEMENT):.0%} of the distance of the "
+            f"at most {worst:.3f} from the MD curve, {worst / (DMT_DISPLACEMENT - JKR_DISPLACEMENT):.0%} of "
+            f"the distance of the "
             "limits ("
             + ", ".join(f"{law} {values.max():.3f}" for law, values in apart.items())
             + "); half-way at $\\mu_T$ = "
@@ -109,11 +110,15 @@ def make(fast: bool = False) -> Result:
         Statement(
             "1 % from DMT takes $\\tilde\\mu_T \\approx 10^{-4}$",
             "after (51)",
-            f"{dmt[1]:.1e} for $d$ ($c_5 = -8/(3\\sqrt\\pi)$ = {cos.ASYMPTOTIC_DISPLACEMENT_C5:.4f}), {dmt[0]:.1e} for $a_c$",
+            f"{dmt[1]:.1e} for $d$ ($c_5 = -8/(3\\sqrt\\pi)$ = {cos.ASYMPTOTIC_DISPLACEMENT_C5:.4f}), "
+            f"{dmt[0]:.1e} for $a_c$",
             0.3e-4 < dmt[1] < 3e-4,
         ),
     ]
-    caption = "Displacement at zero load over the Tabor coefficient in units of that at which it is half-way between JKR and DMT."
+    caption = (
+        "Displacement at zero load over the Tabor coefficient in units of that at which it is half-way "
+        "between JKR and DMT."
+    )
     return Result("fig10", "Displacement at zero load", caption, figure, findings, statements)
 
 

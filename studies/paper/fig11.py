@@ -138,7 +138,8 @@ def make(fast: bool = False) -> Result:
     ]
     at = maugis.load_fold(interaction_range=1.0)
     caption = (
-        "Contact radius against the load: Maugis-Dugdale (lines, thin and dashed where unstable under a load), exponential "
+        "Contact radius against the load: Maugis-Dugdale (lines, thin and dashed where unstable under a "
+        "load), exponential "
         "(dots), Gauss and van der Waals. MD at $\\mu_T = 1$ loses contact at "
         f"$F_N$ = {float(at.load):.4f}, $a_c$ = {float(at.contact_radius):.4f}."
     )

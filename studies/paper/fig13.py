@@ -89,7 +89,8 @@ def make(fast: bool = False) -> Result:
     tabors = (0.25, 1.0, 4.0) if fast else TABORS
     laws = ("Maugis-Dugdale",) if fast else tuple(LAWS)
     caption = (
-        "Relative error of the contact radius at $\\mu_T = 1$ against the MD model, fitted over $-F_p < F_N < 2F_p$ (dotted "
+        "Relative error of the contact radius at $\\mu_T = 1$ against the MD model, fitted over $-F_p < F_N "
+        "< 2F_p$ (dotted "
         "line) by least squares."
     )
     tables = {f"{law}: fits over the Tabor coefficient": table_of_fits(law, tabors) for law in laws}

@@ -94,7 +94,8 @@ def make(fast: bool = False) -> Result:
         Statement(
             "(52) and (53) contain the correct asymptotics",
             "Fig. 14",
-            f"the limits, to {max(leading):.0e} at $\\tilde\\mu_T$ = 1e-12 … 1e6; of the corrections only $c_5$ is right",
+            f"the limits, to {max(leading):.0e} at $\\tilde\\mu_T$ = 1e-12 … 1e6; of the corrections only "
+            f"$c_5$ is right",
             max(leading) < 1e-5,
         )
     ]

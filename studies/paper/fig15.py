@@ -30,7 +30,8 @@ def reached(local: LocalExponent, kappa: float) -> tuple[float, float]:
 
 
 def windows(local: LocalExponent) -> list[tuple[tuple[float, float], float]]:
-    """Exponents fitted over windows of one to three decades that end at excess loads from 0.3 to 30, and the windows."""
+    """Exponents fitted over windows of one to three decades that end at excess loads from 0.3 to 30, and "
+    "the windows."""
     spans = [(stop / 10.0**decades, stop) for stop in np.geomspace(0.3, 30.0, 21) for decades in (1.0, 2.0, 3.0)]
     return [(span, windowed(local, *span).kappa) for span in spans if span[0] > local.excess[0]]
 
@@ -78,7 +79,8 @@ def make(fast: bool = False) -> Result:
                 window.kappa,
                 0.0,
                 "window",
-                f"ours: excess loads of {WINDOWS[1][0]:g} to {WINDOWS[1][1]:g}; other windows below 30 give {min(kappas):.3f} to "
+                f"ours: excess loads of {WINDOWS[1][0]:g} to {WINDOWS[1][1]:g}; other windows below 30 give "
+                f"{min(kappas):.3f} to "
                 f"{max(kappas):.3f}, {best[0]:.2g} to {best[1]:.2g} the printed value",
                 abs(value - window.kappa) if inside else 0.0,
             )
@@ -91,8 +93,8 @@ def make(fast: bool = False) -> Result:
             "Fig. 15",
             "1/2 at every fold: $d^2F_N/da^2$ there is "
             + ", ".join(f"{row.second:.3f}" for row in rows)
-            + " (MD, then exponential; $\\mu_T$ = 4, 1, 1/4); what changes with $\\mu_T$ is the load of the crossover to 1/3, "
-            + ", ".join(f"{row.crossover:.3g}" for row in rows),
+            + " (MD, then exponential; $\\mu_T$ = 4, 1, 1/4); what changes with $\\mu_T$ is the load of the "
+            "crossover to 1/3, " + ", ".join(f"{row.crossover:.3g}" for row in rows),
             False,
             "window: see [kappa](kappa.md)",
         ),
@@ -105,7 +107,8 @@ def make(fast: bool = False) -> Result:
         ),
     ]
     caption = (
-        "Excess of the contact radius over that at pull-off against the excess load (a), and its logarithmic slope (b). Symbols "
+        "Excess of the contact radius over that at pull-off against the excess load (a), and its logarithmic "
+        "slope (b). Symbols "
         "in (b): where the exponents that the paper prints for $\\mu_T = 1$ are found."
     )
     return Result("fig15", "Excess contact radius", caption, figure, findings, statements)

@@ -59,7 +59,8 @@ def make(fast: bool = False) -> Result:
         Statement(
             "in the exponential model the transition is continuous, $F_{sw} = F_{sq}$",
             "Fig. 16",
-            f"no fold of the load for $\\mu_T$ = {', '.join(f'{t:g}' for t in TABORS)}; its energy is convex at every $\\mu_T$",
+            f"no fold of the load for $\\mu_T$ = {', '.join(f'{t:g}' for t in TABORS)}; its energy is convex "
+            f"at every $\\mu_T$",
             all(folds["exponential", t] == 0 for t in TABORS),
         ),
         Statement(
@@ -71,7 +72,8 @@ def make(fast: bool = False) -> Result:
         Statement(
             "below $\\mu_T^* \\lesssim 1$ it is continuous",
             "Fig. 16",
-            f"two folds at $\\mu_T = 1/4$ as well, only {gaps['Gauss', 0.25]:.4f} of the load apart, with a contact of radius "
+            f"two folds at $\\mu_T = 1/4$ as well, only {gaps['Gauss', 0.25]:.4f} of the load apart, with a "
+            f"contact of radius "
             f"{limits['Gauss', 0.25]['wetting_radius']:.4f}; the window closes as $\\mu_T^3$ and never vanishes",
             folds["Gauss", 0.25] == 0,
             "lattice: see [onset](onset.md)",
@@ -88,7 +90,8 @@ def make(fast: bool = False) -> Result:
         ),
     ]
     caption = (
-        "Contact radius against the load for repulsion, dashed thin where unstable: small loads (a), all (b). Arrows: where the "
+        "Contact radius against the load for repulsion, dashed thin where unstable: small loads (a), all "
+        "(b). Arrows: where the "
         "film of the Gauss model is squeezed out."
     )
     return Result("fig16", "Contact radius against the load, repulsion", caption, figure, [], statements)

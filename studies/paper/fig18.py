@@ -57,7 +57,8 @@ def make(fast: bool = False) -> Result:
         Statement(
             "the displacement is insensitive to potential and $\\mu_T$ unless the load is small",
             "Fig. 18",
-            f"spread over $\\mu_T$ = 1 and 4 and both models: {np.ptp(spread):.3f} of {np.mean(spread):.2f} at $F_N$ = {largest:g}, "
+            f"spread over $\\mu_T$ = 1 and 4 and both models: {np.ptp(spread):.3f} of {np.mean(spread):.2f} "
+            f"at $F_N$ = {largest:g}, "
             f"{np.ptp(small):.3f} of {np.mean(small):.2f} at 1",
             np.ptp(spread) / np.mean(spread) < 0.02 < np.ptp(small) / abs(np.mean(small)),
         ),

@@ -88,7 +88,8 @@ def make(fast: bool = False) -> Result:
         Statement(
             "at the large load gaps of all models are indistinguishable at small magnification",
             "Fig. 19(a)",
-            f"apart by {apart:.3f} at $r = 5$, where the gap is {gap_at(touching, np.array([5.0]))[0]:.2f}, and by {inner:.3f} at 2: "
+            f"apart by {apart:.3f} at $r = 5$, where the gap is {gap_at(touching, np.array([5.0]))[0]:.2f}, "
+            f"and by {inner:.3f} at 2: "
             f"{apart / views[0][2][1]:.1%} of the axis",
             apart < 0.02 * views[0][2][1],
         ),
@@ -101,7 +102,8 @@ def make(fast: bool = False) -> Result:
         Statement(
             "an almost constant gap of order $1/\\mu_T$ surrounds the contact, as of one confined layer",
             "after Fig. 18",
-            f"{gap_at(touching, np.array([a + 0.3]))[0]:.3f} at $r - a_c$ = 0.3, {gap_at(touching, np.array([a + 1.0]))[0]:.3f} at 1",
+            f"{gap_at(touching, np.array([a + 0.3]))[0]:.3f} at $r - a_c$ = 0.3, "
+            f"{gap_at(touching, np.array([a + 1.0]))[0]:.3f} at 1",
             abs(gap_at(touching, np.array([a + 1.0]))[0] / gap_at(touching, np.array([a + 0.3]))[0] - 1.0) < 0.3,
         ),
     ]

@@ -51,7 +51,8 @@ class Fit:
 
 @cache
 def free_fits(row: Printed, fast: bool = False) -> tuple[Fit, ...]:
-    """(54) fitted to exact radii over windows of the excess load, sampled evenly in its logarithm or in the load itself."""
+    """(54) fitted to exact radii over windows of the excess load, sampled evenly in its logarithm or in the "
+    "load itself."""
     form, local = normal_form(row.name, row.tabor), local_exponent(row.name, row.tabor)
     found = []
     for start, stop in itertools.product(STARTS[1:2] if fast else STARTS, STOPS[1::2] if fast else STOPS):
@@ -94,7 +95,8 @@ def findings_of(row: Printed, fast: bool = False) -> list[Finding]:
     late = squeezed > own > form.load and len(states) == 1 and states[0].contact_radius > 0.0
 
     def fitted(name: str, value: float, printed: float, half: float) -> tuple[str, str, float]:
-        """Window where fits reach the printed value, otherwise the table's caption: its last digit may be wrong by 4."""
+        """Window where fits reach the printed value, otherwise the table's caption: its last digit may be "
+        "wrong by 4."""
         values = [getattr(fit, name) for fit in fits]
         if hasattr(refit, name):
             values += [getattr(refit, name), getattr(window, name)]
@@ -186,7 +188,10 @@ def make(fast: bool = False) -> Result:
             "window: see [kappa](kappa.md)",
         ),
     ]
-    caption = "Exponents (a) and wetting loads (b) of Table 1 (crosses) and ours; the bars are half the range of the local exponent."
+    caption = (
+        "Exponents (a) and wetting loads (b) of Table 1 (crosses) and ours; the bars are half the range of "
+        "the local exponent."
+    )
     return Result("table1", "Table 1", caption, figure, findings, statements)
 
 
