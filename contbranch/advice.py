@@ -8,6 +8,8 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import Final
 
+import numpy as np
+
 from contbranch.api import trace
 from contbranch.contact.contact import Contact
 from contbranch.contact.interactions import MaugisDugdale
@@ -21,6 +23,7 @@ from contbranch.models.exact.model import Exact
 from contbranch.results.advice import Advice, Candidate
 from contbranch.results.diagram import Cost, Diagram, ModelChoice
 from contbranch.theory import dmt, jkr, maugis
+from contbranch.threads import one_thread
 
 __all__ = ["advise", "regime"]
 
@@ -41,6 +44,7 @@ Judged = Mapping[str, tuple[float, float]]
 Theory = Callable[[Contact], Thresholds | None]
 
 
+@one_thread
 def advise(contact: Contact, accuracy: float = 0.01, control: str | Spring = "load") -> Advice:
     """Say which model is enough to find the folds of a contact to an accuracy, and what the others would cost.
 
@@ -76,7 +80,7 @@ def advise(contact: Contact, accuracy: float = 0.01, control: str | Spring = "lo
             if truth.status == "complete":
                 break
     wanted: Judged = {} if truth is None else _judged(truth, held)
-    candidates = list(_grids(reduced, wanted, accuracy))
+    candidates = list(_grids(reduced, wanted, accuracy, truth))
     if truth is not None:
         candidates += _theories(reduced, wanted, held)
         candidates += _substitute(reduced, wanted, held)
@@ -245,14 +249,16 @@ def _own(contact: Contact, wanted: Judged, accuracy: float, truth: Diagram) -> C
     return Candidate("rings" if rings else "axisymmetric", dict(errors), seconds, why)
 
 
-def _grids(contact: Contact, wanted: Judged, accuracy: float) -> Iterator[Candidate]:
+def _grids(contact: Contact, wanted: Judged, accuracy: float, truth: Diagram | None) -> Iterator[Candidate]:
     """Grids of the size that they would choose for themselves."""
     from contbranch.models.grid.size import COARSE_ERROR, ORDER, chosen_size, expected_seconds
 
+    rows = truth.branches[0].displacement if truth is not None and truth.branches else ()
+    depth = float(np.max(rows)) if len(rows) else None
     length = 1.0 if contact.interaction is None else contact.interaction.range
     for kind in ("free", "periodic"):
         try:
-            cell, grid = chosen_size(contact, kind, (None, None), (None, None), accuracy)
+            cell, grid = chosen_size(contact, kind, (None, None), (None, None), accuracy, depth)
         except InputError:
             continue
         error = COARSE_ERROR * (cell / grid / length) ** ORDER

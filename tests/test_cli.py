@@ -376,6 +376,8 @@ def test_as_a_process(contact: str) -> None:
     done = run("import sys; from contbranch.cli import main; sys.exit(main())", "trace", contact, "--accuracy", "much")
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr == "contbranch: --accuracy: 'much'; must be a number\n"
+    module = subprocess.run([sys.executable, "-m", "contbranch", "--version"], capture_output=True, text=True)
+    assert module.stdout.startswith("contbranch ")
 
 
 LOADED = "import sys, contbranch.cli as c; c.main(sys.argv[1:]); print(*sorted(sys.modules), file=sys.stderr)"

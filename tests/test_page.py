@@ -158,6 +158,29 @@ def test_notebooks_hold_the_page_of_a_diagram() -> None:
     assert shown.count("<script") == 0
 
 
+def test_states_on_a_grid_are_maps_also_of_a_file(tmp_path: Path) -> None:
+    """The nodes with pressure, contact where the wall presses; a page made from a file shows them too."""
+    contact = cb.Contact(cb.EllipticParaboloid(2.0, 0.5), cb.Exponential(0.5, 1.0))
+    traced = cb.trace(contact, model=cb.FreeSpace(grid=32), max_load=1.0)
+    traced.save(tmp_path / "cell.h5")
+    data, array = unpacked(page(cb.load(tmp_path / "cell.h5")))
+    (branch,) = data["items"][0]["branches"]
+    edges = array(branch["maps"]["edges"]).reshape(-1, 6)
+    assert len(edges) == len(traced.branches[0])
+    row = len(edges) - 1
+    start = int(sum(edges[:row, 2] * edges[:row, 5]))
+    x0, x1, columns, y0, y1, rows = edges[row]
+    gap, pressure = (array(branch["maps"][name])[start:].reshape(int(rows), -1).T for name in ("gap", "pressure"))
+    cell = traced.branches[0].state(row).cell
+    i, j = (np.searchsorted(side, low - 1e-6) for side, low in ((cell.x, x0), (cell.y, y0)))
+    seen = np.s_[i : i + int(columns), j : j + int(rows)]
+    assert (cell.x[seen[0]][-1], cell.y[seen[1]][-1]) == pytest.approx((x1, y1), rel=1e-6)
+    np.testing.assert_allclose(pressure, cell.pressure[seen], rtol=1e-6, atol=1e-12)
+    assert np.array_equal(gap == 0.0, cell.wall_pressure[seen] > 0.0)
+    assert (gap == 0.0).any()
+    assert np.ptp(cell.x[seen[0]]) > np.ptp(cell.y[seen[1]])  # as the contact is
+
+
 def test_titles_are_text_whatever_is_in_them() -> None:
     """What closes an element in the name of a law of the user's closes nothing on the page."""
 

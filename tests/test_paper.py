@@ -30,7 +30,8 @@ KNOWN = {
     "fig05": {"T = 4": -4.0, "T = 0.25": -0.25},
     "fig08": {"gap closes": 1.97},
     "fig10": {"JKR, $(4/3)": (4 / 3) ** (1 / 3), "DMT, $2": 2 ** (2 / 3)},
-    "fig11": {"mu_T = 2^{-16}": 0.75 * (1 + 2 * np.pi), "extrapolated": 0.75 * (1 + 3 * np.pi + (6 * np.pi + 9 * np.pi**2) ** 0.5)},
+    "fig11": {"mu_T = 2^{-16}": 0.75 * (1 + 2 * np.pi), 
+              "extrapolated": 0.75 * (1 + 3 * np.pi + (6 * np.pi + 9 * np.pi**2) ** 0.5)},
     "fig13": {"F_0": 3.0},
     "fig14": {"c_1": np.pi / 3, "c_5": -8 / (3 * np.pi**0.5), "c_6": 6 ** (1 / 3) / 36},
     "fig19": {"radius, Gauss": 1.73, "radius 1.73": 60.0},
@@ -71,7 +72,7 @@ def test_reasons_cover_what_they_cover():
 
 
 def test_gap_beyond_the_profile():
-    """The displacement of rings of pressure continues the gap of the profile, and that of Hertz' contact is Sneddon's."""
+    """Rings of pressure continue the gap of the profile, and that of Hertz' contact is Sneddon's."""
     state = common.solved("exponential", 4.0, 0.0)
     end = float(state.r[-1])
     before, after = common.gap_at(state, np.array([end, end * (1 + 1e-9)]))

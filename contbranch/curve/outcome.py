@@ -27,10 +27,9 @@ from contbranch.results.diagram import (
     Exponent,
     LocalExponent,
     ModelChoice,
-    ModeShape,
-    Profile,
     State,
 )
+from contbranch.results.profile import CellFields, ModeShape, Profile
 from contbranch.results.record import OBSERVABLES, Record
 from contbranch.threads import one_thread
 
@@ -134,6 +133,7 @@ class RawCurve:
     fft_pairs: Integers | None = None
     contact_area: Array | None = None
     contact_perimeter: Array | None = None
+    cells: Sequence[Callable[[], CellFields]] = ()
     others: Sequence[RawCurve] = ()
 
     @cached_property
@@ -237,8 +237,9 @@ def _branch(scales: Scales, curve: RawCurve) -> Branch:
         profiles=[lambda source=source: in_units(source(), scales) for source in curve.profiles],  # type: ignore[misc]
         unstable_spring=curve.unstable_spring,
         unstable_azimuthal=curve.unstable_azimuthal,
-        critical=curve.critical,
+        critical=curve.critical and one_thread(curve.critical),
         fft_pairs=curve.fft_pairs,
+        cells=[lambda source=source: in_units(source(), scales) for source in curve.cells],  # type: ignore[misc]
     )
 
 

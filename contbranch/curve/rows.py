@@ -21,7 +21,7 @@ from contbranch.curve.refine import Found, by_defect, refine
 from contbranch.curve.symmetry import Breaking, critical_eigenvalues, has_modes, merged, symmetry_breaking
 from contbranch.curve.trace import Request
 from contbranch.curve.track import Mark, Track
-from contbranch.results.diagram import Profile
+from contbranch.results.profile import CellFields, Profile
 from contbranch.threads import one_thread
 from contbranch.watch import finishing, kept, over, tell
 
@@ -96,7 +96,8 @@ def _on_nodes(track: Track) -> dict[str, Any]:
         return {}
     pairs, rim = ([point.observables.get(name, 0.0) for point in track.points] for name in ("fft_pairs", "perimeter"))
     area = np.pi * track.column("contact_radius") ** 2
-    return {"fft_pairs": np.array(pairs, dtype=np.int64), "contact_area": area, "contact_perimeter": np.array(rim)}
+    found = {"fft_pairs": np.array(pairs, dtype=np.int64), "contact_area": area, "contact_perimeter": np.array(rim)}
+    return {**found, "cells": [_deferred_cell(point) for point in track.points]}
 
 
 def _contradicted(track: Track) -> list[int]:
@@ -152,7 +153,7 @@ def _event_of(track: Track, mark: Mark) -> Event | None:
     """The function whose zero a mark is; None where the place is the edge of a parameter, or a corner."""
     if mark.control is not None:
         return None if mark.row in track.onward else FoldEvent(mark.control)
-    if mark.kind == "end":
+    if mark.kind == "end" and mark.name is None:
         return Reached(LOAD, mark.point.observables["load"])
     return Margin(mark.margin) if mark.margin and mark.margin != "edge" else None
 
@@ -178,7 +179,14 @@ def _sharpen(track: Track, found: list[Found], accuracy: float) -> None:
 def _event(track: Track, mark: Mark, found: Found) -> RawEvent:
     margin = "" if mark.margin == "edge" else mark.margin
     event = RawEvent(
-        mark.kind, mark.row, found.numbers, found.error, place=found.point, margin=margin, message=mark.message
+        mark.kind,
+        mark.row,
+        found.numbers,
+        found.error,
+        place=found.point,
+        margin=margin,
+        message=mark.message,
+        name=mark.name,
     )
     if mark.control is not None:
         control = mark.control
@@ -270,6 +278,10 @@ def _row_error(point: Point) -> Sequence[float]:
         (1.0 if problem.given else ROW_SAFETY) * abs(error) + floor * max(1.0, abs(own[name])) + besides
         for error, name, besides in zip(defect, ("load", "displacement"), left_out, strict=True)
     ]
+
+
+def _deferred_cell(point: Point) -> Callable[[], CellFields]:
+    return lambda: equilibrium(point).described(point.x, point.parameter)["in_cell"]()
 
 
 def _deferred_profile(point: Point) -> Callable[[], Profile]:

@@ -41,7 +41,7 @@ from contbranch.results.diagram import (
 from contbranch.results.followed import Followed, Special
 from contbranch.results.loop import Hysteresis, Jump
 from contbranch.results.loop import Path as LoopPath
-from contbranch.results.profile import ModeShape, Profile
+from contbranch.results.profile import CellFields, ModeShape, Profile
 from contbranch.results.record import Record, Result, columns, key_of, kind_of, same, unit_of
 
 if TYPE_CHECKING:
@@ -172,7 +172,8 @@ def _point(state: State) -> Branch:
     known: dict[str, Any] = {item.name: getattr(state, item.name, None) for item in fields(Branch)}
     known |= {f"{name}_error": state.error.get(name, math.nan) for name in ("load", "displacement")}
     found = {name: np.array([value]) for name, value in known.items() if value is not None}
-    return Branch(**found, profiles=() if state.profile is None else (state.profile,))
+    cells = () if state.in_cell is None else (state.cell,)
+    return Branch(**found, profiles=() if state.profile is None else (state.profile,), cells=cells)
 
 
 def load(path: str | Path) -> Diagram | Hysteresis | Followed | Sweep:
@@ -279,8 +280,10 @@ def _write_diagram(file: h5py.File, diagram: Diagram) -> None:
 
 def _write(group: h5py.Group, name: str, value: Any, names: Mapping[str, str], quantity: str = "") -> None:
     """Write a value: an array as dataset with its unit, numbers and texts as attributes, everything else as groups."""
+    if value is None or (name in ("profiles", "cells") and not value):
+        return
     if isinstance(value, np.ndarray):
-        group[name] = value
+        group.create_dataset(name, data=value, compression="gzip" if value.ndim > 1 else None)
         if quantity in names:
             group[name].attrs["unit"] = names[quantity]
     elif isinstance(value, int | float | str | np.generic):
@@ -291,11 +294,11 @@ def _write(group: h5py.Group, name: str, value: Any, names: Mapping[str, str], q
             _write(inner, key_of(item), value.held(item.name), names, unit_of(item))
     elif name == "events":
         _write_table(group.create_group(name), Event, value)
-    elif name == "profiles" and value:
+    elif name == "profiles":
         joined = {item.name: [getattr(profile, item.name) for profile in value] for item in fields(Profile)}
         _write(group, name, Profile(**{name: np.concatenate(arrays) for name, arrays in joined.items()}), names)
         group[name]["offsets"] = np.cumsum([0, *(len(r) for r in joined["r"])])
-    elif name != "profiles" and value is not None:
+    else:
         inner = group.create_group(name)
         for key, one in value.items() if isinstance(value, Mapping) else enumerate(value):
             _write(inner, str(key), one, names)
@@ -384,7 +387,9 @@ def _read_record(kind: type[Kind], group: h5py.Group) -> Kind:
     for item in fields(kind):
         name = key_of(item)
         if name in group:
-            found[item.name] = _read_profiles(group[name]) if "offsets" in group[name] else group[name][()]
+            inner = group[name]
+            reads = {"profiles": _read_profiles, "cells": _read_cells}.get(name)
+            found[item.name] = inner[()] if reads is None else reads(inner)
         elif name in group.attrs:
             found[item.name] = _python(group.attrs[name])
         elif item.default is MISSING and item.default_factory is MISSING:
@@ -396,6 +401,10 @@ def _read_profiles(group: h5py.Group) -> tuple[Profile, ...]:
     joined = _read_record(Profile, group)
     parts = pairwise(group["offsets"][()])
     return tuple(Profile(*(getattr(joined, item.name)[i:j] for item in fields(Profile))) for i, j in parts)
+
+
+def _read_cells(group: h5py.Group) -> tuple[CellFields, ...]:
+    return tuple(_read_record(CellFields, group[str(row)]) for row in range(len(group)))
 
 
 def _read_events(group: h5py.Group, shapes: Mapping[str, h5py.Group]) -> tuple[Event, ...]:

@@ -203,6 +203,47 @@ function span(name, branch) {
   const [low, high] = array(branch[name]).reduce(([a, b], v) => [Math.min(a, v), Math.max(b, v)], [0, 0]);
   return [low - 0.06 * (high - low || 1), high + 0.06 * (high - low || 1)];
 }
+// Colours that the colour-blind tell apart: viridis, and blue to red about zero.
+const GAPS = [[253, 231, 37], [94, 201, 98], [33, 145, 140], [59, 82, 139], [68, 1, 84]].reverse();
+const PRESSURES = [[33, 102, 172], [146, 197, 222], [247, 247, 247], [244, 165, 130], [178, 24, 43]];
+function colour(stops, share) {
+  const at = clamp(share, 0, 1) * (stops.length - 1), k = Math.min(Math.floor(at), stops.length - 2);
+  return stops[k].map((v, i) => Math.round(v + (at - k) * (stops[k + 1][i] - v)));
+}
+function maps(branch = view.branch, row = view.row) {
+  const kept = (item().branches[branch] || {}).maps;
+  if (!kept) return null;
+  const edges = array(kept.edges);
+  let start = 0;
+  for (let k = 0; k < row; k++) start += edges[6 * k + 2] * edges[6 * k + 5];
+  const [x0, x1, columns, y0, y1, rows] = edges.subarray(6 * row, 6 * row + 6);
+  const cut = (place) => array(place).subarray(start, start + rows * columns);
+  return { x: [x0, x1], y: [y0, y1], columns, rows, gap: cut(kept.gap), pressure: cut(kept.pressure) };
+}
+function drawMap(holder, shown, name, stops, low, high, note) {
+  const width = holder.clientWidth || 420, inner = Math.min(width - 90, 330 * (shown.x[1] - shown.x[0]) / (shown.y[1] - shown.y[0]));
+  const half = [shown.x, shown.y].map(([a, b], k) => (b - a) / (2 * ([shown.columns, shown.rows][k] - 1 || 1)));
+  const x = [shown.x[0] - half[0], shown.x[1] + half[0]], y = [shown.y[0] - half[1], shown.y[1] + half[1]];
+  const box = { left: 74, top: 26, width: inner, height: inner * (y[1] - y[0]) / (x[1] - x[0]) }, height = box.height + 70;
+  const canvas = element("canvas", { width: shown.columns, height: shown.rows }), ink = canvas.getContext("2d");
+  const image = ink.createImageData(shown.columns, shown.rows);
+  shown[name].forEach((value, k) => {
+    const touching = name === "gap" && value === 0, place = 4 * ((shown.rows - 1 - Math.floor(k / shown.columns)) * shown.columns + k % shown.columns);
+    image.data.set([...(touching ? [64, 64, 64] : colour(stops, (value - low) / (high - low || 1))), 255], place);
+  });
+  ink.putImageData(image, 0, 0);
+  const svg = draw("svg", { viewBox: `0 0 ${width} ${height}`, height, role: "img", "aria-label": `Map: ${note}` }, holder);
+  draw("text", { x: box.left, y: 16 }, svg, note);
+  draw("image", { id: `map-${name}`, href: canvas.toDataURL(), x: box.left, y: box.top, width: box.width, height: box.height,
+    preserveAspectRatio: "none", style: "image-rendering:pixelated" }, svg);
+  axes(svg, box, x, y, [`x${unit("r") ? ` (${unit("r")})` : ""}`, `y${unit("r") ? ` (${unit("r")})` : ""}`]);
+}
+function drawMaps(holder, shown) {
+  const top = item().limit || Math.max(...shown.gap), strong = shown.pressure.reduce((most, v) => Math.max(most, Math.abs(v)), 0);
+  const named = (name, low, high) => `${label(name)}: ${digits(low, 3)} to ${digits(high, 3)}`;
+  drawMap(holder, shown, "gap", GAPS, 0, Math.min(top, Math.max(...shown.gap)), `${named("gap", 0, Math.min(top, Math.max(...shown.gap)))}, grey: contact`);
+  drawMap(holder, shown, "pressure", PRESSURES, -strong, strong, `${named("pressure", -strong, strong)}, red: repulsion`);
+}
 function drawProfile() {
   const one = item().branches[view.branch], holder = byId("profile"), shown = profile();
   holder.replaceChildren();
@@ -214,6 +255,8 @@ function drawProfile() {
     const modes = array(one.unstable[control])[view.row];
     entry(`under ${control === "spring" ? "the spring" : control}`, modes ? `unstable (${modes} mode${modes > 1 ? "s" : ""})` : "stable");
   }
+  const flat = maps();
+  if (flat) return drawMaps(holder, flat);
   if (!shown) return void element("p", { class: "soft" }, holder, "No profiles were kept for this curve.");
   const width = holder.clientWidth || 420, height = clamp(0.98 * width, 300, 460), half = (height - 66) / 2;
   const svg = draw("svg", { viewBox: `0 0 ${width} ${height}`, height, role: "img",
@@ -405,6 +448,8 @@ function start() {
   const first = data.items.findIndex((one) => one.branches.length || one.loop);
   view.item = Math.max(0, first);
   view.control = item().control || "load";
+  const met = item().events.find((event) => event.kind === "fold" || event.kind === "touch");
+  if (met) Object.assign(view, { branch: met.branch, row: Math.round(met.position) });
   menu("x", "across", NAMES.map((name) => [name, WORDS[name]]));
   menu("y", "up", NAMES.map((name) => [name, WORDS[name]]));
   const controls = [...new Set(data.items.flatMap((one) => one.controls || []))];

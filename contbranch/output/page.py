@@ -31,6 +31,8 @@ _RANGES: Final = 8.0  # of the interaction: the largest gap that is shown
 _BUDGET: Final = 4_000_000  # numbers in the profiles of a page, which take some three bytes each
 _STEPS: Final = (3, 8)  # of 24 points drawn for each step of a trace: taken of a single one, and of many
 _MANY: Final = 8
+_SIDE: Final = 48  # nodes a side of a map
+_TINY: Final = 1e-30
 
 
 def page(result: Result, curve: Diagram | None = None) -> str:
@@ -127,7 +129,18 @@ class _Packed:
         rows = {name: self.put(getattr(branch, name)) for name in COORDINATES}
         unstable = {control: self.put(branch.unstable(control)) for control in controls}
         found = {"fine": fine, "position": self.put(line.position[taken]), "stable": stable, "rows": rows}
-        return {**found, "unstable": unstable, **self._profiles(branch, limit)}
+        return {**found, "unstable": unstable, **self._profiles(branch, limit), **self._maps(branch)}
+
+    def _maps(self, branch: Branch) -> dict[str, Any]:
+        """Gap (zero in contact alone) and pressure of every row of a grid model, on a page of few curves."""
+        if not len(branch.cells) or self.count > _MANY:
+            return {}
+        shown = [branch.state(row).cell.shown(_SIDE) for row in range(len(branch))]
+        gaps = [np.where(cell.wall_pressure > 0.0, 0.0, np.maximum(cell.gap, _TINY)) for cell in shown]
+        edges = [(cell.x[0], cell.x[-1], len(cell.x), cell.y[0], cell.y[-1], len(cell.y)) for cell in shown]
+        joined = {"gap": gaps, "pressure": [cell.pressure for cell in shown]}
+        found = {name: self.put(np.concatenate([field.T.ravel() for field in of])) for name, of in joined.items()}
+        return {"maps": {**found, "edges": self.put(edges)}}
 
     def _profiles(self, branch: Branch, limit: float) -> dict[str, Any]:
         """Gap and pressure of every row as far as they are shown: computed nodes, fewer of them on a page of many."""

@@ -20,13 +20,14 @@ Cells = NDArray[np.int64]
 
 _CELL: Final = 1.5  # points, of the map of what is in the way
 _PAD: Final = 80  # cells around the frame
-_LINE, _MARKER, _LABEL, _OUTSIDE = 1.0, 20.0, 20.0, 20.0  # what it costs to cover a cell
+_LINE, _MARKER, _LABEL, _OUTSIDE = 3.0, 20.0, 20.0, 20.0  # what it costs to cover a cell
 _HALF: Final = 4.5  # half the side of the square that a marker occupies, points
 _DISTANCES: Final = (6.0, 10.0, 16.0, 24.0, 34.0, 46.0, 60.0)  # points, from the marker to the label's edge
 _FAR: Final = 0.1  # the cost of a point of distance
 _DOUBT: Final = 30.0  # that of a label that might belong to another point
 _NEAR: Final = 10.0  # up to this distance a label needs no line to its point
-_DIRECTIONS: Final = 16
+_DIRECTIONS: Final = 24
+_FINE: Final = 3  # places on a line to a point, a dozen times
 _PASSES: Final = 3
 _ROOM: Final = 1.5  # around a label, points
 
@@ -50,7 +51,9 @@ class _Places(NamedTuple):
         total[1:, 1:] = busy.cumsum(0).cumsum(1)
         (x0, y0), (x1, y1) = self.low.T, self.high.T
         covered = total[x1, y1] - total[x0, y1] - total[x1, y0] + total[x0, y0]
-        crossed = np.where(self.distance > _NEAR, busy[self.leader[..., 0], self.leader[..., 1]].sum(axis=1), 0.0)
+        crossed = np.where(
+            self.distance > _NEAR, busy[self.leader[..., 0], self.leader[..., 1]].sum(axis=1) / _FINE, 0.0
+        )
         return int(np.argmin(covered + crossed + _FAR * self.distance + self.doubt))
 
     def stamp(self, chosen: int, busy: Array) -> None:
@@ -119,7 +122,7 @@ def _places(at: Array, size: Array, shape: tuple[int, ...], others: Array) -> _P
     low = np.clip(np.floor(centre - 0.5 * size), 0, limits).astype(int)
     high = np.clip(np.ceil(centre + 0.5 * size), 0, limits).astype(int)
     # From beside the marker to the edge of the label, where its own box is counted.
-    along = at + rays[:, None, :] * np.linspace(1.5 * _HALF, distance, 12, axis=1)[:, :, None] / _CELL
+    along = at + rays[:, None, :] * np.linspace(1.5 * _HALF, distance, 12 * _FINE, axis=1)[:, :, None] / _CELL
     off = np.abs(others[:, None] - centre) - 0.5 * size
     nearer = (_CELL * np.hypot(*np.moveaxis(np.maximum(off, 0.0), -1, 0)) < distance + 1.0).any(axis=0)
     doubt = np.where(nearer & (distance <= _NEAR), _DOUBT, 0.0)

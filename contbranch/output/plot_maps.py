@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
 __all__ = ["cell_maps"]
 
-# Pressures below this share of the largest are not worth being shown, around a tip that stands alone.
-FAINT = 0.01
 CONTACT = ListedColormap(["#F2F2F2", "#404040"])
 
 
@@ -37,43 +35,32 @@ def cell_maps(state: State, unit_names: Mapping[str, str] | None = None) -> Figu
     InputError
         If the state has no fields on a cell.
     """
-    cell, names = state.cell, dict(unit_names or {})
-    contact = cell.wall_pressure > 0.0
-    loud = np.abs(cell.pressure) > FAINT * np.abs(cell.pressure).max(initial=0.0)
-    rows, columns = (_shown(loud.any(axis=axis)) for axis in (1, 0))
-    x, y = cell.x[rows], cell.y[columns]
+    cell, names = state.cell.shown(), dict(unit_names or {})
+    share, contact = (state.cell.wall_pressure > 0.0).mean(), cell.wall_pressure > 0.0
+    x, y = cell.x, cell.y
     if len(x) < 2 or len(y) < 2:
         raise InputError("state: its cell has fewer than two nodes a side to be shown")
     fields: list[tuple[str, Any, dict[str, Any]]] = [
         (axis_label("gap", names, False), cell.gap, {"cmap": "viridis", "norm": Normalize(0.0)}),
-        (axis_label("pressure", names, False), cell.pressure, _pressure_colours(cell.pressure[rows, columns])),
-        (f"contact: {contact.mean():.3g} of the cell", contact, {"cmap": CONTACT, "vmin": 0, "vmax": 1}),
+        (axis_label("pressure", names, False), cell.pressure, _pressure_colours(cell.pressure)),
+        (f"contact: {share:.3g} of the cell", contact, {"cmap": CONTACT, "vmin": 0, "vmax": 1}),
     ]
     unit = f" ({names['radius']})" if names.get("radius") else ""
     with new_figure(2.3) as figure:
         figure.set_figwidth(2.2 * WIDTH)
         for axes, (title, field, style) in zip(figure.subplots(1, 3, sharey=True), fields, strict=True):
-            shown = np.asarray(field, dtype=np.float64)[rows, columns]
+            shown = np.asarray(field, dtype=np.float64)
             image = axes.pcolormesh(x, y, shown.T, shading="nearest", rasterized=True, **style)
             if field is not contact:
                 tall = 0.8 * min(1.0, float(np.ptp(y) / np.ptp(x)))
                 bar = figure.colorbar(image, ax=axes, shrink=tall, aspect=22 * tall, pad=0.03)
                 bar.outline.set_linewidth(0.5)
-                if contact[rows, columns].any() and not contact[rows, columns].all():
-                    axes.contour(x, y, contact[rows, columns].T, levels=[0.5], colors="k", linewidths=0.5)
+                if contact.any() and not contact.all():
+                    axes.contour(x, y, contact.T, levels=[0.5], colors="k", linewidths=0.5)
             axes.set(aspect="equal", xlabel=f"$x${unit}")
             axes.set_title(title, fontsize=8.5, pad=3.0)
         figure.axes[0].set_ylabel(f"$y${unit}")
     return figure
-
-
-def _shown(loud: np.ndarray[Any, Any]) -> slice:
-    """The nodes along one side from the first to the last with pressure, and a margin of an eighth."""
-    found = np.flatnonzero(loud)
-    if not found.size:
-        return slice(None)
-    margin = 1 + (found[-1] - found[0]) // 8
-    return slice(max(int(found[0] - margin), 0), int(found[-1] + margin) + 1)
 
 
 def _pressure_colours(pressure: np.ndarray[Any, Any]) -> dict[str, Any]:

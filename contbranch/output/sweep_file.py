@@ -276,9 +276,9 @@ def diagram_of(sweep: Sweep, index: int, record: Record) -> Diagram:
     for number in range(int(which.max(initial=-1)) + 1):
         here = np.flatnonzero(which == number)
         profiles = () if ends is None else tuple(_profile(arrays, ends[k], ends[k + 1]) for k in here)
-        columns = {name: values[here] for name, values in points.items()}
-        unknown = dict.fromkeys(("load_error", "displacement_error"), np.full(len(here), np.nan))
-        branches.append(Branch(**columns, **unknown, profiles=profiles))
+        known: dict[str, Any] = {name: values[here] for name, values in points.items()}
+        known |= dict.fromkeys(("load_error", "displacement_error"), np.full(len(here), np.nan))
+        branches.append(Branch(**known, profiles=profiles))
     events = tuple(_event(said) for said in about.get("events", ()))
     kept = ("status", "message", "thresholds", "control", "accuracy", "stiffness")
     return Diagram(

@@ -39,6 +39,9 @@ __all__ = [
     "Window",
 ]
 
+# Nodes a side that are kept of the fields of a state.
+KEPT = 64
+
 EventKind = Literal["fold", "touch", "topology", "symmetry", "inadmissible", "end"]
 
 
@@ -283,6 +286,9 @@ class Branch(Record):
     unstable_azimuthal : integer array (M,) or None
         Number of unstable modes of all m ≥ 1 (see `State`), which can differ from zero only where
         `unstable_displacement` does; None where it has not been examined.
+    cells : sequence of CellFields or callable
+        Fields on the nodes of the cell, of grid models, or what computes them: ask for them as ``state(i).cell``. Files
+        hold the part with pressure, at 64 nodes a side or fewer.
     critical : array (M,), callable or None
         The critical eigenvalue, or what computes it: ask for it as ``branch.critical_eigenvalue``.
     fft_pairs : integer array (M,) or None
@@ -303,6 +309,11 @@ class Branch(Record):
     profiles: Sequence[Profile | Callable[[], Profile]] = described(
         written=False,
         computed=lambda branch: tuple(one() if callable(one) else one for one in branch.profiles),
+        default=(),
+    )
+    cells: Sequence[CellFields | Callable[[], CellFields]] = described(
+        written=False,
+        computed=lambda branch: tuple(branch.state(row).cell.shown(KEPT) for row in range(len(branch.cells))),
         default=(),
     )
     unstable_spring: Integers | None = described(written="if known", default=None)
@@ -345,6 +356,7 @@ class Branch(Record):
             residual=0.0,
             error={"load": float(self.load_error[i]), "displacement": float(self.displacement_error[i])},
             profile=profile() if callable(profile) else profile,
+            in_cell=self.cells[i] if len(self.cells) else None,
             unstable_spring=None if self.unstable_spring is None else int(self.unstable_spring[i]),
             unstable_azimuthal=0 if self.unstable_azimuthal is None else int(self.unstable_azimuthal[i]),
         )
@@ -594,6 +606,12 @@ class Solution(State, Result):
     def known(self) -> tuple[State, ...]:
         """All states found, or this one; none where an interrupted search has not found any."""
         return self.states or (() if np.isnan(self.load) else (self,))
+
+    def plot(self) -> Figure:
+        """Draw gap and pressure against the radius; where the tip is not round, maps of gap, pressure and contact."""
+        from contbranch.output.plot import draw
+
+        return draw(self)
 
     def tables(self) -> dict[str, Table]:
         """The states found, this one first."""

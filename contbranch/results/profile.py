@@ -2,10 +2,18 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
 from contbranch.arrays import Array
 from contbranch.results.record import Record, described, record
 
 __all__ = ["CellFields", "ModeShape", "Profile"]
+
+# Pressures below this share of the largest are not worth being shown, around a tip that stands alone.
+FAINT = 0.01
 
 
 @record
@@ -64,3 +72,21 @@ class CellFields(Record):
     gap: Array
     pressure: Array
     wall_pressure: Array
+
+    def shown(self, nodes: int | None = None) -> CellFields:
+        """The part with pressure, as it is, or at `nodes` nodes a side or fewer and in single precision."""
+        loud = np.abs(self.pressure) > FAINT * np.abs(self.pressure).max(initial=0.0)
+        x, y = (_taken(loud.any(axis=axis), nodes) for axis in (1, 0))
+        fields: Any = (
+            field[x, y].astype(np.float32 if nodes else np.float64)
+            for field in (self.gap, self.pressure, self.wall_pressure)
+        )
+        return CellFields(self.x[x], self.y[y], *fields)
+
+
+def _taken(loud: NDArray[np.bool_], nodes: int | None) -> slice:
+    """The nodes along one side from the first to the last with pressure, and a margin of an eighth."""
+    found = np.flatnonzero(loud) if loud.any() else np.array([0, len(loud) - 1])
+    margin = 1 + (found[-1] - found[0]) // 8
+    first, last = max(found[0] - margin, 0), min(found[-1] + margin + 1, len(loud))
+    return slice(first, last, -(-(last - first) // nodes) if nodes else 1)

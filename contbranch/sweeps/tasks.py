@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Final, Literal, NamedTuple, Protocol
 
@@ -15,7 +14,6 @@ from numpy.typing import NDArray
 from contbranch import __version__
 from contbranch.contact.contact import Contact, look_up
 from contbranch.control import Spring, as_control
-from contbranch.errors import InputError
 from contbranch.output.document import plain
 from contbranch.results.diagram import Branch, Diagram, Event
 from contbranch.results.profile import Profile
@@ -111,9 +109,7 @@ class Tracing:
 def _points(branch: Branch, profiles: bool) -> dict[str, NDArray[Any]]:
     """The columns of a branch, and those of its profiles with their lengths."""
     found = {f"point.{name}": getattr(branch, name) for name in _POINT if getattr(branch, name) is not None}
-    known: list[Profile] = []
-    with suppress(InputError):  # of a grid whose fields were given up to save memory
-        known = [one() if callable(one) else one for one in branch.profiles] if profiles else []
+    known: list[Profile] = [one() if callable(one) else one for one in branch.profiles] if profiles else []
     if known:
         found["point.nodes"] = np.array([len(one.r) for one in known])
         for name in ("r", "gap", "pressure", "wall_pressure"):

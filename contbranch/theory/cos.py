@@ -44,10 +44,10 @@ __all__ = [
 ]
 
 RADIUS_CONSTANTS = (0.8, -1.285, 0.8, -0.435)
-"""c1 to c4 of (52) as printed (l. 558); the leading constants are the exact limits, the rest is a fit."""
+"""c1 to c4 of (52) as printed; the leading constants are the exact limits, the rest is a fit."""
 
 DISPLACEMENT_CONSTANTS = (-1.5, 0.1845, 6.71)
-"""c5 to c7 of (53) as printed (l. 558-559)."""
+"""c5 to c7 of (53) as printed."""
 
 ASYMPTOTIC_RADIUS_C1 = np.pi / 3.0
 """Exact first correction for lambda -> 0: radius at zero load 2^(1/3) + (pi/3) lambda + ..."""

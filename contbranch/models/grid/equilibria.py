@@ -37,6 +37,7 @@ from contbranch.errors import ModelError
 from contbranch.results.diagram import ModeShape, State
 from contbranch.results.profile import Profile
 
+from .arcs import pressed
 from .arrays import Array, Mask
 from .landing import land
 from .measure import Direction, Measure, Stretch, following, quietly
@@ -125,18 +126,10 @@ class LatticeProblem(EquilibriumProblem):
 
     # -- states -------------------------------------------------------------------------------------------------------
     def state(self, x: Array, p: float) -> Equilibrium:
-        """The equilibrium of a point with all its fields; one pair of transforms unless it was asked for lately.
-
-        Raises
-        ------
-        ModelError
-            If the fields were given up to save memory.
-        """
+        """The equilibrium of a point with all its fields; one pair of transforms unless it was asked for lately."""
         known = next((state for other, state in self._recent if other is x), None)
         if known is not None:
             return known
-        if not x.size:
-            raise ModelError("the curve has too many points to keep the fields of all; use a coarser grid")
         u = x.reshape(self.nodes.shape)
         contact = (self.nodes.heights + u <= 0.0) & self.wall
         found = Equilibrium(self.nodes.fields(u, p, contact), contact, 0.0, self.nodes.displacement(u, p), True)
@@ -255,14 +248,21 @@ class LatticeProblem(EquilibriumProblem):
         """In contact behind first touch."""
         if name != "touch":
             return None
-        behind = LatticeProblem(self.setup, self.tolerance, True, points[-1])
-        return Succession(name, points[-1], (replace(points[-1], problem=behind),))
+        last = points[-1]
+        start = replace(last, problem=LatticeProblem(self.setup, self.tolerance, True, last))
+        if self.setup.crowded:  # what touches is a node: there the curve has a corner
+            state, along = self.at(last), last.tangent_x.reshape(self.nodes.shape)
+            towards = Direction.along(Measure.at(state, self.scale), along, last.tangent_parameter)
+            direction = pressed(self.nodes, self.scale, state, towards, self.settings)
+            if direction is not None:
+                start = replace(start, tangent_x=direction[0].ravel(), tangent_parameter=direction[1])
+        return Succession(name, last, (start,))
 
     def ending(self, name: str, point: Point) -> str:
         """What to change."""
         if name == "end":
             return ""
-        units, own, resolution = self.setup.units, point.observables, Resolution.of(self.setup)
+        units, own, resolution = self.setup.units, point.observables, self.resolution
         load, displacement = own["load"] * units.load, own["displacement"] * units.normal
         if not self.setup.crowded and (
             own["contact_radius"] > 0.49 * self.setup.edge or fills(self.setup, self.at(point))
@@ -380,7 +380,12 @@ class LatticeProblem(EquilibriumProblem):
     @property
     def countable(self) -> bool:
         """Not where the law is stiffer than the lattice: they are those of single nodes."""
-        return Resolution.of(self.setup).ratio <= 1.0
+        return self.resolution.ratio <= 1.0
+
+    @cached_property
+    def resolution(self) -> Resolution:
+        """The law's stiffness against the lattice's."""
+        return Resolution.of(self.setup)
 
     def unstable(self, x: Array, p: float) -> int:
         """Modes with the symmetry of the tip."""
@@ -452,7 +457,7 @@ class LatticeProblem(EquilibriumProblem):
         curve; infinite where that is not known."""
         coarse = self._coarser
         unknown = np.full(4, np.inf)
-        if coarse is None:
+        if coarse is None or self.resolution.fails(self.at(point)):
             return unknown
         here, state = self.reading(point.x, point.parameter), self.at(point)
         u, load, contact = carried(self.setup, coarse.setup, state)
@@ -473,6 +478,8 @@ class LatticeProblem(EquilibriumProblem):
     def _moved(self, point: Point, event: Event) -> Array:
         """By how much, and a little more, an event of the film lies elsewhere on twice the nodes a side."""
         fine = self._finer
+        if self.resolution.fails(self.at(point)):
+            return np.full(4, np.inf)
         ahead = STEP * self.scale / float(np.abs(point.tangent_x).max())
         there = moved(point, fine)
         size = fine.metric(there.x).norm(fine, there.tangent_x, there.tangent_parameter)
