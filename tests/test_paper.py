@@ -30,7 +30,7 @@ KNOWN = {
     "fig05": {"T = 4": -4.0, "T = 0.25": -0.25},
     "fig08": {"gap closes": 1.97},
     "fig10": {"JKR, $(4/3)": (4 / 3) ** (1 / 3), "DMT, $2": 2 ** (2 / 3)},
-    "fig11": {"mu_T = 2^{-16}": 0.75 * (1 + 2 * np.pi), 
+    "fig11": {"mu_T = 2^{-16}": 0.75 * (1 + 2 * np.pi),
               "extrapolated": 0.75 * (1 + 3 * np.pi + (6 * np.pi + 9 * np.pi**2) ** 0.5)},
     "fig13": {"F_0": 3.0},
     "fig14": {"c_1": np.pi / 3, "c_5": -8 / (3 * np.pi**0.5), "c_6": 6 ** (1 / 3) / 36},
@@ -52,6 +52,7 @@ def test_figure(name, tmp_path):
         assert found[0] == pytest.approx(value, rel=2e-3), words
     assert common.save(result, tmp_path).stat().st_size > 5000
     assert result.told().text() == result.text()
+    assert not set("$\\") & set(result.text())
 
 
 def test_reasons_cover_what_they_cover():
@@ -69,6 +70,17 @@ def test_reasons_cover_what_they_cover():
     assert "so" not in rows.splitlines()[-2]
     page = every.page([common.Result("fig02", "title", "caption", Figure(), [plain, explained])])
     assert "| numbers | 2 | 1 | 1 (1 window) | 0 |" in page
+
+
+def test_formulas_are_written_in_unicode():
+    """No TeX is left, so that a page needs no renderer of formulas."""
+    text = (
+        r"$\tilde\mu_T \approx 10^{-4}$, $\sqrt{{2/3}}\,a_{JKR}$, $6^{1/3}$, $a_c^3$, $v'_{fr}$, 1 $F_{sw}\pi$".replace(
+            "{{", "{"
+        )
+    )
+    text = text.replace("}}", "}")
+    assert common.plain(text) == "μ̃_T ≈ 10⁻⁴, √(2/3) a_JKR, 6^(1/3), a_c³, v′_fr, 1 F_swπ"
 
 
 def test_gap_beyond_the_profile():

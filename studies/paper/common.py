@@ -7,6 +7,7 @@ Nanotechnol. 5, 419-437 (2014). Reduced units (23)-(26) throughout.
 from __future__ import annotations
 
 import argparse
+import re
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -161,7 +162,30 @@ class Result:
         parts = [self.caption, *(f"*{title}*\n\n{rows}" for title, rows in self.tables.items())]
         parts += [findings_table(self.findings)] if self.findings else []
         parts += [statements_table(self.statements)] if self.statements else []
-        return "\n\n".join(parts)
+        return plain("\n\n".join(parts))
+
+
+RAISED: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+SIGNS: Final = {
+    r"\\tilde\\mu": "μ̃", r"\\tilde a": "ã", r"\\tilde d": "d̃", r"\\mu": "μ", r"\\Delta": "Δ", r"\\gamma": "γ", r"\\kappa": "κ",
+    r"\\pi": "π", r"\\zeta": "ζ", r"\\lambda": "λ", r"\\sigma": "σ", r"\\infty": "∞", r"\\propto": "∝", r"\\geq": "≥",
+    r"\\approx": "≈", r"\\lesssim": "≲", r"\\gtrsim": "≳", r"\\to": "→", r"\\sqrt\{(.*?)\}": r"√(\1)", r"\\sqrt": "√",
+    r"\\mathrm": "", r"\\exp": "exp", r"\\ln": "ln", r"\\,": " ", r"''": "″", r"'": "′", r"_\{(.*?)\}": r"_\1",
+    r"\^\{(-?\d+)\}|\^(\d)": lambda found: (found[1] or found[2]).translate(RAISED),
+    r"\^\{(.*?)\}": r"^(\1)", r"\^\*": "*", r"-": "−",
+}  # fmt: skip
+
+
+def plain(text: str) -> str:
+    """Text with formulas between dollar signs written in Unicode."""
+
+    def written(formula: re.Match[str]) -> str:
+        found = formula[1]
+        for sign, meaning in SIGNS.items():
+            found = re.sub(sign, meaning, found)
+        return found
+
+    return re.sub(r"\$(.*?)\$", written, text)
 
 
 def table(head: tuple[str, ...], rows: list[list[str]]) -> str:

@@ -150,8 +150,9 @@ def make(fast: bool = False) -> Result:
             exponents.plot(
                 tabors, [row.kappa for row in chosen], "x", color=colour, ms=6, label=f"{law(chosen[0])}, Table 1"
             )
-            loads.plot(tabors, [normal_form(name, t).load for t in tabors], "o-", color=colour, mfc="none", ms=5, lw=0.9,
-                       label=rf"{law(chosen[0])}, $F_\mathrm{{sw}}$")  # fmt: skip
+            exact = [normal_form(name, t).load for t in tabors]
+            label = rf"{law(chosen[0])}, $F_\mathrm{{sw}}$"
+            loads.plot(tabors, exact, "o-", color=colour, mfc="none", ms=5, lw=0.9, label=label)
             loads.plot(
                 tabors, [row.load for row in chosen], "x", color=colour, ms=5, label=f"{law(chosen[0])}, Table 1"
             )
