@@ -69,7 +69,7 @@ def make(fast: bool = False) -> Result:
             axes.plot(at, [zero_load(law, t)[0] for t in at], MARKS[law], label=law, **style, **filled)
             if law in FLAT:
                 axes.plot(at, [steepest(solved(law, t, 0.0)) for t in at], MARKS[law], **style, **filled)
-        axes.set(xscale="log", xlabel=TABOR, ylabel=RADIUS, ylim=(1.6, 3.1))
+        axes.set(xscale="log", xlabel=TABOR, ylabel=RADIUS, ylim=(1.6, 3.3))
         axes.legend(loc="upper left")
     low, high = np.array([2.0**-14, 2.0**-12]), np.array([8.0, 32.0] if fast else [16.0, 32.0])
     soft = {law: exponent(np.array([zero_load(law, t)[0] for t in low]), DMT_RADIUS, low) for law in LAW_COLOURS}

@@ -62,7 +62,8 @@ def draw(y: str, label: str) -> Figure:
             )
         axes.plot([], [], "o", color="0.4", markersize=3.0, label="exponential, same colours")
         axes.set(xlabel=LOAD, ylabel=label, xlim=(-2.1 * np.pi, 10.0))
-        axes.legend(loc="lower right" if y == "radius" else "upper left")
+        axes.set_ylim(None if y == "radius" else -4.5, None)
+        axes.legend(loc="lower right")
     return figure
 
 
