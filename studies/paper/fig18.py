@@ -12,6 +12,7 @@ import numpy as np
 
 if __name__ == "__main__":
     sys.path.append(str(Path(__file__).resolve().parents[2]))
+from contbranch.output.smooth import smooth_path
 from studies.paper.common import COLOURS, DISPLACEMENT, LOAD, Array, Result, Statement, panels, run, solved, traced
 
 TABORS = (4.0, 1.0, 0.25)
@@ -42,9 +43,9 @@ def make(fast: bool = False) -> Result:
         for law, dashes in (("exponential", "-"), ("Gauss", (0, (5, 1.5)))):
             for tabor in TABORS:
                 rows = traced(law, tabor, -1, 60.0).branches[0]
-                axes.plot(
-                    rows.load, rows.displacement, color=COLOURS[tabor], ls=dashes, label=rf"{law}, $\mu_T = {tabor:g}$"
-                )
+                label = rf"{law}, $\mu_T = {tabor:g}$"
+                path = smooth_path(rows.load, rows.displacement, bounded=False)
+                axes.plot(*path, color=COLOURS[tabor], ls=dashes, label=label)
         axes.set(xlabel=LOAD, ylabel=DISPLACEMENT, xlim=(0.0, 20.0), ylim=(-2.0, 6.0))
         axes.legend(loc="lower right")
     largest = loads[-1]
