@@ -170,8 +170,8 @@ SIGNS: Final = {
     r"\\tilde\\mu": "μ̃", r"\\tilde a": "ã", r"\\tilde d": "d̃", r"\\mu": "μ", r"\\Delta": "Δ", r"\\gamma": "γ",
     r"\\kappa": "κ", r"\\pi": "π", r"\\zeta": "ζ", r"\\lambda": "λ", r"\\sigma": "σ", r"\\infty": "∞", r"\\propto": "∝",
     r"\\geq": "≥", r"\\approx": "≈", r"\\lesssim": "≲", r"\\gtrsim": "≳", r"\\to": "→", r"\\sqrt\{(.*?)\}": r"√(\1)",
-    r"\\sqrt": "√", r"\\mathrm": "", r"\\exp": "exp", r"\\ln": "ln", r"\\,": " ", r"''": "″", r"'": "′", r"_\{(.*?)\}": r"_\1",
-    r"\^\{(-?\d+)\}|\^(\d)": lambda found: (found[1] or found[2]).translate(RAISED),
+    r"\\sqrt": "√", r"\\mathrm": "", r"\\exp": "exp", r"\\ln": "ln", r"\\,": " ", r"''": "″", r"'": "′",
+    r"_\{(.*?)\}": r"_\1", r"\^\{(-?\d+)\}|\^(\d)": lambda found: (found[1] or found[2]).translate(RAISED),
     r"\^\{(.*?)\}": r"^(\1)", r"\^\*": "*", r"-": "−",
 }  # fmt: skip
 
