@@ -80,6 +80,7 @@ def test_a_coarse_lattice_traps():
         ("axisymmetric", GAUSS, RIGHT, RIGHT),
         ("axisymmetric", Subject("maugis-dugdale", 1, 1.0), RIGHT, RIGHT),
         ("free grid", GAUSS, RIGHT, RIGHT),
+        ("free grid", Subject("gauss", 1, 0.0625), RIGHT, RIGHT),  # one pull-off, not two
         ("periodic grid", GAUSS, RIGHT, RIGHT),
         ("fixed mesh", GAUSS, RIGHT, RIGHT),
         ("natural", Subject("exponential", 1, 1.0), DIVERGED, DIVERGED),

@@ -214,7 +214,10 @@ def _event(track: Track, mark: Mark, found: Found) -> RawEvent:
 
 
 def _doubtful(track: Track, events: list[RawEvent]) -> None:
-    """Mark neighbouring folds of a control that differ by less than the errors of both, smallest differences first."""
+    """Mark folds next to each other that differ by less than the errors of both, or that cannot both be.
+
+    Smallest differences come first. Maxima and minima of a control alternate; of two of a kind the less sure is marked.
+    """
     for control in track.controls:
         own = [k for k, event in enumerate(events) if (event.kind, event.control) == ("fold", control.kind)]
         while len(own) > 1:
@@ -228,6 +231,11 @@ def _doubtful(track: Track, events: list[RawEvent]) -> None:
                 message = "It differs from the fold next to it by less than the lattice's error."
                 events[k] = replace(events[k], verdict="unresolved", message=message)
             del own[place : place + 2]
+        for a, b in pairwise(own):
+            if events[a].verdict and events[b].verdict and events[a].maximum == events[b].maximum:
+                worse = max(a, b, key=lambda k: control.weighted(*events[k].error[:2]))
+                message = "Between it and the fold next to it, which is of the same kind, there is no other."
+                events[worse] = replace(events[worse], verdict="unresolved", message=message)
 
 
 # -- rows -------------------------------------------------------------------------------------------------------------
