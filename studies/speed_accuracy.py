@@ -596,9 +596,13 @@ def ratios(found: Sequence[Measured], error: float, first: Sequence[str], second
 
 
 def _range(values: Sequence[float]) -> str:
-    """Smallest, median and largest."""
-    low, middle, high = (f"{np.quantile(values, share):.2g}" for share in (0.0, 0.5, 1.0))
+    """Median, smallest and largest."""
+    low, middle, high = (_short(float(np.quantile(values, share))) for share in (0.0, 0.5, 1.0))
     return f"{middle} ({low} to {high}, {len(values)} cases)"
+
+
+def _short(value: float) -> str:
+    return f"{value:.0f}" if value >= 10.0 else f"{value:.2g}"
 
 
 def summary(found: Sequence[Measured]) -> str:
@@ -670,11 +674,15 @@ def _cell(spot: Spot | None) -> str:
     return f"{spot.seconds:.2g} s ({name}{spot.setting})"
 
 
-def honest(found: Iterable[Measured]) -> list[tuple[float, float]]:
-    """Estimated and true errors of all values that have both."""
-    return [
-        (row.estimates[name], error) for row in found for name, error in row.errors.items() if name in row.estimates
+def honest(found: Iterable[Measured], *names: str) -> tuple[int, int]:
+    """How many values of some methods lie within their error estimates, and of how many; truth has 2e-12 of its own."""
+    pairs = [
+        (error, row.estimates[quantity])
+        for row in found
+        for quantity, error in row.errors.items()
+        if row.method in names and quantity in row.estimates
     ]
+    return sum(error <= estimate + 2e-12 for error, estimate in pairs), len(pairs)
 
 
 def update(path: Path, name: str, text: str) -> None:
