@@ -181,15 +181,16 @@ def _sharpen(track: Track, found: list[Found], accuracy: float) -> None:
 
 def _event(track: Track, mark: Mark, found: Found) -> RawEvent:
     margin, error = "" if mark.margin == "edge" else mark.margin, found.error
-    before = track.points[max(mark.row - 1, 0)].observables
+    beside = track.points[max(mark.row - 1, 0)].observables
     if (
         mark.control is not None
         and track.problem(mark.row).given
-        and before["contact_radius"] == 0.0 < found.numbers[2]
+        and beside["contact_radius"] == 0.0 < found.numbers[2]
     ):
         # On the lattice a contact begins with some nodes: the fold may be anywhere between these and none.
-        pairs = zip(error, found.numbers, (before[name] for name in OBSERVABLES), strict=True)
-        error = _four(max(own, BEGINNING * abs(here - there)) for own, here, there in pairs)
+        pairs = zip(error, found.numbers, (beside[name] for name in OBSERVABLES), strict=True)
+        load, displacement, radius, gap = (max(own, BEGINNING * abs(here - there)) for own, here, there in pairs)
+        error = load, displacement, radius, gap
     event = RawEvent(mark.kind, mark.row, found.numbers, error, place=found.point, margin=margin, message=mark.message)
     if mark.control is not None:
         control = mark.control
