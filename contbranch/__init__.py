@@ -1,8 +1,8 @@
 """Continuation and bifurcation analysis of elastic contact with coexisting solutions.
 
 Describe a contact (`Contact`: a tip, an interaction law, a modulus), then `trace` its whole curve of equilibria or
-`solve` for one of
-them. Closed-form theories are in `contbranch.theory`, continuation of any problem in `contbranch.continuation`.
+`solve` for one of them. Closed-form theories are in `contbranch.theory`, continuation of any problem in
+`contbranch.continuation`.
 """
 
 from contbranch._lazy import lazily
@@ -58,7 +58,7 @@ if TYPE_CHECKING:
     from contbranch.sweeps.design import Design, varied
     from contbranch.sweeps.sweep import sweep
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 __all__ = [
     "Advice",

@@ -156,7 +156,7 @@ def _event_of(track: Track, mark: Mark) -> Event | None:
     """The function whose zero a mark is; None where the place is the edge of a parameter, or a corner."""
     if mark.control is not None:
         return None if mark.row in track.onward else FoldEvent(mark.control)
-    if mark.kind == "end":
+    if mark.kind == "end" and mark.name is None:
         return Reached(LOAD, mark.point.observables["load"])
     return Margin(mark.margin) if mark.margin and mark.margin != "edge" else None
 
@@ -191,7 +191,8 @@ def _event(track: Track, mark: Mark, found: Found) -> RawEvent:
         pairs = zip(error, found.numbers, (beside[name] for name in OBSERVABLES), strict=True)
         load, displacement, radius, gap = (max(own, BEGINNING * abs(here - there)) for own, here, there in pairs)
         error = load, displacement, radius, gap
-    event = RawEvent(mark.kind, mark.row, found.numbers, error, place=found.point, margin=margin, message=mark.message)
+    told = {"margin": margin, "message": mark.message, "name": mark.name}
+    event = RawEvent(mark.kind, mark.row, found.numbers, error, place=found.point, **told)
     if mark.control is not None:
         control = mark.control
         pieces, rising = track.hodograph.pieces(control)

@@ -49,7 +49,7 @@ def test_modified_cos_contains_jkr_in_any_units():
 
 @pytest.mark.parametrize("tabor", [0.25, 1.0, 4.0])
 def test_fitted_alpha_keeps_cos_within_one_percent(tabor):
-    # l. 527-530: relative errors below about 1 % with the parameter adjusted in -F_p < F < 2 F_p; both forms
+    # (49), Fig. 13: relative errors below about 1 % with the parameter adjusted in -F_p < F < 2 F_p; both forms
     a, force, free, fold = exact(tabor)
     window = force < -2.0 * fold.load
     a, force = a[window], force[window]
@@ -80,7 +80,7 @@ def test_modified_cos_is_exact_at_pull_off_and_zero_load():
 
 
 def test_zero_load_fits_have_the_stated_accuracy():
-    # errata, l. 552-553: the fits as printed stay below 0.28 % and 0.30 % for lambda in [1e-3, 1e3]
+    # (52), (53): the fits as printed stay below 0.28 % and 0.30 % for lambda in [1e-3, 1e3]
     lam = np.geomspace(1e-3, 1e3, 301)
     free = maugis.zero_load(interaction_range=1.0 / (UNIT * lam))
     radius = np.max(np.abs(cos.zero_load_radius(lam) * LENGTH / free.contact_radius - 1.0))
@@ -90,7 +90,7 @@ def test_zero_load_fits_have_the_stated_accuracy():
 
 
 def test_exact_asymptotic_constants():
-    # errata, l. 552-553: c1 = pi/3, c5 = -8/(3 sqrt(pi)) and c6 = 6^(1/3)/36, here extracted from the exact solution
+    # (52), (53): c1 = pi/3, c5 = -8/(3 sqrt(pi)) and c6 = 6^(1/3)/36, here extracted from the exact solution
     lam = np.array([1e-6, 1e-8])
     free = maugis.zero_load(interaction_range=1.0 / (UNIT * lam))
     c1 = (free.contact_radius / LENGTH - np.cbrt(2.0)) / lam
@@ -103,14 +103,14 @@ def test_exact_asymptotic_constants():
 
 
 def test_original_parameters_of_cos_are_less_accurate_than_the_fits():
-    # l. 555-557: the maximum relative error at zero load falls from 1.5 % to 0.3 %
+    # below (53), Fig. 14: the maximum relative error at zero load falls from 1.5 % to 0.3 %
     lam = np.geomspace(1e-3, 1e3, 301)
     tabor = UNIT * lam
     free, fold = maugis.zero_load(interaction_range=1.0 / tabor), maugis.load_fold(interaction_range=1.0 / tabor)
     assert 0.01 < np.max(np.abs(cos.empirical_zero_load_radius(lam) * LENGTH / free.contact_radius - 1.0)) < 0.015
     assert np.max(np.abs(cos.pull_off(lam) * np.pi / -fold.load - 1.0)) < 0.02
     assert float(cos.alpha(1e-9)) == pytest.approx(1e-9 / (0.924 * 1.02), rel=1e-6)
-    # l. 527-530 with COS' own alpha: within 3 % for mu_T = 1, from pull-off upwards
+    # (49), Fig. 13 with COS' own alpha: within 3 % for mu_T = 1, from pull-off upwards
     a, force, radius, peak = exact(1.0)
     found = cos.contact_radius(force, zero_load_radius=radius, pull_off_load=-peak.load, alpha=cos.alpha(1.0 / UNIT))
     assert np.max(np.abs(found / a - 1.0)) < 0.03

@@ -29,6 +29,7 @@ from .problem import GridProblem
 from .setup import Setup
 
 __all__ = [
+    "HOPELESS",
     "GridWarning",
     "Resolution",
     "border_energy",
@@ -42,6 +43,8 @@ __all__ = [
 
 # Nodes in the shortest wave that must be stiffer than the law.
 WAVE = 8.0
+# Where the law is stiffer than the lattice by this factor, averages mean nothing, nor does what another lattice says.
+HOPELESS = 3.5
 # Fields of the size of the lattice that a trace holds at a time, about.
 FIELDS = 40
 # What the law may still have at the border of the cell, as a part of its reference work.
@@ -97,6 +100,11 @@ class Resolution:
             f"a grid of {self.grid} would take {self.memory / 2**30:.3g} GiB: use a smaller cell, or an interaction of "
             "longer range or less work of adhesion"
         )
+
+    def fails(self, state: Equilibrium) -> bool:
+        """Whether the law is far stiffer than the lattice at the gaps of a state, next to the contact above all."""
+        softening = np.where(state.contact, 0.0, -state.fields.stiffness).max()
+        return bool(max(softening, self.law * state.contact.any()) > HOPELESS * self.lattice)
 
     @staticmethod
     def of(setup: Setup) -> Resolution:
