@@ -191,8 +191,8 @@ def _event(track: Track, mark: Mark, found: Found) -> RawEvent:
         pairs = zip(error, found.numbers, (beside[name] for name in OBSERVABLES), strict=True)
         load, displacement, radius, gap = (max(own, BEGINNING * abs(here - there)) for own, here, there in pairs)
         error = load, displacement, radius, gap
-    told = {"margin": margin, "message": mark.message, "name": mark.name}
-    event = RawEvent(mark.kind, mark.row, found.numbers, error, place=found.point, **told)
+    event = RawEvent(mark.kind, mark.row, found.numbers, error, place=found.point, margin=margin, message=mark.message)
+    event = replace(event, name=mark.name)
     if mark.control is not None:
         control = mark.control
         pieces, rising = track.hodograph.pieces(control)

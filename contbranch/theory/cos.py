@@ -369,9 +369,7 @@ def fit(
         slope, constant = np.polyfit(a, (a**2 / radius - d) ** 2, 1)
         lift = (float(constant), float(slope))
         apart = float(np.abs(replace(best, lift=lift).displacement(a) - d).max())
-    return replace(
-        best, lift=lift, error=float(np.abs(best._radius(force + peak) / a - 1.0).max()), displacement_error=apart
-    )
+    return replace(best, lift=lift, error=float(np.abs(best._radius(force + peak) / a - 1.0).max()), displacement_error=apart)
 
 
 def _constants(constants: tuple[float, ...], count: int) -> tuple[float, ...]:

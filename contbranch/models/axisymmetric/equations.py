@@ -360,9 +360,7 @@ class Equations:
             lift = float(fields.gap[-1]) + displacement - tail.last
             energy, pressure, stiffness = self.interaction.evaluate(tail.height - displacement + lift * tail.fading)
             load, shift = (tail.rings @ pressure).tolist()
-            beyond = float(tail.rings[0] @ (energy - self._pole * tail.poles)) - 2 * np.pi * self._pole * math.log(
-                tail.ends
-            )
+            beyond = float(tail.rings[0] @ (energy - self._pole * tail.poles)) - 2 * np.pi * self._pole * math.log(tail.ends)
             found = _Beyond(load, beyond, shift, *(tail.answers @ stiffness).tolist())
         fields.derived["beyond"] = found
         return found
