@@ -320,7 +320,7 @@ class AveragedProblem(EquilibriumProblem):
     def left_out(self, x: Vector, p: float) -> tuple[float, float, float, float]:
         """What the scatter of the arcs leaves open, and what the cell does."""
         load, displacement, _ = np.array([np.interp(p, self.fit.centres, own) for own in self.fit.scatter.T]).tolist()
-        if p < LEAST * self.fit.spacing:  # the window reaches the beginning of the contact: it may be anywhere between
+        if self.fit.first > 0.0 and p < LEAST * self.fit.spacing:  # where the contact begins is not in the window
             first = self.fit.values[np.argmin(self.fit.radius)]
             load, displacement = (BEGINNING * np.abs(self.fit.curve(p) - first)[:2] + (load, displacement)).tolist()
         cell = read(self.setup, self.nearest(p)).errors
