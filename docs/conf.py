@@ -68,7 +68,10 @@ def drawn(formula: str) -> str:
     from matplotlib.font_manager import FontProperties
     from matplotlib.mathtext import math_to_image
 
-    words = re.sub(r"\\text\{(.*?)\}", lambda found: rf"\mathrm{{{found[1].replace(' ', chr(92) + ' ')}}}", formula)
+    def upright(found: re.Match[str]) -> str:
+        return rf"\mathrm{{{found[1]}}}".replace(" ", r"\ ").replace("-", "\N{HYPHEN}")
+
+    words = re.sub(r"\\text\{(.*?)\}", upright, formula)
     with rc_context({"mathtext.fontset": "stix", "svg.fonttype": "path", "svg.hashsalt": formula}):
         picture = StringIO()
         math_to_image(
