@@ -417,5 +417,14 @@ class TestTreatment:
         assert tip.heights.max() == pytest.approx(1e3 * np.ptp(RANDOM))
         assert cb.HeightMap(given, unit=1.0) == cb.HeightMap(RANDOM, CELL, peaks=True)
         given.unit = "furlongs of old"
-        with pytest.raises(cb.InputError, match=r"^unit: 'furlongs of old'; .* it is the topography's"):
+        with pytest.raises(cb.InputError, match=r"^unit: 'furlongs of old'; .* the heights came with"):
             cb.HeightMap(given)
+
+    def test_units_of_data_sets(self, tmp_path):
+        """Attributes of HDF5 say the unit, unless it is given."""
+        path = tmp_path / "heights.h5"
+        with h5py.File(path, "w") as file:
+            file["z"] = RANDOM
+            file["z"].attrs["units"] = "um"
+        assert cb.HeightMap.from_file(path, cell=CELL).heights.max() == pytest.approx(1e3 * np.ptp(RANDOM))
+        assert cb.HeightMap.from_file(path, cell=CELL, unit=1.0).heights.max() == pytest.approx(np.ptp(RANDOM))

@@ -17,7 +17,7 @@ ROOT = Path(__file__).parents[1]
 if str(ROOT) not in sys.path:
     sys.path.append(str(ROOT))  # the scripts in studies/ are not installed
 
-from studies import accuracy_against_time, benchmark, readme_figure  # noqa: E402
+from studies import benchmark, readme_figure  # noqa: E402
 
 PAGES = [
     ROOT / "README.md",
@@ -109,23 +109,6 @@ def test_report_is_written_between_its_marks(tmp_path):
         benchmark.update(page, "new")
     for path in benchmark.PAGES:
         assert "<!-- end of benchmark -->" in path.read_text(encoding="utf-8")
-
-
-@pytest.mark.parametrize("contact", accuracy_against_time.LAWS.values(), ids=["gauss", "exponential", "van-der-waals"])
-def test_true_errors_are_within_the_estimates(contact):
-    """True error ≤ estimate ≤ accuracy, against an accuracy of 1e-12 (whose own error is some 1e-12)."""
-    for row in accuracy_against_time.measure(contact, (1e-5, 1e-7, 1e-9), repetitions=1):
-        assert row.true_error <= row.estimated_error + 2e-12
-        assert row.estimated_error <= row.accuracy
-
-
-def test_chart_of_error_against_time(tmp_path):
-    """One full and one empty line for each law, both axes logarithmic."""
-    rows = [accuracy_against_time.Measurement(10.0**-k, 10.0**-k, 2 * 10.0**-k, 0.01 * k) for k in (3, 5, 7)]
-    figure = accuracy_against_time.draw(dict.fromkeys(accuracy_against_time.LAWS, rows))
-    assert len(figure.axes[0].get_lines()) == 6
-    assert figure.axes[0].get_xscale() == figure.axes[0].get_yscale() == "log"
-    figure.savefig(tmp_path / "chart.png")
 
 
 def test_figure_of_the_readme():

@@ -24,6 +24,8 @@ __all__ = ["Family", "Vary", "dimension_of", "family_of", "member"]
 
 Vary = str | Callable[[float], Contact]
 
+# In contact files the modulus stands in a table of that name.
+_MATERIAL = "material."
 _LAW = re.compile(r"interaction(?:\[(\d+)\])?\.(\w+)")
 # A value in its unit as coordinate, the value at a coordinate, and its derivative.
 _SPACINGS: dict[str, tuple[Callable[[float], float], ...]] = {
@@ -129,6 +131,7 @@ def family_of(
         return _own(contact, vary, start)
     if not isinstance(vary, str):
         raise InputError(f"vary: {type(vary).__name__}; must be the name of a parameter or a function")
+    vary = vary.removeprefix(_MATERIAL)
     if vary == "stiffness":
         return Family(vary, _stiffness(start, control), contact, lambda _: contact, "angle")
     if start is not None:
@@ -250,7 +253,16 @@ def _named(contact: Contact, vary: str) -> tuple[float, Callable[[float], Contac
 
 
 def dimension_of(contact: Contact, name: str) -> str:
-    """The dimension of a parameter that can be varied."""
+    """The dimension of a parameter that can be varied.
+
+    Raises
+    ------
+    InputError
+        If the contact has no such parameter.
+    """
+    name = name.removeprefix(_MATERIAL)
+    if name not in ("stiffness", "share"):
+        _named(contact, name)
     whole = {"stiffness": "stiffness", "modulus": "pressure"}
     which, dot, field = name.rpartition(".")
     parts = (contact.tip,) if which == "tip" else terms_of(contact.interaction)

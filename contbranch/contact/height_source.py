@@ -35,7 +35,7 @@ class Source:
     dataset
         The data set of an HDF5 file.
     unit
-        The number by which the numbers are multiplied.
+        The number by which the numbers are multiplied; None: that of a topography or of a data set of HDF5, or 1.
     peaks
         Whether the peaks of what is given point to the wall.
     grey
@@ -74,19 +74,22 @@ class Source:
         """
         edge = None if cell is None else positive_number(parse(cell, "length", "cell"), "cell")
         topography = is_topography(given)
-        unit = _unit(getattr(given, "unit", None) if topography and self.unit is None else self.unit, topography)
-        done = replace(self, unit=unit, peaks=topography if self.peaks is None else bool(self.peaks))
+        done = replace(self, peaks=topography if self.peaks is None else bool(self.peaks))
+        values, own = given, getattr(given, "unit", None) if topography else None
         if isinstance(given, str | Path):
-            values, dataset = _read_file(Path(given), self)
+            values, dataset, own = _read_file(Path(given), self)
             done = replace(done, file=os.path.abspath(given), dataset=dataset)
         elif self.dataset is not None:
             raise InputError(f"dataset: {self.dataset!r}; only a file has data sets: leave it out")
         elif self.grey is not None:
             raise InputError(f"grey: {self.grey}; only an image file has shades: leave it out")
-        elif topography:
+        unit = (
+            _unit(own, "; it is the one that the heights came with: give what it is worth as unit=")
+            if self.unit is None
+            else (_unit(self.unit))
+        )
+        if topography:
             values, edge = read_topography(given, unit, edge)
-        else:
-            values = given
         heights = checked(values)
         if done.peaks:
             heights = -heights
@@ -97,10 +100,10 @@ class Source:
         heights -= heights.min()
         if unit != 1.0:
             heights *= unit
-        return done, heights, edge
+        return replace(done, unit=unit), heights, edge
 
 
-def _unit(unit: object, topography: bool) -> float:
+def _unit(unit: object, whose: str = "") -> float:
     """What a unit of the heights is worth: a number, or the name of a unit of length, in nm."""
     if unit is None:
         return 1.0
@@ -109,7 +112,6 @@ def _unit(unit: object, topography: bool) -> float:
     try:
         return parse(f"1 {unit}", "length", "unit")
     except InputError:
-        whose = "; it is the topography's: give what it is worth as unit=" if topography else ""
         raise InputError(f"unit: {unit!r}; must be a number or a unit of length such as 'um'{whose}") from None
 
 
@@ -166,8 +168,8 @@ def checked(values: object) -> Array:
     return copied
 
 
-def _read_file(path: Path, source: Source) -> tuple[object, str | None]:
-    """What a file holds, and the data set of an HDF5 file.
+def _read_file(path: Path, source: Source) -> tuple[object, str | None, object]:
+    """What a file holds, and of an HDF5 file the data set and its attribute `unit` or `units`.
 
     Raises
     ------
@@ -187,11 +189,11 @@ def _read_file(path: Path, source: Source) -> tuple[object, str | None]:
         if hdf5:
             return _read_dataset(path, source.dataset)
         if image:
-            return _read_image(path, source.grey), None
+            return _read_image(path, source.grey), None, None
         with path.open("rb") as file:
             if path.suffix.lower() == ".npy" or file.read(6) == b"\x93NUMPY":
-                return np.load(path, allow_pickle=False), None
-        return _read_text(path), None
+                return np.load(path, allow_pickle=False), None, None
+        return _read_text(path), None, None
     except InputError:
         raise
     except (OSError, ValueError, EOFError):
@@ -223,7 +225,7 @@ def _read_image(path: Path, grey: tuple[float, float] | None) -> Array:
     return grey[0] + (grey[1] - grey[0]) / white * values.astype(np.float64)
 
 
-def _read_dataset(path: Path, dataset: str | None) -> tuple[object, str]:
+def _read_dataset(path: Path, dataset: str | None) -> tuple[object, str, object]:
     import h5py
 
     with h5py.File(path, "r") as file:
@@ -245,7 +247,8 @@ def _read_dataset(path: Path, dataset: str | None) -> tuple[object, str]:
         wanted = dataset.strip("/")
         if wanted not in found:
             raise InputError(f"dataset: {dataset!r} is not in '{path}'; must be one of {', '.join(found) or 'none'}")
-        return file[wanted][()], wanted
+        known = file[wanted].attrs
+        return file[wanted][()], wanted, known.get("unit", known.get("units"))
 
 
 def is_topography(value: object) -> bool:

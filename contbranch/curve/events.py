@@ -194,7 +194,7 @@ class Margin(Event):
     name: str
     terminal: bool = True
     hidden_pairs: ClassVar[bool] = False
-    relative_resolution: ClassVar[float] = 1e-3
+    relative_resolution: ClassVar[float] = 1e-6  # what goes on behind it begins next to it
 
     def value(self, point: Point) -> float:
         """The margin."""

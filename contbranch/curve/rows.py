@@ -153,7 +153,7 @@ def _event_of(track: Track, mark: Mark) -> Event | None:
     """The function whose zero a mark is; None where the place is the edge of a parameter, or a corner."""
     if mark.control is not None:
         return None if mark.row in track.onward else FoldEvent(mark.control)
-    if mark.kind == "end":
+    if mark.kind == "end" and mark.name is None:
         return Reached(LOAD, mark.point.observables["load"])
     return Margin(mark.margin) if mark.margin and mark.margin != "edge" else None
 
@@ -179,7 +179,14 @@ def _sharpen(track: Track, found: list[Found], accuracy: float) -> None:
 def _event(track: Track, mark: Mark, found: Found) -> RawEvent:
     margin = "" if mark.margin == "edge" else mark.margin
     event = RawEvent(
-        mark.kind, mark.row, found.numbers, found.error, place=found.point, margin=margin, message=mark.message
+        mark.kind,
+        mark.row,
+        found.numbers,
+        found.error,
+        place=found.point,
+        margin=margin,
+        message=mark.message,
+        name=mark.name,
     )
     if mark.control is not None:
         control = mark.control

@@ -19,6 +19,8 @@ __all__ = ["COLUMNS", "ForceCurve"]
 COLUMNS: Final = {"piezo": "length", "tip": "length", "force": "force", "deflection": "length"}
 # Legs with fewer samples than this say nothing.
 LEAST: Final = 8
+# Columns that change by less than this (nm, nN) are in metres and newtons.
+METRES: Final = {"piezo": 0.1, "tip": 0.1, "force": 1e-5, "deflection": 1e-4}
 # A drive that moves steadily: the median of its ways in parts of a leg as a share of their mean.
 STEADY: Final = 0.2
 WORDS: Final = ("approach", "retract")
@@ -160,7 +162,15 @@ def _column(values: ArrayLike, name: str, unit: str | None) -> Array:
     wrong = int((~np.isfinite(found)).sum())
     if wrong:
         raise InputError(f"curve: {wrong} of {found.size} values of {name} are not finite; leave those samples out")
-    return found if unit is None else found * parse(f"1 {unit}", COLUMNS[name], f"curve: unit of {name}")
+    if unit is not None:
+        found *= parse(f"1 {unit}", COLUMNS[name], f"curve: unit of {name}")
+    change, unit, other = float(np.ptp(found)), *(("nN", "N") if name == "force" else ("nm", "m"))
+    if 0.0 < change < METRES[name]:
+        raise InputError(
+            f"curve: {name} changes by {change:.2g} {unit} in all; is its unit another one, such as {other}? "
+            f"Give it: '{name} [{other}]' in a file's first line, or units={{'{name}': '{other}'}}"
+        )
+    return found
 
 
 def _retract(segment: Sequence[Any] | NDArray[Any] | None, drive: Array) -> NDArray[np.bool_]:

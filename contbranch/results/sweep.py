@@ -139,15 +139,22 @@ class Sweep(Result):
         found["message"] = np.array([task.message for task in self.tasks])
         return {"task": of_columns(found, self.unit_names, **{name: quantity(name) for name in self.names})}
 
-    def plot(self, **options: Any) -> Figure:
-        """Not drawn as a figure.
+    def plot(self, *thresholds: str) -> Figure:
+        """Draw thresholds against the parameter, or as maps over two; a page (`contbranch view`) shows the curves.
+
+        Parameters
+        ----------
+        *thresholds : str
+            Some of `names`; default: the loads of the folds.
 
         Raises
         ------
         InputError
-            Always: a page shows it.
+            For a sweep over more than two parameters, or an unknown name.
         """
-        raise InputError("plot: sweeps are shown as pages; write contbranch view, or draw a table's columns")
+        from contbranch.output.plot_sweep import sweep_figure
+
+        return sweep_figure(self, thresholds)
 
 
 def quantity(threshold: str) -> str:

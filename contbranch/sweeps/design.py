@@ -176,8 +176,8 @@ def read_sweep(path: str | Path) -> tuple[Design, dict[str, Any]]:
     if not isinstance(table, dict) or not isinstance(table.get("vary"), dict):
         raise InputError(f"sweep.vary: missing; '{path}' needs a table [sweep.vary] of parameters and their values")
     refuse_unknown(table, _SWEEP, "sweep.")
-    vary = {name: _values(contact, name, given) for name, given in table["vary"].items()}
     try:
+        vary = {name: _values(contact, name, given) for name, given in table["vary"].items()}
         design = varied(contact, vary, table.get("mode", "grid"))
     except InputError as error:
         raise InputError(f"sweep.{error}") from None
@@ -197,7 +197,7 @@ def read_sweep(path: str | Path) -> tuple[Design, dict[str, Any]]:
 
 def _values(contact: Contact, name: str, given: object) -> list[Any]:
     """The values of a parameter in a sweep file, which have units if the contact's have."""
-    field = f"sweep.vary.{name}"
+    field = f"vary.{name}"
     dimension = dimension_of(contact, name)
 
     def number(value: object) -> float:

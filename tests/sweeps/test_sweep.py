@@ -71,6 +71,14 @@ def test_sweep_files_have_units_and_ranges(tmp_path: Path) -> None:
     assert settings == {"task_limit": 100, "control": "displacement"}
 
 
+def test_the_modulus_has_the_name_that_it_has_in_the_file(tmp_path: Path) -> None:
+    path = tmp_path / "s.toml"
+    path.write_text(TOML.replace('"interaction[0].range" = ["0.5 nm", "1 nm"]', '"material.modulus" = ["1 GPa"]'))
+    design, _ = read_sweep(path)
+    assert [contact.modulus for contact in design] == [1.0, 1.0, 1.0]
+    assert cb.varied(FILM, {"modulus": [2.0]})[0].modulus == 2.0
+
+
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
@@ -78,7 +86,7 @@ def test_sweep_files_have_units_and_ranges(tmp_path: Path) -> None:
         ("count = 3", "count = 0", "sweep.vary.tip.radius.count: 0; must be a whole number"),
         ("count = 3, ", "", "sweep.vary.tip.radius.count: missing"),
         ('from = "0.5 um"', 'from = "-0.5 um"', "spacing log"),
-        ('"tip.radius"', '"tip.radios"', "radios"),
+        ('"tip.radius"', '"tip.radios"', "sweep.vary: 'tip.radios'; Parabola has the numbers radius; did you mean"),
         ("task_limit", "tusk_limit", "sweep.tusk_limit: not known"),
         ("[sweep.vary]", '[sweep]\nmode = "zip"\n[sweep.vary]', "TOML"),
         ("[sweep]", '[sweep]\nmode = "zip"', "sweep.vary: lists of different lengths"),

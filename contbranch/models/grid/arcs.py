@@ -18,7 +18,7 @@ from .measure import Direction, Measure
 from .newton import Equilibrium, Hold, Settings, newton, tangent
 from .problem import GridProblem
 
-__all__ = ["Arc", "arcs"]
+__all__ = ["Arc", "arcs", "onward", "pressed"]
 
 # Violations of the inequalities that are rounding, relative to the largest gap in play and to the pressure.
 LOOSE = 1e-6
@@ -232,3 +232,28 @@ def arcs(
         yield arc
         state = arc.end
         way = follower.onward(state, node, last)
+
+
+def onward(before: Equilibrium, state: Equilibrium) -> tuple[Equilibrium, Equilibrium]:
+    """A state, and as far ahead of it as another is behind: a start of arcs."""
+    fields = state.fields._replace(u=2.0 * state.u - before.u, load=2.0 * state.load - before.load)
+    return state, replace(state, fields=fields)
+
+
+def pressed(
+    problem: GridProblem, length: float, touch: Equilibrium, towards: Direction, settings: Settings
+) -> tuple[Array, float] | None:
+    """The direction of the curve behind first touch, where a node has just closed: it is pressed.
+
+    Parameters
+    ----------
+    towards : Direction
+        That of the curve before it, or another that is not across the curve.
+    """
+    follower = _Follower(problem, length, problem.lattice.spacing / length, settings)
+    place = np.unravel_index(int(np.argmin(touch.fields.gap)), problem.shape)
+    node = int(place[0]), int(place[1])
+    state = replace(touch, contact=follower.orbit(node))
+    way = follower.way(state, towards)
+    found = None if way is None else follower.onward(state, node, way)
+    return None if found is None else (found.u, found.load)

@@ -28,7 +28,7 @@ from contbranch.control import Control
 from contbranch.curve.problem import STEPS, Count, Defect, EquilibriumProblem, Rates, Succession, Values
 from contbranch.results.profile import Profile
 
-from .arcs import Arc, arcs
+from .arcs import Arc, arcs, onward
 from .arrays import Array
 from .measure import Measure
 from .newton import Equilibrium
@@ -43,7 +43,8 @@ __all__ = ["AveragedProblem", "Fit", "Samples", "averaged", "half_width", "turne
 # Half of a window in rows of nodes, the share of the contact radius that it may take up, and its least; where a row
 # has many nodes, fewer rows are enough.
 ROWS, SHARE, LEAST, MANY = 3.5, 0.6, 1.6, 110.0
-DEGREE = 3
+# Degree of the polynomials, and the powers of the radius next to first touch.
+DEGREE, FROM_TOUCH_ON = 3, np.array([0, 2, 3])
 # Windows, relative: that of the average, the one with which it is compared, and by how much, and how often, wider ones
 # where ripples are left.
 WINDOW, OTHER, WIDER, WIDENINGS = 1.0, 0.8, 1.15, 4
@@ -51,8 +52,8 @@ WINDOW, OTHER, WIDER, WIDENINGS = 1.0, 0.8, 1.15, 4
 CENTRES, ROWS_A_ROW = 4, 1
 # States a row of nodes of which the fields are kept.
 STATES = 3
-# Weight of first touch, in rows of nodes.
-TOUCH = 0.5
+# Weight of first touch, up to where windows begin that hold it, and radius of the first row, in rows of nodes.
+TOUCH, FROM_TOUCH, FIRST = 5.0, 0.5, 0.1
 # Rows of nodes at most by which an average begins later than the row before it.
 JOINT = 1.5
 # Arcs at most of one average, and rows of nodes for which they are followed where steps lead nowhere.
@@ -190,14 +191,18 @@ class Fit:
         distance = np.abs(self.radius - centre)
         enough = np.sort(distance[self.weight > 0.0])[: 3 * (DEGREE + 1)]
         half = max(half, 1.001 * float(enough[-1]))
-        x = (self.radius - centre) / half
-        near = (np.abs(x) < 1.0) & (self.weight > 0.0)
-        x, values = x[near], self.values[near]
-        weight = np.sqrt(self.weight[near] * (1.0 - np.abs(x) ** 3) ** 3)[:, None]
-        basis = np.vander(x, DEGREE + 1, increasing=True)
+        near = (distance < half) & (self.weight > 0.0)
+        share = (1.0 - (distance / half) ** 3) ** 3
+        origin, unit, powers = centre, half, np.arange(DEGREE + 1)
+        if self.first == 0.0 and centre - half <= FROM_TOUCH * self.spacing:
+            # Behind first touch the film goes on as before but for the square of the radius, the contact its cube.
+            origin, unit, powers = 0.0, centre + half, FROM_TOUCH_ON
+            near[0], share[0] = True, 1.0
+        basis, values = ((self.radius[near, None] - origin) / unit) ** powers, self.values[near]
+        weight = np.sqrt(self.weight[near] * share[near])[:, None]
         found = np.linalg.lstsq(basis * weight, values * weight, rcond=None)[0]
         left = np.sqrt(((weight * (values - basis @ found)) ** 2).sum(axis=0) / (weight**2).sum())
-        return ((radius - centre) / half) ** np.arange(DEGREE + 1) @ found, left / np.sqrt(max(len(x) // 3, 1))
+        return ((radius - origin) / unit) ** powers @ found, left / np.sqrt(max(len(values) // 3, 1))
 
     @cached_property
     def other(self) -> Fit:
@@ -234,7 +239,7 @@ class AveragedProblem(EquilibriumProblem):
     """
 
     given: ClassVar[bool] = True
-    ordered: ClassVar[bool] = True
+    ordered = True
     rounding = 1e-12
 
     def __init__(self, lattice: LatticeProblem, samples: Samples, fit: Fit, first: float) -> None:
@@ -397,9 +402,7 @@ def averaged(
     radii = np.array([point.observables["contact_radius"] for point in points])
     samples, row = lattice.past, 0
     if samples is not None and samples.last is not None and samples.ends[-1] >= centre - 1.5 * wide:
-        begin, end = samples.last.middle, samples.last.end
-        fields = end.fields._replace(u=2.0 * end.u - begin.u, load=2.0 * end.load - begin.load)
-        way = end, replace(end, fields=fields)
+        way = onward(samples.last.middle, samples.last.end)
     else:
         below = np.flatnonzero(radii[:-1] <= max(centre - 1.3 * wide, 0.0))
         if not below.size or not (points[row := int(below[-1])].x.size and points[row + 1].x.size):
@@ -424,7 +427,7 @@ def averaged(
     if not (len(samples.ends) > known + 2 and samples.radius and samples.radius[-1] > wanted):
         return None
     fit = fit or _ironed(samples, spacing, controls)
-    kept, least = points[row], fit.first + 0.5 * spacing * (fit.first == 0.0)
+    kept, least = points[row], fit.first + FIRST * spacing * (fit.first == 0.0)
     x_rate, load = kept.tangent_x, kept.tangent_parameter
     if row:
         x_rate, load = kept.x - points[row - 1].x, kept.parameter - points[row - 1].parameter

@@ -20,11 +20,10 @@ from .equilibria import LatticeProblem
 from .measure import quietly
 from .model import FreeSpace, Periodic
 from .ramp import jump_message
-from .resolution import Resolution, border_energy, border_message, repetition, warn
+from .resolution import HOPELESS, Resolution, border_energy, border_message, repetition, warn
 from .setup import Setup
 from .size import announce, chosen_size
 from .solve import solve_all
-from .walk import HOPELESS
 
 __all__ = ["LatticeCurves", "traced"]
 

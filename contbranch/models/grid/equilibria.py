@@ -37,6 +37,7 @@ from contbranch.errors import ModelError
 from contbranch.results.diagram import ModeShape, State
 from contbranch.results.profile import Profile
 
+from .arcs import pressed
 from .arrays import Array, Mask
 from .landing import land
 from .measure import Direction, Measure, Stretch, following, quietly
@@ -247,14 +248,21 @@ class LatticeProblem(EquilibriumProblem):
         """In contact behind first touch."""
         if name != "touch":
             return None
-        behind = LatticeProblem(self.setup, self.tolerance, True, points[-1])
-        return Succession(name, points[-1], (replace(points[-1], problem=behind),))
+        last = points[-1]
+        start = replace(last, problem=LatticeProblem(self.setup, self.tolerance, True, last))
+        if self.setup.crowded:  # what touches is a node: there the curve has a corner
+            state, along = self.at(last), last.tangent_x.reshape(self.nodes.shape)
+            towards = Direction.along(Measure.at(state, self.scale), along, last.tangent_parameter)
+            direction = pressed(self.nodes, self.scale, state, towards, self.settings)
+            if direction is not None:
+                start = replace(start, tangent_x=direction[0].ravel(), tangent_parameter=direction[1])
+        return Succession(name, last, (start,))
 
     def ending(self, name: str, point: Point) -> str:
         """What to change."""
         if name == "end":
             return ""
-        units, own, resolution = self.setup.units, point.observables, Resolution.of(self.setup)
+        units, own, resolution = self.setup.units, point.observables, self.resolution
         load, displacement = own["load"] * units.load, own["displacement"] * units.normal
         if not self.setup.crowded and (
             own["contact_radius"] > 0.49 * self.setup.edge or fills(self.setup, self.at(point))
@@ -372,7 +380,12 @@ class LatticeProblem(EquilibriumProblem):
     @property
     def countable(self) -> bool:
         """Not where the law is stiffer than the lattice: they are those of single nodes."""
-        return Resolution.of(self.setup).ratio <= 1.0
+        return self.resolution.ratio <= 1.0
+
+    @cached_property
+    def resolution(self) -> Resolution:
+        """The law's stiffness against the lattice's."""
+        return Resolution.of(self.setup)
 
     def unstable(self, x: Array, p: float) -> int:
         """Modes with the symmetry of the tip."""
@@ -444,7 +457,7 @@ class LatticeProblem(EquilibriumProblem):
         curve; infinite where that is not known."""
         coarse = self._coarser
         unknown = np.full(4, np.inf)
-        if coarse is None:
+        if coarse is None or self.resolution.fails(self.at(point)):
             return unknown
         here, state = self.reading(point.x, point.parameter), self.at(point)
         u, load, contact = carried(self.setup, coarse.setup, state)
@@ -465,6 +478,8 @@ class LatticeProblem(EquilibriumProblem):
     def _moved(self, point: Point, event: Event) -> Array:
         """By how much, and a little more, an event of the film lies elsewhere on twice the nodes a side."""
         fine = self._finer
+        if self.resolution.fails(self.at(point)):
+            return np.full(4, np.inf)
         ahead = STEP * self.scale / float(np.abs(point.tangent_x).max())
         there = moved(point, fine)
         size = fine.metric(there.x).norm(fine, there.tangent_x, there.tangent_parameter)

@@ -9,6 +9,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import os
 import warnings
@@ -19,7 +20,7 @@ import numpy as np
 from contbranch.contact.height_map import HeightMap
 from contbranch.contact.interactions import Interaction
 from contbranch.errors import InputError
-from contbranch.grid_size import nearest_fast
+from contbranch.grid_size import LEAST_GRID
 
 from .arrays import Array
 from .lattice import Lattice
@@ -28,6 +29,7 @@ from .problem import GridProblem
 from .setup import Setup
 
 __all__ = [
+    "HOPELESS",
     "GridWarning",
     "Resolution",
     "border_energy",
@@ -41,6 +43,8 @@ __all__ = [
 
 # Nodes in the shortest wave that must be stiffer than the law.
 WAVE = 8.0
+# Where the law is stiffer than the lattice by this factor, averages mean nothing, nor does what another lattice says.
+HOPELESS = 3.5
 # Fields of the size of the lattice that a trace holds at a time, about.
 FIELDS = 40
 # What the law may still have at the border of the cell, as a part of its reference work.
@@ -96,6 +100,11 @@ class Resolution:
             f"a grid of {self.grid} would take {self.memory / 2**30:.3g} GiB: use a smaller cell, or an interaction of "
             "longer range or less work of adhesion"
         )
+
+    def fails(self, state: Equilibrium) -> bool:
+        """Whether the law is far stiffer than the lattice at the gaps of a state, next to the contact above all."""
+        softening = np.where(state.contact, 0.0, -state.fields.stiffness).max()
+        return bool(max(softening, self.law * state.contact.any()) > HOPELESS * self.lattice)
 
     @staticmethod
     def of(setup: Setup) -> Resolution:
@@ -163,12 +172,10 @@ def needed_grid(edge: float, law: Interaction | None) -> int:
 
 
 def _fast_above(nodes: float) -> int:
-    guess = max(8.0, math.ceil(nodes))
-    found = nearest_fast(guess)
-    while found < nodes:
-        guess += 2.0
-        found = nearest_fast(guess)
-    return found
+    """The smallest even number without prime factors above 7 that is no less: they are rare where numbers are large."""
+    least = max(LEAST_GRID, math.ceil(nodes))
+    powers = [[prime**k for k in range(1 + int(math.log(least, prime)))] for prime in (3, 5, 7)]
+    return min(odd << max(1, ((least - 1) // odd).bit_length()) for odd in map(math.prod, itertools.product(*powers)))
 
 
 def smallest_on_border(lattice: Lattice, values: Array) -> float:

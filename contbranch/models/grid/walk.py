@@ -22,20 +22,20 @@ from contbranch.curve.angle import in_passing, short_way
 from contbranch.curve.events import Ceiling, Folds
 from contbranch.watch import finishing, kept, over
 
-from .arcs import arcs
-from .averaging import LEAST, averaged, half_width, turned
+from .arcs import arcs, onward
+from .averaging import averaged, half_width, turned
 from .keeping import Keeping
 from .measure import Direction, Measure, Stretch, lagrange, predicted
 from .newton import Equilibrium, newton
-from .readings import clearance, read
-from .resolution import Resolution, fills
+from .readings import clearance
+from .resolution import HOPELESS, fills
 
 if TYPE_CHECKING:
     from contbranch.control import Control
 
     from .equilibria import LatticeProblem
 
-__all__ = ["HOPELESS", "Walker"]
+__all__ = ["Walker"]
 
 # Steps in s: the first, and the limits.
 FIRST, LEAST_STEP, MOST_STEP = 0.05, 2e-4, 0.5
@@ -47,12 +47,10 @@ ANGLE, ORDER = 0.9, 2
 NOISE, CLOSE = 1e-3, 3e-3
 # Changes of load and displacement that are rounding, relative to max(1, |value|).
 ROUNDING = 1e-9
-# Corners at most around one fold.
-MOST_CORNERS = 40
+# Corners at most around one fold, and those at a time where steps fail.
+MOST_CORNERS, CORNERS = 40, 6
 # Points at most, and those from which is predicted.
 MOST_POINTS, HISTORY = 2000, 12
-# Where the law is stiffer than the lattice by this factor, averages mean nothing.
-HOPELESS = 3.5
 # So many points in a row that lie on known parts of the curve end it; the last rows are no known part.
 RETURNS, RECENT = 4, 6
 
@@ -93,7 +91,7 @@ class Walker:
     def __post_init__(self) -> None:
         problem = self.problem
         self.setup, self.nodes, self.settings = problem.setup, problem.nodes, problem.settings
-        self.resolution = Resolution.of(self.setup)
+        self.resolution = problem.resolution
         self.spacing = self.setup.lattice.spacing
         # Length of the curve over which the contact moves by one row of nodes.
         self.period = self.spacing / self.setup.length
@@ -107,6 +105,7 @@ class Walker:
         self._sharp = replace(self.settings, tolerance=min(self.settings.tolerance, 1e-8))
         self.places: list[Place] = []
         self.rows: list[Row] = []
+        self.queue: list[Equilibrium] = []
         self.step_size, self.checked, self.returns = FIRST, -1.0, 0
         self.kept = Keeping()
 
@@ -123,7 +122,7 @@ class Walker:
         # An interrupted walk has what it has passed.
         end = kept(self._run, End(Outcome.REACHED_EDGE))
         with finishing():
-            if over() and self.averaging and self.problem.wall:  # an average could still take the place of rows
+            if over() and self._averages:  # an average could still take the place of rows
                 sure = self.checked - 1.5 * half_width(max(self.checked, 0.0), self.spacing)
                 known = (row for row in self.rows[1:] if row.point.observables["contact_radius"] <= sure)
                 self.rows = [self.rows[0], *known]
@@ -135,14 +134,14 @@ class Walker:
         while len(self.rows) < MOST_POINTS:
             if not self._step():
                 radius = self.rows[-1].point.observables["contact_radius"]
-                if self.averaging and problem.wall and self._averaged(radius, stuck=True):
+                if self._averages and self._averaged(radius, stuck=True):
                     return met
                 return lost
             if not problem.wall and self._touched():
                 return met
             self._add(self.places[-1])
             self._turns()
-            if self.averaging and problem.wall:
+            if self._averages:
                 self.checked, centre = turned(self._seen(), self.folds.controls, self.spacing, self.checked)
                 if centre is None and self._beyond():
                     centre = self._pending()
@@ -246,7 +245,7 @@ class Walker:
         ways = [(end.x - start.x, end.parameter - start.parameter) for start, end in ((before, point), (point, after))]
         first, last = (math.sqrt(self.problem.inner(x, x)) + abs(load) for x, load in ways)
         # Rows may be one, and there is none before the first and behind the last; single nodes are averaged over.
-        plain = first * last == 0.0 or (self.averaging and self.problem.wall)
+        plain = first * last == 0.0 or self._averages
         weights = (1.0, 1.0) if plain else (last / first, first / last)
         (x, load), (further, more) = ways
         along = weights[0] * x + weights[1] * further, weights[0] * load + weights[1] * more
@@ -262,7 +261,7 @@ class Walker:
         # A fold may be one of the rows.
         first -= first > 0 and own[first].parameter == own[place].parameter
         last += last + 1 < len(own) and own[last].parameter == own[place].parameter
-        if self.averaging and self.problem.wall:
+        if self._averages:
             radii = [p.observables["contact_radius"] for p in own]
             half = 0.5 * half_width(radii[place], self.spacing)
             while first > 0 and radii[place] - radii[first] < half:
@@ -272,10 +271,15 @@ class Walker:
         return own[first], own[last]
 
     def _seen(self) -> np.ndarray:
-        """Load, displacement and contact radius of the rows in order."""
-        rows = sorted(self.rows, key=lambda row: row.arc)
+        """Load, displacement and contact radius of the rows in order; first of all, of the film next to first touch."""
         names = "load", "displacement", "contact_radius"
-        return np.array([[row.point.observables[name] for name in names] for row in rows])
+        seen = [[row.point.observables[name] for name in names] for row in sorted(self.rows, key=lambda row: row.arc)]
+        start = self.rows[0].point
+        if self.problem.touch is not None:
+            ahead = self.problem.rates(start.x, start.parameter, start.tangent_x, start.tangent_parameter)[:2]
+            small = 1e-3 * self.setup.length / (max(map(abs, ahead)) or 1.0)
+            seen.insert(0, [seen[0][0] - small * ahead[0], seen[0][1] - small * ahead[1], 0.0])
+        return np.array(seen)
 
     # -- what happens -------------------------------------------------------------------------------------------------
     def _touched(self) -> bool:
@@ -302,7 +306,8 @@ class Walker:
 
     def _turns(self) -> None:
         """Locate the folds around the last point but one."""
-        if len(self.places) < 3 or self._left_to_averages(self.places[-2].state):
+        # The first place of all is none of the curve's.
+        if len(self.places) < 3 or self.places[-3].arc < 0.0 or self._averages:
             return
         before, middle, after = self.places[-3:]
         turned: list[tuple[Control, float]] = []
@@ -332,6 +337,11 @@ class Walker:
             arc = near.arc + self._apart(near.state, found)
             if arc > 0.0:
                 self.folds.told(self._add(Place(min(arc, after.arc), found), control.kind))
+
+    @property
+    def _averages(self) -> bool:
+        """Whether folds are sought by averages."""
+        return self.problem.wall and self.averaging
 
     @property
     def _chained(self) -> bool:
@@ -366,16 +376,6 @@ class Walker:
                 arc = before.arc + self._apart(before.state, found)
                 self.folds.told(self._add(Place(min(arc, after.arc), found), control.kind))
 
-    def _left_to_averages(self, state: Equilibrium) -> bool:
-        """Whether a fold at a state is sought by averages."""
-        if not self.averaging or not state.contact.any():
-            return False
-        return not self._left_to_lattice(read(self.setup, state, cell=False).contact_radius)
-
-    def _left_to_lattice(self, radius: float) -> bool:
-        """Whether a contact has too few nodes for averages."""
-        return radius < LEAST * self.spacing and self.resolution.ratio <= 1.0
-
     def _averaged(self, centre: float, stuck: bool = False) -> bool:
         """Let the average take over around a contact radius; whether that could be done."""
         rows = sorted(self.rows, key=lambda row: row.arc)
@@ -391,7 +391,7 @@ class Walker:
         for control in self.folds.controls:
             rises = np.diff([control.value(*row[:2]) for row in seen])
             turns = np.flatnonzero((rises[:-1] * rises[1:] < 0.0) & (seen[1:-1, 2] > max(self.checked, 0.0)))
-            if turns.size and not self._left_to_lattice(float(seen[turns[0] + 1, 2])):
+            if turns.size:
                 return float(seen[turns[0] + 1, 2])
         return None
 
@@ -435,7 +435,9 @@ class Walker:
     # -- steps --------------------------------------------------------------------------------------------------------
     def _step(self) -> bool:
         """Go one step on; False if that is not possible."""
-        hopped = not self.hops
+        if self.queue:
+            return self._next()
+        hopped, begun = not self.hops, self.step_size
         while self.step_size >= LEAST_STEP:
             if not hopped and self.step_size < 0.25 * self.period:
                 if self._hop():
@@ -451,7 +453,19 @@ class Walker:
                 self.step_size = min(MOST_STEP, self.step_size * min(1.6 if not failed else 1.0, max(0.5, growth)))
                 return True
             self.step_size *= 0.5
-        return False
+        self.step_size = begun
+        return self._chained and self._next()
+
+    def _next(self) -> bool:
+        """Go on to the next corner of a chain where steps fail; several at a time."""
+        if not self.queue:
+            way = onward(*(place.state for place in self.places[-2:]))
+            self.queue = [arc.end for arc in islice(arcs(self.nodes, self.setup.length, way, self.settings), CORNERS)]
+            if not self.queue:
+                return False
+        begin, state = self.places[-1], self.queue.pop(0)
+        self.places.append(Place(begin.arc + self._apart(begin.state, state), state))
+        return True
 
     def _hop(self) -> bool:
         """Pass corners of the lattice's own, which are a period apart, by a longer step along the mean direction."""
@@ -496,7 +510,8 @@ class Walker:
         change = found.u - last.u, found.load - last.load
         distance = measure.norm(*change)
         cosine = direction.value(*change) / (distance * measure.norm(*rate)) if distance > 0 else 0.0
-        allowed = max(loose * size, 4.0 * self.noise)
+        # A step shorter than what may be missed could be a leap; corners of a chain are found by themselves.
+        allowed = max(loose * size, 4.0 * self.noise if self.hops else min(4.0 * self.noise, size))
         if cosine < angle or miss > allowed or distance > 4.0 * size or self._retraced(found, distance):
             return None
         return Place(past[-1].arc + distance, found), miss, miss > 0.5 * allowed

@@ -103,3 +103,36 @@ def test_windows_fit_the_contact() -> None:
 def test_a_grid_larger_than_the_memory_is_refused(grid: int) -> None:
     with pytest.raises(cb.InputError, match=r"grid: 10+; it would take \S+ GiB of memory, .* use at most \d+"):
         cb.trace(REPULSION, model=cb.FreeSpace(cell=9.0, grid=grid))
+
+
+@pytest.mark.parametrize(
+    ("contact", "cell", "grid", "name"),
+    [
+        (cb.Contact.reduced("gauss", tabor=0.89, sign=-1), 10.5, 96, "wetting"),
+        (cb.Contact.reduced("gauss", tabor=0.89, sign=-1), 10.5, 128, "wetting"),
+        (cb.Contact.reduced("exponential", tabor=0.8524), 12.5, 96, "pull-off"),
+    ],
+)
+def test_folds_within_the_first_row_of_nodes(contact: Contact, cell: float, grid: int, name: str) -> None:
+    """At radii of a third of a row: the average knows where first touch is, and that nothing is linear behind it."""
+
+    def fold(diagram: cb.Diagram) -> cb.Event:
+        (found,) = (e for e in diagram.events if (e.kind, e.control, e.name) == ("fold", "displacement", name))
+        return found
+
+    found, exact = fold(cb.trace(contact, model=cb.FreeSpace(cell=cell, grid=grid), modes=0)), fold(cb.trace(contact))
+    assert exact.contact_radius < 0.6 * cell / grid
+    for field in ("displacement", "contact_radius"):
+        assert abs(getattr(found, field) - getattr(exact, field)) <= found.error[field]
+    assert found.error["displacement"] < 3e-4
+
+
+@pytest.mark.filterwarnings("ignore::contbranch.GridWarning")
+def test_a_lattice_that_is_hopeless_states_no_error() -> None:
+    """Van der Waals repulsion, fourteen times as stiff as the lattice: first touch is off by a fifth of its load."""
+    contact = cb.Contact.reduced("van-der-waals", tabor=3.33, sign=-1)
+    found = cb.trace(contact, "displacement", model=cb.FreeSpace(cell=11.9, grid=48), modes=0)
+    exact = cb.trace(contact, "displacement", modes=0)
+    for event in found.events:
+        (other,) = (e for e in exact.events if (e.kind, e.control, e.name) == (event.kind, event.control, event.name))
+        assert abs(event.load - other.load) <= event.error["load"]
