@@ -133,6 +133,11 @@ def keep_numbers(_: Sphinx, document: nodes.document) -> None:
             entry["classes"].append("number")
 
 
+def skip_field(_app: Sphinx, _what: str, _name: str, obj: object, _skip: bool, _options: object) -> bool | None:
+    """Leave out the fields of named tuples, which stand among the attributes of their class."""
+    return True if (getattr(obj, "__doc__", None) or "").startswith("Alias for field") else None
+
+
 def escape_bars(_app: Sphinx, _what: str, _name: str, _obj: object, _options: object, lines: list[str]) -> None:
     """Let |x| in docstrings be an absolute value and not a substitution."""
     lines[:] = [
@@ -154,5 +159,6 @@ def setup(app: Sphinx) -> None:
     app.add_html_math_renderer("drawn", (write_formula, None), (write_formula, None))
     app.connect("doctree-read", keep_numbers)
     app.connect("autodoc-process-docstring", escape_bars)
+    app.connect("autodoc-skip-member", skip_field)
     app.connect("builder-inited", draw_gallery)
     app.connect("builder-inited", write_command_line)

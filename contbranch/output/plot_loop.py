@@ -127,7 +127,7 @@ def _draw(axes: Axes, loop: Hysteresis, across: str, name: str) -> None:
         return
     axis_of: tuple[Any, ...] = (axes.set_xlim, axes.axvline), (axes.set_ylim, axes.axhline)
     for one, values, (limit, line) in zip((across, name), points, axis_of, strict=True):
-        if one in ("load", "deflection"):
+        if one in ("load", "deflection") and np.abs(values).min() <= np.ptp(values):  # zero would not dwarf the loop
             values = np.append(values, 0.0)
             line(0.0, color=GREY, linewidth=0.4, alpha=0.6, zorder=0)
         margin = _MARGIN * (np.ptp(values) or 1.0)
