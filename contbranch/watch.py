@@ -30,6 +30,7 @@ __all__ = [
     "of_users",
     "over",
     "part",
+    "patient",
     "tell",
     "told",
     "watched",
@@ -227,3 +228,17 @@ def part(begin: float, end: float) -> Iterator[None]:
         yield
     finally:
         watch._span = before
+
+
+@contextmanager
+def patient(seconds: float) -> Iterator[None]:
+    """What is part of a computation ends with what it has after so many seconds, and the whole goes on."""
+    outer, watch = _present.get(), Watch(limit=seconds)
+    own = _present.set(watch)
+    try:
+        yield
+    finally:
+        _present.reset(own)
+    if outer is not None and watch.cause is not None:
+        outer.end(watch.cause)
+    check()

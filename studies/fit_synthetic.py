@@ -16,11 +16,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
+from scipy.interpolate import CubicSpline
 
 import contbranch as cb
 
 LAWS = ("maugis-dugdale", "exponential", "van-der-waals")
+# Rows of a loop that are farther apart than this have others solved for between them.
+WIDE = 0.12
 FREE = ("work_of_adhesion", "modulus", "range")
 
 
@@ -43,18 +45,43 @@ def force_curve(loop: cb.Hysteresis, spring: float, piezo: np.ndarray[Any, Any],
     force = np.zeros_like(piezo)
     began = -math.inf
     for leg, end in zip(legs, [*(direction * z for z in ends), math.inf], strict=True):
-        own = path.leg == leg
         inside = (direction * piezo >= began) & (direction * piezo < end)
         began = end
-        z, first = np.unique(place[own], return_index=True)
-        f = path.load[own][first]
-        if z.size > 4:
-            # as functions of the arclength, since the slope is infinite at folds
-            length = np.append(0.0, np.cumsum(np.hypot(np.diff(z) / np.ptp(z), np.diff(f) / max(np.ptp(f), 1e-12))))
-            fine = np.linspace(0.0, length[-1], 40 * z.size)
-            z, f = PchipInterpolator(length, z)(fine), PchipInterpolator(length, f)(fine)
+        z, f = drawn(loop, path.leg == leg, spring)
         force[inside] = np.interp(piezo[inside], z, f, left=0.0)
     return force
+
+
+def drawn(loop: cb.Hysteresis, own: np.ndarray[Any, Any], spring: float) -> tuple[Any, Any]:
+    """Piezo positions and forces of a leg, close enough to be joined by straight lines.
+
+    On a scale of the contact's area or of the gap that ends at first touch, load and displacement are smooth.
+    """
+    path, contact = loop.path, loop.contact
+    rows = np.array([getattr(path, name)[own] for name in ("displacement", "load", "contact_radius", "central_gap")])
+    steps = np.abs(np.diff(scale(contact, rows)))
+    for k in np.flatnonzero(steps > WIDE)[::-1]:
+        between = np.linspace(*rows[0, k : k + 2], math.ceil(steps[k] / WIDE) + 1)[1:-1]
+        solved = [cb.solve(contact, displacement=float(d)) for d in between]
+        added = np.array([[one.displacement, one.load, one.contact_radius, one.central_gap] for one in solved]).T
+        ends = np.sort(scale(contact, rows[:, k : k + 2]))
+        same = (ends[0] < scale(contact, added)) & (scale(contact, added) < ends[1])  # not another equilibrium
+        rows = np.insert(rows, [k + 1] * int(same.sum()), added[:, same], axis=1)
+    at, columns = scale(contact, rows), []
+    for side in (at <= 0.0, at >= 0.0):
+        known, first = np.unique(at[side], return_index=True)
+        if known.size > 1:
+            spline = CubicSpline(known, rows[:2, side][:, first], axis=1)
+            columns.append(spline(np.linspace(known[0], known[-1], 4000)))
+    displacement, load = np.concatenate(columns or [rows[:2]], axis=1)
+    z, first = np.unique(displacement + load / spring, return_index=True)
+    return z, load[first]
+
+
+def scale(contact: cb.Contact, rows: np.ndarray[Any, Any]) -> Any:
+    """Where states are: roots of the logarithms of gap or contact area, from negative values to positive ones."""
+    area = (rows[2] / contact.scales.in_plane) ** 2 - rows[3] / contact.scales.normal
+    return np.sign(area) * np.sqrt(np.arcsinh(np.abs(area) * contact.tabor))
 
 
 def make(rng: np.random.Generator, number: int) -> Case:
@@ -121,13 +148,13 @@ def main() -> None:
     times = []
     for number in range(asked.first, asked.first + asked.count):
         case = make(np.random.default_rng((asked.seed, number)), number)
-        began = time.perf_counter()
+        began = time.process_time()
         try:
             fit = cb.fit(case.curve, case.contact, FREE)
         except (cb.InputError, cb.ModelError) as error:
             print(f"{number:3d} {case.kind}: {error}", flush=True)
             continue
-        times.append(time.perf_counter() - began)
+        times.append(time.process_time() - began)
         marks = []
         for name, true in case.truth.items():
             sigma = (fit.values[name] - true) / fit.errors[name] if fit.errors[name] else math.inf

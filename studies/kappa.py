@@ -484,7 +484,7 @@ def window_table() -> list[str]:
     return rows
 
 
-# Exponents for pull-off at μ_T = 1 in the paper's text (l. 571-574).
+# Exponents for pull-off at μ_T = 1 in the paper's text on Fig. 15.
 QUOTED: Final = {"Maugis-Dugdale, pull-off": 0.469, "exponential, pull-off": 0.435}
 
 

@@ -45,7 +45,7 @@ def test_reduced():
 
 
 def test_physical_units_of_the_papers_estimate():
-    # l. 709-713: R = 1 µm, E = 5 GPa, Δγ = -40 mN/m, z0 = 1 nm; μ_T = 0.40 follows, and (23)-(26) by hand
+    # the estimate for experiments, R = 1 µm, E = 5 GPa, Δγ = -40 mN/m, z0 = 1 nm; μ_T = 0.40, and (23)-(26)
     contact = Contact.physical(**OMCTS)
     assert contact == Contact(Parabola(1000.0), Gauss(-0.04, 1.0), 5.0, PHYSICAL)
     assert contact.tabor == pytest.approx(0.4, rel=1e-14)

@@ -102,8 +102,14 @@ def test_units_columns_and_maps(tmp_path, curve):
         (lambda z, f: (z, -f), "positive in repulsion"),
         (lambda z, f: (z, NOISE), "noise"),
         (lambda z, f: (z, np.maximum(f - 8.0 - 0.02 * z, 0.0) + NOISE), "no adhesion"),
+        (lambda z, f: (z[::-1], f[::-1]), "reversed in time"),
+        (lambda z, f: (z * 1e-9, f * 1e-9), r"such as m\?.*'m'"),
+        (lambda z, f: (z, f * 1e-9), r"such as N\?.*'N'"),
+        (lambda z, f: (z * 1e-3, f), "stiffer than its spring"),
+        (lambda z, f: (z, 0.0 * f), "the same everywhere"),
     ],
-    ids=["nan", "piezo reversed", "swapped", "force reversed", "noise", "no adhesion"],
+    ids=["nan", "piezo reversed", "swapped", "force reversed", "noise", "no adhesion", "time reversed", "metres",
+         "newtons", "micrometres", "constant"],
 )  # fmt: skip
 def test_what_cannot_be_fitted_ends_in_a_sentence(curve, change, words):
     piezo, force = change(curve.piezo, curve.force)

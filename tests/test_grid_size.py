@@ -1,5 +1,6 @@
 """Numbers of nodes: which are accepted, and what is suggested instead of the others."""
 
+import numpy as np
 import pytest
 
 from contbranch import GridWarning
@@ -15,6 +16,20 @@ def test_nearest_fast_number_by_exhaustion():
         assert found >= 8
         nearer = {number for number in fast if number >= 8 and abs(number - n) < abs(found - n)}
         assert nearer == set()
+
+
+def test_grid_that_a_stiff_law_needs_is_found_at_once():
+    """The smallest even number without prime factors above 7; hundreds of millions take no longer than hundreds."""
+    from contbranch import Gauss
+    from contbranch.models.grid.resolution import needed_grid
+
+    fast = sorted(
+        2**a * 3**b * 5**c * 7**d for a in range(1, 31) for b in range(20) for c in range(13) for d in range(11)
+    )
+    for tabor in (1.0, 4.0, 16.0, 256.0):
+        law = Gauss(-1.0, 1.0 / tabor)  # largest -v'' at no gap: |Δγ|/z0²
+        needed = 8.0 * 9.7 * tabor**2 / np.pi
+        assert needed_grid(9.7, law) == next(n for n in fast if n >= max(8, needed))
 
 
 @pytest.mark.parametrize("value", [256, 256.0, "256", " 256 ", "2.56e2"])

@@ -1,4 +1,4 @@
-"""Laws against their formulas: (12) and l. 437 for the energies, mpmath for derivatives and integrals."""
+"""Laws against their formulas: (12) and what is said of it for the energies, mpmath for derivatives and integrals."""
 
 import dataclasses
 import math
@@ -300,28 +300,40 @@ class TestTabulated:
     @pytest.mark.parametrize("kind", ["energies", "pressures"])
     def test_smooth_to_the_second_derivative_everywhere(self, kind):
         law = Tabulated(self.gaps[:121], **{kind: np.exp(-self.gaps[:121])})  # ends at 6: e^-6 is below 1 %
-        joints = np.concatenate([self.gaps[1:121], law._pieces.x[-2:-1]])
-        assert law._pieces.x[-2] > 6.0
+        joints = np.concatenate([self.gaps[1:121], law._table.energy.x[-2:-1]])
+        assert law._table.energy.x[-2] > 6.0
         for before, after in zip(law.evaluate(joints - 1e-12), law.evaluate(joints + 1e-12), strict=True):
             np.testing.assert_allclose(before, after, atol=1e-9)
         assert law.limitation == ""
-        assert all(values[0] == 0.0 for values in law.evaluate(np.array([law._pieces.x[-2] + 1e-9])))
+        assert all(values[0] == 0.0 for values in law.evaluate(np.array([law._table.energy.x[-2] + 1e-9])))
 
     def test_the_way_to_zero_does_not_overshoot(self):
         law = Tabulated(self.gaps[:101], np.exp(-self.gaps[:101]))  # ends at 5
-        tail = np.linspace(5.0, law._pieces.x[-2], 200)
+        tail = np.linspace(5.0, law._table.energy.x[-2], 200)
         energy, pressure, _ = law.evaluate(tail)
         assert np.all(energy >= -1e-12)
         assert np.all(pressure >= -1e-12)
 
     def test_a_table_that_ends_too_early(self):
         law = Tabulated(self.gaps[:41], np.exp(-self.gaps[:41]))  # ends at 2: 14 %
-        assert np.isfinite(law.evaluate(2.0 - 1e-9).energy)
-        assert all(np.isnan(values) for values in law.evaluate(2.1))
-        assert np.isnan(law.tail_energy(0.0))
+        for before, after in zip(law.evaluate(2.0 - 1e-9), law.evaluate(2.0 + 1e-9), strict=True):
+            assert before == pytest.approx(after, abs=1e-8)
         assert law.limitation == "the table of energies ends at a gap of 2 before the law has decayed"
-        assert law.reach(1e-6) == 2.0
+        assert law.ends == 2.0
+        assert (law + Exponential(1.0, 1.0)).ends == 2.0
         assert "gap of 2 before" in (law + Exponential(1.0, 1.0)).limitation
+
+    def test_scatter_is_smoothed_away_and_told(self):
+        rng = np.random.default_rng(1)
+        gaps = np.linspace(0.0, 10.0, 80)
+        law = Tabulated(gaps, np.exp(-gaps) + 1e-3 * rng.normal(size=gaps.size))
+        assert "scatters by 0.0009" in law.limitation or "scatters by 0.00088" in law.limitation
+        at = np.linspace(0.0, 12.0, 500)
+        energy, pressure, stiffness = law.evaluate(at)
+        assert np.abs(energy - np.exp(-at)).max() < 3e-3
+        assert np.abs(pressure - np.exp(-at)).max() < 0.02
+        assert np.abs(stiffness[40:] - np.exp(-at[40:])).max() < 0.1
+        assert Tabulated(gaps, np.exp(-gaps)).limitation == ""
 
     def test_a_constant_is_not_taken_for_energy(self):
         # energies measured from a wrong zero: no force, but not decayed either

@@ -218,3 +218,20 @@ def test_full_outputs_are_one_line(tmp_path: Path) -> None:
     done = subprocess.run(["bash", "-c", full], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert "standard output cannot be written (No space left on device)" in done.stderr
+
+
+def test_a_part_that_is_given_up_does_not_end_the_whole() -> None:
+    """A trace that tells how much room a contact takes ends with what it has; Ctrl-C in it is passed on."""
+    with watch.watched(limit=3600.0):
+        with watch.patient(1e-9):
+            part = cb.trace(ATTRACTION)
+        assert part.status == "incomplete"
+        assert not watch.over()
+        assert cb.trace(ATTRACTION).status == "complete"
+    with pytest.raises(watch.Interruption), watch.watched(limit=3600.0) as whole, watch.patient(3600.0):
+        watch.kept(interrupt, None)
+    assert isinstance(whole.cause, KeyboardInterrupt)
+
+
+def interrupt() -> None:
+    raise KeyboardInterrupt

@@ -1,4 +1,4 @@
-"""The notebook of the tutorial runs, and shows figures and tables."""
+"""The notebook of the documentation runs, and shows figures and tables."""
 
 from pathlib import Path
 
@@ -9,12 +9,12 @@ from nbconvert.preprocessors import ExecutePreprocessor
 
 import contbranch as cb
 
-TUTORIAL = Path(__file__).resolve().parents[1] / "docs" / "tutorial.ipynb"
+NOTEBOOK = Path(__file__).resolve().parents[1] / "docs" / "howto" / "notebook.ipynb"
 
 
 @pytest.fixture(scope="module")
 def executed(tmp_path_factory):
-    notebook = nbformat.read(TUTORIAL, as_version=4)
+    notebook = nbformat.read(NOTEBOOK, as_version=4)
     folder = tmp_path_factory.mktemp("notebook")
     ExecutePreprocessor(timeout=120, kernel_name="python3").preprocess(notebook, {"metadata": {"path": str(folder)}})
     return notebook
@@ -25,7 +25,7 @@ def shown(notebook, kind):
     return [out["data"][kind] for out in outputs if kind in out.get("data", {})]
 
 
-def test_the_tutorial_shows_figures_and_tables(executed):
+def test_the_notebook_shows_figures_and_tables(executed):
     pages = shown(executed, "text/html")
     assert sum("data:image/png;base64" in page for page in pages) >= 3
     assert sum("<table" in page for page in pages) >= 4

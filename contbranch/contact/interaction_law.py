@@ -101,8 +101,13 @@ class Interaction:
 
     @property
     def limitation(self) -> str:
-        """Where the law is not defined, in words; empty if it is defined at every gap ≥ 0."""
+        """What is to be said of whatever is computed with the law, in words; mostly nothing."""
         return ""
+
+    @property
+    def ends(self) -> float:
+        """The gap at which the law's description ends before it has decayed; infinite otherwise."""
+        return math.inf
 
     @property
     def wave(self) -> float:
@@ -233,8 +238,13 @@ class Sum(Evaluated):
 
     @property
     def limitation(self) -> str:
-        """Where one of the laws is not defined."""
+        """That of each law."""
         return "; ".join(law.limitation for law in self.laws if law.limitation)
+
+    @property
+    def ends(self) -> float:
+        """Where the first one ends."""
+        return min(law.ends for law in self.laws)
 
     def evaluate(self, gap: ArrayLike) -> Response:
         """Return the sums of the laws' energies per area, pressures and stiffnesses at `gap`."""

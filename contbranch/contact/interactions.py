@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from contbranch.arrays import Array
 from contbranch.contact.interaction_law import Evaluated, Interaction, Response, Sum
-from contbranch.contact.tables import columns, energy_of_table
+from contbranch.contact.tables import Table, columns, energy_of_table
 from contbranch.contact.units import finite_number, make_positive
 from contbranch.errors import InputError
 
@@ -102,7 +102,7 @@ class VanDerWaals(Interaction):
 
 @dataclass(frozen=True)
 class InverseSquare(Interaction):
-    """v = -Δγ/(1 + g/z0)² (l. 437): the van der Waals tail with a force when the surfaces touch."""
+    """v = -Δγ/(1 + g/z0)², in place of (12): the van der Waals tail with a force when the surfaces touch."""
 
     name = "inverse-square"
 
@@ -146,7 +146,7 @@ class MaugisDugdale(Interaction):
 
 @dataclass(frozen=True)
 class Layered(Interaction):
-    """v = -Δγ e^(-g/z0) cos(2πg/λ + φ)/cos φ: the decaying oscillation of a layered fluid (l. 665-669).
+    """v = -Δγ e^(-g/z0) cos(2πg/λ + φ)/cos φ: the decaying oscillation of a layered fluid.
 
     Attributes
     ----------
@@ -222,10 +222,10 @@ class Tabulated(Evaluated):
 
     Notes
     -----
-    Energies are joined by a quintic spline, pressures by a cubic one. If the table ends where |v| and |p| are below
-    1 % of their largest values, a short polynomial takes them to zero smoothly; otherwise the law is NaN beyond its
-    end, and a
-    computation that needs it there stops and says so (`limitation`).
+    Energies are joined by a quintic spline, pressures by a cubic one; tables that scatter are smoothed as far as their
+    scatter goes. Beyond the table's end a short polynomial
+    takes them to zero smoothly. Where |v| or |p| are not below 1 % of their largest values by then, curves begin with
+    the surfaces as far apart as the table goes, and say so (`limitation`).
     """
 
     name = "tabulated"
@@ -235,16 +235,16 @@ class Tabulated(Evaluated):
     energies: tuple[float, ...] | None = None
     pressures: tuple[float, ...] | None = None
     _largest: float = field(init=False, repr=False, compare=False)
-    _pieces: scipy.interpolate.PPoly = field(init=False, repr=False, compare=False)
+    _table: Table = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         if (self.energies is None) == (self.pressures is None):
             raise InputError("energies, pressures: give one of them, not both and not none")
         gaps, values = columns(self, "gaps", self._kind)
-        object.__setattr__(self, "_pieces", energy_of_table(gaps, values, self._kind))
+        object.__setattr__(self, "_table", energy_of_table(gaps, values, self._kind))
         places = np.concatenate([np.nextafter(gaps, 0.0), 0.5 * (gaps[1:] + gaps[:-1])])
-        largest, steepest = (float(np.max(np.abs(self._pieces(places, order)))) for order in (0, 1))
-        at_contact = float(self._pieces(0.0))
+        largest, steepest = (float(np.max(np.abs(self._table.energy(places, order)))) for order in (0, 1))
+        at_contact = float(self._table.energy(0.0))
         if at_contact == 0.0 or steepest == 0.0:
             raise InputError(
                 "gaps: the law has no energy at gap 0; give a table whose energy does not vanish at contact"
@@ -258,13 +258,13 @@ class Tabulated(Evaluated):
 
     @property
     def _end(self) -> float:
-        """The gap beyond which the law is zero, or unknown."""
-        return float(self._pieces.x[-2])
+        """The gap beyond which the law is zero."""
+        return float(self._table.energy.x[-2])
 
     def evaluate(self, gap: ArrayLike) -> Response:
-        """Return energy per area, pressure and stiffness at `gap`; NaN beyond a table that ends too early."""
+        """Return energy per area, pressure and stiffness at `gap`."""
         gap = np.minimum(gap, 2.0 * self._end)  # so that the piece beyond the end is never asked for 0 · ∞
-        return Response(self._pieces(gap), -self._pieces(gap, 1), self._pieces(gap, 2))
+        return Response(self._table.energy(gap), -self._table.energy(gap, 1), self._table.energy(gap, 2))
 
     @property
     def reference_work(self) -> float:
@@ -272,21 +272,30 @@ class Tabulated(Evaluated):
         return self._largest
 
     @property
+    def ends(self) -> float:
+        """The last gap of the table if it ends too early."""
+        return math.inf if self._table.decayed else self.gaps[-1]
+
+    @property
     def limitation(self) -> str:
-        """Say where the table ends if it ends too early."""
-        if self._pieces.c[-1, -1] == 0.0:
-            return ""
-        return f"the table of {self._kind} ends at a gap of {self._end:g} before the law has decayed"
+        """Say where the table ends if it ends too early, and how much it scatters."""
+        found = []
+        if not self._table.decayed:
+            found.append(f"the table of {self._kind} ends at a gap of {self.gaps[-1]:g} before the law has decayed")
+        if self._table.scatter:
+            found.append(f"the table of {self._kind} scatters by {self._table.scatter:.2g} and is smoothed")
+        return "; ".join(found)
 
     def reach(self, tolerance: float) -> float:
-        """Return the gap beyond which |v| ≤ tolerance · reference_work; the table's end if it ends before."""
-        gaps = np.unique(np.linspace(self._pieces.x[:-2], self._pieces.x[1:-1], 9))
-        above = np.flatnonzero(np.abs(self._pieces(gaps)) > tolerance * self.reference_work)
+        """Return the gap beyond which |v| ≤ tolerance · reference_work."""
+        pieces = self._table.energy
+        gaps = np.unique(np.linspace(pieces.x[:-2], pieces.x[1:-1], 9))
+        above = np.flatnonzero(np.abs(pieces(gaps)) > tolerance * self.reference_work)
         return float(gaps[min(above[-1] + 1, gaps.size - 1)]) if above.size else 0.0
 
     def tail_energy(self, gap: ArrayLike) -> Array:
-        """Return ∫ v dg from `gap` to the end of the table; NaN if it ends too early."""
-        integral = self._pieces.antiderivative()
+        """Return ∫ v dg from `gap` to infinity."""
+        integral = self._table.energy.antiderivative()
         return np.asarray(integral(self._end) - integral(np.minimum(gap, self._end)))
 
     def scaled(self, normal: float, energy: float) -> Tabulated:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 import scipy
@@ -11,10 +10,16 @@ import scipy
 from contbranch.arrays import Array
 from contbranch.errors import InputError
 
-__all__ = ["columns", "energy_of_table", "increasing_from_zero"]
+__all__ = ["Table", "columns", "energy_of_table", "increasing_from_zero"]
 
 _LEAST_ROWS: Final = 4
 _QUINTIC_ROWS: Final = 8
+# A table scatters where fourth differences change sign more often than this, as those of smooth numbers do not, by more
+# than this share of its largest entry; in that many rows at least.
+_ALTERNATING: Final = 0.5
+_SCATTERED: Final = 1e-7
+_SCATTER_ROWS: Final = 12
+_SEEN: Final = 3.0  # standard deviations by which values of such a table differ from nothing
 _DECAYED: Final = 0.01  # a law whose table ends below this part of its maximum is taken to zero
 
 
@@ -59,8 +64,43 @@ def increasing_from_zero(array: Array, field: str) -> None:
         raise InputError(f"{field}: entry {bad + 2} is not above entry {bad + 1}; must increase strictly")
 
 
-def energy_of_table(gaps: Array, values: Array, kind: str) -> scipy.interpolate.PPoly:
-    """Return the energy per area as pieces of polynomials of the gap; the last, beyond the end, is 0 or NaN.
+class Table(NamedTuple):
+    """A law's energy per area as pieces of polynomials of the gap, 0 beyond the last but one.
+
+    Attributes
+    ----------
+    energy
+    decayed
+        Whether that had happened where the table ends.
+    scatter
+        Standard deviation of what was smoothed away; 0: nothing.
+    """
+
+    energy: scipy.interpolate.PPoly
+    decayed: bool
+    scatter: float
+
+
+def smoothed(places: Array, values: Array) -> tuple[Array, float]:
+    """Return values without their scatter, and its standard deviation; as they are, and 0, where they are smooth."""
+    count = values.size - 4
+    if values.size < _SCATTER_ROWS:
+        return values, 0.0
+    differences = np.empty(count)
+    for row in range(count):  # the fourth divided difference, as a sum with weights of square sum 1
+        x = places[row : row + 5]
+        weights = 1.0 / np.prod(x[:, None] - x + np.eye(5), axis=1)
+        differences[row] = weights @ values[row : row + 5] / np.linalg.norm(weights)
+    scatter = float(np.median(np.abs(differences))) / 0.6745
+    alternating = np.mean(differences[1:] * differences[:-1] < 0.0)
+    if alternating < _ALTERNATING or scatter < _SCATTERED * np.max(np.abs(values)):
+        return values, 0.0
+    spline = scipy.interpolate.UnivariateSpline(places, values, k=5, s=values.size * scatter**2)
+    return np.asarray(spline(places)), scatter
+
+
+def energy_of_table(gaps: Array, values: Array, kind: str) -> Table:
+    """Return the law of a table.
 
     Parameters
     ----------
@@ -71,6 +111,10 @@ def energy_of_table(gaps: Array, values: Array, kind: str) -> scipy.interpolate.
     kind
         Which of the two.
     """
+    values, scatter = smoothed(gaps, values)
+    ends = np.flatnonzero(np.abs(values) > _SEEN * scatter)
+    if scatter and _LEAST_ROWS <= ends[-1] + 1 < gaps.size:  # beyond, there is nothing but scatter
+        gaps, values = gaps[: ends[-1] + 1], values[: ends[-1] + 1]
     # Energies are differentiated once more: both give a pressure with continuous curvature, whose kinks cost digits.
     spline = scipy.interpolate.make_interp_spline(
         gaps, values, k=5 if kind == "energies" and gaps.size >= _QUINTIC_ROWS else 3
@@ -81,14 +125,15 @@ def energy_of_table(gaps: Array, values: Array, kind: str) -> scipy.interpolate.
     decayed = abs(level) <= _DECAYED * np.max(np.abs(values))
     if kind == "energies":  # a constant tail has no force, so the force must have decayed as well
         decayed = decayed and abs(slope) <= _DECAYED * np.max(np.abs(spline(gaps, 1)))
-    if decayed:
-        pieces = _joined(pieces, _to_zero(float(gaps[-1]), float(gaps[-2]), (level, slope, *higher)))
+    decayed = decayed or abs(level) <= 2.0 * _SEEN * scatter
+    derivatives = (level, slope, *higher)[: 3 if scatter else spline.k]
+    pieces = _joined(pieces, _to_zero(float(gaps[-1]), float(gaps[-2]), derivatives))
     if kind == "pressures":
         integral = pieces.antiderivative()
         pieces = scipy.interpolate.PPoly(-integral.c, integral.x)
         pieces.c[-1] += float(integral(integral.x[-1]))
-    beyond = np.full_like(pieces.c[:, :1], 0.0 if decayed else math.nan)
-    return _joined(pieces, scipy.interpolate.PPoly(beyond, pieces.x[-1] * np.array([1.0, 2.0])))
+    beyond = scipy.interpolate.PPoly(np.zeros_like(pieces.c[:, :1]), pieces.x[-1] * np.array([1.0, 2.0]))
+    return Table(_joined(pieces, beyond), bool(decayed), scatter)
 
 
 def _to_zero(end: float, before: float, derivatives: tuple[float, ...]) -> scipy.interpolate.PPoly:

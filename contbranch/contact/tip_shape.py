@@ -47,6 +47,11 @@ class TipShape:
         return None
 
     @property
+    def limitation(self) -> str:
+        """What is to be said of whatever is computed with the tip, in words; mostly nothing."""
+        return ""
+
+    @property
     def is_axisymmetric(self) -> bool:
         """Whether the height depends on the distance from the apex alone."""
         return self.axisymmetric is not None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, Final
@@ -13,12 +14,16 @@ from contbranch.contact.interaction_law import terms_of
 
 if TYPE_CHECKING:
     from contbranch.contact.contact import Contact
+    from contbranch.contact.interaction_law import Interaction
+    from contbranch.contact.tip_shape import Tip
 
-__all__ = ["notes", "warn_of_units"]
+__all__ = ["energy_pole", "notes", "warn_of_units"]
 
 # Slope of the tip at the rim of the contact, a/R of a parabola, beyond which strains are not small. A sphere bears
 # 3.8 % more than a parabola there: of what the theory neglects this is the part that is easily known.
 STEEPEST: Final = 0.3
+# Radii, in units of the tip's own, at which v r² is compared with itself farther out.
+FAR: Final = 1e12
 # Diameter of the smallest atom, nm.
 ATOM: Final = 0.1
 # Lengths in nm and moduli in nN/nm² (GPa) that nothing has: diamond has 1100 GPa.
@@ -49,11 +54,23 @@ def _warn(text: str) -> None:
     warnings.warn(text, stacklevel=5)
 
 
+@np.errstate(all="ignore")  # so far out numbers may overflow, and then decay fast enough
+def energy_pole(tip: Tip, law: Interaction | None) -> float:
+    """lim r² v for r → ∞: where it is not zero, as for a cone in a law that decays like 1/g², energies are infinite."""
+    if law is None or math.isfinite(tip.extent):
+        return 0.0
+    r = FAR * tip.natural_length * np.array([1.0, 8.0])
+    first, second = (r * r * law.evaluate(tip.height(r)).energy).tolist()
+    return second if abs(second - first) < 0.01 * abs(first) else 0.0
+
+
 def notes(contact: Contact, load: ArrayLike, contact_radius: ArrayLike) -> str:
-    """Sentences on states of a physical contact that lie outside of what the theory holds for; mostly none."""
+    """Sentences on limits of tip and laws, and on physical states outside of what the theory holds for; mostly none."""
+    found = [f"{name}: {part.limitation}." for name, part in _named(contact) if part.limitation]
+    if (own := contact.tip.axisymmetric) is not None and energy_pole(own, contact.interaction):
+        found.append("The law decays so slowly that the energy around this tip is infinite: energies are differences.")
     if not contact.units.physical:
-        return ""
-    found = []
+        return " ".join(found)
     tip, radius, force = contact.tip.axisymmetric, np.asarray(contact_radius), np.asarray(load)
     if tip is not None and radius.size:
         inside = np.minimum(radius, (1.0 - 1e-9) * tip.extent)

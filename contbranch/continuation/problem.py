@@ -60,7 +60,15 @@ class Problem(ABC):
 
     Only `residual` must be written; a `jacobian` makes it fast. A problem should be a function of (x, p) alone: the
     curve is followed in two directions, and every point keeps the problem object it was computed with.
+
+    Attributes
+    ----------
+    ordered : bool
+        Whether the parameter changes one way along the curve, and so is a coordinate on it: a step that turns it is
+        repeated shorter.
     """
+
+    ordered: bool = False
 
     @abstractmethod
     def residual(self, x: Array, p: float) -> Array:

@@ -171,7 +171,7 @@ def judge(begin: Point, end: Point, corrected: Corrected, metric: Metric, option
     problem = begin.problem
     chord_x, chord_p = end.x - begin.x, end.parameter - begin.parameter
     length = metric.norm(problem, chord_x, chord_p)
-    if length == 0.0:
+    if length == 0.0 or (problem.ordered and begin.tangent_parameter * end.tangent_parameter < 0.0):
         return Judgement(False, AFTER_FAILURE)
     chord_x, chord_p = chord_x / length, chord_p / length
     angle = metric.angle(problem, begin.tangent_x, begin.tangent_parameter, end.tangent_x, end.tangent_parameter)

@@ -110,7 +110,10 @@ def adapted(point: Point, metric: Metric, options: Options) -> tuple[Point, Call
     size = metric.norm(offer.problem, *direction)
     row = metric.row(offer.problem, direction[0] / size, direction[1] / size)
     corrected = correct(offer.problem, (offer.x, point.parameter), row, metric, options)
-    return annotated(to_point(offer.problem, corrected, metric), label=point.label), _carry(offer)
+    found = to_point(offer.problem, corrected, metric)
+    if problem.ordered and found.tangent_parameter * point.tangent_parameter < 0.0:
+        found = found.turned()
+    return annotated(found, label=point.label), _carry(offer)
 
 
 def _carry(offer: Adaptation) -> Callable[[Point], Point] | None:

@@ -208,8 +208,6 @@ class EquilibriumProblem(Problem):
     scale : float
         Shortest length of the interaction: the unit in which lengths along the curve are measured.
     work : Work
-    ordered : bool
-        Whether the parameter changes one way along the curve, and so is a coordinate on it.
     complete_by : str
         Why the curve holds every equilibrium there is, as the end of a sentence; empty where that is not known.
     given : bool
@@ -219,14 +217,13 @@ class EquilibriumProblem(Problem):
 
     scale: float
     work: Work
-    ordered: ClassVar[bool] = False
     complete_by: ClassVar[str] = ""
     given: ClassVar[bool] = False
 
     @property
-    def limitation(self) -> str:
-        """Where the description of the contact ends, a sentence; empty where it does not."""
-        return ""
+    def begins(self) -> str | None:
+        """What ends the contact's description where its curve begins, as an event's name; None: nothing."""
+        return None
 
     # -- the curve ----------------------------------------------------------------------------------------------------
     @abstractmethod

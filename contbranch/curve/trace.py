@@ -26,6 +26,8 @@ END_FACTOR, LEAST_END = 1.4, 10.0
 # Changes of the problem after which a trace gives up.
 PIECES = 80
 EDGE = "edge"
+# The margin where the contact has grown to the edge of the tip, where its description ends.
+TIP_EDGE = "tip-edge"
 # Where rows count themselves, in integrals along the curve, they are as accurate as this, as far as round-off allows.
 FINE = 1e-9
 
@@ -77,19 +79,20 @@ def trace(problem: EquilibriumProblem, request: Request) -> Track:
             raise
         except CorrectionError as error:
             blame(error.__cause__)
-            return _nothing(problem, request, f"{Outcome.START_FAILED.value} {error.detail} {problem.limitation}")
+            return _nothing(problem, request, f"{Outcome.START_FAILED.value} {error.detail}")
         except Exception as error:  # a law written by the user may raise anything; its text is kept
             blame(error)
             message = f"The interaction cannot be evaluated far away: {type(error).__name__}: {error}"
             return _nothing(problem, request, message)
-        if request.held is LOAD and start.observables["load"] >= _Tracing(request).end.target:
+        asked = request.held is LOAD and request.target is not None
+        if asked and start.observables["load"] >= _Tracing(request).end.target:
             return replace(_nothing(problem, request, "The curve begins at a larger load."), points=(start,))
         return follow_from(start, request, problem)
 
 
 def follow_from(start: Point, request: Request, problem: EquilibriumProblem | None = None) -> Track:
     """Follow a curve from one of its points, in the sense of its tangent, through all problems that succeed its own."""
-    tracing, problem = _Tracing(request), problem or equilibrium(start)
+    tracing, problem = _Tracing(request, problem.begins if problem else None), problem or equilibrium(start)
     kept(lambda: tracing.follow(start), None)
     if request.events and not over():  # otherwise nothing but single states is wanted of the curve
         kept(tracing.fill, None)
@@ -109,6 +112,7 @@ class _Tracing:
     """A curve while it is followed: rows so far, and how the problems join."""
 
     request: Request
+    begins: str | None = None
     points: list[Point] = field(default_factory=list)
     onward: dict[int, Point] = field(default_factory=dict)
     gaps: set[int] = field(default_factory=set)
@@ -126,6 +130,10 @@ class _Tracing:
     def follow(self, start: Point) -> None:
         """Follow the curve from a point to its end."""
         self.points.append(start)
+        if self.request.target is None:
+            self.end.target = max(LEAST_END, END_FACTOR * start.observables["load"])
+        if self.begins:
+            self.marks.append(Mark(0, "end", start, margin=EDGE, name=self.begins))
         joint = Succession("", start, (start,))
         for _ in range(PIECES):
             following = self._piece(joint)
@@ -182,7 +190,7 @@ class _Tracing:
                 interval = Range(*problem.parameter_range)
                 balance = problem.balance(start, joint.step)
                 branch = follow(start, balance, interval, problem.steps(start), [folds, *margins, self.end], stop)
-            if len(branch.points) > 1:
+            if len(branch.points) > 1 or (branch.points and _stopped(branch)):
                 break
         if branch is None:
             raise ModelError("a problem without a start")
@@ -210,10 +218,13 @@ class _Tracing:
         self.points.append(point)
 
     def _stop(self, margin: str, message: str) -> None:
+        row, last = len(self.points) - 1, self.points[-1]
+        if margin == TIP_EDGE:
+            self.complete = self.request.target is None
+            self.marks.append(Mark(row, "end", last, margin=margin, message=message, name=margin))
+        elif margin != EDGE:
+            self.marks.append(Mark(row, "inadmissible", last, margin=margin))
         self.message = message
-        if margin != EDGE:
-            row = len(self.points) - 1
-            self.marks.append(Mark(row, "inadmissible", self.points[-1], margin=margin))
 
     def _met(self, point: Point) -> None:
         """Raise the end beyond the load of an event."""
@@ -224,7 +235,7 @@ class _Tracing:
             error = abs(problem.defect(point).load)
             self.end.target = max(self.end.target, load + error) if math.isfinite(error) else self.end.target
         if self.request.target is None:
-            self.end.target = max(LEAST_END, END_FACTOR * self.largest)
+            self.end.target = max(self.end.target, END_FACTOR * self.largest)
 
     def _told(self, point: Point) -> bool:
         """Report progress, guessed from the load: most of the way is the approach."""

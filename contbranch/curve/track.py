@@ -34,6 +34,8 @@ class Mark:
     margin : str
         The margin that vanishes here; empty without.
     message : str
+    name : str or None
+        Of the event, where the description of tip or law ends.
     """
 
     row: int
@@ -42,6 +44,7 @@ class Mark:
     control: Control | None = None
     margin: str = ""
     message: str = ""
+    name: str | None = None
 
 
 @dataclass(frozen=True)

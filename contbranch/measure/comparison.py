@@ -22,14 +22,13 @@ from contbranch.measure.reduced import Curve
 
 __all__ = ["Comparison", "Leg", "ModelJump", "legs"]
 
-# Points of the curve between two of its table.
-FINER: Final = 5
 # Samples just before a jump that are left out: the slope is all but infinite there, and the jump has its place.
 STEEP: Final = 2
 # Jumps below this multiple of the noise have no place in a curve.
 SMALL: Final = 2.0
-# Neighbours of an extremum of z that are this much more unlike than this are a corner.
-CORNER: Final = 20.0
+# An extremum of z is a corner where its steps on the flat side are below this share of that on the steep one; those of
+# a parabola are at least as large together.
+CORNER: Final = 0.3
 
 
 class ModelJump(NamedTuple):
@@ -49,7 +48,7 @@ class Leg(NamedTuple):
 
     def at(self, piezo: Array) -> Array:
         """The force."""
-        return np.interp(piezo, self.piezo, self.force)
+        return _between(piezo, self.piezo, self.force)
 
     def part(self, above: bool) -> tuple[Array, Array]:
         """The part above or below the jump, which ends with the force at the jump."""
@@ -60,31 +59,25 @@ class Leg(NamedTuple):
         return self.piezo[chosen], self.force[chosen]
 
 
+def _between(at: Array, places: Array, values: Array) -> Array:
+    """Values between growing places, by parabolas through neighbours: straight lines make the errors of fits uneven."""
+    steps = np.diff(places)
+    slopes = np.divide(np.diff(values), steps, out=np.zeros_like(steps), where=steps > 0)
+    wide = steps[1:] + steps[:-1]
+    bends = np.zeros_like(places)
+    np.divide(np.diff(slopes), wide, out=bends[1:-1], where=np.minimum(steps[1:], steps[:-1]) > 0)
+    bends[:2] = 0.0  # the first point is far away
+    k = np.clip(np.searchsorted(places, at, side="right") - 1, 0, steps.size - 1)
+    before = np.clip(at - places[k], 0.0, steps[k])
+    return values[k] + before * (slopes[k] + (before - steps[k]) * 0.5 * (bends[k] + bends[k + 1]))
+
+
 def legs(curve: Curve, stiffness: float) -> tuple[Leg, Leg]:
     """Approach and retraction of a curve on a spring; an infinite stiffness is a rigid drive."""
-    columns = _finer(np.array([curve.load[1:], curve.displacement[1:]]))
-    force, displacement = (
-        np.append(first, own) for first, own in zip((curve.load[0], curve.displacement[0]), columns, strict=True)
-    )
-    piezo = displacement + force / stiffness
+    force, piezo = curve.load, curve.displacement + curve.load / stiffness
     rising = piezo > np.append(-math.inf, np.maximum.accumulate(piezo)[:-1])
     falling = piezo < np.append(np.minimum.accumulate(piezo[::-1])[::-1][1:], math.inf)
     return _leg(piezo, force, np.flatnonzero(rising), 1), _leg(piezo, force, np.flatnonzero(falling), -1)
-
-
-def _finer(rows: Array) -> Array:
-    """Rows (2, M) interpolated at `FINER` times as many places, by cubics that keep to monotone data (PCHIP)."""
-    steps = np.diff(rows, axis=1)
-    before, after = steps[:, :-1], steps[:, 1:]
-    product = before * after
-    slopes = np.zeros_like(rows)
-    np.divide(2 * product, before + after, out=slopes[:, 1:-1], where=product > 0)
-    slopes[:, 0], slopes[:, -1] = steps[:, 0], steps[:, -1]
-    s = (np.arange(FINER) / FINER)[:, None]
-    bend = 3 * steps - 2 * slopes[:, :-1] - slopes[:, 1:]
-    twist = slopes[:, :-1] + slopes[:, 1:] - 2 * steps
-    pieces = rows[:, None, :-1] + s * (slopes[:, None, :-1] + s * (bend[:, None] + s * twist[:, None]))
-    return np.concatenate([pieces.transpose(0, 2, 1).reshape(2, -1), rows[:, -1:]], axis=1)
 
 
 def _leg(piezo: Array, force: Array, kept: NDArray[np.intp], direction: int) -> Leg:
@@ -110,10 +103,12 @@ def _leg(piezo: Array, force: Array, kept: NDArray[np.intp], direction: int) -> 
 
 def _vertex(piezo: Array, force: Array, k: int) -> tuple[float, float]:
     """Piezo position and force at the extremum of the position next to a point; a corner is its own."""
-    if not 0 < k < piezo.size - 1:
+    near = piezo[max(k - 2, 0) : k + 3] - piezo[k]
+    if near.size < 5 or near[1] * near[3] <= 0.0:
         return float(piezo[k]), float(force[k])
-    below, above = piezo[k - 1] - piezo[k], piezo[k + 1] - piezo[k]
-    if below * above <= 0.0 or max(abs(below), abs(above)) > CORNER * min(abs(below), abs(above)):
+    below, above = float(near[1]), float(near[3])
+    flat, steep = (near[4], below) if abs(above) < abs(below) else (near[0], above)
+    if abs(flat) < CORNER * abs(steep):
         return float(piezo[k]), float(force[k])
     s = 0.5 * (below - above) / (below + above)
     half = 0.5 * (force[k + 1] - force[k - 1]), 0.5 * (force[k + 1] - 2 * force[k] + force[k - 1])
@@ -177,7 +172,7 @@ class Comparison:
             if abs(leg.jump.after - leg.jump.before) < SMALL * self.seen.noise:
                 continue
             own = self.curve.leg(back)
-            apart = [((recorded[own] - np.interp(piezo[own], *branch)) / self.seen.noise) ** 2 for branch in branches]
+            apart = [((recorded[own] - _between(piezo[own], *branch)) / self.seen.noise) ** 2 for branch in branches]
             first, last = apart[::-1] if back else apart
             score = np.cumsum(first - last)[:-1]
             weights = np.exp(-0.5 * (score - score.min()))
@@ -202,8 +197,8 @@ class Comparison:
         piezo = self.curve.piezo - contact_point
         return np.concatenate(
             [
-                np.interp(piezo[self.far], *approach.part(False)),
-                np.interp(piezo[self.near], *retract.part(True)),
+                _between(piezo[self.far], *approach.part(False)),
+                _between(piezo[self.near], *retract.part(True)),
                 approach.at(piezo[self.approach]),
                 retract.at(piezo[self.retract]),
             ]

@@ -92,6 +92,8 @@ def features(curve: ForceCurve, adhesive: bool) -> Features:
         If there is no contact in it, no adhesion where the contact attracts, or its force is reversed.
     """
     approach, retract = curve.leg(False), curve.leg(True)
+    if not np.ptp(curve.force):
+        raise InputError("curve: the force is the same everywhere; there is no contact to fit")
     noise = max(_noise(curve, approach, retract), QUIET * float(np.ptp(curve.force)), 1e-300)
     far_leg = _far_leg(curve, approach, retract)
     baseline, tilt = _baseline(curve, far_leg, noise)
@@ -116,6 +118,11 @@ def features(curve: ForceCurve, adhesive: bool) -> Features:
             f"curve: no adhesion: the force stays above {lowest:.3g} nN of its baseline, and the noise is "
             f"{noise:.3g} nN; work of adhesion and range cannot be found from it, Hertz' theory may do"
         )
+    if _gains(curve, force, allowed):
+        raise InputError(
+            "curve: where the surfaces attract, the force is lower on approach than on retraction, as if the loop gave "
+            "energy; are the samples reversed in time, or is there a drift?"
+        )
     far = np.argsort(curve.piezo[retract])[: max(3, retract.size // 50)]
     end = float(np.median(force[retract][far])) if retract.size else math.nan
     returned = bool(retract.size) and abs(end) < max(2 * allowed, 0.05 * (largest - lowest))
@@ -129,6 +136,24 @@ def features(curve: ForceCurve, adhesive: bool) -> Features:
     jump_in = _jump(curve, force, approach, sign, noise)
     pull_off = _jump(curve, force, retract, -sign, noise) if retract.size else None
     return Features(noise, baseline, tilt, jump_in, pull_off, lowest, largest, begun, returned)
+
+
+def _gains(curve: ForceCurve, force: Array, allowed: float) -> bool:
+    """Whether most of what lies between the legs, below the baseline, has the approach below the retraction."""
+    legs = []
+    for leg in (curve.leg(False), curve.leg(True)):
+        order = leg[np.argsort(curve.piezo[leg], kind="stable")]
+        legs.append((curve.piezo[order], force[order]))
+    (there, down), back = legs
+    if back[0].size < 2:
+        return False
+    apart = down - np.interp(there, *back, left=math.nan, right=math.nan)
+    apart = apart[(np.abs(apart) > 2 * allowed) & (down - np.maximum(apart, 0.0) < -allowed)]
+    return bool(
+        apart.size >= SAMPLES
+        and -apart.sum() > 2 * np.abs(apart[apart > 0]).sum()
+        and -apart.sum() > apart.size * 0.1 * -float(force.min())
+    )
 
 
 def _ramp(force: Array, noise: float) -> bool:

@@ -25,14 +25,14 @@ from contbranch.errors import InputError, ModelError
 from contbranch.measure.comparison import Comparison, Leg, legs
 from contbranch.measure.features import Features, MeasuredJump, features
 from contbranch.measure.force_curve import ForceCurve
-from contbranch.measure.quantities import LINE, Problem, State
+from contbranch.measure.quantities import LINE, NARROW, Problem, State
 from contbranch.measure.reduced import LIMITS, TABOR, curve_of, tabulated
 from contbranch.results.diagram import Cost
 from contbranch.results.fit import Correlations, Fit, FitJump, LawFit
 from contbranch.threads import one_thread
 from contbranch.watch import INTERRUPTIONS, Progress, caught, check, finishing, over, part, tell, told, watched
 
-__all__ = ["COMPARED", "fit"]
+__all__ = ["COMPARED", "fit", "named"]
 
 # Laws that are compared.
 COMPARED: Final = ("maugis-dugdale", "exponential", "van-der-waals", *LIMITS)
@@ -57,9 +57,13 @@ SHARP, GRID, HELD = 0.04, 6, 1e-7
 # Change of the sum of squares by which two minima are told apart.
 TOLD: Final = 9.0
 # Relative steps of derivatives.
-STEP: Final = 1e-5
+STEP: Final = 3e-4
 # A contact that takes a part of the spring's motion: slope in contact over the stiffness.
 COMPLIANT: Final = 0.8
+# A slope in contact that no contact on the spring has, over the stiffness.
+STIFFER: Final = 1.25
+# Residuals beside the noise that are larger than this share of the pull-off, or of a fifth of the largest force.
+ELSEWHERE: Final = 0.1
 # Jumps agree within this share of the force.
 AGREE: Final = 0.05
 
@@ -120,15 +124,18 @@ def fit(
         raise InputError("contact: must be a Contact with units, made by cb.Contact.physical(...) or from a file")
     if not terms_of(contact.interaction):
         raise InputError("contact: it has no interaction; give a law, with a start for its work of adhesion")
-    if isinstance(free, str):
-        free = tuple(name.strip() for name in free.split(","))
     began = perf_counter()
     with watched(progress, time_limit) as watch, warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of values that are tried on the way
-        fitting = _Fitting(curve.with_spring(spring), contact, tuple(free), tuple(fixed))
+        fitting = _Fitting(curve.with_spring(spring), contact, named(free), tuple(fixed))
         found = fitting.compared() if law == "compare" else fitting.result(fitting.law(law))
         found = replace(found, message=told(found.message), cost=Cost(perf_counter() - began, fitting.evaluations))
     return watch.passed(found)
+
+
+def named(free: Sequence[str]) -> tuple[str, ...]:
+    """Names, also those of one text with commas."""
+    return tuple(name.strip() for name in (free.split(",") if isinstance(free, str) else free))
 
 
 @dataclass(frozen=True)
@@ -163,8 +170,15 @@ class _Fitting:
         self.all = Comparison.of(self.curve, self.seen)
         self.few = Comparison.of(self.curve, self.seen, FEW)
         if not self.curve.rigid and self.curve.spring is None:
-            raise InputError("spring: missing; give the stiffness of the cantilever, such as spring='0.5 N/m'")
+            raise InputError("spring: missing; give the stiffness of the cantilever, such as '0.5 N/m'")
         self.stiffness = math.inf if self.curve.spring is None else self.curve.spring
+        slope, error = self._slope()
+        calibrated = not {"spring", "sensitivity"} & set(self.free)
+        if slope - 4 * error > STIFFER * self.stiffness * (1.0 if calibrated else NARROW):
+            raise InputError(
+                f"curve: pressed most, the force rises by {slope:.3g} nN/nm, and no contact is stiffer than its spring "
+                f"of {self.stiffness:.3g} nN/nm; is a unit wrong, the stiffness or (then free it) the sensitivity?"
+            )
 
     # -- laws ---------------------------------------------------------------------------------------------------------
     def law(self, name: str | None) -> _Minimum:
@@ -229,16 +243,18 @@ class _Fitting:
 
     def _modulus(self, radius: float, pull: float) -> float:
         """E² = k³/(6 F R) of a contact of stiffness k under F, by Hertz."""
-        slope = min(self._slope(), 0.95 * self.stiffness) or 1e-9
+        slope = min(self._slope()[0], 0.95 * self.stiffness) or 1e-9
         stiffness = slope / (1.0 - slope / self.stiffness)
         force = max(self.seen.largest, 0.0) + pull
         return math.sqrt(stiffness**3 / (6.0 * force * radius))
 
-    def _slope(self) -> float:
-        """Slope of the force where the tip is pressed most, on approach."""
+    def _slope(self) -> tuple[float, float]:
+        """Slope of the force where the tip is pressed most, on approach, and its error by the noise."""
         leg = self.curve.leg(False)
         top = leg[np.argsort(self.curve.piezo[leg])[-max(5, leg.size // 25) :]]
-        return abs(float(np.polyfit(self.curve.piezo[top], self.curve.force[top], 1)[0]))
+        piezo = self.curve.piezo[top]
+        error = self.seen.noise / max(float(np.std(piezo)) * math.sqrt(top.size), 1e-300)
+        return abs(float(np.polyfit(piezo, self.curve.force[top], 1)[0])), error
 
     def _starts(self, problem: Problem) -> Iterator[Array]:
         """Vectors from which to start: around the guess, and the contact given."""
@@ -472,8 +488,10 @@ class _Fitting:
     def _spread(self, found: _Minimum) -> float:
         """Standard deviation that independent residuals would have, were there as many as they are worth."""
         own = found.residuals[: found.comparison.samples.size] * found.spread
-        size = 1.4826 * float(np.median(np.abs(own)))
-        length = 1.0
+        size, length = 1.4826 * float(np.median(np.abs(own))), 1.0
+        if size <= MISFIT * self.seen.noise:  # the model's curve: all but outliers tell of the noise
+            clipped = np.clip(own, -ROBUST * size, ROBUST * size)
+            size = math.sqrt(float(clipped @ clipped) / max(own.size - found.x.size, 1))
         if size > MISFIT * self.seen.noise or found.spread > self.seen.noise:
             order = np.argsort(found.comparison.samples)
             length = _correlation_length(own[order])
@@ -484,6 +502,11 @@ class _Fitting:
         own = found.residuals[: found.comparison.samples.size] * found.spread
         return float(np.sqrt(np.mean(own**2)))
 
+    def _elsewhere(self, found: _Minimum) -> float:
+        """What the model leaves of the curve, if that is too much for its values to mean anything; otherwise 0."""
+        rest = math.sqrt(max(self._rms(found) ** 2 - self.seen.noise**2, 0.0))
+        return rest if rest > ELSEWHERE * max(-self.seen.lowest, 0.2 * self.seen.largest) else 0.0
+
     def result(self, found: _Minimum) -> Fit:
         """The minimum as a result."""
         problem = found.problem
@@ -493,7 +516,7 @@ class _Fitting:
         safe = np.where(errors > 0, errors, 1.0)
         matrix = covariance / np.outer(safe, safe)
         spreads = dict(zip(values, map(float, errors), strict=True))
-        known = self._known(found, values, spreads) if not tied else ()
+        known = self._known(found, values, spreads) if not tied and not self._elsewhere(found) else ()
         approach, retract = self._legs(problem, state)
         jumps = self._jumps(found.comparison.seen, state, approach, retract)
         law = problem.limit or (terms_of(state.contact.interaction)[0].name or "law")
@@ -592,6 +615,12 @@ class _Fitting:
         names, problem, words = list(values), found.problem, []
         if not found.converged:
             words.append("The minimisation did not converge.")
+        rest = self._elsewhere(found)
+        if rest:
+            words.append(
+                f"This is not a curve of such a contact: it is {rest:.3g} nN away from the closest one (pull-off "
+                f"{-self.seen.lowest:.3g} nN), and the values mean nothing."
+            )
         words.append(f"The data determine {_listed(known)}." if known else "The data determine none of the values.")
         open_ = [name for name in names if name not in known]
         for name in open_:
@@ -604,9 +633,10 @@ class _Fitting:
         ]
         if tied:
             words.append(f"{'; '.join(tied)}."[0].upper() + f"{'; '.join(tied)}."[1:])
-        if "sensitivity" in names and self._slope() < COMPLIANT * self.stiffness:
+        slope, _ = self._slope()
+        if "sensitivity" in names and slope < COMPLIANT * self.stiffness:
             words.append(
-                f"Pressed most, the force rises by {self._slope():.3g} nN/nm, {self._slope() / self.stiffness:.2f} of "
+                f"Pressed most, the force rises by {slope:.3g} nN/nm, {slope / self.stiffness:.2f} of "
                 "the spring's stiffness: a compliant contact, or a recorded deflection that is too small. The slope "
                 "alone does not tell which; here the curve's bend and its jumps have decided."
             )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from hashlib import sha256
 from typing import Any, Final, Self
 
 import numpy as np
@@ -19,6 +20,8 @@ __all__ = ["COLUMNS", "ForceCurve"]
 COLUMNS: Final = {"piezo": "length", "tip": "length", "force": "force", "deflection": "length"}
 # Legs with fewer samples than this say nothing.
 LEAST: Final = 8
+# Columns that change by less than this (nm, nN) are in metres and newtons.
+METRES: Final = {"piezo": 0.1, "tip": 0.1, "force": 1e-5, "deflection": 1e-4}
 # A drive that moves steadily: the median of its ways in parts of a leg as a share of their mean.
 STEADY: Final = 0.2
 WORDS: Final = ("approach", "retract")
@@ -46,6 +49,8 @@ class ForceCurve:
         Units of `piezo`, `tip`, `force` and `deflection` where they are not nm and nN, such as ``{"piezo": "um"}``.
     source : str
         Where it is from.
+    place : mapping, optional
+        Where in a map: ``x`` and ``y`` (nm), or ``row`` and ``column``.
 
     Raises
     ------
@@ -60,6 +65,7 @@ class ForceCurve:
     source: str = ""
     deflected: bool = False
     rigid: bool = field(default=False)
+    place: Mapping[str, float] = field(default_factory=dict)
 
     def __init__(
         self,
@@ -70,11 +76,13 @@ class ForceCurve:
         **others: Any,
     ) -> None:
         units: Mapping[str, str] = others.pop("units", None) or {}
-        source = str(others.pop("source", ""))
+        source, place = str(others.pop("source", "")), others.pop("place", None) or {}
         given = {"piezo": piezo, "force": force, **others}
         unknown = [name for name in (*given, *units) if name not in COLUMNS]
         if unknown:
-            raise InputError(f"curve: {unknown[0]!r} is not known; must be one of {', '.join(COLUMNS)}, units, source")
+            raise InputError(
+                f"curve: {unknown[0]!r} is not known; must be one of {', '.join(COLUMNS)}, units, source, place"
+            )
         columns = {name: _column(values, name, units.get(name)) for name, values in given.items() if values is not None}
         for one, other in (("piezo", "tip"), ("force", "deflection")):
             if (one in columns) == (other in columns):
@@ -95,6 +103,7 @@ class ForceCurve:
             "spring": stiffness,
             "retract": _retract(segment, drive),
             "source": source,
+            "place": dict(place),
             "deflected": "deflection" in columns,
             "rigid": "tip" in columns and stiffness is None,
         }
@@ -123,6 +132,11 @@ class ForceCurve:
         if self.deflected and self.spring:
             changed.__dict__["force"] = self.force * (stiffness / self.spring)
         return changed
+
+    def describe(self) -> dict[str, Any]:
+        """What tells it from other curves: its place, and a hash of its samples."""
+        parts = (self.piezo, self.force, self.retract, np.array([self.spring or np.inf, self.rigid, self.deflected]))
+        return {**self.place, "samples": sha256(b"".join(part.tobytes() for part in parts)).hexdigest()}
 
     def leg(self, retract: bool) -> NDArray[np.intp]:
         """Numbers of the samples of approach or retraction, in the order in which they were measured."""
@@ -160,7 +174,15 @@ def _column(values: ArrayLike, name: str, unit: str | None) -> Array:
     wrong = int((~np.isfinite(found)).sum())
     if wrong:
         raise InputError(f"curve: {wrong} of {found.size} values of {name} are not finite; leave those samples out")
-    return found if unit is None else found * parse(f"1 {unit}", COLUMNS[name], f"curve: unit of {name}")
+    if unit is not None:
+        found *= parse(f"1 {unit}", COLUMNS[name], f"curve: unit of {name}")
+    change, unit, other = float(np.ptp(found)), *(("nN", "N") if name == "force" else ("nm", "m"))
+    if 0.0 < change < METRES[name]:
+        raise InputError(
+            f"curve: {name} changes by {change:.2g} {unit} in all; is its unit another one, such as {other}? "
+            f"Give it: '{name} [{other}]' in a file's first line, or units={{'{name}': '{other}'}}"
+        )
+    return found
 
 
 def _retract(segment: Sequence[Any] | NDArray[Any] | None, drive: Array) -> NDArray[np.bool_]:

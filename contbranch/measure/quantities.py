@@ -15,7 +15,7 @@ from contbranch.contact.parameters import parameters_of
 from contbranch.errors import InputError
 from contbranch.measure.reduced import TABOR, tabulated
 
-__all__ = ["LINE", "Problem", "State"]
+__all__ = ["LINE", "NARROW", "Problem", "State"]
 
 LINE: Final = ("contact_point", "baseline", "tilt")
 INSTRUMENT: Final = ("spring", "sensitivity")

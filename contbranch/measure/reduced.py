@@ -44,8 +44,9 @@ TABOR: Final = (0.0302, 24.5)
 RATIO: Final = math.exp(0.2)
 # Nodes of the interpolation between them.
 NODES: Final = 6
-# Places along a curve without contact and in contact.
+# Places of tables along a curve without contact and in contact, and of curves for each step from one to the next.
 PLACES: Final = (240, 360)
+FINER: Final = 5
 # Rows between which curves are interpolated are at most so far apart.
 APART: Final = 0.08
 # Accuracy of tabulated curves, and of those that are traced each time.
@@ -110,14 +111,14 @@ def curve_of(contact: Contact, largest: float, limit: str = "") -> Curve:
 
 # -- closed forms -----------------------------------------------------------------------------------------------------
 def _jkr(top: float) -> Curve:
-    a = np.linspace(0.0, 1.0, PLACES[1]) * (1.5 * top + 10.0) ** (1 / 3)
+    a = np.linspace(0.0, 1.0, FINER * PLACES[1]) * (1.5 * top + 10.0) ** (1 / 3)
     load = 4 / 3 * a**3 - np.sqrt(8 * math.pi * a**3)
     return Curve(np.append(0.0, load), np.append(-_FAR, a * a - np.sqrt(2 * math.pi * a)))
 
 
 def _dmt(top: float) -> Curve:
-    a = np.linspace(0.0, 1.0, PLACES[1]) * (1.5 * top + 10.0) ** (1 / 3)
-    fall = np.linspace(0.0, -2 * math.pi, 20)
+    a = np.linspace(0.0, 1.0, FINER * PLACES[1]) * (1.5 * top + 10.0) ** (1 / 3)
+    fall = np.linspace(0.0, -2 * math.pi, 100)
     load = np.concatenate([[0.0], fall, 4 / 3 * a[1:] ** 3 - 2 * math.pi])
     return Curve(load, np.concatenate([[-_FAR], 0.0 * fall, a[1:] ** 2]))
 
@@ -130,12 +131,14 @@ def _maugis(tabor: float, top: float) -> Curve:
     """Maugis' solution: the radius of the interaction grows without contact, then the rim's angle falls."""
     zone = Zone(*(np.asarray(x) for x in (1.0, 1.0, 1.0, 1.0 / tabor)))
     bend, end = 4 / math.pi * float(zone.strain), float(zone.touch_radius())
-    apart = maugis.without_contact(zone, bend * np.sinh(np.linspace(0.0, 1.0, PLACES[0]) * math.asinh(end / bend)))
+    apart = maugis.without_contact(
+        zone, bend * np.sinh(np.linspace(0.0, 1.0, FINER * PLACES[0]) * math.asinh(end / bend))
+    )
     unit = float(1.0 / (1.0 + 0.5 / tabor**3))
     # in contact cot² θ = v sinh u up to a² = Y, where the zone is narrow or as wide as without elasticity
     deep = _depth(top)
     most = math.asinh(deep * max(1.0, tabor) / unit * max(1.0, deep))
-    tau = 1 / np.sqrt(unit * np.sinh(most * np.linspace(0.0, 1.0, PLACES[1])[1:] ** 2))
+    tau = 1 / np.sqrt(unit * np.sinh(most * np.linspace(0.0, 1.0, FINER * PLACES[1])[1:] ** 2))
     touching = maugis.in_contact(zone, tau)
     load = np.concatenate([[0.0], apart.load, touching.load])
     displacement = np.concatenate([[-_FAR], apart.displacement, touching.displacement])
@@ -160,15 +163,15 @@ def _between(law: type[Interaction], sign: float, tabor: float, top: float) -> C
     else:
         weights = [math.prod((place - other) / (node - other) for other in used if other != node) for node in used]
         rest = np.sum([w * _node(law, sign, node, top) for w, node in zip(weights, used, strict=True)], axis=0)
-    y = _places(law, tabor, top)
+    y = _places(law, tabor, top, FINER)
     hertz = 4 / 3 * np.maximum(y, 0.0) ** 1.5
     return Curve(np.append(0.0, rest[0] + hertz), np.append(-_FAR, rest[1] + y))
 
 
-def _places(law: type[Interaction], tabor: float, top: float) -> Array:
+def _places(law: type[Interaction], tabor: float, top: float, finer: int = 1) -> Array:
     """Places along the curve: −g0 without contact, a² in contact."""
-    far = np.linspace(1.0, 0.0, PLACES[0]) ** 2 * math.asinh(_reach(law))
-    near = np.linspace(0.0, 1.0, PLACES[1])[1:] ** 2 * math.asinh(tabor * _depth(top))
+    far = np.linspace(1.0, 0.0, finer * (PLACES[0] - 1) + 1) ** 2 * math.asinh(_reach(law))
+    near = np.linspace(0.0, 1.0, finer * (PLACES[1] - 1) + 1)[1:] ** 2 * math.asinh(tabor * _depth(top))
     return np.concatenate([-np.sinh(far), np.sinh(near)]) / tabor
 
 
@@ -178,11 +181,22 @@ def _reach(law: type[Interaction]) -> float:
 
 
 def _node(law: type[Interaction], sign: float, node: int, top: float) -> Array:
-    """A table's curve, made once."""
+    """A table's curve at `FINER` places for each of its own, made once."""
     key = law, sign, node, top
     if key not in _NODES:
-        _NODES[key] = _made(*key)
+        made, touch = _made(*key), PLACES[0] - 1
+        sides = _finer(made[:, : touch + 1]), _finer(made[:, touch:])
+        _NODES[key] = np.concatenate([sides[0], sides[1][:, 1:]], axis=1)
     return _NODES[key]
+
+
+def _finer(rows: Array, smooth: bool = True) -> Array:
+    """Rows (2, M) with `FINER` steps in place of each; by splines that follow corners where rows are not smooth."""
+    from scipy.interpolate import Akima1DInterpolator, CubicSpline
+
+    last = rows.shape[1] - 1
+    spline = (CubicSpline if smooth else Akima1DInterpolator)(np.arange(last + 1), rows, axis=1)
+    return np.asarray(spline(np.linspace(0, last, FINER * last + 1)))
 
 
 _NODES: dict[tuple[type[Interaction], float, int, float], Array] = {}
@@ -278,7 +292,7 @@ def _traced(contact: Contact, largest: float) -> Curve:
     )
     if key not in _CURVES:
         rows = _rows(_track(reduced, COARSE, top))
-        _CURVES[key] = Curve(rows[1], rows[2])
+        _CURVES[key] = Curve(*_finer(rows[1:], smooth=False))
         if len(_CURVES) > KEPT:
             _CURVES.popitem(last=False)
     return _CURVES[key].scaled(scales.load, scales.normal)

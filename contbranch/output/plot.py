@@ -24,10 +24,9 @@ from contbranch.output.plot_curve import Line, Piece, coordinate, fine_profile, 
 from contbranch.output.plot_labels import place_labels
 from contbranch.output.plot_maps import cell_maps
 from contbranch.output.plot_view import (
-    BLUE,
     DASHES,
     GREY,
-    ORANGE,
+    SERIES,
     arrange_panels,
     axis_label,
     check_observables,
@@ -60,13 +59,11 @@ Array = NDArray[np.float64]
 
 SUFFIXES: Final = (".pdf", ".png", ".svg")
 
-_STABLE, _UNSTABLE, _TOUCH = BLUE, ORANGE, "#009E73"
-_SYMMETRY: Final = "#CC79A7"
+_STABLE, _UNSTABLE, _TOUCH, _SYMMETRY = SERIES[:4]
 _MODES: Final = 6  # up to so many losses of symmetry are all labelled; of more, those of the least and the largest m
 _MOST: Final = 8  # labels of a panel
 _CLOSE: Final = 6.0  # pixels between points that are not told apart
 _KNOWN: Final = 0.1  # local exponents with a larger error are not drawn
-_SERIES: Final = (_STABLE, _UNSTABLE, _TOUCH, _SYMMETRY, "#E69F00", "#56B4E9")
 
 
 def draw(result: Any) -> Figure:
@@ -227,7 +224,7 @@ def local_exponent(diagram: Diagram, events: Sequence[Event] | None = None) -> F
                 text, (1.0, level), (3.0, 0.0), xycoords=axes.get_yaxis_transform(), textcoords="offset points",
                 va="center", color=GREY, fontsize=rcParams["legend.fontsize"], annotation_clip=False,
             )  # fmt: skip
-        for event, color in zip(chosen, _SERIES * (1 + len(chosen) // len(_SERIES)), strict=False):
+        for event, color in zip(chosen, SERIES * (1 + len(chosen) // len(SERIES)), strict=False):
             _draw_exponent(axes, diagram, event, color)
         axes.set_xscale("log")
         shown = np.concatenate([line.get_ydata() for line in axes.get_lines()])

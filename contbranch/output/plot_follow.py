@@ -20,12 +20,13 @@ from contbranch.results.record import OBSERVABLES
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
     from contbranch.results.followed import Followed
     from contbranch.results.phase import PhaseDiagram
 
-__all__ = ["followed_curve", "phase_figure"]
+__all__ = ["followed_curve", "is_logarithmic", "parameter_label", "phase_figure", "scale_axis"]
 
 Array = NDArray[np.float64]
 
@@ -144,18 +145,20 @@ def _spacing(axes: Axes, parameter: str, values: Array) -> bool:
     A stiffness runs from 0, load control, to infinity, displacement control; any other axis shows its zero.
     """
     finite = values[np.isfinite(values) & ((values != 0.0) | (parameter != "stiffness"))]
-    logarithmic = bool(finite.size and finite.min() > 0 and finite.max() > _LOGARITHMIC * finite.min())
-    if logarithmic:
-        axes.set_xscale("log")
-        if finite.max() < 100.0 * finite.min():
-            axes.xaxis.set_major_formatter(mpl.ticker.FuncFormatter(lambda value, _: f"{value:g}"))
-            axes.xaxis.set_minor_formatter(mpl.ticker.NullFormatter())
-            axes.xaxis.set_major_locator(
-                mpl.ticker.LogLocator(
-                    subs=(1.0, 2.0, 3.0, 5.0) if finite.max() < 20.0 * finite.min() else (1.0, 2.0, 5.0)
-                )
-            )
-    return logarithmic
+    return scale_axis(axes.xaxis, finite)
+
+
+def scale_axis(axis: Axis, values: Array) -> bool:
+    """Make an axis logarithmic where the values on it ask for it, with ticks at round numbers."""
+    if not is_logarithmic(values):
+        return False
+    (axis.axes.set_xscale if axis is axis.axes.xaxis else axis.axes.set_yscale)("log")
+    ratio = values.max() / values.min()
+    if ratio < 100.0:
+        axis.set_major_formatter(mpl.ticker.FuncFormatter(lambda value, _: f"{value:g}"))
+        axis.set_minor_formatter(mpl.ticker.NullFormatter())
+        axis.set_major_locator(mpl.ticker.LogLocator(subs=(1.0, 2.0, 3.0, 5.0) if ratio < 20.0 else (1.0, 2.0, 5.0)))
+    return True
 
 
 def _lines(followed: Followed, y: str, logarithmic: bool) -> list[tuple[Array, Array, bool]]:
@@ -184,12 +187,18 @@ def _mark(axes: Axes, kind: str, x: float, y: float) -> None:
 
 
 def _label(axes: Axes, parameter: str, units: Mapping[str, str], y: str, natural: bool) -> None:
-    axes.set_xlabel(_parameter_label(parameter, units))
+    axes.set_xlabel(parameter_label(parameter, units))
     axes.set_ylabel(axis_label(y, units, natural))
 
 
-def _parameter_label(parameter: str, units: Mapping[str, str]) -> str:
+def is_logarithmic(values: Array) -> bool:
+    """Whether values are shown on a logarithmic axis."""
+    return bool(values.size and values.min() > 0 and values.max() > _LOGARITHMIC * values.min())
+
+
+def parameter_label(parameter: str, units: Mapping[str, str]) -> str:
     """Words, symbol and unit of a parameter."""
+    parameter = parameter.removeprefix("material.")
     words, unit = _NAMES.get(parameter, parameter), ""
     which, _, name = parameter.rpartition(".")
     if which.startswith("interaction") and name in _FIELDS:

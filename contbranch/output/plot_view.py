@@ -26,12 +26,14 @@ if TYPE_CHECKING:
     from contbranch.contact.contact import Contact
     from contbranch.results.diagram import Diagram
 
-__all__ = ["BLUE", "DASHES", "GREY", "ORANGE", "WIDTH", "Limits", "arrange_panels", "axis_label"]
+__all__ = ["BLUE", "DASHES", "GREY", "ORANGE", "SERIES", "WIDTH", "Limits", "arrange_panels", "axis_label"]
 __all__ += ["check_observables", "handle", "has_natural_units", "new_figure", "panel_title", "view"]
 
 BLUE: Final = "#0072B2"
 ORANGE: Final = "#D55E00"
 GREY: Final = "#555555"
+# Colours that the colour-blind tell apart, for several curves.
+SERIES: Final = (BLUE, ORANGE, "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 DASHES: Final = (0, (3.2, 1.6))
 STYLE: Final[Any] = {
     "font.size": 8.0,

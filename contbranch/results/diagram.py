@@ -607,6 +607,12 @@ class Solution(State, Result):
         """All states found, or this one; none where an interrupted search has not found any."""
         return self.states or (() if np.isnan(self.load) else (self,))
 
+    def plot(self) -> Figure:
+        """Draw gap and pressure against the radius; where the tip is not round, maps of gap, pressure and contact."""
+        from contbranch.output.plot import draw
+
+        return draw(self)
+
     def tables(self) -> dict[str, Table]:
         """The states found, this one first."""
         names = {} if self.contact is None else self.contact.units.names

@@ -1,7 +1,7 @@
 """Maugis-Dugdale contact of a parabola: constant attraction up to the range z0, exact with and without contact.
 
 Equations (33)-(42) of the paper with the prefactor 4/3 restored in (35), and the solution without contact. For R = E
-= 1, sigma = w/z0 and the rim c of the interaction:
+= 1, sigma = w/z0 and the rim c of the interaction::
 
     contact:     d = a^2 - 2 sigma sqrt(c^2-a^2),   F = 4 [(d a - a^3/3)/2 - sigma int_a^c sqrt(c^2-t^2) dt],
                  z0 = (2/pi) [int_a^c (t^2-d)/sqrt(c^2-t^2) dt - 2 sigma (c-a)]

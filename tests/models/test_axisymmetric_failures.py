@@ -124,8 +124,29 @@ def test_a_table_that_ends_too_early():
     gaps = np.linspace(0.0, 2.0, 60)
     law = cb.Tabulated(gaps=tuple(gaps), energies=tuple(-np.exp(-gaps)))
     diagram = cb.trace(cb.Contact(cb.Parabola(1.0), law, 1.0))
-    assert diagram.status == "incomplete"
-    assert "2" in diagram.message
+    assert diagram.status == "complete"
+    assert "ends at a gap of 2 before the law has decayed" in diagram.message
+    begin = diagram.events[0]
+    assert (begin.kind, begin.name) == ("end", "table-end")
+    assert begin.central_gap == pytest.approx(2.0, abs=1e-9)
+    assert diagram.branches[0].central_gap.max() == pytest.approx(2.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("range_", [30.0, 1.0])
+def test_a_contact_that_grows_to_the_edge_of_its_tip(range_):
+    """The film is felt out to the edge; dV = F dd between events, by splines through the rows."""
+    contact = cb.Contact(cb.SphericalCap(1.0), cb.Exponential(1.0, range_), 1.0)
+    diagram = cb.trace(contact)
+    assert diagram.status == "complete", diagram.message
+    end = diagram.events[-1]
+    assert (end.kind, end.name) == ("end", "tip-edge")
+    assert end.contact_radius == pytest.approx(0.999)
+    assert max(max(event.error.values()) for event in diagram.events) < 3e-6
+    assert cb.trace(contact, max_load=100.0).status == "incomplete"
+    finer = cb.trace(contact, accuracy=1e-8)
+    for event, other in zip(diagram.events, finer.events, strict=True):
+        for key, error in event.error.items():
+            assert abs(getattr(event, key) - getattr(other, key)) <= error + other.error[key]
 
 
 def test_a_table_of_a_law_gives_the_laws_diagram():

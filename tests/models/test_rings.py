@@ -359,3 +359,17 @@ def test_both_models_have_the_same_exponents() -> None:
         excess = np.geomspace(1e-4, 0.9 * min(local.excess[-1], other.excess[-1]), 5)
         kappa, expected = (np.interp(np.log(excess), np.log(found.excess), found.kappa) for found in (local, other))
         assert kappa == pytest.approx(expected, abs=5e-3)
+
+
+@pytest.mark.parametrize("tabor", [1 / 32, 1 / 64])
+def test_weak_films_begin_with_a_disc_at_rest(tabor: float) -> None:
+    """A disc at rest at the gap z0 is Hertz' contact until its peak 2c/π is the law's pressure σ = μ_T.
+
+    There, F = 4c³/3 = π³σ³/6 and d = c² − z0. A rigid tip squeezes the film out at 2πR|Δγ|.
+    """
+    diagram = cb.trace(cb.Contact.reduced(cb.MaugisDugdale, tabor=tabor, sign=-1))
+    topology, touch = (event for event in diagram.events if event.kind in ("topology", "touch"))
+    assert diagram.status == "complete"
+    assert topology.load == pytest.approx(np.pi**3 * tabor**3 / 6, abs=1e-6 * max(1, tabor))
+    assert topology.displacement == pytest.approx((np.pi * tabor / 2) ** 2 - 1 / tabor, abs=1e-6 / tabor)
+    assert 0.0 < touch.load / (2 * np.pi) - 1.0 < 2.0 * tabor**1.5

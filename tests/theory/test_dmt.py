@@ -23,7 +23,7 @@ def test_general_constants_and_inverse():
 
 
 def test_maugis_dugdale_approaches_it_for_long_range():
-    # the exact load at a given contact radius differs by O(mu_T) (l. 534-541)
+    # the exact load at a given contact radius differs by O(mu_T) (50)
     a = np.array([0.5, 2.0])
     errors = [np.max(np.abs(maugis.contact(a, interaction_range=1.0 / mu).load - dmt.load(a))) for mu in (1e-3, 1e-5)]
     assert errors[0] < 0.03

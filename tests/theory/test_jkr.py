@@ -49,7 +49,7 @@ def test_displacement_and_contact_radius_are_inverse_on_the_stable_part():
 
 
 def test_maugis_dugdale_approaches_it_for_short_range_as_the_square():
-    # l. 534-536: the corrections are O(mu_T^-2)
+    # (50), (51): the corrections are O(mu_T^-2)
     a = np.array([0.8, 2.0])
     errors = [
         np.max(np.abs(maugis.contact(a, interaction_range=1.0 / mu).load - jkr.load(a))) for mu in (100.0, 1000.0)

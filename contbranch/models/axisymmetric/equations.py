@@ -22,6 +22,7 @@ from scipy.linalg import lapack
 
 from contbranch.contact.interactions import Interaction
 from contbranch.contact.tips import Tip
+from contbranch.contact.validity import energy_pole
 from contbranch.models.quadrature import chebyshev_values, gauss, gauss_between
 
 from .mesh import Mesh
@@ -31,17 +32,22 @@ __all__ = ["RECENT", "ContactCoordinate", "Equations", "Fields"]
 
 Array = NDArray[np.float64]
 
-# Gauss nodes in end/r for what lies beyond the mesh.
-TAIL_NODES = 20
+# Gauss nodes in a power of end/r for what lies beyond the mesh, at most this one: energies around sharp tips decay
+# slowly.
+TAIL_NODES, SLOWEST = 20, 6.0
 # Below this size of the blocks a plain product is as fast.
 SMALLEST_SPLIT = 48
-# Relative step of the difference of a tip's shape between two meshes.
-STRETCH = 1e-5
+# A mesh that ends this close to a tip's edge ends there.
+WITHIN = 1.0 - 1e-12
+# Radii so much smaller than the distance from the rim do not matter for the slope of a tip's gap.
+APART = 1e-6
 # Solutions whose fields are kept: the ends of a step and what was tried between them.
 RECENT = 6
 
 # A minimum of the gap is deeper than this share of gap and displacement; places a node among which it is looked for.
 RIPPLE, BETWEEN = 1e-9, 3
+# Places on the innermost panel among which it is looked for around flat tips, and the first one's share of its length.
+CLOSE, CLOSEST = 60, 1e-4
 # Radii, in units of the contact's, at which the wall pressure is checked.
 PROBES = np.array([0.02, 0.3, 0.6, 0.8, 0.9])
 
@@ -120,6 +126,8 @@ class _Tail:
         Of the tip, and of the elastic displacement, which is 1 at the last node.
     rings : array (2, K)
         Weights of load and shift.
+    poles : array (K,)
+        What is taken off the energy per area, times its pole, where the integral would be infinite.
     answers : array (4, K)
         Weights with which the stiffness gives the last four numbers of `_Beyond`.
     """
@@ -129,9 +137,12 @@ class _Tail:
         node = math.hypot(float(mesh.nodes[-1]), radius)
         nodes, weights = gauss(TAIL_NODES)
         x = (nodes + 1) / 2
-        r = self.ends / x
+        exponent = float(self.ends * tip.height_derivative(self.ends) / tip.height(self.ends))
+        power = min(1 / max(2 * exponent - 2, 1 / SLOWEST), SLOWEST) if 1.0 < exponent < 1.5 else 1.0
+        r = self.ends / x**power
         self.last, self.height, self.fading = float(tip.height(node)), tip.height(r), node / r
-        ring = np.pi * weights * r * (self.ends / x**2)
+        ring = np.pi * weights * r * (power * r / x)
+        self.poles = 1 / (r * r)
         self.rings = np.array([ring, ring / (np.pi * np.sqrt(r * r - radius * radius))])
         sharing = np.array([1 - self.fading, self.fading])
         self.answers: Array = (self.rings[:, None] * sharing).reshape(4, -1)
@@ -273,9 +284,12 @@ class Equations:
         """
         if "spread" not in fields.derived:
             rho, a = self.mesh.nodes, fields.rim.radius
-            above, below = (self.tip.shape_gap(rho * (1 + side * STRETCH), a)[0] for side in (1, -1))
-            with np.errstate(invalid="ignore"):
-                gap = np.nan_to_num((above - below) / (2 * STRETCH))  # beyond the end of a tip nothing moves
+            gap = rho * self.tip.height_derivative(rho)
+            if a > 0:  # rho dg/drho = (2/π) (rho/r)² ∫_a^r ζ' t/√(r² − t²) dt, from its part in dg/da
+                steep = (2 / np.pi) * float(self.tip.transform_derivative(np.float64(a)))
+                around = rho * rho * ((fields.derived["shape_slope"] + steep * np.arctan2(rho, a)) / a)
+                gap = np.where(rho > a / APART, gap, around)
+            gap[~np.isfinite(gap)] = 0.0  # beyond the end of a tip nothing moves
             if a > 0:
                 gap -= 2 * a * a * fields.rim.plane_slope(fields.h - fields.rim_value)
             answer = np.zeros_like(gap)
@@ -344,14 +358,21 @@ class Equations:
         if isinstance(known, _Beyond):
             return known
         tail, found = self._tail_of(fields), NOTHING
-        if self.interaction is not None and tail.ends < self.tip.extent:
+        if self.interaction is not None and tail.ends < WITHIN * self.tip.extent:
             displacement = self._own_displacement(fields)
             lift = float(fields.gap[-1]) + displacement - tail.last
             energy, pressure, stiffness = self.interaction.evaluate(tail.height - displacement + lift * tail.fading)
             load, shift = (tail.rings @ pressure).tolist()
-            found = _Beyond(load, float(tail.rings[0] @ energy), shift, *(tail.answers @ stiffness).tolist())
+            beyond = float(tail.rings[0] @ (energy - self._pole * tail.poles)) - 2 * np.pi * self._pole * math.log(
+                tail.ends
+            )
+            found = _Beyond(load, beyond, shift, *(tail.answers @ stiffness).tolist())
         fields.derived["beyond"] = found
         return found
+
+    @cached_property
+    def _pole(self) -> float:
+        return energy_pole(self.tip, self.interaction)
 
     def _tail_of(self, fields: Fields) -> _Tail:
         if self._tail is None or self._tail.radius != fields.rim.radius:
@@ -388,6 +409,12 @@ class Equations:
             load + beyond.load_per_displacement * displacement - beyond.load_per_gap * gap,
             displacement + beyond.shift_per_displacement * displacement - beyond.shift_per_gap * gap,
         )
+
+    def load_per_stretch(self, fields: Fields) -> float:
+        """Rate of the load within the mesh with ln of its stretch at fixed nodal h: ∫ h dt is of order 1 in lengths."""
+        rim, a = fields.rim, fields.rim.radius
+        slope = 2 * a * a * rim.weights_slope(fields.h) - a * fields.rim_value if a > 0 else 0.0
+        return 2 * (float(rim.weights @ fields.h) - slope)
 
     # -- pressures inside the contact, admissibility ------------------------------------------------------------------
     def inner_pressure(self, fields: Fields, r: Array) -> Array:
@@ -431,31 +458,41 @@ class Equations:
         energy, pressure, _ = self.interaction.evaluate(np.zeros(1))
         return float(energy[0]), float(pressure[0])
 
-    def admissibility(self, fields: Fields, scale: float) -> float:
-        """Smallest of gap/scale outside the disc and of the wall pressure inside relative to the interaction's largest.
+    def admissibility(self, fields: Fields, scale: float) -> tuple[float, float]:
+        """Smallest of gap/scale outside the disc and of the wall pressure inside relative to the interaction's largest,
+        and where.
 
         Negative if a disc is wrong, or if the surfaces meet on a ring before they do at the centre; at most 1.
         """
-        least, a = min(1.0, self._lowest(fields) / scale), fields.rim.radius
+        (lowest, place), a = self._lowest(fields), fields.rim.radius
+        least = min(1.0, lowest / scale)
         if a > 0 and self.interaction is not None:
             own = self.contact_pressure()
             wall = self.inner_pressure(fields, a * PROBES) - own
             largest = max(abs(own), float(np.abs(fields.pressure).max()), 1 / scale)
-            least = min(least, float(wall.min()) / largest)
-        return least
+            if (pressed := float(wall.min()) / largest) < least:
+                least, place = pressed, 0.0
+        return least, place
 
-    def _lowest(self, fields: Fields) -> float:
-        """The lowest interior minimum of the gap that is no ripple of rounding; infinite without."""
-        gap, mesh = fields.gap, self.mesh
+    def _lowest(self, fields: Fields) -> tuple[float, float]:
+        """The lowest interior minimum of the gap that is no ripple of rounding, and its radius; infinite without."""
+        gap, mesh, nodes = fields.gap, self.mesh, self.mesh.nodes
+        if self.tip.apex_exponent > 2.0 and fields.rim.radius == 0.0:  # it may be anywhere close to a flat apex
+            close = mesh.innermost * np.append(0.0, np.geomspace(CLOSEST, 1.0, CLOSE)[:-1])
+            bare = self.tip.height(nodes)
+            lifted = mesh.interpolate(np.where(np.isfinite(bare), gap - bare, 0.0), close) + self.tip.height(close)
+            gap, nodes = np.concatenate([lifted, gap[mesh.order :]]), np.concatenate([close, nodes[mesh.order :]])
         inner = np.flatnonzero((gap[1:-1] < gap[:-2]) & (gap[1:-1] <= gap[2:])) + 1
         if len(inner) == 0:
-            return math.inf
+            return math.inf, 0.0
         lowest = inner[np.argmin(gap[inner])]
         if not gap[lowest] < gap[:lowest].max() - RIPPLE * (abs(self._own_displacement(fields)) + abs(gap[lowest])):
-            return math.inf
-        panels = np.clip(lowest // mesh.order + np.array([-1, 0, 1]), 0, mesh.panels - 1)
+            return math.inf, 0.0
+        panel = int(np.searchsorted(mesh.edges[1:-1], nodes[lowest], side="right"))
+        panels = np.clip(panel + np.array([-1, 0, 1]), 0, mesh.panels - 1)
         places = gauss_between(mesh.edges[panels], mesh.edges[panels + 1], BETWEEN * mesh.order)[0].ravel()
-        return min(float(gap[lowest]), float(mesh.interpolate(gap, places).min()))
+        least = min(float(gap[lowest]), float(mesh.interpolate(fields.gap, places).min()))
+        return least, math.hypot(float(nodes[lowest]), fields.rim.radius)
 
     # -- stability ----------------------------------------------------------------------------------------------------
     def unstable_modes(self, fields: Fields, finely: bool = True) -> int:

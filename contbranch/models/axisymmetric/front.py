@@ -1,9 +1,10 @@
-"""A front that moves with the mesh: where the gap rises steeply, it does so at the same place of a stretched mesh.
+"""What moves with the mesh, always at the same place of it: a front, where the gap rises steeply, or a tip's edge.
 
 Laws that do not pull at contact, the edge of a squeezed film and the rings of a layered liquid have a steep zone far
 outside of the contact, which travels while everything else stays smooth. On the mesh ``tau = e^σ ξ`` with fixed ξ,
 where σ is one more unknown and ``g(ξ_f) = g_f`` one more equation, it stands still, and steps are as long as the curve
-in these coordinates allows.
+in these coordinates allows. Where the interaction is felt out to the edge of a tip of finite extent, the pressure jumps
+to zero there: that is where the mesh ends.
 """
 
 from __future__ import annotations
@@ -20,14 +21,16 @@ from contbranch.contact.tips import Tip
 from .equations import Equations, Fields
 from .mesh import Mesh
 
-__all__ = ["Front", "felt", "steepest"]
+__all__ = ["Edge", "Front", "felt", "steepest"]
 
 # A front begins where the pressure changes by more than this multiple of its largest value over its distance from the
 # rim, ends where it changes by less than the second, and is moved where its own change is below this share.
 BEGINS, ENDS, FLATTER = 1.5, 1.0, 0.2
+# A mesh that ends beyond this share of the distance to the edge of the tip ends there.
+CLOSE_TO_EDGE = 0.8
 # Radius over which the interaction is felt in units of the length on which elasticity answers it, from which on steps
-# are limited by fronts.
-STIFF = 16.0
+# are limited by fronts; and from which on by such as are flatter by this factor, like the edges of large films.
+STIFF, LARGE, OF_FILMS = 16.0, 1000.0, 0.2
 
 
 @dataclass(frozen=True)
@@ -59,7 +62,20 @@ class Front:
         own = self.place / (np.abs(mesh.nodes - self.place) + self.width)
         return np.append(mesh.weights * (1.0 + own / math.log(2.0 + self.place / self.width)), self.weight)
 
-    def row(self, mesh: Mesh) -> tuple[slice, Array]:
+    def off(self, unit: Mesh, equations: Equations, fields: Fields, sigma: float) -> float:
+        """How far the gap at the front is from its own."""
+        nodes, row = self._row(unit)
+        return float(row @ fields.gap[nodes]) - self.gap
+
+    def derivatives(self, unit: Mesh, equations: Equations, fields: Fields) -> tuple[Array, float, float]:
+        """Those of `off` with respect to h, (N,), to σ and to y."""
+        nodes, row = self._row(unit)
+        plane = row @ fields.rim.plane[nodes]
+        plane -= plane.sum() * equations.rim_row
+        spread, slope = (row @ rates[0][nodes] for rates in (equations.spread(fields), equations.slopes(fields)))
+        return plane, float(spread), float(slope)
+
+    def _row(self, mesh: Mesh) -> tuple[slice, Array]:
         """The nodes of the panel on which the front lies, and their weights in a value at its place."""
         panel = int(np.searchsorted(mesh.edges[1:-1], self.place, side="right"))
         local = (self.place - mesh.edges[panel]) / mesh.half[panel] - 1.0
@@ -84,9 +100,53 @@ class Front:
         return math.log(low / self.place)
 
 
+@dataclass(frozen=True)
+class Edge:
+    """The mesh ends at the edge of the tip.
+
+    Attributes
+    ----------
+    place : float
+        Where it ended when that began.
+    """
+
+    place: float
+
+    def weights(self, mesh: Mesh) -> Array:
+        """Weights of the inner product of states, (N + 1,): σ follows from the rim."""
+        return np.append(mesh.weights, 0.0)
+
+    def off(self, unit: Mesh, equations: Equations, fields: Fields, sigma: float) -> float:
+        """How far ln s is from what it should be."""
+        return sigma - math.log(_to_edge(equations, fields) / self.place)
+
+    def derivatives(self, unit: Mesh, equations: Equations, fields: Fields) -> tuple[Array, float, float]:
+        """Those of `off` with respect to h, (N,), to σ and to y."""
+        growth = equations.coordinate.slopes(fields.y)[1] if equations.contact else 0.0
+        return np.zeros(unit.size), 1.0, 0.5 * growth / _to_edge(equations, fields) ** 2
+
+    def anchored(self, equations: Equations, fields: Fields) -> float:
+        """ln s for which the mesh ends at the edge."""
+        return math.log(_to_edge(equations, fields) / self.place)
+
+    @staticmethod
+    def needed(equations: Equations, fields: Fields, reach: float) -> Edge | None:
+        """The edge, if a mesh of that length comes close to it."""
+        extent = equations.tip.extent
+        if not math.isfinite(extent) or reach < CLOSE_TO_EDGE * (distance := _to_edge(equations, fields)):
+            return None
+        return Edge(distance)
+
+
+def _to_edge(equations: Equations, fields: Fields) -> float:
+    """Distance rho of the tip's edge from the rim."""
+    extent, a = equations.tip.extent, fields.rim.radius
+    return math.sqrt(max((extent - a) * (extent + a), 1e-300))
+
+
 def felt(tip: Tip, law: Interaction | None) -> float:
-    """Radius over which an interaction is felt; 0 where no one front is to be expected: layers have several."""
-    return 0.0 if law is None or math.isfinite(law.wave) else tip.radius_at(min(term.range for term in law.terms))
+    """Radius over which an interaction is felt; 0 without."""
+    return 0.0 if law is None else tip.radius_at(min(term.range for term in law.terms))
 
 
 def steepest(seen: tuple[Equations, Fields], present: Front | None, unit: Mesh, radius: float) -> Front | None:
@@ -103,14 +163,15 @@ def steepest(seen: tuple[Equations, Fields], present: Front | None, unit: Mesh, 
     """
     equations, fields = seen
     mesh = equations.mesh
-    if not float(np.abs(fields.stiffness).max()) * radius > STIFF:
+    stiff = float((np.abs(fields.stiffness) * np.maximum(mesh.nodes, radius)).max())
+    if not stiff > STIFF:
         return present
     steep = np.abs(mesh.nodes * mesh.derivative(fields.pressure)) / max(float(np.abs(fields.pressure).max()), 1e-300)
     place = int(np.argmax(steep))
-    if not steep[place] > (BEGINS if present is None else ENDS):
+    if not steep[place] > (BEGINS if present is None else ENDS) * (OF_FILMS if stiff > LARGE else 1.0):
         return None
     if present is not None:
-        nodes, _ = present.row(unit)
+        nodes, _ = present._row(unit)
         if float(steep[nodes].max()) > FLATTER * steep[place]:
             return present
     gap = fields.gap[max(place - 1, 0) : place + 2]

@@ -40,6 +40,8 @@ class Mesh:
         Increasing, ``edges[0] = 0``; reduced in-plane units.
     order : int
         Nodes a panel.
+    bounded : bool
+        Whether there is nothing beyond the last edge, where functions then end like square roots.
 
     Attributes
     ----------
@@ -51,7 +53,8 @@ class Mesh:
         ``(abel @ p)(tau) = 2 ∫_tau^∞ sigma p(sigma) / √(sigma² − tau²) dsigma`` (E = 1; nothing beyond the last edge).
     """
 
-    def __init__(self, edges: Array, order: int) -> None:
+    def __init__(self, edges: Array, order: int, bounded: bool = False) -> None:
+        self.bounded = bounded
         self.source: tuple[Mesh, float] | None = None  # what it was stretched from, and by how much
         self.edges = np.asarray(edges, dtype=float)
         self.rule = panel_rule(order)
@@ -66,15 +69,19 @@ class Mesh:
 
     @cached_property
     def finer(self) -> Mesh:
-        """A mesh on which this one's discretisation errors have all but vanished: graded, longer and of higher
-        order."""
+        """A mesh on which this one's discretisation errors have all but vanished: graded, longer (graded at its other
+        end) and of higher order."""
         if self.source is not None:
             mesh, factor = self.source
             return mesh.finer.stretched(factor)
         grading = [0.0, FINER_GRADING * self.innermost]
-        end = FINER_REACH * self.edges[-1]
         order = self.order + max(3, self.order // FINER_ORDER_SHARE)
-        return mesh_on(np.concatenate([grading, self.edges[1:], [end]]), order)
+        if self.bounded:
+            outer = self.edges[-1] - FINER_GRADING * (self.edges[-1] - self.edges[-2]) * np.array([1.0, 0.0])
+            edges = np.concatenate([grading, self.edges[1:-1], outer])
+        else:
+            edges = np.concatenate([grading, self.edges[1:], FINER_REACH * self.edges[-1:]])
+        return mesh_on(edges, order, self.bounded)
 
     def stretched(self, factor: float) -> Mesh:
         """The mesh with all lengths multiplied by a factor: `plane` stays as it is, and `abel` grows with them."""
@@ -87,8 +94,9 @@ class Mesh:
 
     def halved(self) -> Mesh:
         """A mesh with every panel cut in two, of the same order, and as long as the finer one."""
-        middles, end = (self.edges[:-1] + self.edges[1:]) / 2, FINER_REACH * self.edges[-1:]
-        return mesh_on(np.sort(np.concatenate([self.edges, middles, end])), self.order)
+        middles = (self.edges[:-1] + self.edges[1:]) / 2
+        end = FINER_REACH * self.edges[-1:] if not self.bounded else self.edges[:0]
+        return mesh_on(np.sort(np.concatenate([self.edges, middles, end])), self.order, self.bounded)
 
     @cached_property
     def to_finer(self) -> Array:
@@ -212,10 +220,10 @@ class Mesh:
         return panel, rows
 
 
-def mesh_on(edges: Array, order: int) -> Mesh:
+def mesh_on(edges: Array, order: int, bounded: bool = False) -> Mesh:
     """The mesh of these edges, one of the last ones if it is known: neighbouring events ask for the same."""
     check()
-    return _mesh_on(tuple(edges.tolist()), order)
+    return _mesh_on(tuple(edges.tolist()), order, bounded)
 
 
 def forget() -> None:
@@ -225,8 +233,8 @@ def forget() -> None:
 
 
 @lru_cache(MESHES)
-def _mesh_on(edges: tuple[float, ...], order: int) -> Mesh:
-    return Mesh(np.array(edges), order)
+def _mesh_on(edges: tuple[float, ...], order: int, bounded: bool) -> Mesh:
+    return Mesh(np.array(edges), order, bounded)
 
 
 @cache

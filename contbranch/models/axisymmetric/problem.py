@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.linalg import lapack
 
 from contbranch.contact.contact import Contact
-from contbranch.continuation import Adaptation, Balance, Linearisation, Options, Point
+from contbranch.continuation import Adaptation, Balance, CorrectionError, Linearisation, Options, Point
 from contbranch.control import Control
 from contbranch.curve.problem import (
     STEPS,
@@ -36,7 +36,7 @@ from contbranch.watch import check
 from .adapt import Solver, adapted_edges, defect_error, needed_reach, panel_errors
 from .azimuthal import counted, eigenvalues, mode_shape
 from .equations import RECENT, ContactCoordinate, Equations, Fields
-from .front import Front, felt, steepest
+from .front import Edge, Front, felt, steepest
 from .mesh import Mesh, mesh_on
 from .profile import profile_of
 from .relaxation import Release
@@ -87,11 +87,20 @@ TINY, MOVING = 1e-2, 0.1
 ROUNDS, NEARLY = 6, 1e-5
 # ln of the largest stretch of a mesh; a pivot below this share of its column says that the front alone moves.
 FARTHEST, TINY_PIVOT = 30.0, 1e-12
+# Radius of a contact under a flat tip in which rings that have been passed over do not matter, as a share of the
+# innermost panel.
+DISHED = 1e-3
 # A film whose response elasticity answers on a length below this is stiff; the contact behind first touch at which the
 # direction of the curve is then taken, as a share of the radius of the front.
 STIFF, SEEN = 1e-3, 0.01
+# By how much less than the parameter the state counts there, whose rate changes around the rim all along the kink.
+CALM = 10.0
 # Multiple of rounding at which corrections may stop contracting: stiff films are ill-conditioned.
 NOISE = 1e7
+# Edges of panels below this share of the distance to the edge of a tip are kept where the mesh is to end there.
+INSIDE = 0.97
+# Share of a tip's extent up to which the contact may grow, and beyond which the gap closes at its edge.
+WHOLE, OUTERMOST = 0.999, 0.9
 # At first touch a mesh aims at this share of the tolerance, since tiny contacts ask for more than the touch itself.
 AHEAD = 0.1
 
@@ -153,11 +162,9 @@ class ContactProblem(EquilibriumProblem):
     resolution : Resolution
     sharpness : float
         Factor by which the panels' own error guide was found too optimistic here.
-    front : Front or None
+    front : Front, Edge or None
         With it a state is (h, σ), and h belongs to the mesh of `equations` stretched by e^σ.
     """
-
-    ordered = True
 
     def __init__(
         self,
@@ -165,14 +172,17 @@ class ContactProblem(EquilibriumProblem):
         scale: float,
         resolution: Resolution,
         sharpness: float = 1.0,
-        front: Front | None = None,
+        front: Front | Edge | None = None,
     ) -> None:
         self.equations = equations
         self.scale = scale
         self.resolution = resolution
         self.sharpness = sharpness
         self.front = front
-        mesh = equations.mesh
+        mesh, law = equations.mesh, equations.interaction
+        # Where the film is squeezed out on a ring, round a flat tip or at an edge, the central gap may grow again.
+        layered = law is not None and math.isfinite(law.wave)
+        self.ordered = not (layered or self.flat or isinstance(front, Edge))
         self._weights = mesh.weights if front is None else front.weights(mesh)
         self._seen: list[tuple[Array, float, Equations, Fields]] = []
         self._corrected: tuple[Array, Solver] | None = None
@@ -209,35 +219,30 @@ class ContactProblem(EquilibriumProblem):
         return self.seen(x, u)[1]
 
     def residual(self, x: Array, p: float) -> Array:
-        """Residual R, (N,), and how far the gap at the front is from its own."""
-        fields = self.fields(x, p)
+        """Residual R, (N,), and how far the front is from its place."""
+        equations, fields = self.seen(x, p)
         if self.front is None:
             return fields.residual
-        nodes, row = self.front.row(self.equations.mesh)
-        return np.append(fields.residual, row @ fields.gap[nodes] - self.front.gap)
+        return np.append(fields.residual, self.front.off(self.equations.mesh, equations, fields, float(x[-1])))
 
     def jacobian(self, x: Array, p: float) -> Array:
-        """dR/dx, (N, N); with a front bordered by the derivatives with respect to σ and by those of the gap there."""
+        """dR/dx, (N, N); with a front bordered by the derivatives with respect to σ and those of its equation."""
         equations, fields = self.seen(x, p)
         if self.front is None:
             return equations.jacobian(fields)
         n = equations.mesh.size
         matrix = np.empty((n + 1, n + 1))
         matrix[:n, :n] = equations.jacobian(fields)
-        nodes, row = self.front.row(self.equations.mesh)
-        gap, matrix[:n, n] = equations.spread(fields)
-        matrix[n, :n] = row @ fields.rim.plane[nodes]
-        matrix[n, :n] -= matrix[n, :n].sum() * equations.rim_row
-        matrix[n, n] = row @ gap[nodes]
+        matrix[:n, n] = equations.spread(fields)[1]
+        matrix[n, :n], matrix[n, n], _ = self.front.derivatives(self.equations.mesh, equations, fields)
         return matrix
 
     def parameter_derivative(self, x: Array, p: float) -> Array:
-        """dR/du, (N,), and that of the gap at the front."""
+        """dR/du, (N,), and that of the front's equation."""
         equations, fields = self.seen(x, p)
-        gap, residual = equations.slopes(fields)
+        residual = equations.slopes(fields)[1]
         if self.front is not None:
-            nodes, row = self.front.row(self.equations.mesh)
-            residual = np.append(residual, row @ gap[nodes])
+            residual = np.append(residual, self.front.derivatives(self.equations.mesh, equations, fields)[2])
         return residual * (self.scale * math.cosh(p))
 
     def linearise(self, x: Array, p: float) -> Linearisation:
@@ -288,14 +293,16 @@ class ContactProblem(EquilibriumProblem):
             negligible = min(0.1, START_SHARE * self.resolution.accuracy / (2 * math.pi))
             if control.spring_stiffness is not None:
                 negligible = min(negligible, SOFTER * control.spring_stiffness * self.scale / (2 * math.pi))
-            far = law.reach(max(negligible, np.finfo(float).tiny))
+            far = min(law.reach(max(negligible, np.finfo(float).tiny)), law.ends)
             width = contact.axisymmetric_tip.radius_at(min(far, 4 * max(term.range for term in law.terms)))
             edges = start_edges(width, max(contact.axisymmetric_tip.radius_at(far), 2 * width))
             problem = self.on_mesh(mesh_on(edges, self.resolution.order))
             u = self.parameter(-max(far, self.scale))
-        self.resolution.far = u
-        problem, x = problem.resolved(problem.solve_at(np.zeros(problem.size), u), u, self.resolution.tolerance)
-        return oriented(problem, x, u, (np.zeros(problem.size), 1.0))
+        self.resolution.far, x = u, np.zeros(problem.size)
+        if isinstance(front := problem._fronted(x, u), Edge):
+            problem, x = problem.anchored(front, x, u)
+        problem, x = problem.resolved(problem.solve_at(x, u), u, self.resolution.tolerance)
+        return oriented(problem, x, u, (np.zeros(x.size), 1.0))
 
     def resolved(self, x: Array, p: float, tolerance: float) -> tuple[ContactProblem, Array]:
         """The problem on a mesh that resolves a solution, as far as that succeeds in some rounds, and the solution."""
@@ -311,12 +318,15 @@ class ContactProblem(EquilibriumProblem):
         if step is None:
             return super().balance(start)
         length = step / STEPS.first_step
-        return Balance(length * math.sqrt(self.inner(start.tangent_x, start.tangent_x)), length)
+        return Balance(CALM * length * math.sqrt(self.inner(start.tangent_x, start.tangent_x)), length)
 
     @property
     def parameter_range(self) -> tuple[float, float]:
-        """First touch, u = 0, is where either side ends."""
-        return (0.0, math.inf) if self.equations.contact else (self.resolution.far, 0.0)
+        """First touch, u = 0, is where either side ends; a contact grows no larger than the tip."""
+        if not self.equations.contact:
+            return self.resolution.far, 0.0
+        coordinate, extent = self.equations.coordinate, self.equations.tip.extent
+        return 0.0, self.parameter(coordinate.of(extent, 0.0)) if math.isfinite(extent) else math.inf
 
     def steps(self, start: Point) -> Options:
         """Far away a step may be long, since the elastic body answers little; not so long as to miss a layer."""
@@ -332,7 +342,15 @@ class ContactProblem(EquilibriumProblem):
         equations, fields = self.seen(x, p)
         if "admissible" not in fields.derived:
             fields.derived["admissible"] = equations.admissibility(fields, self.scale)
-        return {"inadmissible": fields.derived["admissible"] + (TOLERATED if self.equations.contact else 0.0)}
+        least, radius = fields.derived["admissible"]
+        least, extent = least + (TOLERATED if self.equations.contact else 0.0), equations.tip.extent
+        if not math.isfinite(extent):
+            return {"inadmissible": least}
+        outside = radius > OUTERMOST * extent  # the edge of a tip is a corner, at which films are squeezed out first
+        return {
+            "inadmissible": 1.0 if outside else least,
+            "tip-edge": min(WHOLE - fields.rim.radius / extent, least if outside else 1.0),
+        }
 
     def successor(self, name: str, points: Sequence[Point]) -> Succession | None:
         """First touch is followed by a disc of contact, a contact set that stops being a disc by any other.
@@ -351,8 +369,10 @@ class ContactProblem(EquilibriumProblem):
         disc, h = still._behind(), last.x[: still.size]
         start = disc.touching(h)
         problem = start.problem
-        step = problem.ahead() if isinstance(problem, ContactProblem) and disc.resists(h) else None
-        return Succession("touch", last, (start,), step=step, others=lambda: disc.graded(h))
+        kinked = isinstance(problem, ContactProblem) and (problem.flat or disc.resists(h))
+        step = problem.ahead() if isinstance(problem, ContactProblem) and kinked else None
+        starts = (*disc.passed(start), start) if disc.flat else (start,)
+        return Succession("touch", last, starts, step=step, others=lambda: disc.graded(h) + disc.passed(start))
 
     def _behind(self) -> ContactProblem:
         """The problem on the other side of first touch."""
@@ -398,17 +418,17 @@ class ContactProblem(EquilibriumProblem):
     def touching(self, x: Array) -> Point:
         """First touch as a point of the side in contact, towards larger contacts, on a mesh that resolves it."""
         problem, x = self.resolved(x, 0.0, AHEAD * self.resolution.tolerance)
-        if self.resolution.moving:
-            front = steepest(problem.seen(x, 0.0), None, problem.equations.mesh, self.resolution.moving)
-            problem, x = problem.anchored(front, x, 0.0)
-        if problem.front is not None and problem.resists(x):
+        problem, x = problem.anchored(problem._fronted(x, 0.0), x, 0.0)
+        if problem.moves and problem.resists(x):
             return problem._beyond(x)
         rate, one = problem.direction(x, 0.0)
         return Point(problem, x, 0.0, rate, one, observables=problem.values(x, 0.0)._asdict(), label="start")
 
     def ahead(self) -> float:
         """Parameter of a contact that has long passed the kink, seen from the front."""
-        radius = SEEN * (1.0 if self.front is None else self.front.place)
+        radius = SEEN * (self.front.place if isinstance(self.front, Front) else 1.0)
+        if self.flat:
+            radius = min(radius, DISHED * self.equations.mesh.innermost)
         return self.parameter(self.equations.coordinate.of(radius, 0.0))
 
     def _beyond(self, x: Array) -> Point:
@@ -423,11 +443,23 @@ class ContactProblem(EquilibriumProblem):
             problem, x, 0.0, (here - x) / ahead, 1.0, observables=problem.values(x, 0.0)._asdict(), label="start"
         )
 
+    def passed(self, start: Point) -> list[Point]:
+        """A contact that has passed its kink, where rounding hides the way from first touch to there."""
+        problem = equilibrium(start)
+        if not (isinstance(problem, ContactProblem) and (problem.flat or problem.resists(start.x))):
+            return []
+        ahead = problem.ahead()
+        x = problem.solve_at(start.x + ahead * start.tangent_x / start.tangent_parameter, ahead)
+        try:
+            return [oriented(problem, x, ahead, problem.direction(x, ahead))]
+        except (CorrectionError, np.linalg.LinAlgError):
+            return []
+
     @property
-    def limitation(self) -> str:
-        """Where a law ends."""
+    def begins(self) -> str | None:
+        """The end of a law's table."""
         law = self.equations.interaction
-        return law.limitation if law is not None else ""
+        return None if law is None or math.isinf(law.ends) else "table-end"
 
     def ending(self, name: str, point: Point) -> str:
         """Why the curve ends."""
@@ -436,15 +468,17 @@ class ContactProblem(EquilibriumProblem):
                 "The branch ends where the contact set stops being a disc: the gap would close outside the contact, or "
                 "the wall would have to pull."
             )
-        tip, limitation = self.equations.tip, self.limitation
+        if name == "tip-edge":
+            return "The contact has come to the edge of the tip, where its description ends."
+        tip = self.equations.tip
         if not math.isfinite(tip.extent):
-            return limitation
+            return ""
         equations, fields = self.seen(point.x, point.parameter)
         r = np.hypot(equations.mesh.nodes, fields.rim.radius)
         felt = r[np.abs(fields.pressure) > 1e-3 * np.abs(fields.pressure).max()]
         if max(fields.rim.radius, float(felt.max(initial=0.0))) < 0.9 * tip.extent:
-            return limitation
-        return f"{limitation} The contact, or the interaction around it, has reached the end of the tip.".strip()
+            return ""
+        return "The contact, or the interaction around it, has reached the end of the tip."
 
     def before(self, control: Control, value: float) -> Point | None:
         """Out there the tip feels next to nothing: its displacement is minus the gap, and so is a spring's position."""
@@ -472,8 +506,11 @@ class ContactProblem(EquilibriumProblem):
     def rates(self, x: Array, p: float, x_rate: Array, p_rate: float) -> Rates:
         """Rates of load, displacement, contact radius and central gap along a direction."""
         equations, fields = self.seen(x, p)
-        y_rate, h_rate = self.scale * math.cosh(p) * p_rate, self.moving(x_rate, fields)
+        y_rate, ends = self.scale * math.cosh(p) * p_rate, isinstance(self.front, Edge)
+        h_rate = x_rate[:-1] if ends else self.moving(x_rate, fields)
         load, displacement = equations.rates(fields, h_rate, y_rate)
+        if ends:  # where h ends as a square root does, its rate at a place is infinite
+            load += float(x_rate[-1]) * equations.load_per_stretch(fields)
         if 0.0 <= p < TINY and equations.interaction is not None:
             parts = abs(float(equations.rim_row @ h_rate))
             if abs(displacement) > MOVING * parts:
@@ -548,9 +585,7 @@ class ContactProblem(EquilibriumProblem):
         """A better mesh where the error estimate exceeds the tolerance, or where far fewer panels would do."""
         self._row = p
         problem, start = self._refitted(x, p)
-        front = problem.front
-        if self.resolution.moving:
-            front = steepest(problem.seen(start, p), front, problem.equations.mesh, self.resolution.moving)
+        front = problem._fronted(start, p)
         if problem is self and front is self.front:
             return None
         transfer = moved = None
@@ -579,7 +614,7 @@ class ContactProblem(EquilibriumProblem):
         equations, fields = self.seen(x, p)
         resolution, mesh = self.resolution, self.equations.mesh
         allowed = resolution.tolerance * max(1.0, abs(equations.load(fields)))
-        reach = needed_reach(equations, fields, 0.1 * allowed)
+        reach = self._reach(equations, fields, 0.1 * allowed)
         error = self.relative_error(x, p)
         if error <= resolution.tolerance and reach <= equations.mesh.edges[-1]:
             if error > 1e-3 * resolution.tolerance or mesh.panels <= 6:
@@ -593,8 +628,9 @@ class ContactProblem(EquilibriumProblem):
             expected = problem.error(start, p).state
             trial, carried = problem.remeshed(start, p, solve=False)
             found = trial.solve_at(carried, p, enough=NEARLY)  # it is corrected by who asked
-            change = found - carried
-            moved = min(float(np.abs(by).max()) for by in (change, trial.moving(change, trial.fields(found, p))))
+            change, told = found - carried, trial.told(problem)
+            moves = change[: trial.size], trial.moving(change, trial.fields(found, p))
+            moved = min(float(np.abs(by[told]).max(initial=0.0)) for by in moves)
             if not moved <= LEAP * expected + 1e-6 * self.scale:
                 break  # Newton's method has left for another solution
             problem, start = trial, found
@@ -602,12 +638,33 @@ class ContactProblem(EquilibriumProblem):
                 break
         return problem, start
 
-    def anchored(self, front: Front | None, x: Array, p: float) -> tuple[ContactProblem, Array]:
+    def told(self, coarse: ContactProblem) -> slice:
+        """Nodes at which a coarser mesh's panels tell the solution: not next to an edge, where it ends like a root."""
+        mesh, own = coarse.equations.mesh, self.equations.mesh
+        return slice(int(np.searchsorted(own.nodes, mesh.edges[-2])) if own.bounded else None)
+
+    def _fronted(self, x: Array, p: float) -> Front | Edge | None:
+        """What the mesh is to move with at a state."""
+        if isinstance(self.front, Edge):
+            return self.front
+        equations, fields = self.seen(x, p)
+        edge = Edge.needed(equations, fields, float(equations.mesh.edges[-1]))
+        if edge is not None or not self.resolution.moving:
+            return edge or self.front
+        return steepest((equations, fields), self.front, self.equations.mesh, self.resolution.moving)
+
+    def anchored(self, front: Front | Edge | None, x: Array, p: float) -> tuple[ContactProblem, Array]:
         """The problem with another front, or with none, and the state."""
         still, h = self.still(x), x[: self.size]
         if front is None:
             return still, h
-        if self.front is not None:
+        if isinstance(front, Edge):
+            edges = still.equations.mesh.edges
+            edges = np.append(edges[edges < INSIDE * front.place], front.place)
+            mesh = mesh_on(edges, self.resolution.order, bounded=True)
+            h = still.equations.mesh.interpolate(h, mesh.nodes)
+            still = still.on_mesh(mesh)
+        elif self.front is not None:
             return ContactProblem(self.equations, self.scale, self.resolution, self.sharpness, front), x
         return ContactProblem(still.equations, self.scale, self.resolution, self.sharpness, front), np.append(h, 0.0)
 
@@ -618,7 +675,7 @@ class ContactProblem(EquilibriumProblem):
         equations, fields = self.seen(x, p)
         unit, tolerance = self.equations.mesh, self.resolution.tolerance if tolerance is None else tolerance
         allowed = tolerance * max(1.0, abs(equations.load(fields)))
-        reach = needed_reach(equations, fields, 0.03 * allowed)
+        reach = self._reach(equations, fields, 0.03 * allowed)
         end = equations.mesh.edges[-1]
         sharpness = self.sharpness
         if reach > end:
@@ -631,7 +688,12 @@ class ContactProblem(EquilibriumProblem):
                 guide = float(panel_errors(equations, fields).sum()) / max(1.0, abs(equations.load(fields)))
                 sharpness = min(max(sharpness, 2 * error / max(guide, 1e-16)), 1e6)
             edges = adapted_edges(equations, fields, SLACK * allowed / sharpness, reach, unit)
-        return self.on(mesh_on(edges, self.resolution.order), x, p, sharpness, solve)
+        return self.on(mesh_on(edges, self.resolution.order, unit.bounded), x, p, sharpness, solve)
+
+    def _reach(self, equations: Equations, fields: Fields, tolerance: float) -> float:
+        """How long the mesh is to be."""
+        mesh = equations.mesh
+        return float(mesh.edges[-1]) if mesh.bounded else needed_reach(equations, fields, tolerance)
 
     def on(
         self, mesh: Mesh, x: Array, p: float, sharpness: float | None = None, solve: bool = True
@@ -649,8 +711,8 @@ class ContactProblem(EquilibriumProblem):
 
     @property
     def moves(self) -> bool:
-        """With a front."""
-        return self.front is not None
+        """With a front; what is made for a state on a tip's edge ends there, too."""
+        return isinstance(self.front, Front)
 
     @property
     def size(self) -> int:
@@ -689,7 +751,7 @@ class ContactProblem(EquilibriumProblem):
         The gap's answer s = (2/π) arccos(a/r) to a rigid motion varies on the scale of the radius a; on panels far
         longer the radius of a fold has a relative error that further panels farther out do not cure.
         """
-        if self.front is not None:
+        if self.moves:
             still = self.still(point.x)
             return still.resolving(replace(point, problem=still, x=point.x[: still.size]), tolerance)
         x, u = point.x, point.parameter
@@ -701,7 +763,7 @@ class ContactProblem(EquilibriumProblem):
             return self
         count = min(PANELS, math.ceil(math.log(mesh.innermost / length) / math.log(GRADING)))
         inner = mesh.innermost * (length / mesh.innermost) ** (np.arange(count, 0, -1) / count)
-        return self.on_mesh(mesh_on(np.concatenate([[0.0], inner, mesh.edges[1:]]), mesh.order))
+        return self.on_mesh(mesh_on(np.concatenate([[0.0], inner, mesh.edges[1:]]), mesh.order, mesh.bounded))
 
     def coarser(self, point: Point, tolerance: float) -> ContactProblem:
         """A mesh with clearly fewer nodes that serves a tolerance."""
@@ -765,6 +827,14 @@ class ContactProblem(EquilibriumProblem):
         """Whether the film at first touch is so stiff that a contact has a kink of its own."""
         return 0.5 / max(1.0, float(self.fields(x, 0.0).stiffness[0])) < STIFF
 
+    @property
+    def flat(self) -> bool:
+        """Whether the tip begins flatter than the dish that the film presses into the surface.
+
+        However small, a ring of contact then comes before the disc, whose own slope at first touch means nothing.
+        """
+        return self.equations.tip.apex_exponent > 2.0
+
     def graded(self, x: Array) -> list[Point]:
         """First touch with panels graded down to the length on which elasticity answers the interaction."""
         mesh, length = self.equations.mesh, self.answer(x)
@@ -772,7 +842,7 @@ class ContactProblem(EquilibriumProblem):
             return []
         count = max(1, math.ceil(math.log(mesh.innermost / length) / math.log(4)))
         edges = np.concatenate([[0.0], mesh.innermost * 4.0 ** np.arange(-count, 0), mesh.edges[1:]])
-        problem, x = self.on(mesh_on(edges, self.resolution.order), x, 0.0)
+        problem, x = self.on(mesh_on(edges, self.resolution.order, mesh.bounded), x, 0.0)
         return [problem.touching(x)]
 
     def solve_at(self, x: Array, p: float, iterations: int = 12, enough: float = 1e-13) -> Array:

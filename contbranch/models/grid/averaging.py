@@ -63,6 +63,8 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)
 _NODES, _WEIGHTS = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS
 _LAGRANGE = np.stack([(1 - _NODES) * (1 - 2 * _NODES), 4 * _NODES * (1 - _NODES), _NODES * (2 * _NODES - 1)])
 _SLOPES = np.stack([4 * _NODES - 3, 4 - 8 * _NODES, 4 * _NODES - 1])
+# What a contact of few nodes may be off, in units of what changes from its beginning.
+BEGINNING = 1.1
 # Error of the contact radius itself, in rows of nodes.
 MEASURED = 0.03
 
@@ -241,7 +243,7 @@ class AveragedProblem(EquilibriumProblem):
     """
 
     given: ClassVar[bool] = True
-    ordered: ClassVar[bool] = True
+    ordered = True
     rounding = 1e-12
 
     def __init__(self, lattice: LatticeProblem, samples: Samples, fit: Fit, first: float) -> None:
@@ -320,6 +322,9 @@ class AveragedProblem(EquilibriumProblem):
     def left_out(self, x: Vector, p: float) -> tuple[float, float, float, float]:
         """What the scatter of the arcs leaves open, and what the cell does."""
         load, displacement, _ = np.array([np.interp(p, self.fit.centres, own) for own in self.fit.scatter.T]).tolist()
+        if self.fit.first > 0.0 and p < LEAST * self.fit.spacing:  # where the contact begins is not in the window
+            first = self.fit.values[np.argmin(self.fit.radius)]
+            load, displacement = (BEGINNING * np.abs(self.fit.curve(p) - first)[:2] + (load, displacement)).tolist()
         cell = read(self.setup, self.nearest(p)).errors
         return load + cell[0], displacement + cell[1], MEASURED * self.fit.spacing + cell[2], 0.0
 

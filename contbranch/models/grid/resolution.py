@@ -9,6 +9,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import os
 import warnings
@@ -19,7 +20,7 @@ import numpy as np
 from contbranch.contact.height_map import HeightMap
 from contbranch.contact.interactions import Interaction
 from contbranch.errors import InputError
-from contbranch.grid_size import nearest_fast
+from contbranch.grid_size import LEAST_GRID
 
 from .arrays import Array
 from .lattice import Lattice
@@ -171,12 +172,10 @@ def needed_grid(edge: float, law: Interaction | None) -> int:
 
 
 def _fast_above(nodes: float) -> int:
-    guess = max(8.0, math.ceil(nodes))
-    found = nearest_fast(guess)
-    while found < nodes:
-        guess += 2.0
-        found = nearest_fast(guess)
-    return found
+    """The smallest even number without prime factors above 7 that is no less: they are rare where numbers are large."""
+    least = max(LEAST_GRID, math.ceil(nodes))
+    powers = [[prime**k for k in range(1 + int(math.log(least, prime)))] for prime in (3, 5, 7)]
+    return min(odd << max(1, ((least - 1) // odd).bit_length()) for odd in map(math.prod, itertools.product(*powers)))
 
 
 def smallest_on_border(lattice: Lattice, values: Array) -> float:

@@ -14,6 +14,7 @@ from contbranch.curve.curves import FollowedCurves
 from contbranch.curve.trace import Request
 from contbranch.errors import InputError, ModelError
 from contbranch.grid_size import nearest_fast
+from contbranch.watch import patient
 
 from .lattice import Kind
 from .resolution import DECAYED, needed_grid, warn
@@ -33,8 +34,8 @@ LEAST, MOST = 64, 512
 # Relative error of loads and radii with a spacing as long as the shortest length of the contact, and its order in the
 # spacing: measured on folds of the repulsive and the attractive Gauss and exponential laws in free space.
 COARSE_ERROR, ORDER = 0.02, 1.5
-# Accuracy of the curve that tells how much room a trace takes.
-COARSE_CURVE = 1e-4
+# Accuracy of the curve that tells how much room a trace takes, and the seconds after which what there is must do.
+COARSE_CURVE, PATIENCE = 1e-4, 20.0
 # A tip is flat whose height is not reached at this distance.
 FLAT = 1e8
 
@@ -105,7 +106,8 @@ def _extent(contact: Contact, field: str | None, value: float | None) -> tuple[f
     if model is not None:
         request = Request(COARSE_CURVE, target=value, events=False, modes=0)
         try:
-            curve = FollowedCurves(likeness, model).trace(request)
+            with patient(PATIENCE):
+                curve = FollowedCurves(likeness, model).trace(request)
             return float(curve.displacement.max(initial=1.0)), 0.0
         except ModelError:
             pass

@@ -29,8 +29,9 @@ SOFTER = 0.05
 # Radius of the first disc at rest, at most, as a share of that over which the interaction reaches.
 SMALL = 1e-2
 # Radii of the hole, in shares of the disc's, from which Newton's method is tried where the pressure at the apex would
-# exceed its bound however small the disc (a cone's).
+# exceed its bound: with a cone however small the disc. Shares of the disc that are tried before that.
 HOLES = (0.3, 0.1, 0.6, 0.03, 0.85, 0.01, 0.003, 0.001, 1e-4, 1e-5)
+DISCS = (1.0, 0.5, 0.2, 0.1)
 
 
 def distance(setting: Setting, control: Control = LOAD) -> float:
@@ -107,12 +108,12 @@ def at_rest(problem: RingEquations, radius: float) -> Point:
     """A tiny disc, or ring, of a radius, on which the gap rests at the end of the law's range, on its way to grow."""
     law = problem.setting.law
     rests = Region(True, law.outermost)
-    if problem.setting.tip.apex_exponent > 1:
-        return _with_edges(problem, Layout((rests,), True), np.array([radius]))
     layout = Layout((Region(False, law.outermost - 1), rests), True)
-    for share in HOLES:
+    discs = [(Layout((rests,), True), [share * radius]) for share in DISCS]
+    holes = [(layout, [share * radius, radius]) for share in HOLES]
+    for trial, edges in discs + holes if problem.setting.tip.apex_exponent > 1 else holes:
         try:
-            point = _with_edges(problem, layout, np.array([share * radius, radius]))
+            point = _with_edges(problem, trial, np.array(edges))
         except CorrectionError:
             continue
         breach = least_margin(rings(point), rings(point).fields(point.x, point.parameter))

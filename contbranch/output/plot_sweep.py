@@ -1,0 +1,123 @@
+"""Thresholds of a sweep: against one parameter as curves, over two of them as maps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import cycle, zip_longest
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from matplotlib import rcParams
+from numpy.typing import NDArray
+
+from contbranch.errors import InputError
+from contbranch.output.plot_follow import is_logarithmic, parameter_label, scale_axis
+from contbranch.output.plot_view import SERIES, new_figure
+from contbranch.results.sweep import Sweep, quantity
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["sweep_figure"]
+
+Array = NDArray[np.float64]
+
+_MOST: Final = 4  # maps beside each other
+_NONE: Final = "#E4E4E4"
+_MARKERS: Final = "osD^vPX*"
+
+
+def sweep_figure(sweep: Sweep, thresholds: Sequence[str] = ()) -> Figure:
+    """Draw thresholds over what varies.
+
+    Parameters
+    ----------
+    sweep : Sweep
+        Of one parameter, or of two.
+    thresholds : sequence of str, optional
+        Names among `sweep.names`; default: loads at which stability is lost, otherwise whatever there is.
+
+    Raises
+    ------
+    InputError
+        For a sweep over more parameters, a name that none of its tasks has, or nothing to draw.
+    """
+    shown = _chosen(sweep, thresholds)
+    if not 1 <= len(sweep.parameters) <= 2:
+        over = ", ".join(sweep.parameters) or "nothing that is a number"
+        raise InputError(f"plot: the sweep varies {over}; figures show one parameter or two: write contbranch view")
+    values = {name: np.array([task.thresholds.get(name, np.nan) for task in sweep.tasks]) for name in shown}
+    axes = [np.array([task.parameters[name] for task in sweep.tasks]) for name in sweep.parameters]
+    return _curves(sweep, axes[0], values) if len(axes) == 1 else _maps(sweep, axes, values)
+
+
+def _chosen(sweep: Sweep, thresholds: Sequence[str]) -> list[str]:
+    unknown = [name for name in thresholds if name not in sweep.names]
+    if unknown or not sweep.names:
+        raise InputError(f"thresholds: {', '.join(unknown) or 'none'}; there are {', '.join(sweep.names) or 'none'}")
+    lost = [name for name in sweep.names if name.endswith("_load") and not name.startswith("touch")]
+    return list(thresholds) or [name for name in lost if "_spring_" not in name] or lost or [sweep.names[0]]
+
+
+def _label(sweep: Sweep, name: str) -> str:
+    unit = sweep.unit_names.get(quantity(name), "")
+    return name.replace("_", " ") + (f" ({unit})" if unit else "")
+
+
+def _curves(sweep: Sweep, x: Array, values: dict[str, Array]) -> Figure:
+    """Every threshold against the only parameter; one axis for each quantity."""
+    kinds = list(dict.fromkeys(map(quantity, values)))
+    order, colours = np.argsort(x), cycle(SERIES)
+    with new_figure(2.5 * len(kinds)) as figure:
+        panels = figure.subplots(len(kinds), 1, sharex=True, squeeze=False)[:, 0]
+        for panel, kind in zip(panels, kinds, strict=True):
+            own = [name for name in values if quantity(name) == kind]
+            for name, marker in zip_longest(own, _MARKERS[: len(own)], fillvalue="."):
+                panel.plot(
+                    x[order],
+                    values[name][order],
+                    marker=marker,
+                    markersize=3.5,
+                    color=next(colours),
+                    label=name.replace("_", " "),
+                )
+            panel.set_ylabel(_label(sweep, own[0] if len(own) == 1 else kind))
+            if len(own) > 1:
+                panel.legend()
+        scale_axis(panels[-1].xaxis, x)
+        panels[-1].set_xlabel(parameter_label(sweep.parameters[0], sweep.unit_names))
+    return figure
+
+
+def _maps(sweep: Sweep, place: Sequence[Array], values: dict[str, Array]) -> Figure:
+    """Every threshold over both parameters: cells of a grid, otherwise points; grey where there is none."""
+    shown = dict(list(values.items())[:_MOST])
+    with new_figure(2.9) as figure:
+        figure.set_figwidth(figure.get_figwidth() * len(shown))
+        panels = figure.subplots(1, len(shown), sharex=True, sharey=True, squeeze=False)[0]
+        for panel, (name, found) in zip(panels, shown.items(), strict=True):
+            if sweep.mode == "grid":
+                x, y = (np.array(sweep.axes[parameter]) for parameter in sweep.parameters)
+                panel.set_facecolor(_NONE)
+                cells = found.reshape(sweep.shape)[np.argsort(x)][:, np.argsort(y)].T
+                image: Any = panel.pcolormesh(_edges(x), _edges(y), cells, rasterized=True)
+            else:
+                panel.scatter(*place, color=_NONE, s=14.0)
+                image = panel.scatter(*place, c=found, s=14.0)
+            figure.colorbar(image, ax=panel).outline.set_linewidth(0.5)
+            none = ", grey: none" if np.isnan(found).any() else ""
+            panel.set_title(_label(sweep, name) + none, fontsize=rcParams["axes.labelsize"], pad=4.0)
+            panel.set_xlabel(parameter_label(sweep.parameters[0], sweep.unit_names))
+            for axis, along in zip((panel.xaxis, panel.yaxis), place, strict=True):
+                scale_axis(axis, along)
+        panels[0].set_ylabel(parameter_label(sweep.parameters[1], sweep.unit_names))
+    return figure
+
+
+def _edges(values: Array) -> Array:
+    """Edges of the cells around values, halfway between them; in ratios where the axis is logarithmic."""
+    ordered = np.sort(values)
+    at = np.log(ordered) if is_logarithmic(ordered) else ordered
+    half = 0.5 * (np.diff(at) if len(at) > 1 else np.array([0.2 * (abs(at[0]) or 1.0)]))
+    edges = np.concatenate([[at[0] - half[0]], at[:-1] + half[: len(at) - 1], [at[-1] + half[-1]]])
+    return np.exp(edges) if is_logarithmic(ordered) else edges

@@ -1,0 +1,65 @@
+"""Figures of sweeps show the thresholds found, where they were found."""
+
+from __future__ import annotations
+
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import contbranch as cb
+from contbranch.results.diagram import Cost
+from contbranch.results.sweep import Sweep, SweepTask
+
+
+def swept(axes: dict[str, tuple[float, ...]], mode: str = "grid") -> Sweep:
+    """A sweep whose loads are products of its parameters, but for one task without a fold."""
+    places = product(*axes.values()) if mode == "grid" else zip(*axes.values(), strict=True)
+    tasks = []
+    for index, place in enumerate(places):
+        found = (
+            {} if index == 1 else {"pull_off_load": -float(np.prod(place)), "pull_off_radius": 0.5, "touch_load": 1.0}
+        )
+        tasks.append(SweepTask(index, dict(zip(axes, place, strict=True)), "complete", "", found, 0.1))
+    units = {"load": "nN", "contact_radius": "nm", "radius": "nm"}
+    return Sweep(tuple(axes), axes, mode, tuple(tasks), len(tasks), 0, Cost(0.0, 0), Path("s.h5"), unit_names=units)
+
+
+def test_over_two_parameters_a_map() -> None:
+    """In the order of the axes, whatever that of the values; without a fold, nothing."""
+    (panel, _) = swept({"tip.radius": (4.0, 1.0, 2.0), "material.modulus": (10.0, 1000.0)}).plot().axes
+    cells = panel.collections[0].get_array().reshape(2, 3)
+    assert np.array_equal(cells.filled(np.nan), [[-10.0, -20.0, -40.0], [-1000.0, -2000.0, np.nan]], equal_nan=True)
+    assert (panel.get_xlabel(), panel.get_ylabel()) == ("Tip radius $R$ (nm)", "Modulus $E$ (nN/nm²)")
+    assert panel.get_title() == "pull off load (nN), grey: none"
+    assert (panel.get_xscale(), panel.get_yscale()) == ("linear", "log")
+    corners = panel.collections[0].get_coordinates()
+    assert np.asarray(corners)[0, :, 0] == pytest.approx([0.5, 1.5, 3.0, 5.0])
+    assert np.asarray(corners)[:, 0, 1] == pytest.approx([1.0, 100.0, 10000.0])
+
+
+def test_over_one_parameter_curves() -> None:
+    loads, radii = swept({"tabor": (1.0, 4.5, 2.0)}).plot("pull_off_load", "pull_off_radius").axes
+    (line,) = loads.get_lines()
+    assert line.get_xydata() == pytest.approx(np.array([[1.0, -1.0], [2.0, -2.0], [4.5, np.nan]]), nan_ok=True)
+    assert (loads.get_ylabel(), radii.get_ylabel()) == ("pull off load (nN)", "pull off radius (nm)")
+    assert loads.get_xscale() == "log"
+
+
+def test_side_by_side_points() -> None:
+    (panel, _) = swept({"tabor": (1.0, 2.0, 3.0), "tip.radius": (1.0, 5.0, 2.0)}, "zip").plot().axes
+    assert np.asarray(panel.collections[1].get_offsets()) == pytest.approx(
+        np.array([[1.0, 1.0], [2.0, 5.0], [3.0, 2.0]])
+    )
+    assert panel.collections[1].get_array().filled(np.nan) == pytest.approx([-1.0, np.nan, -6.0], nan_ok=True)
+
+
+def test_what_cannot_be_drawn_is_said() -> None:
+    with pytest.raises(
+        cb.InputError, match="thresholds: squeeze; there are pull_off_load, pull_off_radius, touch_load"
+    ):
+        swept({"tabor": (1.0, 2.0)}).plot("squeeze")
+    three = {"tabor": (1.0, 2.0), "tip.radius": (1.0, 2.0), "modulus": (1.0, 2.0)}
+    with pytest.raises(cb.InputError, match="one parameter or two: write contbranch view"):
+        swept(three).plot()

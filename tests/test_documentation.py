@@ -1,0 +1,132 @@
+"""Every block of code in README and docs runs, in order, in one folder a page, and prints what the page shows."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import contbranch as cb
+from contbranch.cli import main
+
+ROOT = Path(__file__).parents[1]
+PAGES = [ROOT / "README.md", *sorted(p for p in (ROOT / "docs").rglob("*.md") if "generated" not in p.parts)]
+BLOCK = re.compile(r"^```(\w*)\n(.*?)^```", flags=re.DOTALL | re.MULTILINE)
+# What sets a machine up, or runs a study: the first is what `.ci/run` does, the second has tests of its own.
+ELSEWHERE = re.compile(r"python3 -m venv |\.venv/bin/|pip install |python ")
+
+
+def name(page: Path) -> str:
+    return page.relative_to(ROOT).as_posix()
+
+
+def blocks(page: Path) -> list[tuple[str, str]]:
+    return BLOCK.findall(page.read_text(encoding="utf-8"))
+
+
+def fit_for_force_curves(folder: Path) -> None:
+    """A curve and where its fit starts, under the names that the page gives them."""
+    contact = cb.Contact.physical(
+        radius="2 um", modulus="100 MPa", interaction="exponential", work_of_adhesion="30 mN/m", range="1 nm"
+    )
+    loop = cb.hysteresis(contact, control=cb.Spring("0.5 N/m"), accuracy=1e-4)
+    rng, lines = np.random.default_rng(1), ["piezo [nm],force [nN],segment"]
+    for segment, sense, ends in (("approach", 1, (-100.0, 500.0)), ("retract", -1, (500.0, -700.0))):
+        here = loop.path.direction == sense
+        order = np.argsort(loop.path.position[here])
+        piezo = np.linspace(*ends, 60)
+        force = np.interp(piezo, loop.path.position[here][order], loop.path.load[here][order])
+        lines += [f"{x},{f},{segment}" for x, f in zip(piezo, force + rng.normal(0.0, 1.0, 60), strict=True)]
+    (folder / "curve.csv").write_text("\n".join(lines), encoding="utf-8")
+    (folder / "contact.toml").write_text(
+        '[tip]\nshape = "parabola"\nradius = "2 um"\n[material]\nmodulus = "100 MPa"\n'
+        '[[interaction]]\nlaw = "exponential"\nwork_of_adhesion = "30 mN/m"\nrange = "1 nm"\n',
+        encoding="utf-8",
+    )
+
+
+# What is fitted may differ by less than its error.
+TOLERANCE = {"docs/tutorial-force-curve.md": 0.06}
+GIVEN = {"docs/force-curves.md": fit_for_force_curves}
+
+
+def run_commands(block: str) -> None:
+    for line in block.replace("\\\n", " ").splitlines():
+        if line.startswith("contbranch "):
+            assert main(shlex.split(line)[1:]) == 0, line
+        elif ELSEWHERE.match(line):
+            for script in re.findall(r"\S+\.py", line):
+                assert (ROOT / script).is_file(), line
+        else:
+            raise AssertionError(f"not known how to run: {line}")
+
+
+def number(word: str) -> float | None:
+    """The number that a word is, without the digits of its error in brackets."""
+    try:
+        return float(re.sub(r"\(\d+\)", "", word).strip("[],();:%"))
+    except ValueError:
+        return None
+
+
+def alike(shown: str, printed: str, tolerance: float) -> bool:
+    """Whether two words are the same; numbers may differ in their last digits, of which errors and times have few."""
+    a, b = number(shown), number(printed)
+    if a is None or b is None:
+        return shown == printed
+    digits = len(re.sub(r"\(.*|[eE].*|\D", "", shown).strip("0"))
+    return abs(a - b) <= max((tolerance if digits > 3 else max(0.25, 10.0 * tolerance)) * abs(a), 1e-6)
+
+
+def shown_in(text: str, printed: str, tolerance: float = 1e-3) -> str | None:
+    """The first line of a block of text that is not, after those before it, among the printed ones; times aside."""
+    lines = iter(printed.splitlines())
+    timed = False
+    for line in text.splitlines():
+        words = line.split()
+        if re.search(r"\d s[,:]", line):
+            continue
+        timed = timed or words[-1:] == ["seconds"]
+        words = words[:-1] if timed and len(words) > 1 and number(words[-1]) is not None else words
+
+        def found(candidate: str, words: list[str] = words, timed: bool = timed) -> bool:
+            others = candidate.split()[: len(words)] if timed else candidate.split()
+            return len(words) == len(others) and all(
+                alike(*pair, tolerance) for pair in zip(words, others, strict=True)
+            )
+
+        if not any(map(found, lines)):
+            return line
+    return None
+
+
+@pytest.mark.filterwarnings("ignore::contbranch.GridWarning")
+@pytest.mark.parametrize("page", [page for page in PAGES if blocks(page)], ids=name)
+def test_the_code_of_a_page_runs_and_prints_what_it_shows(
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "studies").symlink_to(ROOT / "studies")
+    GIVEN.get(name(page), lambda _: None)(tmp_path)
+    namespace: dict[str, object] = {"__name__": "__main__"}
+    printed: str | None = None
+    for language, block in blocks(page):
+        if language == "toml":
+            tomllib.loads(block)
+            file = re.match(r"# (\S+\.toml)\n", block)
+            assert file, "the first line of a contact file is its name"
+            Path(file[1]).write_text(block, encoding="utf-8")
+        elif language == "sh":
+            run_commands(block)
+        elif language == "python":
+            exec(compile(block, name(page), "exec"), namespace)
+        elif language == "text" and printed is not None:
+            missing = shown_in(block, printed, TOLERANCE.get(name(page), 1e-3))
+            assert missing is None, f"{missing}\nis not in\n{printed}"
+        else:
+            assert language in ("", "text"), f"blocks of {language} are not run"
+        printed = capsys.readouterr().out if language in ("sh", "python") else None
