@@ -455,10 +455,10 @@ class Walker:
                 return True
             self.step_size *= 0.5
         self.step_size = begun
-        return self._chained and self._next()
+        return self.setup.crowded and self.problem.wall and self._next()
 
     def _next(self) -> bool:
-        """Go on to the next corner of a chain where steps fail; several at a time."""
+        """Go on to the next corner of a rough contact where steps fail; several at a time."""
         if not self.queue:
             way = onward(*(place.state for place in self.places[-2:]))
             self.queue = [arc.end for arc in islice(arcs(self.nodes, self.setup.length, way, self.settings), CORNERS)]
