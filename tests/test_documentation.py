@@ -28,28 +28,20 @@ def blocks(page: Path) -> list[tuple[str, str]]:
     return BLOCK.findall(page.read_text(encoding="utf-8"))
 
 
-def recorded(contact: cb.Contact, spring: str, path: Path, seed: int) -> None:
-    """Write the loop of a contact on its spring, with noise, as an instrument would."""
-    loop = cb.hysteresis(contact, control=cb.Spring(spring), accuracy=1e-4)
-    rng, lines = np.random.default_rng(seed), ["piezo [nm],force [nN],segment"]
+def fit_for_force_curves(folder: Path) -> None:
+    """A curve and where its fit starts, under the names that the page gives them."""
+    contact = cb.Contact.physical(
+        radius="2 um", modulus="100 MPa", interaction="exponential", work_of_adhesion="30 mN/m", range="1 nm"
+    )
+    loop = cb.hysteresis(contact, control=cb.Spring("0.5 N/m"), accuracy=1e-4)
+    rng, lines = np.random.default_rng(1), ["piezo [nm],force [nN],segment"]
     for segment, sense, ends in (("approach", 1, (-100.0, 500.0)), ("retract", -1, (500.0, -700.0))):
         here = loop.path.direction == sense
         order = np.argsort(loop.path.position[here])
         piezo = np.linspace(*ends, 60)
         force = np.interp(piezo, loop.path.position[here][order], loop.path.load[here][order])
         lines += [f"{x},{f},{segment}" for x, f in zip(piezo, force + rng.normal(0.0, 1.0, 60), strict=True)]
-    path.write_text("\n".join(lines), encoding="utf-8")
-
-
-def curves_to_fit(folder: Path) -> None:
-    """A curve, a map of two, and where their fits start, under the names that the page gives them."""
-    contact = cb.Contact.physical(
-        radius="2 um", modulus="100 MPa", interaction="exponential", work_of_adhesion="30 mN/m", range="1 nm"
-    )
-    recorded(contact, "0.5 N/m", folder / "curve.csv", 1)
-    (folder / "curves").mkdir()
-    for x in range(2):
-        recorded(contact, "5 N/m", folder / "curves" / f"map_x{x}_y0.csv", x)
+    (folder / "curve.csv").write_text("\n".join(lines), encoding="utf-8")
     (folder / "contact.toml").write_text(
         '[tip]\nshape = "parabola"\nradius = "2 um"\n[material]\nmodulus = "100 MPa"\n'
         '[[interaction]]\nlaw = "exponential"\nwork_of_adhesion = "30 mN/m"\nrange = "1 nm"\n',
@@ -59,7 +51,7 @@ def curves_to_fit(folder: Path) -> None:
 
 # What is fitted may differ by less than its error.
 TOLERANCE = {"docs/tutorial-force-curve.md": 0.06}
-GIVEN = {"docs/force-curves.md": curves_to_fit}
+GIVEN = {"docs/force-curves.md": fit_for_force_curves}
 
 
 def run_commands(block: str) -> None:
@@ -130,11 +122,11 @@ def test_the_code_of_a_page_runs_and_prints_what_it_shows(
             Path(file[1]).write_text(block, encoding="utf-8")
         elif language == "sh":
             run_commands(block)
-        elif language in ("python", "py"):
+        elif language == "python":
             exec(compile(block, name(page), "exec"), namespace)
         elif language == "text" and printed is not None:
             missing = shown_in(block, printed, TOLERANCE.get(name(page), 1e-3))
             assert missing is None, f"{missing}\nis not in\n{printed}"
         else:
             assert language in ("", "text"), f"blocks of {language} are not run"
-        printed = capsys.readouterr().out if language in ("sh", "python", "py") else None
+        printed = capsys.readouterr().out if language in ("sh", "python") else None
