@@ -568,10 +568,11 @@ def tasks(chosen: Sequence[Method] = METHODS) -> Iterator[tuple[Method, Subject]
 
 
 def load_cells(path: Path = RESULTS) -> list[Cell]:
-    """What is known."""
+    """What is known; of a cell that was done twice, the last."""
     if not path.exists():
         return []
-    return [Cell(**json.loads(line)) for line in path.read_text(encoding="utf-8").splitlines() if line]
+    cells = [Cell(**json.loads(line)) for line in path.read_text(encoding="utf-8").splitlines() if line]
+    return list({(cell.task, cell.control): cell for cell in cells}.values())
 
 
 def run(minutes: float, path: Path = RESULTS, chosen: Sequence[Method] = METHODS) -> list[Cell]:
