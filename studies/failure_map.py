@@ -531,7 +531,8 @@ def _within(
         edge = lattice(subject.contact, "periodic", method.nodes).edge
         known = truth(subject)
         assert known is not None
-        shift = IMAGES * known.load * max(1.0, abs(exact)) / (2.0 * math.pi * edge**3) * 2.0
+        load = max(map(abs, known.window["load"]))
+        shift = IMAGES * load * scale / (math.pi * edge**3)
     return abs(value - exact) <= error + shift + 2e-9 * scale
 
 
