@@ -630,10 +630,11 @@ def summary(found: Sequence[Measured]) -> str:
     ]
     six = [one for one, _ in reached if one is not None]
     others = sum(fastest(here, 1e-3, "ramp", "peer") is not None for _, here in reached)
+    tried = sum(any(one.family in ("ramp", "peer") for one in here) for _, here in reached)
     closing = (
         f"Of {subjects} values (pull-off, squeeze-out and wetting loads, contact radii; μ_T = 1/4 to 16) the "
         f"axisymmetric model gives {len(six)} to 1e-6, in {min(six).seconds:.2f} to {max(six).seconds:.2f} s; with any "
-        f"other program or minimiser {others} were had to 1e-3."
+        f"other program or minimiser {others} of the {tried} that were tried were had to 1e-3."
     )
     return "\n".join(
         [closing, "", "Processor times of the fastest setting that is as accurate, median (range):", "", *lines]
