@@ -197,7 +197,9 @@ def _event(track: Track, mark: Mark, found: Found) -> RawEvent:
         control = mark.control
         pieces, rising = track.hodograph.pieces(control)
         before, after = max(mark.row - 1, 0), min(mark.row, len(pieces) - 1)
-        corner = mark.row in track.onward or track.problem(mark.row).given
+        # Between rows of nodes that were given only an average is a function.
+        problem = track.problem(mark.row)
+        corner = mark.row in track.onward or (problem.given and not problem.ordered)
         point = found.point
         verdict, message = equilibrium(point).verdict(point, control, error)
         return replace(

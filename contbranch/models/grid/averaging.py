@@ -137,11 +137,13 @@ class Samples:
     lengths: list[float] = field(default_factory=list)
     states: list[tuple[float, Equilibrium]] = field(default_factory=list)
     last: Arc | None = None
+    _seen: Reading | None = None
 
     def add(self, setup: Setup, arc: Arc) -> float:
         """Read off an arc; the contact radius at its end."""
-        seen = tuple(read(setup, state, cell=False) for state in (arc.begin, arc.middle, arc.end))
-        self.last = arc
+        begin = self._seen if self.last is not None and arc.begin is self.last.end else None
+        seen = begin or read(setup, arc.begin, cell=False), *(read(setup, s, cell=False) for s in (arc.middle, arc.end))
+        self.last, self._seen = arc, seen[2]
         self.ends.append(seen[2].contact_radius)
         self.lengths.append(Measure.at(arc.begin, setup.length).apart(arc.end, arc.begin))
         if seen[0].contact_radius > 0.0 and np.isfinite([one[:4] for one in seen]).all():
