@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from contbranch.errors import InputError, ModelError, Stop
     from contbranch.measure.fit import fit
     from contbranch.measure.force_curve import ForceCurve
+    from contbranch.measure.maps import fit_map
     from contbranch.measure.reading import read_force_curve, read_force_curves
     from contbranch.models.axisymmetric.model import Axisymmetric
     from contbranch.models.exact.model import Exact
@@ -50,6 +51,7 @@ if TYPE_CHECKING:
     from contbranch.results.diagram import Branch, Diagram, Event, Exponent, LocalExponent, Solution, State, Window
     from contbranch.results.equilibria import Barrier, Equilibria
     from contbranch.results.fit import Fit
+    from contbranch.results.fit_map import FitMap
     from contbranch.results.followed import Followed, FollowedPoint, Special
     from contbranch.results.loop import Hysteresis
     from contbranch.results.phase import PhaseDiagram
@@ -78,6 +80,7 @@ __all__ = [
     "Exponent",
     "Exponential",
     "Fit",
+    "FitMap",
     "Followed",
     "FollowedPoint",
     "ForceCurve",
@@ -116,6 +119,7 @@ __all__ = [
     "advise",
     "find_all",
     "fit",
+    "fit_map",
     "follow",
     "hysteresis",
     "load",
@@ -142,6 +146,7 @@ __getattr__, __dir__ = lazily(
         ".api": "find_all hysteresis phase_diagram solve trace",
         ".curve.follow": "follow",
         ".measure.fit": "fit",
+        ".measure.maps": "fit_map",
         ".measure.force_curve": "ForceCurve",
         ".measure.reading": "read_force_curve read_force_curves",
         ".models.axisymmetric.model": "Axisymmetric",
@@ -152,6 +157,7 @@ __getattr__, __dir__ = lazily(
         ".results.diagram": "Branch Diagram Event Exponent LocalExponent Solution State Window",
         ".results.equilibria": "Barrier Equilibria",
         ".results.fit": "Fit",
+        ".results.fit_map": "FitMap",
         ".results.followed": "Followed FollowedPoint Special",
         ".results.loop": "Hysteresis",
         ".results.phase": "PhaseDiagram",

@@ -296,9 +296,8 @@ def _work(diagram: cb.Diagram, load: Array, d: Array, energy: Array, error: Arra
         rows = error[:, own]
         allowed = np.abs(points[0]) * rows[1] + np.abs(points[1]) * rows[0] + rows.prod(axis=0)
         far = np.abs(np.diff(np.arcsinh(points / 0.1), axis=1)).max(axis=0) > 0.4  # too far apart for a quadrature
-        allowed = (
-            WORK * (allowed[1:] + allowed[:-1]) + 20 * np.abs(work[1] - work[0]) + np.where(far | near, np.inf, 0.0)
-        )
+        allowed = WORK * (allowed[1:] + allowed[:-1]) + 20 * np.abs(work[1] - work[0])
+        allowed[far | near] = np.inf
         allowed += 1e-6 * np.maximum(np.abs(energy[own][1:]), 1.0)
         off = np.abs(np.diff(energy[own]) - work[1])
         worst = int(np.argmax(off / allowed))

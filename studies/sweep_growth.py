@@ -114,11 +114,43 @@ def _since(began: tuple[float, float]) -> tuple[float, float]:
     return now[0] - began[0], now[1] - began[1]
 
 
+def drawn(found: Sequence[Growth], path: Path) -> None:
+    """Draw time and memory over the number of tasks, with straight lines on to a million."""
+    import matplotlib
+
+    matplotlib.use("agg")
+    from matplotlib import pyplot as plt
+
+    figure, axes = plt.subplots(1, 2, figsize=(6.8, 2.9), layout="constrained")
+    kinds = sorted({(one.size, one.workers) for one in found})
+    far = np.geomspace(min(one.tasks for one in found), 1e6, 40)
+    for number, (size, workers) in enumerate(kinds):
+        own = sorted(one for one in found if (one.size, one.workers) == (size, workers))
+        tasks = np.array([one.tasks for one in own])
+        words = f"{size} numbers, {workers} worker{'s' * (workers > 1)}"
+        columns = ([one.seconds for one in own], [one.own_seconds for one in own]), ([one.megabytes for one in own],)
+        for place, lines in zip(axes, columns, strict=True):
+            for values, mark in zip(lines, ("o", "s"), strict=False):
+                label = words if place is axes[1] else None
+                place.loglog(tasks, values, mark, color=f"C{number}", markersize=4, fillstyle="full" if mark == "o" else
+                             "none", label=label)  # fmt: skip
+                if tasks.size > 2:  # a share for each task beside what a sweep needs at all
+                    slope, start = np.polyfit(tasks, values, 1)
+                    place.loglog(
+                        far, np.maximum(start, values[0] * 0.5) + slope * far, "--", color=f"C{number}", linewidth=0.8
+                    )
+    axes[0].set(xlabel="tasks", ylabel="seconds (squares: of the process that runs it)")
+    axes[1].set(xlabel="tasks", ylabel="memory of that process (MB)")
+    axes[1].legend(fontsize=7)
+    figure.savefig(path, dpi=150)
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--traces", type=int, help="compare so many traces with a bare loop")
     parser.add_argument("--most", type=int, default=10_000, help="tasks of the longest sweep that does nothing")
+    parser.add_argument("--plot", type=Path, help="draw the chart there")
     parser.add_argument("--one", nargs=3, type=int, help=argparse.SUPPRESS)
     asked = parser.parse_args(arguments)
     if asked.one:
@@ -132,12 +164,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
             + "|--:" * 8
             + "|"
         )
-        cases = [(asked.most // k, 1000, 2) for k in (100, 10, 1)]
+        cases, found = [(asked.most // k, 1000, 2) for k in (100, 10, 1)], []
         for case in [*cases, (asked.most, 1000, 1), (asked.most, 10, 2), (asked.most // 10, 35_000, 2)]:
             one = apart(*case)
+            found.append(one)
             each, own = (1e3 * seconds / one.tasks for seconds in (one.seconds, one.own_seconds))
             print(f"| {one.tasks} | {one.size} | {one.workers} | {one.seconds:.1f} | {each:.2f} | {own:.2f} | "
                   f"{one.megabytes:.0f} | {one.file_megabytes:.1f} |", flush=True)  # fmt: skip
+        if asked.plot is not None:
+            drawn(found, asked.plot)
 
 
 if __name__ == "__main__":

@@ -52,6 +52,7 @@ _OPTIONS: Final = {
     "--fixed": ("NAMES", "Which of contact_point, baseline and tilt are held at 0."),
     "--spring": ("K", "Stiffness of the cantilever, such as '0.5 N/m', in place of the curve's."),
     "--law": ("NAME", "Another law than the contact's; jkr, dmt, or compare."),
+    "--shape": ("ROWSxCOLUMNS", "Of a map whose curves lie row by row.  [default: as files or names say]"),
     "--max-load": ("F", "Largest load.  [default: beyond all events]"),
     "--time-limit": ("S", "Seconds after which what has been found is given.  [default: none]"),
     "--workers": ("N", "Traces at a time.  [default: one for each core]"),
@@ -73,6 +74,7 @@ _SUFFIXES: Final = {
     "--plot": ".pdf, .png or .svg",
     "-o": ".h5 or .hdf5",
 }
+_SWEEPING: Final = ("--workers", "--scheduler", "--resume", "--retry")
 _OUTPUTS: Final = ("--time-limit", "--json", "--csv", "--plot", "-o --output")
 
 
@@ -198,23 +200,29 @@ def _sweep(asked: Values) -> Result:
     """Trace all contacts of a sweep file, on all cores or on a cluster; what has ended is never computed again."""
     if asked.output is None:
         raise InputError("-o: missing; a sweep needs a file, for example -o results.h5")
-    from contbranch.cli.request import whole_number
     from contbranch.sweeps.design import read_sweep
     from contbranch.sweeps.sweep import sweep
 
     design, settings = read_sweep(asked.source)
-    if asked.workers is not None:
-        settings["workers"] = whole_number(asked.workers, "--workers")
+    with _sweeping(asked) as running:
+        return sweep(design, asked.output, **settings, **running)
+
+
+@contextmanager
+def _sweeping(asked: Values) -> Iterator[dict[str, Any]]:
+    """How a sweep runs, by its options; what is wrong with it is said in their names."""
+    settings: dict[str, Any] = {"resume": asked.resume or asked.retry, "retry": asked.retry}
     with ExitStack() as stack:
-        executor = None
         if asked.scheduler is not None:
             from contbranch.sweeps.cluster import dask_executor
 
-            executor, count = stack.enter_context(dask_executor(asked.scheduler))
-            settings.setdefault("workers", count)
-        resume = asked.resume or asked.retry
+            settings["executor"], settings["workers"] = stack.enter_context(dask_executor(asked.scheduler))
+        if asked.workers is not None:
+            from contbranch.cli.request import whole_number
+
+            settings["workers"] = whole_number(asked.workers, "--workers")
         try:
-            return sweep(design, asked.output, executor, resume, retry=asked.retry, **settings)
+            yield settings
         except InputError as error:
             words = str(error).replace("path: ", "-o: ", 1).replace("resume that sweep", "add --resume")
             raise InputError(words) from None
@@ -224,12 +232,28 @@ def _fit(asked: Values) -> Any:
     """Fit a contact to a measured force curve, and say what the curve can tell."""
     from contbranch.cli.request import names_of
     from contbranch.contact.file import read_contact
-    from contbranch.measure.fit import fit
-    from contbranch.measure.reading import read_force_curve
+    from contbranch.measure.reading import read_force_curves
 
-    curve, (contact, _) = read_force_curve(asked.source, asked.spring), read_contact(asked.contact)
-    free = names_of(asked.free) or ("work_of_adhesion", "modulus")
-    return fit(curve, contact, free, fixed=names_of(asked.fixed), law=asked.law)
+    contact, _ = read_contact(asked.contact)
+    how: dict[str, Any] = {"free": names_of(asked.free) or ("work_of_adhesion", "modulus")}
+    how |= {"fixed": names_of(asked.fixed), "law": asked.law}
+    folder = Path(asked.source).is_dir()
+    if asked.output is None and not folder and len(curves := read_force_curves(asked.source, asked.spring)) == 1:
+        from contbranch.measure.fit import fit
+
+        return fit(curves[0], contact, **how)
+    if asked.output is None:
+        what = "of a folder" if folder else f"{len(curves)} curves"
+        raise InputError(f"-o: missing; the fits {what} are kept in a file as they end, for example -o map.h5")
+    from contbranch.measure.maps import fit_map
+
+    with _sweeping(asked) as running:
+        if asked.shape is not None:
+            rows, _, columns = asked.shape.partition("x")
+            if not (rows.isdigit() and columns.isdigit() and int(rows) * int(columns)):
+                raise InputError(f"--shape: {asked.shape!r}; write ROWSxCOLUMNS, for example 8x8")
+            running["shape"] = int(rows), int(columns)
+        return fit_map(asked.source, contact, asked.output, spring=asked.spring, **how, **running)
 
 
 def _show(asked: Values) -> Result:
@@ -275,7 +299,7 @@ COMMANDS: Final = {
     "advise": Command(_advise, (*_SHARED[:5], "--json")),
     "sweep": Command(
         _sweep,
-        ("--workers", "--scheduler", "--resume", "--retry", "--time-limit", "--json", "--csv", "-o --output"),
+        (*_SWEEPING, "--time-limit", "--json", "--csv", "-o --output"),
         ("SWEEP", "TOML file: a contact file with a table [sweep.vary]."),
         own=("-o",),
     ),
@@ -283,8 +307,9 @@ COMMANDS: Final = {
     "view": Command(_view, ("-o --page",), ("FILE.h5", "Saved by trace, loop or sweep -o.")),
     "fit": Command(
         _fit,
-        ("--free", "--fixed", "--spring", "--law", *_OUTPUTS),
-        ("CURVE", "Force curve: CSV (piezo [nm],force [nN]), .ibw, .jpk-force, …"),
+        ("--free", "--fixed", "--spring", "--law", "--shape", *_SWEEPING, *_OUTPUTS),
+        ("CURVE", "Force curve: CSV (piezo [nm],force [nN]), .ibw, .jpk-force, …; a map, or a folder of curves."),
+        own=("-o",),
         second=("CONTACT", "TOML file with the contact: what stays, and where to start."),
     ),
 }

@@ -295,8 +295,9 @@ def assemble(contact: Contact, curve: RawCurve, choice: ModelChoice, control: Co
 
 def _sensitivities(contact: Contact, told: Mapping[str, tuple[Event, str]]) -> dict[str, dict[str, float]] | None:
     """Derivatives of the thresholds by parameter, in the contact's units; None of lattices."""
-    from contbranch.curve.sensitivity import sensitivities
+    from contbranch.curve.sensitivity import Sensitivities
 
+    sensitivities = Sensitivities(contact)
     known: dict[int, dict[str, dict[str, float]]] = {}
     for event, _ in told.values():
         place = event.origin.raw.place if isinstance(event.origin, Origin) else None
@@ -306,7 +307,7 @@ def _sensitivities(contact: Contact, told: Mapping[str, tuple[Event, str]]) -> d
             driven = event.control if event.stiffness is None else Spring(event.stiffness)
             control = None if driven is None else as_control(driven)
             wanted = {key for other, key in told.values() if other is event}
-            known[id(event)] = sensitivities(contact, place, control, event.origin.raw.margin, wanted)
+            known[id(event)] = sensitivities.at(place, control, event.origin.raw.margin, wanted)
     return {name: known[id(event)][key] for name, (event, key) in told.items()}
 
 

@@ -22,6 +22,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -31,25 +32,29 @@ from contbranch.contact.contact import Contact
 from contbranch.contact.parameters import Parameter, parameters_of
 from contbranch.contact.units import Scales
 from contbranch.continuation import Point
-from contbranch.continuation.newton import border, linearise, solve
+from contbranch.continuation.newton import border, linearise, residual, solve
+from contbranch.continuation.walk import corrected_point
 from contbranch.control import Control
 from contbranch.curve.problem import EquilibriumProblem, equilibrium
-from contbranch.curve.refine import at_parameter, moved, settled
+from contbranch.curve.refine import OPTIONS, moved
 from contbranch.errors import InputError
 from contbranch.results.record import OBSERVABLES
 
-__all__ = ["sensitivities"]
+__all__ = ["Sensitivities"]
 
-# Steps: of parameters relative to themselves (or of those that are zero), and along the curve relative to its metric.
-STEP, ALONG = 3e-5, 3e-4
+# Steps: of parameters relative to themselves (or of those that are zero), along the curve relative to its metric, and
+# relative to the distance of an edge of its parameter.
+STEP, ALONG, ASIDE = 3e-5, 3e-4, 1e-3
+# The second derivative along the curve has larger ones, and a formula of fourth order in them.
+CURVED, FOURTH = 3.0, (1 / 12, -4 / 3, 5 / 2, -4 / 3, 1 / 12)
+# Corrections on the finer discretisation by one matrix, and the largest for which it serves.
+CORRECTIONS, CLOSE = 2, 1e-7
 # Powers with which load, displacement, contact radius and central gap grow with the units of lengths in the plane, of
 # heights and of the modulus; energies per area grow like E Z²/X.
 POWERS = np.array([[1.0, 0.0, 1.0, 0.0], [1.0, 1.0, 0.0, 1.0], [1.0, 0.0, 0.0, 0.0]])
 UNITS = ((2.0, 1.0, 1.0), (1.0, 2.0, 1.0), (1.0, 1.0, 2.0))
 # A parameter that follows from the others has at least this share in what it follows from.
 SHARE = 0.1
-
-Members = tuple[EquilibriumProblem, EquilibriumProblem]
 
 
 @dataclass(frozen=True)
@@ -61,46 +66,53 @@ class _Change:
     step: float
 
 
-def sensitivities(
-    contact: Contact, point: Point, control: Control | None, margin: str = "", wanted: Collection[str] = OBSERVABLES
-) -> dict[str, dict[str, float]]:
-    """Derivatives of the four observables of an event by parameter, in the contact's units.
+class Sensitivities:
+    """Derivatives of observables at events of a contact, by its parameters."""
 
-    Parameters
-    ----------
-    contact : Contact
-        In its own units.
-    point : Point
-        The event, in reduced units.
-    control : Control or None
-        Of a fold, in the contact's units; None for any other event.
-    margin : str
-        The margin that vanishes at the event; without it and at an edge of the parameter, the parameter is held.
-    wanted : collection of str
-        Observables: where a fold moves is not asked for what is extremal there.
-    """
-    scales, known = contact.scales, parameters_of(contact)
-    units = np.array([scales.of_fields[name] for name in OBSERVABLES])
-    values = {name: one.value for name, one in known.items()}
-    powers = _powers(contact, values)
-    implied = _implied(powers)
-    event = _Event(point, None if control is None else control.scaled(scales.stiffness), margin)
-    if control is not None and set(wanted) == {control.kind}:
-        event.control = None
-    direct = [name for name in known if name not in implied]
-    found, stiffer = event.rates({name: _change(known[name], scales) for name in direct})
-    rates = {name: (values[name] or 1.0) * units * rate for name, rate in found.items()}
-    rows = np.array([[powers[name][k] for name in implied] for k in range(3)])
-    here = event.values * units
-    given = POWERS * here - sum(np.outer(powers[name], rates[name]) for name in direct)
-    if control is not None and control.kind == "spring":  # its stiffness grows like E X
-        given -= np.outer([1.0, 0.0, 1.0], units * stiffer)
-    rates |= zip(implied, np.linalg.lstsq(rows, given, rcond=None)[0], strict=True)
-    return {
-        name: {key: float(rates[key][k] / (values[key] or 1.0)) for key in known}
-        for k, name in enumerate(OBSERVABLES)
-        if name in wanted
-    }
+    def __init__(self, contact: Contact) -> None:
+        known = parameters_of(contact)
+        self.scales = contact.scales
+        self.values = {name: one.value for name, one in known.items()}
+        self.powers = _powers(contact, self.values)
+        self.implied = _implied(self.powers)
+        self.changes = {name: _change(one, self.scales) for name, one in known.items() if name not in self.implied}
+
+    def at(
+        self, point: Point, control: Control | None, margin: str = "", wanted: Collection[str] = OBSERVABLES
+    ) -> dict[str, dict[str, float]]:
+        """Derivatives of the observables of an event by parameter, in the contact's units.
+
+        Parameters
+        ----------
+        point : Point
+            The event, in reduced units.
+        control : Control or None
+            Of a fold, in the contact's units; None for any other event.
+        margin : str
+            The margin that vanishes at the event; without it and at an edge of the parameter, the parameter is held.
+        wanted : collection of str
+            Observables: where a fold moves is not asked for what is extremal there.
+        """
+        values, powers, implied = self.values, self.powers, self.implied
+        units = np.array([self.scales.of_fields[name] for name in OBSERVABLES])
+        event = _Event(point, None if control is None else control.scaled(self.scales.stiffness), margin)
+        if control is not None and set(wanted) == {control.kind}:
+            event.control = None
+        found, stiffer = event.rates(self.changes)
+        units = units / event.smooth  # of rates; a contact radius is a root of what is smooth
+        rates = {name: (values[name] or 1.0) * units * rate for name, rate in found.items()}
+        rows = np.array([[powers[name][k] for name in implied] for k in range(3)])
+        given = POWERS * (event.values * units * event.smooth) - sum(
+            np.outer(powers[name], rates[name]) for name in found
+        )
+        if control is not None and control.kind == "spring":  # its stiffness grows like E X
+            given -= np.outer([1.0, 0.0, 1.0], units * stiffer)
+        rates |= zip(implied, np.linalg.lstsq(rows, given, rcond=None)[0], strict=True)
+        return {
+            name: {key: float(rates[key][k] / (values[key] or 1.0)) for key in values}
+            for k, name in enumerate(OBSERVABLES)
+            if name in wanted
+        }
 
 
 def _powers(contact: Contact, values: Mapping[str, float]) -> dict[str, Array]:
@@ -144,106 +156,117 @@ def _change(parameter: Parameter, scales: Scales) -> _Change:
 
 
 class _Event:
-    """An event with what moves it, on a discretisation finer than the one that located it."""
+    """An event with what moves it, on a discretisation finer than the one that located it; states with p at their end.
+
+    All comes from one factorisation: what changes on both sides of the event from differences of residuals.
+    """
 
     def __init__(self, point: Point, control: Control | None, margin: str) -> None:
         held = (control is None and not margin) or point.parameter in equilibrium(point).parameter_range
-        finer = equilibrium(point).finer()
-        if finer is not point.problem:
-            point = (at_parameter if held else settled)(moved(point, finer))
-        self.point, self.problem = point, equilibrium(point)
+        self.problem = problem = equilibrium(point).finer()
         self.control, self.margin = (None, "") if held else (control, margin)
-        x, p, problem = point.x, point.parameter, self.problem
+        finer = moved(point, problem)
+        metric = problem.metric(finer.x)
+        along = (np.zeros_like(finer.x), 1.0) if held else (finer.tangent_x, finer.tangent_parameter)
+        size = metric.norm(problem, *along)
+        row = metric.row(problem, along[0] / size, along[1] / size)
+        x, p = finer.x, finer.parameter
+        at = linearise(problem, x, p)
+        matrix = border(problem, x, p, at, row)
+        left = at[0]
+        for _ in range(CORRECTIONS if problem is not point.problem else 0):  # by the same matrix: they are tiny
+            dx, dp = solve(matrix, -left, 0.0, p)
+            if metric.norm(problem, dx, dp) > CLOSE:
+                finer, matrix = corrected_point(problem, x, p, along, metric, OPTIONS)
+                x, p = finer.x, finer.parameter
+                break
+            x, p = x + dx, p + dp
+            left = residual(problem, x, p)
+        self.solve: Callable[[Array, float], Array] = lambda f, g: np.append(*solve(matrix, f, g, p))
+        self.state, self.tangent = np.append(x, p), self.solve(np.zeros_like(x), 1.0)
         self.values = np.array(problem.values(x, p)[:4])
-        metric = problem.metric(x)
-        self.row: tuple[Array, float] = np.zeros_like(x), 1.0
-        self.length = ALONG / metric.norm(problem, point.tangent_x, point.tangent_parameter)
+        self.smooth = np.array([1.0, 1.0, 2 * self.values[2] or 1.0, 1.0])
+        self.length = ALONG / metric.norm(problem, self.tangent[:-1], self.tangent[-1])
         if not held:
-            self.row = metric.row(problem, point.tangent_x, point.tangent_parameter)
-            rate = max(abs(point.tangent_parameter), 1e-300)  # not beyond an edge of the parameter
-            self.length = min(self.length, *(ALONG * abs(edge - p) / rate for edge in problem.parameter_range))
-
-    def _sheet(self, s: float) -> _Sheet:
-        """The state at a distance s along the tangent, its own tangent t with c·t = 1, and what solves for changes."""
-        x, p = self.point.x + s * self.point.tangent_x, self.point.parameter + s * self.point.tangent_parameter
-        bordered = border(self.problem, x, p, linearise(self.problem, x, p), self.row)
-        tangent = solve(bordered, np.zeros_like(x), 1.0, p)
-        return _Sheet(x, p, tangent, lambda f: solve(bordered, f, 0.0, p))
+            rate = max(abs(self.tangent[-1]), 1e-300)  # not beyond an edge of the parameter
+            self.length = min(self.length, *(ASIDE * abs(edge - p) / rate for edge in problem.parameter_range))
 
     def rates(self, changes: Mapping[str, _Change]) -> tuple[dict[str, Array], Array]:
         """Derivatives of the four observables by parameter, and by the logarithm of a spring's stiffness."""
-        members = {
-            name: (self.problem.varied(one.above), self.problem.varied(one.below)) for name, one in changes.items()
+        problem, state, tangent = self.problem, self.state, self.tangent
+        pairs = {
+            name: _Pair(problem.varied(one.above), problem.varied(one.below), one.step) for name, one in changes.items()
         }
-        steps = {name: one.step for name, one in changes.items()}
-        sheet = self._sheet(0.0)
-        moved = {name: self._moved(sheet, members[name], steps[name]) for name in changes}
-        found = {name: rate for name, (rate, _) in moved.items()}
+        still = np.zeros_like(state)
+        moved = {name: self.solve(-pair.rate(_residual, state, still), 0.0) for name, pair in pairs.items()}
+        found = {name: pair.rate(_values, state, moved[name]) for name, pair in pairs.items()}
         if self.control is None and not self.margin:
             return found, np.zeros(4)
-        along = np.array(self.problem.rates(sheet.x, sheet.p, *sheet.tangent))
-        if self.control is None:
-            turn, shift = self._at_margin(sheet, members, {name: (steps[name], moved[name][1]) for name in moved})
-            return {name: found[name] - shift[name] / turn * along for name in found}, np.zeros(4)
-        return self._at_fold(self.control, along, found, members, steps)
+        along = self._along(state, tangent)
+        if self.control is not None:
+            return self._at_fold(self.control, along, found, pairs, moved)
 
-    def _moved(self, sheet: _Sheet, members: Members, step: float) -> tuple[Array, tuple[Array, float]]:
-        """O_q at a state, and the change of the state."""
-        above, below = (member.residual(sheet.x, sheet.p) for member in members)
-        change = sheet.solve((below - above) / step)
-        half = 0.5 * step
-        high, low = (
-            np.array(member.values(sheet.x + h * change[0], sheet.p + h * change[1])[:4])
-            for member, h in zip(members, (half, -half), strict=True)
-        )
-        return (high - low) / step, change
+        def margin(problem: EquilibriumProblem, at: Array) -> Array:
+            return np.array(problem.margins(at[:-1], at[-1])[self.margin])
+
+        turn = _Pair(problem, problem, 2 * self.length).rate(margin, state, tangent)
+        shifts = {name: pair.rate(margin, state, moved[name]) / turn for name, pair in pairs.items()}
+        return {name: found[name] - shifts[name] * along for name in found}, np.zeros(4)
+
+    def _along(self, state: Array, tangent: Array) -> Array:
+        """Rates of the observables along the curve, next to the event."""
+        return self.smooth * self.problem.rates(state[:-1], state[-1], tangent[:-1], tangent[-1])
 
     def _at_fold(
         self,
         control: Control,
         along: Array,
         found: Mapping[str, Array],
-        members: Mapping[str, Members],
-        steps: Mapping[str, float],
+        pairs: Mapping[str, _Pair],
+        moved: Mapping[str, Array],
     ) -> tuple[dict[str, Array], Array]:
         """Derivatives at a fold; that of the discretisation lies a little aside of the point."""
-        weights, length = np.array([*control.weights, 0.0, 0.0]), self.length
-        sides = [self._sheet(s) for s in (-length, length)]
-        before, behind = (np.array(self.problem.rates(side.x, side.p, *side.tangent)) for side in sides)
-        apart = 2 * length * float(self.row[0] @ self.point.tangent_x + self.row[1] * self.point.tangent_parameter)
-        bend = (behind - before) / apart
+        weights, h, tangent = np.array([*control.weights, 0.0, 0.0]), self.length, self.tangent
+        around = [_residual(self.problem, self.state + k * CURVED * h * tangent) for k in range(-2, 3)]
+        curved = self.solve(np.array(FOURTH) @ np.array(around) / (CURVED * h) ** 2, 0.0)
+        sides = [(s, self.state + s * tangent + 0.5 * s * s * curved) for s in (-h, h)]
+        before, behind = (self._along(state, tangent + s * curved) for s, state in sides)
+        bend = (behind - before) / (2 * h)
         aside = -float(weights @ along) / float(weights @ bend)
-        turn = float(weights @ (bend + aside * 4 * (before - 2 * along + behind) / apart**2))
+        turn = float(weights @ (bend + aside * (before - 2 * along + behind) / h**2))
         along = along + aside * bend
         rates = {}
         for name, rate in found.items():
-            low, high = (self._moved(side, members[name], steps[name])[0] for side in sides)
-            slope = (high - low) / apart
-            shift = float(weights @ (slope + aside * 4 * (low - 2 * rate + high) / apart**2))
+            pair, change = pairs[name], moved[name]
+            left = [pair.rate(_residual, state, change) for _, state in sides]
+            turned = self.solve((left[0] - left[1]) / (2 * h), 0.0)
+            low, high = (pair.rate(_values, state, change + s * turned) for s, state in sides)
+            slope = (high - low) / (2 * h)
+            shift = float(weights @ (slope + aside * (low - 2 * rate + high) / h**2))
             rates[name] = rate + aside * slope - shift / turn * along
         stiffer = -control.weights[1] * along[1] / turn * along if control.kind == "spring" else np.zeros(4)
         return rates, stiffer
 
-    def _at_margin(
-        self, sheet: _Sheet, members: Mapping[str, Members], moved: Mapping[str, tuple[float, tuple[Array, float]]]
-    ) -> tuple[float, dict[str, float]]:
-        """G_t and G_q of a margin."""
 
-        def margin(problem: EquilibriumProblem, step: float, direction: tuple[Array, float]) -> float:
-            return problem.margins(sheet.x + step * direction[0], sheet.p + step * direction[1])[self.margin]
+class _Pair(NamedTuple):
+    """Problems a step of a parameter apart."""
 
-        def rate(pair: Members, step: float, direction: tuple[Array, float]) -> float:
-            return (margin(pair[0], step, direction) - margin(pair[1], -step, direction)) / (2 * step)
+    above: EquilibriumProblem
+    below: EquilibriumProblem
+    step: float
 
-        turn = rate((self.problem, self.problem), self.length, sheet.tangent)
-        return turn, {name: rate(members[name], 0.5 * step, change) for name, (step, change) in moved.items()}
+    def rate(self, of: Callable[[EquilibriumProblem, Array], Array], state: Array, change: Array) -> Array:
+        """Derivative by the parameter of a function of problem and state, where the state changes with it."""
+        half = 0.5 * self.step * change
+        return (of(self.above, state + half) - of(self.below, state - half)) / self.step
 
 
-@dataclass(frozen=True)
-class _Sheet:
-    """A state with its tangent, and what solves for its change at fixed c·(x, p)."""
+def _residual(problem: EquilibriumProblem, state: Array) -> Array:
+    return problem.residual(state[:-1], state[-1])
 
-    x: Array
-    p: float
-    tangent: tuple[Array, float]
-    solve: Callable[[Array], tuple[Array, float]]
+
+def _values(problem: EquilibriumProblem, state: Array) -> Array:
+    """The observables, the square of the contact radius in its place: that is smooth where contact begins."""
+    found = np.array(problem.values(state[:-1], state[-1])[:4])
+    found[2] **= 2
+    return found

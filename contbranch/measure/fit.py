@@ -32,7 +32,7 @@ from contbranch.results.fit import Correlations, Fit, FitJump, LawFit
 from contbranch.threads import one_thread
 from contbranch.watch import INTERRUPTIONS, Progress, caught, check, finishing, over, part, tell, told, watched
 
-__all__ = ["COMPARED", "fit"]
+__all__ = ["COMPARED", "fit", "named"]
 
 # Laws that are compared.
 COMPARED: Final = ("maugis-dugdale", "exponential", "van-der-waals", *LIMITS)
@@ -124,15 +124,18 @@ def fit(
         raise InputError("contact: must be a Contact with units, made by cb.Contact.physical(...) or from a file")
     if not terms_of(contact.interaction):
         raise InputError("contact: it has no interaction; give a law, with a start for its work of adhesion")
-    if isinstance(free, str):
-        free = tuple(name.strip() for name in free.split(","))
     began = perf_counter()
     with watched(progress, time_limit) as watch, warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of values that are tried on the way
-        fitting = _Fitting(curve.with_spring(spring), contact, tuple(free), tuple(fixed))
+        fitting = _Fitting(curve.with_spring(spring), contact, named(free), tuple(fixed))
         found = fitting.compared() if law == "compare" else fitting.result(fitting.law(law))
         found = replace(found, message=told(found.message), cost=Cost(perf_counter() - began, fitting.evaluations))
     return watch.passed(found)
+
+
+def named(free: Sequence[str]) -> tuple[str, ...]:
+    """Names, also those of one text with commas."""
+    return tuple(name.strip() for name in (free.split(",") if isinstance(free, str) else free))
 
 
 @dataclass(frozen=True)
@@ -167,7 +170,7 @@ class _Fitting:
         self.all = Comparison.of(self.curve, self.seen)
         self.few = Comparison.of(self.curve, self.seen, FEW)
         if not self.curve.rigid and self.curve.spring is None:
-            raise InputError("spring: missing; give the stiffness of the cantilever, such as spring='0.5 N/m'")
+            raise InputError("spring: missing; give the stiffness of the cantilever, such as '0.5 N/m'")
         self.stiffness = math.inf if self.curve.spring is None else self.curve.spring
         slope, error = self._slope()
         calibrated = not {"spring", "sensitivity"} & set(self.free)
@@ -486,8 +489,9 @@ class _Fitting:
         """Standard deviation that independent residuals would have, were there as many as they are worth."""
         own = found.residuals[: found.comparison.samples.size] * found.spread
         size, length = 1.4826 * float(np.median(np.abs(own))), 1.0
-        clipped = np.clip(own, -ROBUST * size, ROBUST * size)
-        size = math.sqrt(float(clipped @ clipped) / max(own.size - found.x.size, 1))
+        if size <= MISFIT * self.seen.noise:  # the model's curve: all but outliers tell of the noise
+            clipped = np.clip(own, -ROBUST * size, ROBUST * size)
+            size = math.sqrt(float(clipped @ clipped) / max(own.size - found.x.size, 1))
         if size > MISFIT * self.seen.noise or found.spread > self.seen.noise:
             order = np.argsort(found.comparison.samples)
             length = _correlation_length(own[order])

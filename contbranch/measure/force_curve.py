@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from hashlib import sha256
 from typing import Any, Final, Self
 
 import numpy as np
@@ -48,6 +49,8 @@ class ForceCurve:
         Units of `piezo`, `tip`, `force` and `deflection` where they are not nm and nN, such as ``{"piezo": "um"}``.
     source : str
         Where it is from.
+    place : mapping, optional
+        Where in a map: ``x`` and ``y`` (nm), or ``row`` and ``column``.
 
     Raises
     ------
@@ -62,6 +65,7 @@ class ForceCurve:
     source: str = ""
     deflected: bool = False
     rigid: bool = field(default=False)
+    place: Mapping[str, float] = field(default_factory=dict)
 
     def __init__(
         self,
@@ -72,11 +76,13 @@ class ForceCurve:
         **others: Any,
     ) -> None:
         units: Mapping[str, str] = others.pop("units", None) or {}
-        source = str(others.pop("source", ""))
+        source, place = str(others.pop("source", "")), others.pop("place", None) or {}
         given = {"piezo": piezo, "force": force, **others}
         unknown = [name for name in (*given, *units) if name not in COLUMNS]
         if unknown:
-            raise InputError(f"curve: {unknown[0]!r} is not known; must be one of {', '.join(COLUMNS)}, units, source")
+            raise InputError(
+                f"curve: {unknown[0]!r} is not known; must be one of {', '.join(COLUMNS)}, units, source, place"
+            )
         columns = {name: _column(values, name, units.get(name)) for name, values in given.items() if values is not None}
         for one, other in (("piezo", "tip"), ("force", "deflection")):
             if (one in columns) == (other in columns):
@@ -97,6 +103,7 @@ class ForceCurve:
             "spring": stiffness,
             "retract": _retract(segment, drive),
             "source": source,
+            "place": dict(place),
             "deflected": "deflection" in columns,
             "rigid": "tip" in columns and stiffness is None,
         }
@@ -125,6 +132,11 @@ class ForceCurve:
         if self.deflected and self.spring:
             changed.__dict__["force"] = self.force * (stiffness / self.spring)
         return changed
+
+    def describe(self) -> dict[str, Any]:
+        """What tells it from other curves: its place, and a hash of its samples."""
+        parts = (self.piezo, self.force, self.retract, np.array([self.spring or np.inf, self.rigid, self.deflected]))
+        return {**self.place, "samples": sha256(b"".join(part.tobytes() for part in parts)).hexdigest()}
 
     def leg(self, retract: bool) -> NDArray[np.intp]:
         """Numbers of the samples of approach or retraction, in the order in which they were measured."""

@@ -1,21 +1,45 @@
-"""Force curves from files: CSV, and what afmformats reads (.ibw, .jpk-force, …)."""
+"""Force curves from files and folders: CSV, and what afmformats reads (.ibw, .jpk-force, …)."""
 
 from __future__ import annotations
 
 import csv
+import math
 import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
+from contbranch.contact.units import parse
 from contbranch.errors import InputError
 from contbranch.measure.force_curve import COLUMNS, ForceCurve
 
-__all__ = ["read_force_curve", "read_force_curves"]
+__all__ = ["Unread", "curves_in", "read_force_curve", "read_force_curves"]
 
+_POSITION: Final[tuple[str, ...]] = ("x", "y")
 _HEADING: Final = re.compile(r"\s*(\w+)\s*(?:[\[(]\s*([^\])]*?)\s*[\])])?\s*")
 _TEXTS: Final = (".csv", ".txt", ".tsv", ".dat")
+_INSTRUMENTS: Final = (".ibw", ".jpk-force", ".jpk-force-map", ".jpk-qi-data", ".jpk-qi-series", ".h5", ".tab", ".zip")
+# Places in a map that are said in names of files.
+_NAMED: Final = (
+    (re.compile(r"(?:^|[^a-z])x[-_ ]?(\d+).*?y[-_ ]?(\d+)", re.IGNORECASE), ("column", "row")),
+    (re.compile(r"(?:^|[^a-z])r(?:ow)?[-_ ]?(\d+).*?c(?:ol(?:umn)?)?[-_ ]?(\d+)", re.IGNORECASE), ("row", "column")),
+)
+
+
+@dataclass(frozen=True)
+class Unread:
+    """A curve of a map that could not be read, and why."""
+
+    error: InputError
+    place: dict[str, float]
+
+    def describe(self) -> dict[str, Any]:
+        """Its place and what is wrong."""
+        return {**self.place, "error": str(self.error)}
 
 
 def read_force_curve(path: str | Path, spring: float | str | None = None, number: int = 0) -> ForceCurve:
@@ -43,16 +67,60 @@ def read_force_curve(path: str | Path, spring: float | str | None = None, number
 
 
 def read_force_curves(path: str | Path, spring: float | str | None = None) -> list[ForceCurve]:
-    """Read all force curves of a file, such as a map's; see `read_force_curve`."""
+    """Read all force curves of a file, such as a map's, or of the files in a folder; see `read_force_curve`."""
+    found = []
+    for one in curves_in(path, spring):
+        if isinstance(one, Unread):
+            raise one.error
+        found.append(one)
+    return found
+
+
+def curves_in(path: str | Path, spring: float | str | None = None) -> Iterator[ForceCurve | Unread]:
+    """The curves of a file or folder, those that are none among them; files in the order of the numbers in their names.
+
+    Raises
+    ------
+    InputError
+        If there is no such file, or nothing in the folder has a known suffix.
+    """
     path = Path(path)
-    if not path.is_file():
+    if path.is_dir():
+        files = [one for one in path.iterdir() if one.is_file() and one.suffix.lower() in (*_TEXTS, *_INSTRUMENTS)]
+        if not files:
+            raise InputError(
+                f"curve: no file in '{path}' is one of force curves ({', '.join((*_TEXTS, *_INSTRUMENTS))})"
+            )
+        for file in sorted(files, key=lambda one: [int(k) if k.isdigit() else k for k in re.split(r"(\d+)", one.name)]):
+            yield from _in_file(file, spring, _named(file.stem))
+    elif path.is_file():
+        yield from _in_file(path, spring, {})
+    else:
         raise InputError(f"curve: '{path}' is not a file")
-    if path.suffix.lower() in _TEXTS:
-        return _of_table(path, spring)
-    return _of_instrument(path, spring)
 
 
-def _of_table(path: Path, spring: float | str | None) -> list[ForceCurve]:
+def _named(stem: str) -> dict[str, float]:
+    """A place in a map, as the name of a file has it."""
+    for pattern, names in _NAMED:
+        if match := pattern.search(stem):
+            return dict(zip(names, map(float, match.groups()), strict=True))
+    return {}
+
+
+def _in_file(path: Path, spring: float | str | None, place: dict[str, float]) -> Iterator[ForceCurve | Unread]:
+    try:
+        makers = (_of_table if path.suffix.lower() in _TEXTS else _of_instrument)(path, spring)
+    except InputError as error:
+        yield Unread(error, place)
+        return
+    for own, make in makers:
+        try:
+            yield make(place=place | own)
+        except InputError as error:
+            yield Unread(error, place | own)
+
+
+def _of_table(path: Path, spring: float | str | None) -> list[tuple[dict[str, float], Callable[..., ForceCurve]]]:
     try:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
@@ -63,7 +131,7 @@ def _of_table(path: Path, spring: float | str | None) -> list[ForceCurve]:
     delimiter = max(",;\t", key=lines[0].count)
     headings = [_HEADING.fullmatch(cell) for cell in next(csv.reader(lines[:1], delimiter=delimiter))]
     names = [match[1].lower() if match else "" for match in headings]
-    wanted = [k for k, name in enumerate(names) if name in (*COLUMNS, "segment", "curve")]
+    wanted = [k for k, name in enumerate(names) if name in (*COLUMNS, *_POSITION, "segment", "curve")]
     if not {"piezo", "tip"} & set(names) or not {"force", "deflection"} & set(names):
         raise InputError(
             f"curve: '{path}' has the columns {', '.join(filter(None, names))}; needs piezo (or tip) and force"
@@ -73,20 +141,20 @@ def _of_table(path: Path, spring: float | str | None) -> list[ForceCurve]:
         if len(row) < len(names):
             raise InputError(f"curve: '{path}', row {number}: {len(row)} values; must be {len(names)}")
     columns: dict[str, list[Any]] = {names[k]: [row[k] for row in rows] for k in wanted}
-    units = {names[k]: match[2] for k in wanted if (match := headings[k]) and match[2] and names[k] in COLUMNS}
-    for name in set(columns) & set(COLUMNS):
+    units = {names[k]: match[2] for k in wanted if (match := headings[k]) and match[2]}
+    for name in set(columns) & {*COLUMNS, *_POSITION}:
         columns[name] = _numbers(columns[name], name, path, decimal="." if delimiter == "," else ",")
     maps = np.array(columns.pop("curve", ["0"] * len(rows)))
-    parts = [np.flatnonzero(maps == one) for one in dict.fromkeys(maps.tolist())]
-    return [
-        ForceCurve(
-            spring=spring,
-            units=units,
-            source=str(path),
-            **{name: np.array(values)[part] for name, values in columns.items()},
-        )
-        for part in parts
-    ]
+    where = {name: np.array(columns.pop(name)) for name in _POSITION if name in columns}
+    for name, values in where.items():
+        values *= parse(f"1 {units.pop(name, 'nm')}", "length", f"curve: unit of {name}")
+    units = {name: unit for name, unit in units.items() if name in COLUMNS}
+    found: list[tuple[dict[str, float], Callable[..., ForceCurve]]] = []
+    for part in (np.flatnonzero(maps == one) for one in dict.fromkeys(maps.tolist())):
+        own = {name: np.array(values)[part] for name, values in columns.items()}
+        place = {name: float(values[part[0]]) for name, values in where.items()}
+        found.append((place, partial(ForceCurve, spring=spring, units=units, source=str(path), **own)))
+    return found
 
 
 def _numbers(cells: list[str], name: str, path: Path, decimal: str) -> list[float]:
@@ -99,7 +167,7 @@ def _numbers(cells: list[str], name: str, path: Path, decimal: str) -> list[floa
     return found
 
 
-def _of_instrument(path: Path, spring: float | str | None) -> list[ForceCurve]:
+def _of_instrument(path: Path, spring: float | str | None) -> list[tuple[dict[str, float], Callable[..., ForceCurve]]]:
     """Curves that afmformats reads: SI units, heights that fall towards the surface; split at the turn of the piezo."""
     try:
         import afmformats
@@ -111,12 +179,25 @@ def _of_instrument(path: Path, spring: float | str | None) -> list[ForceCurve]:
         groups = afmformats.load_data(path)
     except Exception as error:  # its readers raise what they like for a file that they do not know
         raise InputError(f"curve: '{path}' cannot be read by afmformats ({type(error).__name__}: {error})") from None
-    found = []
-    for data in groups:
-        heights = [name for name in ("height (measured)", "height (piezo)") if name in data.columns]
-        if not heights or "force" not in data.columns:
-            raise InputError(f"curve: '{path}' has {', '.join(data.columns)}; needs a force and a height of the piezo")
-        stiffness = data.metadata.get("spring constant") if spring is None else spring
-        piezo, force = -1e9 * np.asarray(data[heights[0]]), 1e9 * np.asarray(data["force"])
-        found.append(ForceCurve(piezo=piezo, force=force, spring=stiffness, source=str(path)))
-    return found
+    return [(_position(data.metadata), partial(_of_data, data, path, spring)) for data in groups]
+
+
+def _of_data(data: Any, path: Path, spring: float | str | None, place: dict[str, float]) -> ForceCurve:
+    heights = [name for name in ("height (measured)", "height (piezo)") if name in data.columns]
+    if not heights or "force" not in data.columns:
+        raise InputError(f"curve: '{path}' has {', '.join(data.columns)}; needs a force and a height of the piezo")
+    stiffness = data.metadata.get("spring constant") if spring is None else spring
+    piezo, force = -1e9 * np.asarray(data[heights[0]]), 1e9 * np.asarray(data["force"])
+    return ForceCurve(piezo=piezo, force=force, spring=stiffness, source=str(path), place=place)
+
+
+def _position(metadata: Any) -> dict[str, float]:
+    """Where in a map a curve was measured, in nm, or its row and column."""
+    for names, factor, keys in (
+        (("position x", "position y"), 1e9, _POSITION),
+        (("grid index x", "grid index y"), 1.0, ("column", "row")),
+    ):
+        known = [float(metadata.get(name, math.nan)) for name in names]
+        if all(map(math.isfinite, known)):
+            return {key: factor * value for key, value in zip(keys, known, strict=True)}
+    return {}

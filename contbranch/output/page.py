@@ -21,6 +21,7 @@ from contbranch.errors import InputError
 from contbranch.output.document import plain
 from contbranch.output.plot_curve import COORDINATES, coordinate, smooth_line
 from contbranch.results.diagram import Branch, Diagram
+from contbranch.results.fit_map import FitMap
 from contbranch.results.loop import Hysteresis
 from contbranch.results.record import Result
 from contbranch.results.sweep import Sweep
@@ -51,6 +52,8 @@ def page(result: Result, curve: Diagram | None = None) -> str:
     """
     packed = _Packed()
     title = repr(result).splitlines()[0].rpartition(":")[0]
+    if isinstance(result, FitMap):
+        raise InputError("result: a map of fits has no curves to show; draw it with contbranch show --plot")
     if isinstance(result, Sweep):
         title = f"{title.partition(', μ_T')[0]} over {' × '.join(result.parameters) or 'contacts'}"
     known: dict[str, Any] = {"title": title, "parameters": [], "axes": {}}

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from contbranch.output.plot_view import BLUE, GREY, ORANGE, handle, new_figure
+from contbranch.output.plot_view import BLUE, GREY, ORANGE, WIDTH, handle, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from contbranch.results.fit import Fit
+    from contbranch.results.fit_map import FitMap
 
-__all__ = ["fit_figure"]
+__all__ = ["fit_figure", "map_figure"]
+
+# Units as one says them.
+PEOPLE = {"nN/nm²": ("MPa", 1e3), "nN/nm": ("mN/m", 1e3)}
 
 
 def fit_figure(fit: Fit) -> Figure:
@@ -44,3 +49,26 @@ def fit_figure(fit: Fit) -> Figure:
         handles += [handle("fitted", color="black", marker="+", linestyle="none")]
         figure.legend(handles=handles, loc="outside upper center", ncols=4, columnspacing=1.0, handlelength=1.4)
     return figure
+
+
+def map_figure(fits: FitMap, names: Sequence[str]) -> Figure:
+    """Draw values over the places of a map, side by side; a cross where there is none."""
+    with new_figure(2.6) as figure:
+        figure.set_figwidth(WIDTH * max(1.0, len(names)))
+        for axes, name in zip(figure.subplots(1, len(names), squeeze=False)[0], names, strict=True):
+            x, y, values = fits.picture(name)
+            unit = fits.unit_names.get(name, "")
+            unit, factor = PEOPLE.get(unit, (unit, 1.0))
+            image = axes.pcolormesh(x, y, factor * values, shading="nearest", cmap="viridis", rasterized=True)
+            rows, columns = np.nonzero(~np.isfinite(values))
+            axes.plot(x[columns], y[rows], "x", color=GREY, markersize=3.0, markeredgewidth=0.6)
+            axes.set(aspect="equal", title=_titled(name.replace("_", " "), unit))
+            across, up = ("x", "y") if "x" in fits.parameters else ("column", "row")
+            axes.set_xlabel(_titled(across, fits.unit_names.get(across, "")))
+            axes.set_ylabel(_titled(up, fits.unit_names.get(up, "")))
+            figure.colorbar(image, ax=axes, shrink=0.8).outline.set_linewidth(0.5)
+    return figure
+
+
+def _titled(name: str, unit: str) -> str:
+    return f"{name} ({unit})" if unit else name

@@ -13,6 +13,7 @@ from contbranch.results.advice import Advice, Candidate
 from contbranch.results.diagram import Diagram, Event, Solution, State
 from contbranch.results.equilibria import Equilibria
 from contbranch.results.fit import Fit, unit_of_value
+from contbranch.results.fit_map import FitMap
 from contbranch.results.followed import Followed
 from contbranch.results.loop import Hysteresis
 from contbranch.results.record import OBSERVABLES, Result
@@ -199,6 +200,7 @@ _SHOWN: Final[Mapping[type, Callable[[Any, Mapping[str, str]], Parts]]] = {
     Equilibria: lambda found, units: iter([_states(found.states, units)]),
     Hysteresis: _loop,
     Followed: _followed,
+    FitMap: _sweep,
     Sweep: _sweep,
 }
 

@@ -20,6 +20,7 @@ from contbranch.contact.contact import Contact
 from contbranch.errors import InputError
 from contbranch.output.document import VERSION
 from contbranch.results.diagram import Branch, Cost, Diagram, Event, ModelChoice
+from contbranch.results.fit_map import FitMap
 from contbranch.results.profile import Profile
 from contbranch.results.record import OBSERVABLES
 from contbranch.results.sweep import Sweep, SweepTask, quantity
@@ -91,8 +92,9 @@ def _write_tasks(file: h5py.File, sweep: Sweep) -> None:
         kind = text if isinstance(values[0], str) else None
         flat = np.array(values, dtype=object if kind else None)
         _along(file.create_dataset(name, data=flat.reshape(sweep.shape), dtype=kind), dimensions)
-        if quantity(name) in sweep.unit_names and name in sweep.names:
-            file[name].attrs["units"] = sweep.unit_names[quantity(name)]
+        unit = sweep.unit_names.get(quantity(name, sweep.unit_names))
+        if unit and name in sweep.names:
+            file[name].attrs["units"] = unit
 
 
 def _scale(group: h5py.Group, name: str, values: NDArray[Any]) -> h5py.Dataset:
@@ -220,7 +222,8 @@ def _sweep(file: h5py.File, path: Path) -> Sweep:
         parameters = {name: axes[name][k] for name, k in zip(names, at, strict=True)}
         tasks.append(SweepTask(index=index, parameters=parameters, thresholds=values, **about))
     described: dict[str, Any] = {name: json.loads(file[name][()]) for name in ("description", "unit_names")}
-    return Sweep(
+    kind = next((one for one in (Sweep, FitMap) if one.format == file.attrs["format"]), Sweep)
+    return kind(
         parameters=tuple(names),
         axes=axes,
         mode="grid" if mode == "grid" else "zip",

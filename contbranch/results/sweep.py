@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
@@ -137,7 +137,8 @@ class Sweep(Result):
             found[name] = np.array([task.thresholds.get(name, blank) for task in self.tasks])
         found["status"] = np.array([task.status for task in self.tasks])
         found["message"] = np.array([task.message for task in self.tasks])
-        return {"task": of_columns(found, self.unit_names, **{name: quantity(name) for name in self.names})}
+        units = {name: quantity(name, self.unit_names) for name in self.names}
+        return {"task": of_columns(found, self.unit_names, **units)}
 
     def plot(self, *thresholds: str) -> Figure:
         """Draw thresholds against the parameter, or as maps over two; a page (`contbranch view`) shows the curves.
@@ -157,6 +158,8 @@ class Sweep(Result):
         return sweep_figure(self, thresholds)
 
 
-def quantity(threshold: str) -> str:
-    """The quantity in whose unit a threshold is."""
+def quantity(threshold: str, known: Collection[str] = ()) -> str:
+    """The quantity in whose unit a threshold is, if it has none of its own."""
+    if threshold in known:
+        return threshold
     return "contact_radius" if threshold.endswith("radius") else threshold.rpartition("_")[2]

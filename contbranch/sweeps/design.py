@@ -52,8 +52,7 @@ class Design(Sequence[Contact]):
 
     def parameters(self, index: int) -> dict[str, float]:
         """Values of a contact's parameters."""
-        places: Any = np.unravel_index(index, self.shape) if self.mode == "grid" else [index] * len(self.axes)
-        return {name: values[int(k)] for (name, values), k in zip(self.axes.items(), places, strict=True)}
+        return _at(self.axes, self.mode, index)
 
     def __getitem__(self, index: Any) -> Any:
         if isinstance(index, slice):
@@ -68,11 +67,11 @@ class Design(Sequence[Contact]):
 
 @dataclass(frozen=True)
 class Listed(Sequence[Any]):
-    """Contacts as they come; their parameters are the numbers in which their descriptions differ."""
+    """Contacts, or whatever else a task takes, as they come, with parameters: one value each, or those of a grid."""
 
     given: Sequence[Any]
     axes: Mapping[str, tuple[float, ...]]
-    mode: Literal["zip"] = "zip"
+    mode: Literal["grid", "zip"] = "zip"
 
     @property
     def contact(self) -> Contact:
@@ -88,7 +87,14 @@ class Listed(Sequence[Any]):
 
     def parameters(self, index: int) -> dict[str, float]:
         """Values of a contact's parameters."""
-        return {name: values[index] for name, values in self.axes.items()}
+        return _at(self.axes, self.mode, index)
+
+
+def _at(axes: Mapping[str, tuple[float, ...]], mode: str, index: int) -> dict[str, float]:
+    """The values of a grid, or of a list, at an index."""
+    shape = [len(values) for values in axes.values()]
+    places: Any = np.unravel_index(index, shape) if mode == "grid" else [index] * len(axes)
+    return {name: values[int(k)] for (name, values), k in zip(axes.items(), places, strict=True)}
 
 
 def listed(contacts: Sequence[Any]) -> Listed:

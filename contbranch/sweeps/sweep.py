@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
@@ -81,7 +81,7 @@ def sweep(
     path = Path(path)
     if not len(contacts):
         raise InputError("contacts: none; give at least one")
-    design = contacts if isinstance(contacts, Design) else listed(_checked(contacts))
+    design = contacts if isinstance(contacts, Design | Listed) else listed(_checked(contacts))
     chosen: dict[str, Any] = {name: settings[name] for name in _TRACING[:4] if name in settings}
     limit = settings.get("task_limit", 3600.0)
     chosen["keep"] = settings.get("keep") or ("profiles" if len(contacts) <= _FEW else "curves")
@@ -132,7 +132,7 @@ def _swept(
         run = Run(task, lambda key: design[places[key]], journal, executor, workers, len(places))
         kept(lambda: run(missing), None)
         computed = sum(key in journal.ended for key in missing)
-        result = _result(design, keys, journal, path)
+        result = _result(design, task, keys, journal, path)
         result = replace(result, computed=computed, reused=len(result.tasks) - computed)
         result = replace(result, cost=Cost(time.perf_counter() - began, 0), message=told(run.failure or result.message))
         if result.status == "complete":
@@ -152,7 +152,7 @@ def _add(earlier: Sweep, tasks: Sequence[SweepTask], journal: Journal) -> None:
         journal.add(encoded({"key": one.key, "run": f"file-{one.key}", **about}, arrays), sync=False)
 
 
-def _result(design: Design | Listed, keys: Sequence[str], journal: Journal, path: Path) -> Sweep:
+def _result(design: Design | Listed, task: Task, keys: Sequence[str], journal: Journal, path: Path) -> Sweep:
     """What is known of the tasks."""
     tasks = []
     for index, key in enumerate(keys):
@@ -161,12 +161,13 @@ def _result(design: Design | Listed, keys: Sequence[str], journal: Journal, path
             count = journal.computed[key]
             tasks.append(SweepTask(index, design.parameters(index), **about, key=key, computed=count))
     missing = len(keys) - len(tasks)
-    contact: Any = design.contact
-    units = {}
-    if isinstance(contact, Contact):
+    contact: Any = getattr(task, "contact", design.contact)
+    units: Mapping[str, str] = getattr(task, "unit_names", {})
+    if isinstance(contact, Contact) and not units:
         units = {name: contact.units.name(dimension_of(contact, name)) for name in design.axes}
         units = {**contact.units.names, **{name: unit for name, unit in units.items() if unit}}
-    return Sweep(
+    kind: type[Sweep] = getattr(task, "kind", Sweep)
+    return kind(
         parameters=tuple(design.axes),
         axes=design.axes,
         mode=design.mode,

@@ -44,7 +44,10 @@ class Outcome(NamedTuple):
 
 
 class Task(Protocol):
-    """What is done with every input of a sweep; pickled and sent to workers."""
+    """What is done with every input of a sweep; pickled and sent to workers.
+
+    It may have a `contact` that all inputs share, `unit_names` of parameters and thresholds, and a `kind` of `Sweep`.
+    """
 
     @property
     def time_limit(self) -> float | None:

@@ -1,0 +1,159 @@
+"""`fit_map`: the force curves of a map fitted as a sweep."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar, Final
+
+import numpy as np
+
+from contbranch.contact.contact import Contact, refuse_unknown
+from contbranch.contact.units import positive_number
+from contbranch.errors import InputError
+from contbranch.measure.fit import fit, named
+from contbranch.measure.force_curve import ForceCurve
+from contbranch.measure.reading import Unread, curves_in
+from contbranch.results.fit import Fit, unit_of_value
+from contbranch.results.fit_map import FitMap, places_of
+from contbranch.results.sweep import Sweep
+from contbranch.sweeps.design import Listed
+from contbranch.sweeps.sweep import sweep
+from contbranch.sweeps.tasks import Outcome
+from contbranch.watch import Progress
+
+__all__ = ["Fitting", "fit_map"]
+
+_FITTING: Final = ("fixed", "spring", "law")
+_SWEEPING: Final = ("workers", "retry", "time_limit")
+# What names a place: rows with columns, or a number alone.
+_PLACES: Final = (("y", "x"), ("row", "column"))
+
+
+@dataclass(frozen=True)
+class Fitting:
+    """A task of a sweep: every curve is fitted.
+
+    Attributes
+    ----------
+    contact : Contact
+    free, fixed, spring, law
+        As of `contbranch.fit`.
+    time_limit : float or None
+        Seconds after which a fit ends incomplete.
+    """
+
+    contact: Contact
+    free: tuple[str, ...]
+    fixed: tuple[str, ...] = ()
+    spring: float | str | None = None
+    law: str | None = None
+    time_limit: float | None = None
+    kind: ClassVar[type[Sweep]] = FitMap
+
+    @property
+    def unit_names(self) -> Mapping[str, str]:
+        """Units of places and values."""
+        names = (*self.free, "contact_point", "baseline", "tilt")
+        units = {f"{name}{end}": unit_of_value(name) for name in names for end in ("", "_error")}
+        units |= dict.fromkeys(("x", "y"), "nm") | dict.fromkeys(("rms", "noise", "pull_off_force"), "nN")
+        return {name: unit for name, unit in units.items() if unit}
+
+    def describe(self) -> dict[str, Any]:
+        """The contact and every setting but the time allowed."""
+        settings = {name: getattr(self, name) for name in ("free", *_FITTING)}
+        return {"task": "fit", "contact": self.contact.describe(), **settings}
+
+    def __call__(self, given: ForceCurve | Unread) -> Outcome:
+        """What a curve determines."""
+        if isinstance(given, Unread):
+            raise given.error
+        settings: dict[str, Any] = {name: getattr(self, name) for name in _FITTING}
+        found = fit(given, self.contact, self.free, **settings, time_limit=self.time_limit)
+        about = {"status": found.status, "message": found.message, "thresholds": _values(found), "law": found.law}
+        every = {name: dict(getattr(found, name)) for name in ("values", "errors")}
+        return Outcome({**about, **every, "identifiable": list(found.identifiable), "source": given.source}, {})
+
+
+def _values(found: Fit) -> dict[str, float]:
+    """What is told of a fit in a map: nothing that the curve does not determine."""
+    known = {name: found.values[name] for name in found.identifiable}
+    known |= {f"{name}_error": found.errors[name] for name in found.identifiable}
+    for jump in found.jumps:
+        if jump.name == "pull-off" and jump.measured is not None:
+            known["pull_off_force"] = jump.measured["force"]
+    return known | {"rms": found.rms, "noise": found.noise}
+
+
+def fit_map(
+    curves: str | Path | Sequence[ForceCurve],
+    contact: Contact,
+    path: str | Path,
+    free: Sequence[str] = ("work_of_adhesion", "modulus"),
+    progress: Progress | None = None,
+    **settings: Any,
+) -> FitMap:
+    """Fit the force curves of a map on all cores, or on any executor, and write what they determine to one file.
+
+    As in `contbranch.sweep`, every fit is in a journal as soon as it has ended, and what cannot be read or fitted is
+    recorded as failed, with the reason.
+
+    Parameters
+    ----------
+    curves : str or Path, or sequence of ForceCurve
+        A folder of files, each with one curve or several; a file with several; or curves that have been read.
+    contact : Contact
+    path : str or Path
+        HDF5 file to be written, which xarray opens.
+    free : sequence of str
+    progress : callable, optional
+    **settings
+        As of `fit`: ``fixed``, ``spring``, ``law``. As of `sweep`: ``executor``, ``resume``, ``workers``, ``retry``,
+        ``time_limit``, and ``task_limit``: seconds that a fit may take (600). ``shape=(rows, columns)``: curves lie row
+        by row, in their order, whatever place they say.
+
+    Raises
+    ------
+    InputError
+        If an argument cannot be used, or the file exists.
+    """
+    refuse_unknown(settings, (*_FITTING, *_SWEEPING, "executor", "resume", "task_limit", "shape"))
+    listed = list(curves_in(curves, settings.get("spring")) if isinstance(curves, str | Path) else curves)
+    if not listed:
+        raise InputError("curves: none; give at least one")
+    executor: Executor | None = settings.get("executor")
+    chosen: dict[str, Any] = {name: settings[name] for name in _FITTING if name in settings}
+    chosen["fixed"] = tuple(chosen.get("fixed", ()))
+    limit = positive_number(settings.get("task_limit", 600.0), "task_limit")
+    task = Fitting(contact, named(free), **chosen, time_limit=limit)
+    running = {name: settings[name] for name in _SWEEPING if name in settings}
+    design = _laid_out(listed, settings.get("shape"))
+    resume = settings.get("resume", False)
+    found = sweep(design, path, executor, resume, task=task, progress=progress, **running)
+    if not isinstance(found, FitMap):
+        raise InputError(f"path: '{path}' holds no map of fits")
+    return found
+
+
+def _laid_out(curves: Sequence[ForceCurve | Unread], shape: tuple[int, int] | None) -> Listed:
+    """Curves with their places: a grid where they fill one, row by row."""
+    places: list[Mapping[str, float]] = [one.place for one in curves]
+    if shape is not None:
+        rows, columns = shape
+        if len(curves) > rows * columns:
+            raise InputError(f"shape: {rows} × {columns}; there are {len(curves)} curves")
+        places = [dict(zip(("row", "column"), divmod(k, columns), strict=True)) for k in range(len(curves))]
+    names = next((one for one in _PLACES if all(set(one) <= set(place) for place in places)), ("number",))
+    if names == ("number",):
+        places = [{"number": float(k)} for k in range(len(curves))]
+    columns_of = [np.array([place[name] for place in places], dtype=float) for name in names]
+    centres, labels = zip(*map(places_of, columns_of), strict=True)
+    size = tuple(one.size for one in centres)
+    flat = np.ravel_multi_index(labels, size)
+    if np.array_equal(np.sort(flat), np.arange(np.prod(size))):
+        order = np.argsort(flat)
+        axes = {name: tuple(one.tolist()) for name, one in zip(names, centres, strict=True)}
+        return Listed([curves[k] for k in order], axes, "grid")
+    return Listed(curves, {name: tuple(one.tolist()) for name, one in zip(names, columns_of, strict=True)}, "zip")

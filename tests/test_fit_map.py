@@ -1,0 +1,91 @@
+"""Maps of force curves: what was put in is found where it was put, and one bad curve does no harm."""
+
+import json
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import contbranch as cb
+from contbranch.cli import main
+from contbranch.contact.file import read_contact
+
+ROOT = Path(__file__).parents[1]
+if str(ROOT) not in sys.path:
+    sys.path.append(str(ROOT))  # the scripts in studies/ are not installed
+
+from studies.fit_map import CONTACT, pattern, written  # noqa: E402
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("map")
+    (folder / "contact.toml").write_text(CONTACT)
+    (folder / "curves").mkdir()
+    written(folder / "curves", 2, count=150)
+    return folder
+
+
+def fitted(folder, **settings):
+    contact, _ = read_contact(folder / "contact.toml")
+    with ThreadPoolExecutor(1) as executor:
+        return cb.fit_map(folder / "curves", contact, folder / "map.h5", executor=executor, spring=5.0, **settings)
+
+
+def test_a_folder_is_fitted_and_a_bad_curve_fails_alone(folder):
+    xarray = pytest.importorskip("xarray")
+    found = fitted(folder)
+    assert found.computed == 4
+    assert found.mode == "grid"
+    for name, true in zip(("modulus", "work_of_adhesion"), pattern(2), strict=True):
+        x, y, values = found.picture(name)
+        assert x.tolist() == y.tolist() == [0.0, 1.0]
+        assert (np.abs(values - true) < 5 * found.picture(f"{name}_error").values).all()
+    with xarray.open_dataset(folder / "map.h5", engine="h5netcdf") as data:
+        assert data["modulus"].dims == ("row", "column")
+        assert data["modulus"].attrs["units"] == "nN/nm²"
+        assert data["modulus"].sel(row=1, column=0) == found.picture("modulus").values[1, 0]
+    (folder / "curves" / "x0_y2.csv").write_text("piezo [nm],force [nN]\n1,nan\n2,3\n")
+    again = fitted(folder, resume=True)
+    assert (again.computed, again.reused, len(again.failed)) == (1, 4, 1)
+    assert "at least 16" in again.failed[0].message
+    loaded = cb.load(folder / "map.h5")
+    assert type(loaded) is cb.FitMap
+    values = loaded.picture("modulus").values
+    assert values.shape == (3, 2)
+    assert np.isnan(values).tolist() == [[False, False], [False, False], [True, True]]
+    assert np.array_equal(values[:2], found.picture("modulus").values)
+    assert "modulus [nN/nm²]" in loaded.table().headings
+    axes = loaded.plot().axes
+    assert [one.get_title() for one in axes[:2]] == ["modulus (MPa)", "work of adhesion (mN/m)"]
+    with pytest.raises(cb.InputError, match="none"):
+        loaded.diagram(0)
+
+
+def test_many_curves_are_never_taken_for_one(folder, capsys, tmp_path):
+    """Neither a folder nor a file with two curves is fitted without a file for the results."""
+    contact = str(folder / "contact.toml")
+    assert main(["fit", str(folder / "curves"), contact, "--spring", "5 N/m"]) == 2
+    lines = (folder / "curves" / "x0_y0.csv").read_text().splitlines()
+    text = [f"curve,x [um],y [um],{lines[0]}"]
+    text += [f"{k},{0.1 * k},0.5,{line}" for k in (0, 1) for line in lines[1:]]
+    both = tmp_path / "both.csv"
+    both.write_text("\n".join(text))
+    assert [one.place for one in cb.read_force_curves(both, spring=5.0)] == [
+        {"x": 0.0, "y": 500.0},
+        {"x": pytest.approx(100.0), "y": 500.0},
+    ]
+    assert main(["fit", str(both), contact, "--spring", "5 N/m"]) == 2
+    assert "2 curves" in capsys.readouterr().err
+    assert main(["fit", str(both), contact, "-o", str(tmp_path / "m.h5"), "--shape", "1", "--spring", "5 N/m"]) == 2
+    assert "ROWSxCOLUMNS" in capsys.readouterr().err
+    options = ["--spring", "5 N/m", "-o", tmp_path / "m.h5", "--shape", "2x1", "--workers", "1", "--json", "-"]
+    assert main(["fit", str(both), contact, *map(str, options)]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["format"] == "contbranch-fit-map"
+    assert [task["parameters"] for task in document["tasks"]] == [
+        {"row": 0.0, "column": 0.0},
+        {"row": 1.0, "column": 0.0},
+    ]
