@@ -264,7 +264,7 @@ def assemble(contact: Contact, curve: RawCurve, choice: ModelChoice, control: Co
     def local_exponents(event: Event) -> LocalExponent:
         raw = raws[events.index(event)]
         if raw.local_exponent is None:
-            raise InputError(f"event: the curve has a corner at this {event.name or event.kind}, and no exponent")
+            raise InputError(f"event: this {event.name or event.kind} has no exponent: it is a corner, or nodes' own")
         found = raw.local_exponent()
         parameter = "contact_radius" if raw.values[2] > 0 or raw.kind == "touch" else "central_gap"
         return LocalExponent(

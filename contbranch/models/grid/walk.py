@@ -341,8 +341,8 @@ class Walker:
 
     @property
     def _averages(self) -> bool:
-        """Whether folds are sought by averages."""
-        return self.problem.wall and self.averaging
+        """Whether folds are sought by averages: behind first touch, and behind another average."""
+        return self.averaging and not (self.problem.touch is None and self.problem.past is None)
 
     @property
     def _chained(self) -> bool:
