@@ -1,7 +1,7 @@
 """How the pages are made: `sphinx-build -W -n docs FOLDER`, without network.
 
-Formulas are drawn by matplotlib, the pictures of the gallery by `studies/gallery.py`, and the page of the command line is
-what `contbranch COMMAND --help` prints.
+Formulas are drawn by matplotlib, the pictures of the gallery by `studies/gallery.py`, and the page of the command
+line is what `contbranch COMMAND --help` prints.
 """
 
 from __future__ import annotations
@@ -68,11 +68,14 @@ def drawn(formula: str) -> str:
     from matplotlib.font_manager import FontProperties
     from matplotlib.mathtext import math_to_image
 
-    words = re.sub(r"\\text\{(.*?)\}", lambda found: rf"\mathrm{{{found[1].replace(' ', chr(92) + ' ')}}}", formula)
+    def upright(found: re.Match[str]) -> str:
+        return rf"\mathrm{{{found[1]}}}".replace(" ", r"\ ").replace("-", "\N{HYPHEN}")
+
+    words = re.sub(r"\\text\{(.*?)\}", upright, formula)
     with rc_context({"mathtext.fontset": "stix", "svg.fonttype": "path", "svg.hashsalt": formula}):
         picture = StringIO()
         math_to_image(
-            f"${' '.join(words.split())}$", picture, prop=FontProperties(size=12), dpi=72, format="svg", color="#123456"
+            f"${' '.join(words.split())}$", picture, prop=FontProperties(size=14), dpi=72, format="svg", color="#123456"
         )
     svg = picture.getvalue().replace("#123456", "currentColor")
     return svg[svg.index("<svg") :]
@@ -80,7 +83,12 @@ def drawn(formula: str) -> str:
 
 def write_formula(self: HTML5Translator, node: nodes.Element) -> None:
     """Write the lines of a displayed formula, one below the other."""
-    text = re.sub(r"\\(begin|end)\{aligned\}", "", node.astext()).replace("&&", r"\quad ").replace("&", "")
+    text = (
+        re.sub(r"\\(begin|end)\{aligned\}", "", node.astext())
+        .replace("&&", r"\quad ")
+        .replace("&", "")
+        .replace(r"\frac", r"\dfrac")
+    )
     lines = text.split(r"\\")
     self.body.append(f'<div class="formula">{"".join(f"<div>{drawn(line)}</div>" for line in lines)}</div>')
     raise nodes.SkipNode
@@ -118,6 +126,18 @@ def write_command_line(_: Sphinx) -> None:
     write("command-line", "\n".join(page))
 
 
+def keep_numbers(_: Sphinx, document: nodes.document) -> None:
+    """Let numbers in tables stand on one line."""
+    for entry in document.findall(nodes.entry):
+        if re.fullmatch(r"[-−+\d.e±()…\s%]+", entry.astext()):
+            entry["classes"].append("number")
+
+
+def skip_field(_app: Sphinx, _what: str, _name: str, obj: object, _skip: bool, _options: object) -> bool | None:
+    """Leave out the fields of named tuples, which stand among the attributes of their class."""
+    return True if (getattr(obj, "__doc__", None) or "").startswith("Alias for field") else None
+
+
 def escape_bars(_app: Sphinx, _what: str, _name: str, _obj: object, _options: object, lines: list[str]) -> None:
     """Let |x| in docstrings be an absolute value and not a substitution."""
     lines[:] = [
@@ -137,6 +157,8 @@ def write(name: str, text: str) -> None:
 def setup(app: Sphinx) -> None:
     """Register what is made here."""
     app.add_html_math_renderer("drawn", (write_formula, None), (write_formula, None))
+    app.connect("doctree-read", keep_numbers)
     app.connect("autodoc-process-docstring", escape_bars)
+    app.connect("autodoc-skip-member", skip_field)
     app.connect("builder-inited", draw_gallery)
     app.connect("builder-inited", write_command_line)

@@ -74,7 +74,9 @@ OUTCOMES: Final = (RIGHT, REFUSED, TRAPPED, RETRACED, DIVERGED, ITERATIONS, TIME
 
 # Of methods that state no error; steps of a ramp; seconds of a cell, and of the package's own settings.
 ALLOWED, STEPS = 0.03, 40
-LIMIT, OWN_LIMIT = 5.0, 40.0
+LIMIT, OWN_LIMIT = 5.0, 30.0
+# What a fold on a grid may be off whatever its error estimate: it is said that such a one stays.
+STAYS = 1e-3
 # A stated error larger than this share of max(1, |value|) says that the value is worthless.
 WORTHLESS = 0.1
 # Σ 1/R³ over a square lattice: what the images of a periodic cell do to the curvature of a tip.
@@ -434,15 +436,16 @@ LAWS: Final = tuple(KINDS)
 TWO: Final = ("exponential", "gauss")
 METHODS: Final = (
     Method("axisymmetric, exact, rings", "auto", True, LAWS, _traced),
-    *(
-        Method(f"{kind} grid", str(grid), True, LAWS[:3] if grid == 64 else TWO, _traced)
-        for kind, grid in (("free", 64), ("periodic", 64), ("free", 96))
-    ),
-    *(Method(f"{name} ramp", str(grid), False, TWO, _relaxed) for name in ("L-BFGS-B", "FIRE") for grid in (32, 64)),
-    *(Method("natural-parameter steps", str(nodes), False, TWO, _stepped) for nodes in (128,)),
-    *(Method("secant arclength", str(nodes), False, TWO, _secants) for nodes in (128,)),
-    *(Method("nearest-zero eigenvalues", str(nodes), False, TWO, _eigenvalues) for nodes in (128,)),
-    *(Method("fixed mesh", str(nodes), False, TWO, _careful) for nodes in (48, 96)),
+    Method("free grid", "48", True, LAWS[:3], _traced),
+    Method("free grid", "64", True, TWO, _traced),
+    Method("periodic grid", "48", True, LAWS[:3], _traced),
+    Method("L-BFGS-B ramp", "32", False, TWO, _relaxed),
+    Method("FIRE ramp", "32", False, TWO, _relaxed),
+    Method("natural-parameter steps", "96", False, TWO, _stepped),
+    Method("secant arclength", "96", False, TWO, _secants),
+    Method("nearest-zero eigenvalues", "96", False, TWO, _eigenvalues),
+    Method("fixed mesh", "48", False, TWO, _careful),
+    Method("fixed mesh", "96", False, TWO, _careful),
 )
 
 
@@ -521,6 +524,8 @@ def _within(
     if error is None:
         return abs(value - exact) <= ALLOWED * scale + step
     shift = 0.0
+    if "grid" in method.name:
+        error = max(error, STAYS * scale)
     if method.name == "periodic grid":
         # The array is another contact: images flatten the tip, and the loads of folds are those of another radius.
         edge = lattice(subject.contact, "periodic", method.nodes).edge
@@ -553,7 +558,8 @@ def measured(subject: Subject, method: Method) -> list[Cell]:
 
 
 def tasks(chosen: Sequence[Method] = METHODS) -> Iterator[tuple[Method, Subject]]:
-    """All that is to be done."""
+    """All that is to be done, ramps last: they take longest."""
+    chosen = sorted(chosen, key=lambda method: method.name.endswith("ramp"))
     for method in chosen:
         for law in method.laws:
             for sign in (1, -1):

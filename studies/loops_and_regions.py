@@ -1,4 +1,4 @@
-"""The figures of docs/howto/spring.md and docs/howto/two-parameters.md: hysteresis loops under a spring and of a layered film, and a phase diagram.
+"""Hysteresis loops under a spring and of a layered film, and a phase diagram: figures of the pages in docs/howto.
 
 python studies/loops_and_regions.py    # writes docs/figures/loops.png and docs/figures/phases.png; seconds
 """

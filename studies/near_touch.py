@@ -168,15 +168,16 @@ def touch_side(contact: cb.Contact) -> Side:
     point = next(point for point in traced.points if point.parameter == 0.0)
     problem = point.problem
     assert isinstance(problem, ContactProblem)
+    problem, x = problem.anchored(None, point.x, 0.0)
     problem = ContactProblem(problem.equations.touching(False), problem.scale, problem.resolution)
     if problem.scale < 1.0:  # panels have to follow a stiff film
-        return Side(problem, point.x, 0.0).remeshed(0.0).remeshed(0.0)
+        return Side(problem, x, 0.0).remeshed(0.0).remeshed(0.0)
     width = np.sqrt(problem.scale)
-    reach = problem.remeshed(point.x, 0.0, 0.1 * TOLERANCE)[0].equations.mesh.edges[-1] / width
+    reach = problem.remeshed(x, 0.0, 0.1 * TOLERANCE)[0].equations.mesh.edges[-1] / width
     panels = list(PANELS)
     while panels[-1] < reach:
         panels.append(GROWTH * panels[-1])
-    problem, x = problem.on(Mesh(width * np.array(panels), ORDER), point.x, 0.0)
+    problem, x = problem.on(Mesh(width * np.array(panels), ORDER), x, 0.0)
     return Side(problem, x, 0.0)
 
 
@@ -205,7 +206,8 @@ def fold_side(contact: cb.Contact) -> tuple[Side, float]:
     problem = folds[-1].problem
     assert isinstance(problem, ContactProblem)
     radius = problem.fields(folds[-1].x, folds[-1].parameter).rim.radius
-    side = Side(problem, folds[-1].x, folds[-1].parameter).remeshed(radius)
+    problem, x = problem.anchored(None, folds[-1].x, folds[-1].parameter)
+    side = Side(problem, x, folds[-1].parameter).remeshed(radius)
     side = side.remeshed(radius)
     return side, side.fold(0.98 * radius, 1.02 * radius)
 

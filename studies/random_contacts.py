@@ -2,9 +2,9 @@
 
 python studies/random_contacts.py [--seed 1] [--count 100] [--limit 20] [--check 0.3] [--only K …] [--output FILE.jsonl]
 
-Tips: parabola, power laws r^1.2 to r^6, cones, caps, measured profiles (coarse, noisy, ending early). Laws: every one of
-the package, sums of either sign, layers, tables (fine, coarse, noisy, ending early), and laws that a user may write, with
-kinks and jumps among them. Tabor coefficients from 1e-3 to 60, three controls, three accuracies.
+Tips: parabola, power laws r^1.2 to r^6, cones, caps, measured profiles (coarse, noisy, ending early). Laws: every one
+of the package, sums of either sign, layers, tables (fine, coarse, noisy, ending early), and laws that a user may write,
+with kinks and steps among them. Tabor coefficients from 1e-3 to 60, three controls, three accuracies.
 
 Every contact runs in a process of its own and prints one line of JSON; those that a FILE has already are not run again.
 The number of a contact and the seed say all of it. Checked along each curve: gap ≥ 0 and wall pressure ≥ 0, dV = F dd,
@@ -27,6 +27,7 @@ import warnings
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -40,9 +41,10 @@ from contbranch.models.axisymmetric.problem import ContactProblem
 
 Array = NDArray[np.float64]
 
-# Gap, in units of the shortest range, and wall pressure, in units of the largest pressure, may be this much below zero.
-PENETRATION = 2e-3
-# Energies may differ from the work of the load by this multiple of the rows' errors, and what the quadrature leaves open.
+# Gap, in units of the shortest range, and wall pressure, in units of the largest pressure, may be this much below zero,
+# or this multiple of the accuracy.
+PENETRATION, POINTWISE = 2e-3, 100.0
+# Energies may differ from the work of the load by this multiple of the rows' errors, and what a quadrature leaves open.
 WORK = 20.0
 # The virial holds to this multiple of the accuracy of the rows, relative to load and displacement of 1 at least.
 VIRIAL, ROWS = 100.0, 1e-6
@@ -212,14 +214,15 @@ def violations(diagram: cb.Diagram) -> Iterator[str]:
                 error, value = event.error[name] / unit, getattr(event, name) / unit
                 if not error <= diagram.accuracy * max(1.0, abs(value)):
                     yield f"error of {name} {error:.2g} at {event.name or event.kind}"
+    allowed = max(PENETRATION, POINTWISE * diagram.accuracy)
     ranges = [term.range for term in diagram.contact.interaction.terms]
     for row in dict.fromkeys(np.linspace(0, len(branch.load) - 1, LOOKED_AT).astype(int).tolist()):
         profile = branch.state(row).profile
         gap, largest = np.nan_to_num(profile.gap, posinf=1e300), float(np.abs(profile.pressure).max())
-        if not gap.min() >= -PENETRATION * min(ranges):
+        if not gap.min() >= -allowed * min(ranges):
             yield f"gap {gap.min() / min(ranges):.2g} ranges at row {row}"
             break
-        if not profile.wall_pressure.min() >= -PENETRATION * largest:
+        if not profile.wall_pressure.min() >= -allowed * largest:
             yield f"wall pressure {profile.wall_pressure.min() / largest:.2g} at row {row}"
             break
     for event in diagram.events:
@@ -253,7 +256,7 @@ def _rows(diagram: cb.Diagram) -> Iterator[str]:
                 yield f"the index under {kind} changes at row {row} without a fold"
         steps, allowed = np.diff(values), error[kind][1:] + error[kind][:-1]
         clear = np.flatnonzero(np.abs(steps) > 3 * allowed)
-        for first, second in zip(clear[:-1], clear[1:], strict=True):
+        for first, second in pairwise(clear):
             if steps[first] * steps[second] < 0 and not any(first <= p <= second + 1 for p in marks[kind]):
                 yield f"{kind} turns at row {second} without a fold"
     corners = [event.position for event in diagram.events]
@@ -270,7 +273,7 @@ def _rows(diagram: cb.Diagram) -> Iterator[str]:
 def _work(diagram: cb.Diagram, load: Array, d: Array, energy: Array, error: Array) -> Iterator[str]:
     """V grows by ∫ F dd; smooth between events of the contact set, by splines of two orders through the rows."""
     breaks = sorted({0, len(load) - 1, *(int(e.position) for e in diagram.events if e.kind in ("touch", "topology"))})
-    for first, last in zip(breaks[:-1], breaks[1:], strict=True):
+    for first, last in pairwise(breaks):
         own = slice(first, last + 1)
         count = last + 1 - first
         if count < 8:
@@ -278,6 +281,7 @@ def _work(diagram: cb.Diagram, load: Array, d: Array, energy: Array, error: Arra
         points = np.array([load[own], d[own]])
         spans = np.array([max(1e-12, np.ptp(row)) for row in points])[:, None]
         length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points / spans, axis=1), axis=0) + 1e-12)])
+        near = np.arange(count - 1) < (3 if first else 0)  # next to a change of the contact set nothing is a polynomial
         work = []
         for order in (3, 5):
             try:
@@ -292,7 +296,8 @@ def _work(diagram: cb.Diagram, load: Array, d: Array, energy: Array, error: Arra
         rows = error[:, own]
         allowed = np.abs(points[0]) * rows[1] + np.abs(points[1]) * rows[0] + rows.prod(axis=0)
         far = np.abs(np.diff(np.arcsinh(points / 0.1), axis=1)).max(axis=0) > 0.4  # too far apart for a quadrature
-        allowed = WORK * (allowed[1:] + allowed[:-1]) + 20 * np.abs(work[1] - work[0]) + np.where(far, np.inf, 0.0)
+        allowed = WORK * (allowed[1:] + allowed[:-1]) + 20 * np.abs(work[1] - work[0])
+        allowed[far | near] = np.inf
         allowed += 1e-6 * np.maximum(np.abs(energy[own][1:]), 1.0)
         off = np.abs(np.diff(energy[own]) - work[1])
         worst = int(np.argmax(off / allowed))
@@ -303,7 +308,8 @@ def _work(diagram: cb.Diagram, load: Array, d: Array, energy: Array, error: Arra
 def _virial(event: cb.Event) -> float:
     """How far the virial of scaling is from holding, for tips z ∝ rⁿ; 0 where that is not known.
 
-    Lengths in the plane scaled by s and heights by sⁿ leave the tip alone: (2n + 1) V_ela + 2 V_fr − n ∫ g p d²r = n F d.
+    Lengths in the plane scaled by s and heights by sⁿ leave the tip alone:
+    (2n + 1) V_ela + 2 V_fr − n ∫ g p d²r = n F d.
     """
     point = getattr(getattr(event.origin, "raw", None), "place", None)
     problem = getattr(point, "problem", None)

@@ -15,7 +15,8 @@ ROOT = Path(__file__).parents[1]
 if str(ROOT) not in sys.path:
     sys.path.append(str(ROOT))  # the scripts in studies/ are not installed
 
-from studies import grid_convergence, paper_grid_figures  # noqa: E402
+from studies import grid_convergence, hertz_radius  # noqa: E402
+from studies.paper import fig03, fig04  # noqa: E402
 
 IMAGES = 9.033621683100950  # Σ 1/R³ over the square lattice (Topping, Proc. R. Soc. Lond. A 114, 67, 1927)
 
@@ -29,22 +30,22 @@ def test_scaled_contacts_coincide_up_to_the_images(tmp_path):
     In reduced units F = 1e-4/0.64e-4 and L = (0.64e-4/w)^(-1/3); the difference is largest at the edge of the smaller
     cell. What the next orders and the lattice add is below a tenth of it.
     """
-    pair = [paper_grid_figures.collapse(scale, 512) for scale in paper_grid_figures.SCALES]
-    edges = [(0.64e-4 / scale) ** (-1 / 3) for scale in paper_grid_figures.SCALES]
+    pair = [fig03.collapse(scale, 512) for scale in fig03.SCALES]
+    edges = [(0.64e-4 / scale) ** (-1 / 3) for scale in fig03.SCALES]
     radius = edges[1] / 2
     images = [IMAGES * 1.5625 * radius**2 / (4 * np.pi * edge**3) for edge in edges]
-    assert paper_grid_figures.difference(*pair) == pytest.approx(images[1] - images[0], rel=0.1)
+    assert fig03.difference(*pair) == pytest.approx(images[1] - images[0], rel=0.1)
     assert [1 / item.in_plane for item in pair] == pytest.approx(edges)
     assert max(item.exact for item in pair) < images[1]
-    figure = paper_grid_figures.draw_figure_3(pair)
+    figure = fig03.draw(pair)
     assert len(figure.axes) == 2
     figure.savefig(tmp_path / "figure.png")
 
 
 def test_displacement_at_infinity(tmp_path):
     """Fig. 4: a_c, the peak and d in three cells agree with the axisymmetric model within what the cells leave."""
-    cells = [paper_grid_figures.far_displacement(paper_grid_figures.EDGE * f, 256) for f in paper_grid_figures.FACTORS]
-    exact, displacement = paper_grid_figures.exact_displacement()
+    cells = [fig04.far_displacement(fig04.EDGE * f, 256) for f in fig04.FACTORS]
+    exact, displacement = fig04.exact_displacement()
     top = exact.r[np.argmax(displacement)]
     assert exact.contact_radius == pytest.approx(2.2902, abs=5e-5)  # three other programs: 2.2902
     for cell in cells:
@@ -57,17 +58,17 @@ def test_displacement_at_infinity(tmp_path):
             (far.rounded, far.rounded_error),
         ):
             assert abs(value - exact.displacement) <= error <= 10 * abs(value - exact.displacement)
-    assert paper_grid_figures.extrapolated(*cells[1:]) == pytest.approx(exact.displacement, abs=1e-3)
-    figure = paper_grid_figures.draw_figure_4(cells)
+    assert fig04.extrapolated(*cells[1:]) == pytest.approx(exact.displacement, abs=1e-3)
+    figure = fig04.draw(cells)
     assert len(figure.axes) == 2
     figure.savefig(tmp_path / "figure.png")
 
 
 def test_field_beyond_the_profile_is_continuous():
     """-u at the last radius is the last value, and goes to d as the field of a point force, F/(πEr)."""
-    state, displacement = paper_grid_figures.exact_displacement()
+    state, displacement = fig04.exact_displacement()
     far = np.array([state.r[-1], 1e6])
-    near, limit = paper_grid_figures.beyond(state, float(displacement[-1]), far)
+    near, limit = fig04.beyond(state, float(displacement[-1]), far)
     assert near == pytest.approx(displacement[-1], rel=1e-12)
     assert (state.displacement - limit) * np.pi * 1e6 == pytest.approx(state.load, rel=1e-6)
 
@@ -75,7 +76,7 @@ def test_field_beyond_the_profile_is_continuous():
 @pytest.mark.parametrize(("nodes", "allowed"), [(16, 2e-3), (32, 1e-3)])
 def test_radius_of_hertz_below_the_spacing(nodes, allowed):
     """a³ = 3FR/(4E): counting nodes is worse by far, and the estimate holds up to what a few nodes leave to chance."""
-    free = paper_grid_figures.hertz(nodes, cb.FreeSpace)
+    free = hertz_radius.hertz(nodes, cb.FreeSpace)
     assert free.fitted < allowed
     assert free.fitted < 0.2 * free.counted
     assert free.fitted <= 1.5 * free.estimate
@@ -84,7 +85,7 @@ def test_radius_of_hertz_below_the_spacing(nodes, allowed):
 
 def test_images_of_hertz():
     """At a = L/8 the images make the radius smaller by Σ 1/R³ F/(6πE L³) = 0.125 % (F = 4a³/3)."""
-    row = paper_grid_figures.hertz(32, cb.Periodic)
+    row = hertz_radius.hertz(32, cb.Periodic)
     images = IMAGES * 4 / 3 / (6 * np.pi) / 8**3
     assert row.fitted == pytest.approx(images, rel=0.5)
     assert row.corrected < 1e-3 < row.fitted + 5e-4

@@ -1,4 +1,4 @@
-"""studies/speed_accuracy.py and elsewhere.py: true values, errors within estimates, ramps, fronts, and what is quoted."""
+"""studies/speed_accuracy.py and elsewhere.py: true values, errors within estimates, ramps, fronts, what is quoted."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ def test_jumps_of_a_ramp():
 
 
 def test_fixed_mesh_along_the_whole_curve():
-    """Loads of both folds of the Gauss repulsion, μ_T = 1, by 96 equidistant nodes; indices change there and only there."""
+    """Loads of both folds of the Gauss repulsion, μ_T = 1, by 96 nodes; indices change there and only there."""
     radial = Radial(cb.Contact.reduced(cb.Gauss, tabor=1.0, sign=-1), 96, 8.0)
     places = np.concatenate([-np.geomspace(6.0, 0.01, 120), np.linspace(0.001, 1.0, 120)])
     states = radial.along(places.tolist())
@@ -128,7 +128,7 @@ def test_natural_parameter_steps_end_at_a_fold():
     """Under a falling load they reach 8.0065 from above, and stop there."""
     radial = Radial(cb.Contact.reduced(cb.Gauss, tabor=1.0, sign=-1), 96, 8.0)
     start = radial.along([*-np.geomspace(6.0, 0.01, 40), *np.linspace(0.01, 1.3, 20)])[-1]
-    with pytest.raises(Failure, match="no convergence beyond load 8.00") as caught:
+    with pytest.raises(Failure, match=r"no convergence beyond load 8\.00") as caught:
         radial.stepped(start, "load", np.linspace(11.0, 7.0, 21).tolist(), math.inf)
     assert caught.value.kind == "diverged"
     with pytest.raises(Failure, match="time was up"):

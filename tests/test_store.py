@@ -141,6 +141,10 @@ def test_layout_is_the_documented_one(attraction: Diagram, tmp_path: Path) -> No
         np.testing.assert_array_equal(gap, attraction.branches[0].profiles[90].gap)
         assert list(file["events/kind"].asstr()) == [event.kind for event in attraction.events]
         written = {name.rsplit("/", 1)[-1] for name in [*file["events"], *file["branches/0"], *file]}
+    sprung = cb.trace(cb.Contact.reduced("maugis-dugdale", tabor=2.0), control=cb.Spring(2.0), accuracy=1e-4)
+    save(sprung, tmp_path / "x.h5")
+    with h5py.File(tmp_path / "x.h5") as file:
+        written |= {*file, *file.attrs, *file["branches/0"], *file["cost"].attrs, *file["model"].attrs}
     documented = (Path(__file__).parent.parent / "docs" / "file-layout.md").read_text(encoding="utf-8")
     assert [name for name in written if f"`{name}" not in documented] == []
 

@@ -130,8 +130,8 @@ def parse_control(control: object, units: Units, field: str = "control") -> str 
     kind, _, stiffness = str(control).partition(":")
     if kind.strip() != "spring" or not stiffness.strip():
         example = "spring:0.1 N/m" if units.physical else "spring:2"
-        names = ("load", "displacement", "spring")
-        raise InputError(f"{field}: {control!r}; must be load, displacement or {example}{nearest(kind, names)}")
+        names = ("load", "displacement", example)
+        raise InputError(f"{field}: {control!r}; must be {', '.join(names[:2])} or {example}{nearest(control, names)}")
     return positive_number(units.read(stiffness.strip(), "stiffness", field), field)
 
 

@@ -54,6 +54,7 @@ def _warn(text: str) -> None:
     warnings.warn(text, stacklevel=5)
 
 
+@np.errstate(all="ignore")  # so far out numbers may overflow, and then decay fast enough
 def energy_pole(tip: Tip, law: Interaction | None) -> float:
     """lim r² v for r → ∞: where it is not zero, as for a cone in a law that decays like 1/g², energies are infinite."""
     if law is None or math.isfinite(tip.extent):

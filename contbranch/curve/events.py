@@ -27,6 +27,8 @@ SHARPER = (0.01, 1e-4, 1e-7, 1e-10)
 ASIDE = 1e-6
 # Newton steps by which the end of a trace is approached, and the share of the last step at which it is reached.
 APPROACHES, CLOSE = 6, 1e-6
+# Margins may be below zero by less than this: a piece may begin a little before its layout is right.
+NEGATIVE = 2e-3
 # A rate that is zero, with a sign.
 TINY = 1e-300
 
@@ -199,6 +201,13 @@ class Margin(Event):
     def value(self, point: Point) -> float:
         """The margin."""
         return equilibrium(point).margins(point.x, point.parameter)[self.name]
+
+    def happenings(self, segment: Segment, previous: Segment | None, options: Options) -> list[Happening]:
+        """Where it vanishes; at once where it has been negative for a whole step, on a discretisation that shows it."""
+        found = super().happenings(segment, previous, options)
+        if found or max(self.value(segment.begin), self.value(segment.end)) > -NEGATIVE:
+            return found
+        return [Happening(1.0, EventPoint(segment.end, 0.0, 0.0, name=self.name), terminal=True)]
 
 
 class Folds(Event):

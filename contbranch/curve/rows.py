@@ -22,6 +22,7 @@ from contbranch.curve.symmetry import Breaking, critical_eigenvalues, has_modes,
 from contbranch.curve.trace import Request
 from contbranch.curve.track import Mark, Track
 from contbranch.results.profile import CellFields, Profile
+from contbranch.results.record import OBSERVABLES
 from contbranch.threads import one_thread
 from contbranch.watch import finishing, kept, over, tell
 
@@ -32,6 +33,8 @@ CONE = "Exactly at first touch admissible variations form a cone, not a space: t
 DISTINCT, SHARPEST = 3.0, 1e-12
 # The rows' error estimates are those of one Newton step on a finer discretisation, with a floor.
 ROW_SAFETY, ROW_FLOOR = 3.0, 2e-8
+# What a fold may be off where a contact begins on a lattice, in units of what changes from the row before.
+BEGINNING = 1.1
 # Where the discretisation was given, errors are found at every so many rows, and indices at these shares of parts of
 # the curve with more than a few rows.
 STRIDE, SHARES, FEW = 6, (0.5, 0.3, 0.7), 6
@@ -177,24 +180,28 @@ def _sharpen(track: Track, found: list[Found], accuracy: float) -> None:
 
 
 def _event(track: Track, mark: Mark, found: Found) -> RawEvent:
-    margin = "" if mark.margin == "edge" else mark.margin
-    event = RawEvent(
-        mark.kind,
-        mark.row,
-        found.numbers,
-        found.error,
-        place=found.point,
-        margin=margin,
-        message=mark.message,
-        name=mark.name,
-    )
+    margin, error = "" if mark.margin == "edge" else mark.margin, found.error
+    beside = track.points[max(mark.row - 1, 0)].observables
+    if (
+        mark.control is not None
+        and track.problem(mark.row).given
+        and beside["contact_radius"] == 0.0 < found.numbers[2]
+    ):
+        # On the lattice a contact begins with some nodes: the fold may be anywhere between these and none.
+        pairs = zip(error, found.numbers, (beside[name] for name in OBSERVABLES), strict=True)
+        load, displacement, radius, gap = (max(own, BEGINNING * abs(here - there)) for own, here, there in pairs)
+        error = load, displacement, radius, gap
+    event = RawEvent(mark.kind, mark.row, found.numbers, error, place=found.point, margin=margin, message=mark.message)
+    event = replace(event, name=mark.name)
     if mark.control is not None:
         control = mark.control
         pieces, rising = track.hodograph.pieces(control)
         before, after = max(mark.row - 1, 0), min(mark.row, len(pieces) - 1)
-        corner = mark.row in track.onward or track.problem(mark.row).given
+        # Between rows of nodes that were given only an average is a function.
+        problem = track.problem(mark.row)
+        corner = mark.row in track.onward or (problem.given and not problem.ordered)
         point = found.point
-        verdict, message = equilibrium(point).verdict(point, control, found.error)
+        verdict, message = equilibrium(point).verdict(point, control, error)
         return replace(
             event,
             verdict=verdict,
@@ -221,7 +228,10 @@ def _event(track: Track, mark: Mark, found: Found) -> RawEvent:
 
 
 def _doubtful(track: Track, events: list[RawEvent]) -> None:
-    """Mark neighbouring folds of a control that differ by less than the errors of both, smallest differences first."""
+    """Mark folds next to each other that differ by less than the errors of both, or that cannot both be.
+
+    Smallest differences come first. Maxima and minima of a control alternate; of two of a kind the less sure is marked.
+    """
     for control in track.controls:
         own = [k for k, event in enumerate(events) if (event.kind, event.control) == ("fold", control.kind)]
         while len(own) > 1:
@@ -235,6 +245,11 @@ def _doubtful(track: Track, events: list[RawEvent]) -> None:
                 message = "It differs from the fold next to it by less than the lattice's error."
                 events[k] = replace(events[k], verdict="unresolved", message=message)
             del own[place : place + 2]
+        for a, b in pairwise(own):
+            if events[a].verdict and events[b].verdict and events[a].maximum == events[b].maximum:
+                worse = max(a, b, key=lambda k: control.weighted(*events[k].error[:2]))
+                message = "Between it and the fold next to it, which is of the same kind, there is no other."
+                events[worse] = replace(events[worse], verdict="unresolved", message=message)
 
 
 # -- rows -------------------------------------------------------------------------------------------------------------

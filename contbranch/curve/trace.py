@@ -84,7 +84,8 @@ def trace(problem: EquilibriumProblem, request: Request) -> Track:
             blame(error)
             message = f"The interaction cannot be evaluated far away: {type(error).__name__}: {error}"
             return _nothing(problem, request, message)
-        if request.held is LOAD and start.observables["load"] >= _Tracing(request).end.target:
+        asked = request.held is LOAD and request.target is not None
+        if asked and start.observables["load"] >= _Tracing(request).end.target:
             return replace(_nothing(problem, request, "The curve begins at a larger load."), points=(start,))
         return follow_from(start, request, problem)
 
@@ -129,6 +130,8 @@ class _Tracing:
     def follow(self, start: Point) -> None:
         """Follow the curve from a point to its end."""
         self.points.append(start)
+        if self.request.target is None:
+            self.end.target = max(LEAST_END, END_FACTOR * start.observables["load"])
         if self.begins:
             self.marks.append(Mark(0, "end", start, margin=EDGE, name=self.begins))
         joint = Succession("", start, (start,))
@@ -187,7 +190,7 @@ class _Tracing:
                 interval = Range(*problem.parameter_range)
                 balance = problem.balance(start, joint.step)
                 branch = follow(start, balance, interval, problem.steps(start), [folds, *margins, self.end], stop)
-            if len(branch.points) > 1:
+            if len(branch.points) > 1 or (branch.points and _stopped(branch)):
                 break
         if branch is None:
             raise ModelError("a problem without a start")
@@ -232,7 +235,7 @@ class _Tracing:
             error = abs(problem.defect(point).load)
             self.end.target = max(self.end.target, load + error) if math.isfinite(error) else self.end.target
         if self.request.target is None:
-            self.end.target = max(LEAST_END, END_FACTOR * self.largest)
+            self.end.target = max(self.end.target, END_FACTOR * self.largest)
 
     def _told(self, point: Point) -> bool:
         """Report progress, guessed from the load: most of the way is the approach."""

@@ -172,7 +172,7 @@ class _Fitting:
         self.all = Comparison.of(self.curve, self.seen)
         self.few = Comparison.of(self.curve, self.seen, FEW)
         if not self.curve.rigid and self.curve.spring is None:
-            raise InputError("spring: missing; give the stiffness of the cantilever, such as spring='0.5 N/m'")
+            raise InputError("spring: missing; give the stiffness of the cantilever, such as '0.5 N/m'")
         self.stiffness = math.inf if self.curve.spring is None else self.curve.spring
         slope, error = self._slope()
         calibrated = not {"spring", "sensitivity"} & set(self.free)

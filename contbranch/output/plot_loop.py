@@ -110,7 +110,8 @@ def _draw(axes: Axes, loop: Hysteresis, across: str, name: str) -> None:
         if np.count_nonzero(here) < 2:
             continue
         columns = (path.position[here], *(_seen(path, one, stiffness)[here] for one in (across, name)))
-        position, x, y = smooth_path(*columns)
+        folded = any(jump.position == columns[0][-1] for jump in loop.jumps)
+        position, x, y = smooth_path(*columns, flat=folded)
         up = path.direction[here][0] > 0
         axes.plot(x, y, color=_UP if up else _DOWN, linewidth=1.6 if up else 1.1, zorder=2.0 if up else 2.5)
         inside = (position >= low) & (position <= high)
@@ -127,7 +128,7 @@ def _draw(axes: Axes, loop: Hysteresis, across: str, name: str) -> None:
         return
     axis_of: tuple[Any, ...] = (axes.set_xlim, axes.axvline), (axes.set_ylim, axes.axhline)
     for one, values, (limit, line) in zip((across, name), points, axis_of, strict=True):
-        if one in ("load", "deflection"):
+        if one in ("load", "deflection") and np.abs(values).min() <= np.ptp(values):  # zero would not dwarf the loop
             values = np.append(values, 0.0)
             line(0.0, color=GREY, linewidth=0.4, alpha=0.6, zorder=0)
         margin = _MARGIN * (np.ptp(values) or 1.0)

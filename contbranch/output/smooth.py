@@ -13,8 +13,10 @@ Array = NDArray[np.float64]
 _FINE = 32  # points for each step of a path
 
 
-def smooth(knots: Array, values: Array, at: Array, *, bounded: bool = True) -> Array:
+def smooth(knots: Array, values: Array, at: Array, *, bounded: bool = True, flat: bool = False) -> Array:
     """Interpolate with a cubic spline, whose slopes at the ends are those of parabolas; two knots: a line.
+
+    `flat`: its slope at the last end is zero.
 
     Where it would leave the range of two neighbouring values its slopes are reduced (`bounded`), as by Hyman, SIAM J.
     Sci. Stat. Comput. 4, 645 (1983): to three times the smaller slope of the chords beside the knot, and to zero where
@@ -30,6 +32,7 @@ def smooth(knots: Array, values: Array, at: Array, *, bounded: bool = True) -> A
     right[1:-1] = 3.0 * (step[1:] * chord[:-1] + step[:-1] * chord[1:])
     for end, (h, k), (m, n) in ((0, step[:2], chord[:2]), (-1, step[:-3:-1], chord[:-3:-1])):
         right[end] = m + h * (m - n) / (h + k)
+    right[-1] *= not flat
     slopes = solve_banded((1, 1), bands, right)
     if bounded:
         before, after = np.append(chord[:1], chord), np.append(chord, chord[-1:])
@@ -40,11 +43,15 @@ def smooth(knots: Array, values: Array, at: Array, *, bounded: bool = True) -> A
     return np.asarray(values[i] + t * (start + t * (3.0 * rise - 2.0 * start - stop + t * (start + stop - 2.0 * rise))))
 
 
-def smooth_path(*columns: Array, bounded: bool = True) -> list[Array]:
-    """Fill in the steps of a path, given as columns (N,), with cubics of the chord length in units of its extent."""
+def smooth_path(*columns: Array, bounded: bool = True, flat: bool = False) -> list[Array]:
+    """Fill in the steps of a path, given as columns (N,), with cubics of the chord length in units of its extent.
+
+    If it ends `flat`, at a fold, the first column, and what is equal to it, has an extremum there.
+    """
     step = np.linalg.norm([np.diff(column) / (np.ptp(column) or 1.0) for column in columns], axis=0)
     kept = np.append(True, step > 0.0)
     length = np.append(0.0, np.cumsum(step[step > 0.0]))
     count = len(length) - 1
     at = np.interp(np.linspace(0.0, count, _FINE * count + 1), np.arange(count + 1), length)
-    return [smooth(length, column[kept], at, bounded=bounded) for column in columns]
+    ends = [flat and np.array_equal(column, columns[0]) for column in columns]
+    return [smooth(length, c[kept], at, bounded=bounded, flat=end) for c, end in zip(columns, ends, strict=True)]

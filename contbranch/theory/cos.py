@@ -290,8 +290,10 @@ class Fitted:
     def detachment_radius(self) -> float:
         """Contact radius at which the displacement is least: there, or at a = 0, its control loses the contact."""
         constant, slope = self.lift
+        if not slope > 0.0:
+            return 0.0
         cubic = np.roots(np.array([16.0 * slope, 16.0 * constant, 0.0, -((slope * self.radius) ** 2)]))
-        return float(max(cubic.real[np.abs(cubic.imag) < 1e-9 * (1.0 + np.abs(cubic))].max(initial=0.0), 0.0))
+        return float(cubic.real[np.abs(cubic.imag) < 1e-9 * np.abs(cubic)].max(initial=0.0))
 
     def force(self, displacement: ArrayLike) -> Array:
         """Return F(d) of a tip whose displacement is prescribed and that has not lost contact; 0 where it has."""
@@ -360,7 +362,9 @@ def fit(
     start = 0.5 if form == "cos" else float(modified_alpha(**constants, **elastic))
     guess = np.array([start, 0.5][: 1 + (form == "free")])
     scale = np.array([max(abs(start), 0.1 * np.sqrt(peak)), 0.1][: len(guess)])
-    best = made(least_squares(wrong, guess, x_scale=scale, xtol=1e-12, ftol=1e-12).x)
+    # of an exponent of 1 and more F(a) would not be unique
+    bounds = np.array([[-np.inf, 0.05], [np.inf, 0.95]])[:, : len(guess)]
+    best = made(least_squares(wrong, guess, x_scale=scale, bounds=tuple(bounds), xtol=1e-12, ftol=1e-12).x)
     lift, apart = (np.nan, np.nan), np.nan
     if displacement is not None:
         d = finite("displacement", displacement)
@@ -369,7 +373,9 @@ def fit(
         slope, constant = np.polyfit(a, (a**2 / radius - d) ** 2, 1)
         lift = (float(constant), float(slope))
         apart = float(np.abs(replace(best, lift=lift).displacement(a) - d).max())
-    return replace(best, lift=lift, error=float(np.abs(best._radius(force + peak) / a - 1.0).max()), displacement_error=apart)
+    return replace(
+        best, lift=lift, error=float(np.abs(best._radius(force + peak) / a - 1.0).max()), displacement_error=apart
+    )
 
 
 def _constants(constants: tuple[float, ...], count: int) -> tuple[float, ...]:

@@ -7,11 +7,12 @@ Nanotechnol. 5, 419-437 (2014). Reduced units (23)-(26) throughout.
 from __future__ import annotations
 
 import argparse
+import re
 import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from typing import Any, Final
@@ -24,10 +25,12 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 from scipy.optimize import brentq
+from scipy.special import ellipk
 
 import contbranch as cb
 from contbranch.output.plot_view import STYLE, WIDTH
 from contbranch.theory import maugis
+from contbranch.threads import one_thread
 
 Array = NDArray[np.float64]
 DOCS: Final = Path(__file__).resolve().parents[2] / "docs"
@@ -150,12 +153,39 @@ class Result:
     statements: list[Statement] = field(default_factory=list)
     tables: dict[str, str] = field(default_factory=dict)
 
+    def told(self) -> Result:
+        """What was found, without the picture, which is saved already."""
+        return replace(self, figure=Figure())
+
     def text(self) -> str:
         """Caption, findings and statements in Markdown."""
         parts = [self.caption, *(f"*{title}*\n\n{rows}" for title, rows in self.tables.items())]
         parts += [findings_table(self.findings)] if self.findings else []
         parts += [statements_table(self.statements)] if self.statements else []
-        return "\n\n".join(parts)
+        return plain("\n\n".join(parts))
+
+
+RAISED: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+SIGNS: Final = {
+    r"\\tilde\\mu": "μ̃", r"\\tilde a": "ã", r"\\tilde d": "d̃", r"\\mu": "μ", r"\\Delta": "Δ", r"\\gamma": "γ",
+    r"\\kappa": "κ", r"\\pi": "π", r"\\zeta": "ζ", r"\\lambda": "λ", r"\\sigma": "σ", r"\\infty": "∞", r"\\propto": "∝",
+    r"\\geq": "≥", r"\\approx": "≈", r"\\lesssim": "≲", r"\\gtrsim": "≳", r"\\to": "→", r"\\sqrt\{(.*?)\}": r"√(\1)",
+    r"\\sqrt": "√", r"\\mathrm": "", r"\\exp": "exp", r"\\ln": "ln", r"\\,": " ", r"''": "″", r"'": "′",
+    r"_\{(.*?)\}": r"_\1", r"\^\{(-?\d+)\}|\^(\d)": lambda found: (found[1] or found[2]).translate(RAISED),
+    r"\^\{(.*?)\}": r"^(\1)", r"\^\*": "*", r"-": "−",
+}  # fmt: skip
+
+
+def plain(text: str) -> str:
+    """Text with formulas between dollar signs written in Unicode."""
+
+    def written(formula: re.Match[str]) -> str:
+        found = formula[1]
+        for sign, meaning in SIGNS.items():
+            found = re.sub(sign, meaning, found)
+        return found
+
+    return re.sub(r"\$(.*?)\$", written, text)
 
 
 def table(head: tuple[str, ...], rows: list[list[str]]) -> str:
@@ -296,6 +326,35 @@ def gap_slope(state: cb.State, r: Array) -> Array:
     return np.asarray(gap_spline(state).derivative()(rho) * r / rho)
 
 
+def gap_at(state: cb.State, r: Array) -> Array:
+    """The gap at radii: 0 in contact, the profile's, and beyond it z − d + w with the surface's displacement w.
+
+    w = (4/π) ∫ p(s) s K(m)/(r + s) ds, m = 4rs/(r + s)², of rings of pressure, in √|s² − a²|, in which p is smooth.
+    """
+    a, end = state.contact_radius, float(state.r[-1])
+    outside = r > end
+    gap = np.zeros_like(r)
+    near = (r >= a) & ~outside
+    gap[near] = gap_spline(state)(np.sqrt(np.maximum(r[near] ** 2 - a**2, 0.0)))
+    nodes, weights = np.polynomial.legendre.leggauss(400)
+    far = r[outside]
+    gap[outside] = 0.5 * far**2 - state.displacement
+    for inside in (True, False):
+        part = state.r < a if inside else state.r >= a
+        if part.sum() < 6:
+            continue
+        root = np.sqrt(np.abs(state.r[part] ** 2 - a**2))
+        root, order = np.unique(root, return_index=True)
+        low, high = (0.0, a) if inside else (0.0, root[-1])
+        at = low + 0.5 * (high - low) * (1.0 + nodes)
+        pressure = make_interp_spline(root, state.pressure[part][order], k=3)(at)
+        s = np.sqrt(np.maximum(a**2 - at**2, 0.0) if inside else a**2 + at**2)
+        m = 4.0 * far[:, None] * s / (far[:, None] + s) ** 2
+        weight = 0.5 * (high - low) * weights * at * pressure  # s ds = ± root d(root)
+        gap[outside] += 4.0 / np.pi * (ellipk(m) / (far[:, None] + s)) @ weight
+    return gap
+
+
 def crossing(function: Callable[[float], float], low: float, high: float) -> float:
     """The root of a function between two places."""
     return float(brentq(function, low, high, xtol=1e-13, rtol=1e-12))
@@ -354,6 +413,6 @@ def run(make: Maker, doc: str | None) -> None:
     )
     given = parser.parse_args()
     began = time.process_time()
-    result = make(given.fast)
+    result = one_thread(make)(given.fast)
     print(result.text())
     print(f"\n{save(result, given.output)}; {time.process_time() - began:.1f} s", file=sys.stderr)

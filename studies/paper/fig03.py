@@ -95,7 +95,9 @@ def draw(pair: Sequence[Collapse]) -> Figure:
                 chosen = np.unique(np.searchsorted(radius, np.linspace(0.0, 5.5 * radius[-1] / 12.5, 26)))
                 axes.plot(radius[chosen], gap[chosen], color=colour, label=f"$w = {item.scale:g}$", **style)
         scaled.plot(*pair[0].scaled(), color=GREY, linewidth=0.7, linestyle=":", zorder=0)
-        raw.set(xlabel="$r/L$", ylabel="$g(r)/L$", xlim=(0.0, 0.22), ylim=(-4e-4, 0.016))
+        raw.set(
+            xlabel="$r/L$", ylabel="$g(r)/L$", xlim=(0.0, 0.22), ylim=(-4e-4, 0.016), xticks=np.arange(0.0, 0.21, 0.05)
+        )
         scaled.set(xlabel=DISTANCE, ylabel=GAP, xlim=(0.0, 5.0), ylim=(-0.25, 8.0))
         raw.legend()
         scaled.legend()

@@ -33,7 +33,7 @@ def make(fast: bool = False) -> Result:
             axes.plot(r, state.pressure, color="black", linewidth=1.0, label="net")
             axes.axvline(a, color="0.3", linewidth=0.6, linestyle=":")
             axes.annotate("$a_c$", (a, axes.get_ylim()[1]), xytext=(3, -12), textcoords="offset points", fontsize=8)
-            axes.set(xlabel=DISTANCE, ylabel=PRESSURE, xlim=(0.0, 5.0))
+            axes.set(xlabel=DISTANCE, ylabel=PRESSURE, xlim=(0.0, 4.0))
             axes.annotate(rf"$\mu_T = {tabor:g}$", (0.97, 0.94), xycoords="axes fraction", ha="right", va="top")
             law = contact("exponential", tabor).interaction
             findings.append(

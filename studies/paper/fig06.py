@@ -14,7 +14,7 @@ import contbranch as cb
 
 if __name__ == "__main__":
     sys.path.append(str(Path(__file__).resolve().parents[2]))
-from studies.paper.common import DISTANCE, GAP, Array, Result, Statement, gap_spline, panels, run, solved
+from studies.paper.common import DISTANCE, GAP, Array, Result, Statement, gap_at, gap_spline, panels, run, solved
 
 TABORS = (0.25, 4.0)
 
@@ -35,13 +35,11 @@ def make(fast: bool = False) -> Result:
         axes.plot(r, 0.5 * r**2, color="0.7", label="undeformed, $r^2/2$")
         for (tabor, state), dashes in zip(states.items(), ("-", "--"), strict=True):
             a = state.contact_radius
-            rho = np.sqrt(np.maximum(r**2 - a**2, 0.0))
-            gap = np.where(r > a, gap_spline(state)(rho), 0.0)
-            axes.plot(r, gap, color="black", linestyle=dashes, label=rf"$\mu_T = {tabor:g}$")
+            axes.plot(r, gap_at(state, r), color="black", linestyle=dashes, label=rf"$\mu_T = {tabor:g}$")
             axes.annotate(
                 "", (a, 0.0), (a, -0.55), arrowprops={"arrowstyle": "->", "linestyle": dashes, "linewidth": 0.8}
             )
-            beyond = a + np.geomspace(1e-3, 2.0, 2000)
+            beyond = a + np.geomspace(1e-3, 1.5, 2000)
             negative = beyond[curvature(state, beyond) < 0.0]
             found[tabor] = (negative.min() - a, negative.max() - a) if len(negative) else None
         axes.set(xlabel=DISTANCE, ylabel=GAP, xlim=(0.0, 4.0), ylim=(-0.7, 6.0))

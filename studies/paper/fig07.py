@@ -75,7 +75,8 @@ def make(fast: bool = False) -> Result:
     ]
     caption = (
         "Pressure at zero load, Gauss model: that of the wall is positive, that of adhesion negative; dots: contact "
-        "radii. The paper does not say which two Tabor coefficients it shows; these are those of its neighbouring figures."
+        "radii. The paper does not say which two Tabor coefficients it shows; these are those of its "
+        "neighbouring figures."
     )
     return Result("fig07", "Pressure in the Gauss model", caption, figure, [], statements)
 

@@ -22,8 +22,8 @@ from studies.paper.common import (
     Finding,
     Result,
     Statement,
+    gap_at,
     gap_slope,
-    gap_spline,
     panels,
     run,
     solved,
@@ -34,7 +34,7 @@ TABOR = 16.0
 
 def steepest(state: cb.State) -> float:
     """Radius at which g′ has its local maximum next to the contact; NaN without one."""
-    r = state.contact_radius + np.geomspace(1e-4, 2.0, 4000)
+    r = state.contact_radius + np.geomspace(1e-4, 0.999 * (float(state.r[-1]) - state.contact_radius), 4000)
     slope = gap_slope(state, r)
     peaks = np.flatnonzero((slope[1:-1] > slope[:-2]) & (slope[1:-1] >= slope[2:])) + 1
     if not len(peaks):
@@ -52,22 +52,21 @@ def make(fast: bool = False) -> Result:
     gauss, other = solved("Gauss", TABOR, 0.0), solved("exponential", TABOR, 0.0)
     peak, a = steepest(gauss), gauss.contact_radius
     with panels(3) as (figure, (linear, logarithmic, slope)):
-        r = a + np.concatenate([np.geomspace(1e-6, 0.3, 400), np.linspace(0.31, 1.2, 300)])
-        gap = gap_spline(gauss)(np.sqrt(r**2 - a**2))
+        r = a + np.unique(np.concatenate([np.geomspace(1e-6, 0.4, 400), np.linspace(0.4, 1.2, 1200)]))
+        gap = gap_at(gauss, r)
         linear.plot(r, gap, color="black", label="$g$")
         linear.plot(r, 10.0 * gap, color="black", linestyle=":", label="$10\\,g$")
         logarithmic.plot(r, np.maximum(gap, 1e-12), color="black", label="Gauss")
-        rest = other.contact_radius + np.geomspace(1e-6, 0.8, 500)
-        theirs = gap_spline(other)(np.sqrt(rest**2 - other.contact_radius**2))
-        logarithmic.plot(rest, theirs, color="#0072B2", label="exponential")
-        slope.plot(r, gap_slope(gauss, r), color="black")
+        rest = other.contact_radius + np.geomspace(1e-6, 0.8, 1500)
+        logarithmic.plot(rest, gap_at(other, rest), color="#0072B2", label="exponential")
+        slope.plot(r, np.gradient(gap, r), color="black")
         for axes in (linear, logarithmic, slope):
             for place in (a, peak):
                 axes.axvline(place, color="0.7", linewidth=0.7, zorder=0)
             axes.set(xlabel=DISTANCE, xlim=(1.9, 3.0))
-        linear.set(ylabel=GAP, ylim=(0.0, 1.5))
+        linear.set(ylabel=GAP, ylim=(0.0, 2.5))
         logarithmic.set(yscale="log", ylim=(1e-6, 3.0), ylabel=GAP)
-        slope.set(ylabel=r"$g'\,(R\,E/|\Delta\gamma|)^{1/3}$", ylim=(0.0, None))
+        slope.set(ylabel=r"$g'\,(R\,E/|\Delta\gamma|)^{1/3}$", ylim=(0.0, 25.0))
         linear.legend(loc="upper left")
         logarithmic.legend(loc="lower right")
     closed = JKR_RADIUS * np.sqrt(2.0 / 3.0)
@@ -83,7 +82,8 @@ def make(fast: bool = False) -> Result:
             peak,
             1e-4,
             "lattice",
-            f"the neck is $1/\\mu_T^2$ = {TABOR**-2:.3f} wide, less than the spacing of a lattice of 512 nodes over four contact "
+            f"the neck is $1/\\mu_T^2$ = {TABOR**-2:.3f} wide, less than the spacing of a lattice of 512 "
+            f"nodes over four contact "
             f"radii, {spacing:.3f}",
             spacing,
         ),
@@ -99,14 +99,17 @@ def make(fast: bool = False) -> Result:
         Statement(
             "the two radii do not approach each other quickly when $\\mu_T$ grows",
             "Fig. 8",
-            f"$\\mu_T$ = 16: {a:.4f} and {peak:.4f}; 32: {later.contact_radius:.4f} and {steepest(later):.4f}. They never do: the "
-            f"gap closes where JKR's pressure is positive, at $\\sqrt{{2/3}}\\,a_{{JKR}}$ = {closed:.4f}; the steepest gap tends "
+            f"$\\mu_T$ = 16: {a:.4f} and {peak:.4f}; 32: {later.contact_radius:.4f} and "
+            f"{steepest(later):.4f}. They never do: the "
+            f"gap closes where JKR's pressure is positive, at $\\sqrt{{2/3}}\\,a_{{JKR}}$ = {closed:.4f}; the "
+            f"steepest gap tends "
             f"to $a_{{JKR}}$ = {JKR_RADIUS:.4f}",
             peak - a > 0.4 and steepest(later) - later.contact_radius > 0.4,
         ),
     ]
     caption = (
-        "Gap of the Gauss model at zero load for $\\mu_T = 16$: linear (dotted: ten times enlarged), logarithmic with the "
+        "Gap of the Gauss model at zero load for $\\mu_T = 16$: linear (dotted: ten times enlarged), "
+        "logarithmic with the "
         "exponential model for comparison, and its slope. Grey: where the gap closes, and where its slope is largest."
     )
     return Result("fig08", "Gap of the Gauss model", caption, figure, findings, statements)

@@ -36,8 +36,8 @@ FLAT = ("Gauss", "van der Waals")
 
 
 def tabors(fast: bool) -> tuple[float, ...]:
-    """Powers of 4 or of 2."""
-    return tuple(2.0**k for k in range(-8, 6, 2 if fast else 1))
+    """Powers of 2, or of 16."""
+    return tuple(2.0**k for k in range(-8, 6, 4 if fast else 1))
 
 
 @cache
@@ -58,9 +58,9 @@ def make(fast: bool = False) -> Result:
     at = tabors(fast)
     fine = np.geomspace(at[0], at[-1], 200)
     with panels() as (figure, axes):
-        for limit, name in ((DMT_RADIUS, "DMT"), (JKR_RADIUS, "JKR")):
+        for limit, name, x, side in ((DMT_RADIUS, "DMT", 0.98, "right"), (JKR_RADIUS, "JKR", 0.02, "left")):
             axes.axhline(limit, color="0.5", linewidth=0.8, linestyle="--")
-            axes.annotate(name, (0.02, limit), xycoords=("axes fraction", "data"), va="bottom", fontsize=7)
+            axes.annotate(name, (x, limit), xycoords=("axes fraction", "data"), va="bottom", ha=side, fontsize=7)
         exact = [zero_load("Maugis-Dugdale", float(tabor))[0] for tabor in fine]
         axes.plot(fine, exact, color=LAW_COLOURS["Maugis-Dugdale"], label="Maugis-Dugdale")
         for law in SIMULATED:
@@ -69,8 +69,8 @@ def make(fast: bool = False) -> Result:
             axes.plot(at, [zero_load(law, t)[0] for t in at], MARKS[law], label=law, **style, **filled)
             if law in FLAT:
                 axes.plot(at, [steepest(solved(law, t, 0.0)) for t in at], MARKS[law], **style, **filled)
-        axes.set(xscale="log", xlabel=TABOR, ylabel=RADIUS, ylim=(1.6, 2.75))
-        axes.legend(loc="center left", bbox_to_anchor=(0.0, 0.62))
+        axes.set(xscale="log", xlabel=TABOR, ylabel=RADIUS, ylim=(1.6, 3.3))
+        axes.legend(loc="upper left")
     low, high = np.array([2.0**-14, 2.0**-12]), np.array([8.0, 32.0] if fast else [16.0, 32.0])
     soft = {law: exponent(np.array([zero_load(law, t)[0] for t in low]), DMT_RADIUS, low) for law in LAW_COLOURS}
     stiff = {
@@ -130,7 +130,7 @@ def make(fast: bool = False) -> Result:
         Statement(
             "the definition by the steepest gap needs a neck, hence a large $\\mu_T$",
             "Fig. 9",
-            "a local maximum of $g'$ exists from $\\mu_T$ = "
+            "of those drawn, a local maximum of $g'$ exists from $\\mu_T$ = "
             + " and ".join(
                 f"{min(t for t in at if np.isfinite(steepest(solved(law, t, 0.0)))):g} ({law})" for law in FLAT
             ),
@@ -138,7 +138,8 @@ def make(fast: bool = False) -> Result:
         ),
     ]
     caption = (
-        "Contact radius at zero load. Gauss and van der Waals: lower symbols where the gap closes, upper ones where its slope "
+        "Contact radius at zero load. Gauss and van der Waals: lower symbols where the gap closes, upper "
+        "ones where its slope "
         "is largest."
     )
     return Result("fig09", "Contact radius at zero load", caption, figure, findings, statements)

@@ -48,7 +48,7 @@ def make(fast: bool = False) -> Result:
     curve = make_interp_spline(np.log(fine / middle["Maugis-Dugdale"]), exact, k=3)
     apart: dict[str, Array] = {}
     with panels() as (figure, axes):
-        for limit, name, align in ((DMT_DISPLACEMENT, "DMT", "top"), (JKR_DISPLACEMENT, "JKR", "bottom")):
+        for limit, name, align in ((DMT_DISPLACEMENT, "DMT", "bottom"), (JKR_DISPLACEMENT, "JKR", "bottom")):
             axes.axhline(limit, color="0.5", linewidth=0.8, linestyle="--")
             axes.annotate(name, (0.02, limit), xycoords=("axes fraction", "data"), va=align, fontsize=7)
         axes.plot(fine / middle["Maugis-Dugdale"], exact, color="black", label="Maugis-Dugdale")
@@ -58,8 +58,14 @@ def make(fast: bool = False) -> Result:
             style = {"color": LAW_COLOURS[law], "markersize": 4.0, "linestyle": "none"}
             filled = {} if law == "exponential" else {"markerfacecolor": "none"}
             axes.plot(at / middle[law], values, MARKS[law], label=law, **style, **filled)
-        axes.set(xscale="log", xlabel=r"$\mu_T/\mu_T(\mathrm{half\ way})$", ylabel=DISPLACEMENT, xlim=(3e-3, 4e2))
-        axes.legend(loc="upper right")
+        axes.set(
+            xscale="log",
+            xlabel=r"$\mu_T/\mu_T(\mathrm{half\ way})$",
+            ylabel=DISPLACEMENT,
+            xlim=(3e-3, 4e2),
+            ylim=(1.88, 2.92),
+        )
+        axes.legend(loc="upper right", bbox_to_anchor=(1.0, 0.9))
     low, high = np.array([1e-8, 1e-7]), np.array([100.0, 200.0])
     unit = np.cbrt(3.0 * np.pi / 4.0) ** 2
     rates = [
@@ -87,7 +93,8 @@ def make(fast: bool = False) -> Result:
         Statement(
             "scaled to coincide half-way, $d(\\mu_T)$ hardly depends on the interaction",
             "Fig. 10",
-            f"at most {worst:.3f} from the MD curve, {worst / (DMT_DISPLACEMENT - JKR_DISPLACEMENT):.0%} of the distance of the "
+            f"at most {worst:.3f} from the MD curve, {worst / (DMT_DISPLACEMENT - JKR_DISPLACEMENT):.0%} of "
+            f"the distance of the "
             "limits ("
             + ", ".join(f"{law} {values.max():.3f}" for law, values in apart.items())
             + "); half-way at $\\mu_T$ = "
@@ -103,11 +110,15 @@ def make(fast: bool = False) -> Result:
         Statement(
             "1 % from DMT takes $\\tilde\\mu_T \\approx 10^{-4}$",
             "after (51)",
-            f"{dmt[1]:.1e} for $d$ ($c_5 = -8/(3\\sqrt\\pi)$ = {cos.ASYMPTOTIC_DISPLACEMENT_C5:.4f}), {dmt[0]:.1e} for $a_c$",
+            f"{dmt[1]:.1e} for $d$ ($c_5 = -8/(3\\sqrt\\pi)$ = {cos.ASYMPTOTIC_DISPLACEMENT_C5:.4f}), "
+            f"{dmt[0]:.1e} for $a_c$",
             0.3e-4 < dmt[1] < 3e-4,
         ),
     ]
-    caption = "Displacement at zero load over the Tabor coefficient in units of that at which it is half-way between JKR and DMT."
+    caption = (
+        "Displacement at zero load over the Tabor coefficient in units of that at which it is half-way "
+        "between JKR and DMT."
+    )
     return Result("fig10", "Displacement at zero load", caption, figure, findings, statements)
 
 

@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from matplotlib.figure import Figure
 
 if __name__ == "__main__":
     sys.path.append(str(Path(__file__).resolve().parents[2]))
@@ -41,7 +42,7 @@ def apart(one: Branch, other: Branch, what: int = 0) -> float:
     return float(np.abs(one.at_load(LOADS)[what] - other.at_load(LOADS)[what]).max())
 
 
-def draw(y: str, label: str) -> object:
+def draw(y: str, label: str) -> Figure:
     """Curves of all models, which Figures 11 and 12 share."""
     with panels(height=3.4) as (figure, axes):
         for limit, name, style in ((jkr_branch(), "JKR", "-"), (dmt_branch(), "DMT", "--")):
@@ -61,6 +62,7 @@ def draw(y: str, label: str) -> object:
             )
         axes.plot([], [], "o", color="0.4", markersize=3.0, label="exponential, same colours")
         axes.set(xlabel=LOAD, ylabel=label, xlim=(-2.1 * np.pi, 10.0))
+        axes.set_ylim(None if y == "radius" else -4.5, None)
         axes.legend(loc="lower right")
     return figure
 
@@ -137,7 +139,8 @@ def make(fast: bool = False) -> Result:
     ]
     at = maugis.load_fold(interaction_range=1.0)
     caption = (
-        "Contact radius against the load: Maugis-Dugdale (lines, thin and dashed where unstable under a load), exponential "
+        "Contact radius against the load: Maugis-Dugdale (lines, thin and dashed where unstable under a "
+        "load), exponential "
         "(dots), Gauss and van der Waals. MD at $\\mu_T = 1$ loses contact at "
         f"$F_N$ = {float(at.load):.4f}, $a_c$ = {float(at.contact_radius):.4f}."
     )

@@ -57,27 +57,6 @@ def make(fast: bool = False) -> Result:
             "(28) has $3\\pi$, which takes the radius at $F_N = -F_p$ in (49)",
             4.5,
         ),
-        Finding(
-            "largest error at $\\mu_T = 1$, in per cent, (47)",
-            "Fig. 13 (at most about)",
-            0.5,
-            0.5,
-            100.0 * cos_row.fit.error,
-        ),
-        Finding(
-            "largest error at $\\mu_T = 1$, in per cent, (48)",
-            "Fig. 13 (at most about)",
-            0.5,
-            0.5,
-            100.0 * modified.fit.error,
-        ),
-        Finding(
-            "factor by which a free exponent reduces the largest error of (48)",
-            "after Fig. 15",
-            2.0,
-            0.5,
-            modified.fit.error / free.fit.error,
-        ),
     ]
     statements = [
         Statement(
@@ -110,7 +89,8 @@ def make(fast: bool = False) -> Result:
     tabors = (0.25, 1.0, 4.0) if fast else TABORS
     laws = ("Maugis-Dugdale",) if fast else tuple(LAWS)
     caption = (
-        "Relative error of the contact radius at $\\mu_T = 1$ against the MD model, fitted over $-F_p < F_N < 2F_p$ (dotted "
+        "Relative error of the contact radius at $\\mu_T = 1$ against the MD model, fitted over $-F_p < F_N "
+        "< 2F_p$ (dotted "
         "line) by least squares."
     )
     tables = {f"{law}: fits over the Tabor coefficient": table_of_fits(law, tabors) for law in laws}

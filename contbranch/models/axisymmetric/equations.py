@@ -32,7 +32,8 @@ __all__ = ["RECENT", "ContactCoordinate", "Equations", "Fields"]
 
 Array = NDArray[np.float64]
 
-# Gauss nodes in a power of end/r for what lies beyond the mesh, at most this one: energies around sharp tips decay slowly.
+# Gauss nodes in a power of end/r for what lies beyond the mesh, at most this one: energies around sharp tips decay
+# slowly.
 TAIL_NODES, SLOWEST = 20, 6.0
 # Below this size of the blocks a plain product is as fast.
 SMALLEST_SPLIT = 48
@@ -45,6 +46,8 @@ RECENT = 6
 
 # A minimum of the gap is deeper than this share of gap and displacement; places a node among which it is looked for.
 RIPPLE, BETWEEN = 1e-9, 3
+# Places on the innermost panel among which it is looked for around flat tips, and the first one's share of its length.
+CLOSE, CLOSEST = 60, 1e-4
 # Radii, in units of the contact's, at which the wall pressure is checked.
 PROBES = np.array([0.02, 0.3, 0.6, 0.8, 0.9])
 
@@ -360,7 +363,9 @@ class Equations:
             lift = float(fields.gap[-1]) + displacement - tail.last
             energy, pressure, stiffness = self.interaction.evaluate(tail.height - displacement + lift * tail.fading)
             load, shift = (tail.rings @ pressure).tolist()
-            beyond = float(tail.rings[0] @ (energy - self._pole * tail.poles)) - 2 * np.pi * self._pole * math.log(tail.ends)
+            beyond = float(tail.rings[0] @ (energy - self._pole * tail.poles)) - 2 * np.pi * self._pole * math.log(
+                tail.ends
+            )
             found = _Beyond(load, beyond, shift, *(tail.answers @ stiffness).tolist())
         fields.derived["beyond"] = found
         return found
@@ -471,17 +476,23 @@ class Equations:
 
     def _lowest(self, fields: Fields) -> tuple[float, float]:
         """The lowest interior minimum of the gap that is no ripple of rounding, and its radius; infinite without."""
-        gap, mesh = fields.gap, self.mesh
+        gap, mesh, nodes = fields.gap, self.mesh, self.mesh.nodes
+        if self.tip.apex_exponent > 2.0 and fields.rim.radius == 0.0:  # it may be anywhere close to a flat apex
+            close = mesh.innermost * np.append(0.0, np.geomspace(CLOSEST, 1.0, CLOSE)[:-1])
+            bare = self.tip.height(nodes)
+            lifted = mesh.interpolate(np.where(np.isfinite(bare), gap - bare, 0.0), close) + self.tip.height(close)
+            gap, nodes = np.concatenate([lifted, gap[mesh.order :]]), np.concatenate([close, nodes[mesh.order :]])
         inner = np.flatnonzero((gap[1:-1] < gap[:-2]) & (gap[1:-1] <= gap[2:])) + 1
         if len(inner) == 0:
             return math.inf, 0.0
         lowest = inner[np.argmin(gap[inner])]
         if not gap[lowest] < gap[:lowest].max() - RIPPLE * (abs(self._own_displacement(fields)) + abs(gap[lowest])):
             return math.inf, 0.0
-        panels = np.clip(lowest // mesh.order + np.array([-1, 0, 1]), 0, mesh.panels - 1)
+        panel = int(np.searchsorted(mesh.edges[1:-1], nodes[lowest], side="right"))
+        panels = np.clip(panel + np.array([-1, 0, 1]), 0, mesh.panels - 1)
         places = gauss_between(mesh.edges[panels], mesh.edges[panels + 1], BETWEEN * mesh.order)[0].ravel()
-        least = min(float(gap[lowest]), float(mesh.interpolate(gap, places).min()))
-        return least, math.hypot(float(mesh.nodes[lowest]), fields.rim.radius)
+        least = min(float(gap[lowest]), float(mesh.interpolate(fields.gap, places).min()))
+        return least, math.hypot(float(nodes[lowest]), fields.rim.radius)
 
     # -- stability ----------------------------------------------------------------------------------------------------
     def unstable_modes(self, fields: Fields, finely: bool = True) -> int:

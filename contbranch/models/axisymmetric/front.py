@@ -1,4 +1,4 @@
-"""What moves with the mesh: a front, where the gap rises steeply, or the edge of a tip, is always at the same place of it.
+"""What moves with the mesh, always at the same place of it: a front, where the gap rises steeply, or a tip's edge.
 
 Laws that do not pull at contact, the edge of a squeezed film and the rings of a layered liquid have a steep zone far
 outside of the contact, which travels while everything else stays smooth. On the mesh ``tau = e^σ ξ`` with fixed ξ,
@@ -145,8 +145,8 @@ def _to_edge(equations: Equations, fields: Fields) -> float:
 
 
 def felt(tip: Tip, law: Interaction | None) -> float:
-    """Radius over which an interaction is felt; 0 where no one front is to be expected: layers have several."""
-    return 0.0 if law is None or math.isfinite(law.wave) else tip.radius_at(min(term.range for term in law.terms))
+    """Radius over which an interaction is felt; 0 without."""
+    return 0.0 if law is None else tip.radius_at(min(term.range for term in law.terms))
 
 
 def steepest(seen: tuple[Equations, Fields], present: Front | None, unit: Mesh, radius: float) -> Front | None:

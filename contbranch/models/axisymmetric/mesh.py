@@ -69,8 +69,8 @@ class Mesh:
 
     @cached_property
     def finer(self) -> Mesh:
-        """A mesh on which this one's discretisation errors have all but vanished: graded, longer (or graded at the other
-        end, too) and of higher order."""
+        """A mesh on which this one's discretisation errors have all but vanished: graded, longer (graded at its other
+        end) and of higher order."""
         if self.source is not None:
             mesh, factor = self.source
             return mesh.finer.stretched(factor)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.linalg import lapack
 
 from contbranch.contact.contact import Contact
-from contbranch.continuation import Adaptation, Balance, Linearisation, Options, Point
+from contbranch.continuation import Adaptation, Balance, CorrectionError, Linearisation, Options, Point
 from contbranch.control import Control
 from contbranch.curve.problem import (
     STEPS,
@@ -87,6 +87,9 @@ TINY, MOVING = 1e-2, 0.1
 ROUNDS, NEARLY = 6, 1e-5
 # ln of the largest stretch of a mesh; a pivot below this share of its column says that the front alone moves.
 FARTHEST, TINY_PIVOT = 30.0, 1e-12
+# Radius of a contact under a flat tip in which rings that have been passed over do not matter, as a share of the
+# innermost panel.
+DISHED = 1e-3
 # A film whose response elasticity answers on a length below this is stiff; the contact behind first touch at which the
 # direction of the curve is then taken, as a share of the radius of the front.
 STIFF, SEEN = 1e-3, 0.01
@@ -176,10 +179,10 @@ class ContactProblem(EquilibriumProblem):
         self.resolution = resolution
         self.sharpness = sharpness
         self.front = front
-        mesh, tip, law = equations.mesh, equations.tip, equations.interaction
-        # Where the film is squeezed out on a ring, round a flat tip or at an edge, the gap at the centre may grow again.
+        mesh, law = equations.mesh, equations.interaction
+        # Where the film is squeezed out on a ring, round a flat tip or at an edge, the central gap may grow again.
         layered = law is not None and math.isfinite(law.wave)
-        self.ordered = not (layered or tip.apex_exponent > 2.0 or isinstance(front, Edge))
+        self.ordered = not (layered or self.flat or isinstance(front, Edge))
         self._weights = mesh.weights if front is None else front.weights(mesh)
         self._seen: list[tuple[Array, float, Equations, Fields]] = []
         self._corrected: tuple[Array, Solver] | None = None
@@ -223,7 +226,7 @@ class ContactProblem(EquilibriumProblem):
         return np.append(fields.residual, self.front.off(self.equations.mesh, equations, fields, float(x[-1])))
 
     def jacobian(self, x: Array, p: float) -> Array:
-        """dR/dx, (N, N); with a front bordered by the derivatives with respect to σ and by those of its own equation."""
+        """dR/dx, (N, N); with a front bordered by the derivatives with respect to σ and those of its equation."""
         equations, fields = self.seen(x, p)
         if self.front is None:
             return equations.jacobian(fields)
@@ -366,8 +369,10 @@ class ContactProblem(EquilibriumProblem):
         disc, h = still._behind(), last.x[: still.size]
         start = disc.touching(h)
         problem = start.problem
-        step = problem.ahead() if isinstance(problem, ContactProblem) and disc.resists(h) else None
-        return Succession("touch", last, (start,), step=step, others=lambda: disc.graded(h) + disc.passed(start))
+        kinked = isinstance(problem, ContactProblem) and (problem.flat or disc.resists(h))
+        step = problem.ahead() if isinstance(problem, ContactProblem) and kinked else None
+        starts = (*disc.passed(start), start) if disc.flat else (start,)
+        return Succession("touch", last, starts, step=step, others=lambda: disc.graded(h) + disc.passed(start))
 
     def _behind(self) -> ContactProblem:
         """The problem on the other side of first touch."""
@@ -422,6 +427,8 @@ class ContactProblem(EquilibriumProblem):
     def ahead(self) -> float:
         """Parameter of a contact that has long passed the kink, seen from the front."""
         radius = SEEN * (self.front.place if isinstance(self.front, Front) else 1.0)
+        if self.flat:
+            radius = min(radius, DISHED * self.equations.mesh.innermost)
         return self.parameter(self.equations.coordinate.of(radius, 0.0))
 
     def _beyond(self, x: Array) -> Point:
@@ -439,11 +446,14 @@ class ContactProblem(EquilibriumProblem):
     def passed(self, start: Point) -> list[Point]:
         """A contact that has passed its kink, where rounding hides the way from first touch to there."""
         problem = equilibrium(start)
-        if not (isinstance(problem, ContactProblem) and problem.resists(start.x)):
+        if not (isinstance(problem, ContactProblem) and (problem.flat or problem.resists(start.x))):
             return []
         ahead = problem.ahead()
         x = problem.solve_at(start.x + ahead * start.tangent_x / start.tangent_parameter, ahead)
-        return [oriented(problem, x, ahead, problem.direction(x, ahead))]
+        try:
+            return [oriented(problem, x, ahead, problem.direction(x, ahead))]
+        except (CorrectionError, np.linalg.LinAlgError):
+            return []
 
     @property
     def begins(self) -> str | None:
@@ -618,14 +628,20 @@ class ContactProblem(EquilibriumProblem):
             expected = problem.error(start, p).state
             trial, carried = problem.remeshed(start, p, solve=False)
             found = trial.solve_at(carried, p, enough=NEARLY)  # it is corrected by who asked
-            change = found - carried
-            moved = min(float(np.abs(by).max()) for by in (change, trial.moving(change, trial.fields(found, p))))
+            change, told = found - carried, trial.told(problem)
+            moves = change[: trial.size], trial.moving(change, trial.fields(found, p))
+            moved = min(float(np.abs(by[told]).max(initial=0.0)) for by in moves)
             if not moved <= LEAP * expected + 1e-6 * self.scale:
                 break  # Newton's method has left for another solution
             problem, start = trial, found
             if problem.relative_error(start, p) <= resolution.tolerance:
                 break
         return problem, start
+
+    def told(self, coarse: ContactProblem) -> slice:
+        """Nodes at which a coarser mesh's panels tell the solution: not next to an edge, where it ends like a root."""
+        mesh, own = coarse.equations.mesh, self.equations.mesh
+        return slice(int(np.searchsorted(own.nodes, mesh.edges[-2])) if own.bounded else None)
 
     def _fronted(self, x: Array, p: float) -> Front | Edge | None:
         """What the mesh is to move with at a state."""
@@ -810,6 +826,14 @@ class ContactProblem(EquilibriumProblem):
     def resists(self, x: Array) -> bool:
         """Whether the film at first touch is so stiff that a contact has a kink of its own."""
         return 0.5 / max(1.0, float(self.fields(x, 0.0).stiffness[0])) < STIFF
+
+    @property
+    def flat(self) -> bool:
+        """Whether the tip begins flatter than the dish that the film presses into the surface.
+
+        However small, a ring of contact then comes before the disc, whose own slope at first touch means nothing.
+        """
+        return self.equations.tip.apex_exponent > 2.0
 
     def graded(self, x: Array) -> list[Point]:
         """First touch with panels graded down to the length on which elasticity answers the interaction."""

@@ -41,18 +41,19 @@ class Arc:
 
 @dataclass(frozen=True)
 class _Way:
-    """A direction of the curve at a state, of unit length, and the measure that says so."""
+    """A direction of the curve at a state, of unit length, its change of the pressure, and the measure that says so."""
 
     measure: Measure
     u: Array
     load: float
+    pressure: Array
 
     @property
     def direction(self) -> Direction:
         return Direction.along(self.measure, self.u, self.load)
 
     def turned(self) -> _Way:
-        return _Way(self.measure, -self.u, -self.load)
+        return _Way(self.measure, -self.u, -self.load, -self.pressure)
 
 
 @dataclass
@@ -70,10 +71,10 @@ class _Follower:
 
     def way(self, state: Equilibrium, towards: Direction) -> _Way | None:
         """The tangent at a state, its progress in a direction positive."""
-        u, load = tangent(self.problem, state, towards.hold(0.0, 0.0))[:2]
+        u, load, pressure, _ = tangent(self.problem, state, towards.hold(0.0, 0.0))
         measure = Measure.at(state, self.length)
         size = measure.norm(u, load)
-        return _Way(measure, u / size, load / size) if np.isfinite(size) and size > 0.0 else None
+        return _Way(measure, u / size, load / size, pressure / size) if np.isfinite(size) and size > 0.0 else None
 
     def margins(self, state: Equilibrium) -> Array:
         """What must not be negative: the wall's pressure in contact, the gap outside, each in its unit."""
@@ -86,8 +87,7 @@ class _Follower:
 
     def events(self, state: Equilibrium, way: _Way) -> tuple[float, tuple[int, int]]:
         """How far ahead the first node changes, by the tangent, and which."""
-        pressure = self.problem.stiffness(way.u - way.u.mean()) + way.load / self.problem.lattice.area
-        rate = np.where(state.contact, pressure / self._pressure, way.u / self.length)
+        rate = np.where(state.contact, way.pressure / self._pressure, way.u / self.length)
         margin = np.maximum(self.margins(state), 0.0)
         ahead = np.where(rate < 0.0, margin / np.where(rate < 0.0, -rate, 1.0), np.inf)
         node = np.unravel_index(int(np.argmin(ahead)), ahead.shape)
@@ -199,11 +199,7 @@ class _Follower:
         found = self.way(end, way.direction)
         if found is None:
             return None
-        if end.contact[node]:
-            rate = float(self.problem.stiffness(found.u - found.u.mean())[node])
-            rate += found.load / self.problem.lattice.area
-        else:
-            rate = float(found.u[node])
+        rate = (found.pressure if end.contact[node] else found.u)[node]
         return found if rate > 0.0 else found.turned()
 
 

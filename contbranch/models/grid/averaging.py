@@ -63,6 +63,8 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)
 _NODES, _WEIGHTS = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS
 _LAGRANGE = np.stack([(1 - _NODES) * (1 - 2 * _NODES), 4 * _NODES * (1 - _NODES), _NODES * (2 * _NODES - 1)])
 _SLOPES = np.stack([4 * _NODES - 3, 4 - 8 * _NODES, 4 * _NODES - 1])
+# What a contact of few nodes may be off, in units of what changes from its beginning.
+BEGINNING = 1.1
 # Error of the contact radius itself, in rows of nodes.
 MEASURED = 0.03
 
@@ -135,11 +137,13 @@ class Samples:
     lengths: list[float] = field(default_factory=list)
     states: list[tuple[float, Equilibrium]] = field(default_factory=list)
     last: Arc | None = None
+    _seen: Reading | None = None
 
     def add(self, setup: Setup, arc: Arc) -> float:
         """Read off an arc; the contact radius at its end."""
-        seen = tuple(read(setup, state, cell=False) for state in (arc.begin, arc.middle, arc.end))
-        self.last = arc
+        begin = self._seen if self.last is not None and arc.begin is self.last.end else None
+        seen = begin or read(setup, arc.begin, cell=False), *(read(setup, s, cell=False) for s in (arc.middle, arc.end))
+        self.last, self._seen = arc, seen[2]
         self.ends.append(seen[2].contact_radius)
         self.lengths.append(Measure.at(arc.begin, setup.length).apart(arc.end, arc.begin))
         if seen[0].contact_radius > 0.0 and np.isfinite([one[:4] for one in seen]).all():
@@ -318,6 +322,9 @@ class AveragedProblem(EquilibriumProblem):
     def left_out(self, x: Vector, p: float) -> tuple[float, float, float, float]:
         """What the scatter of the arcs leaves open, and what the cell does."""
         load, displacement, _ = np.array([np.interp(p, self.fit.centres, own) for own in self.fit.scatter.T]).tolist()
+        if self.fit.first > 0.0 and p < LEAST * self.fit.spacing:  # where the contact begins is not in the window
+            first = self.fit.values[np.argmin(self.fit.radius)]
+            load, displacement = (BEGINNING * np.abs(self.fit.curve(p) - first)[:2] + (load, displacement)).tolist()
         cell = read(self.setup, self.nearest(p)).errors
         return load + cell[0], displacement + cell[1], MEASURED * self.fit.spacing + cell[2], 0.0
 

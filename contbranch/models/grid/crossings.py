@@ -219,12 +219,11 @@ def _polynomials(x: Array, y: Array, noise: Array, degree: int) -> Array:
 
 def _zeros(coefficients: Array) -> Array:
     """The zero next to x = 0 of every polynomial, at most one node away."""
-    degree = coefficients.shape[1] - 1
     x = np.zeros(len(coefficients))
     for _ in range(8):
-        powers = x[:, None] ** np.arange(degree + 1)
-        value = np.sum(coefficients * powers, axis=1)
-        slope = np.sum(coefficients[:, 1:] * np.arange(1, degree + 1) * powers[:, :-1], axis=1)
+        value, slope = coefficients[:, -1], np.zeros_like(x)
+        for one in coefficients.T[-2::-1]:
+            value, slope = value * x + one, slope * x + value
         # Profiles rise away from the rim; where noise makes them fall, nothing is learnt.
         step = np.where(slope > 1e-3, value / np.where(slope > 1e-3, slope, 1.0), 0.0)
         x = np.clip(x - step, -1.0, 1.0)

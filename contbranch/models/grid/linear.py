@@ -30,8 +30,9 @@ from .problem import GridProblem
 
 __all__ = ["Border", "Change", "Linear"]
 
-# v″ relative to the largest below which the law does not act.
-NOTHING = 1e-7
+# v″ relative to the largest below which the law does not act, and that down to which clusters are made at once: they
+# serve on as the film spreads.
+NOTHING, SPARE = 1e-7, 1e-9
 # Memory for the directions of one matrix.
 BASIS_BYTES = 5e8
 # Memory for their displacements on all nodes.
@@ -103,7 +104,8 @@ class Linear:
         self.problem, self.held, self.alone = problem, border, alone
         stiffness = np.where(contact, 0.0, stiffness)
         size = np.abs(stiffness)
-        self.clusters = problem.clusters(contact, stiffness, contact | (size > NOTHING * size.max()), alone > 0)
+        zone, wider = (contact | (size > part * size.max()) for part in (NOTHING, SPARE))
+        self.clusters = problem.clusters(contact, stiffness, zone, None if alone else wider)
         self.zone = self.clusters.zone
         self.nodes = np.flatnonzero(self.zone)
         self.contact, self.stiffness = contact.take(self.nodes), stiffness.take(self.nodes)
@@ -119,7 +121,7 @@ class Linear:
         if isinstance(self.clusters, Separate):
             stiffness = np.zeros(self.zone.shape)
             stiffness.put(self.nodes, self.stiffness)
-            self.clusters = self.problem.clusters(self.clusters.contact, stiffness, self.zone)
+            self.clusters = self.problem.clusters(self.clusters.contact, stiffness, self.zone, self.zone)
             self.coarse_border = self.clusters.border(self.border)
 
     def _forget(self) -> None:

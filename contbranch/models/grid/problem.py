@@ -112,7 +112,7 @@ class GridProblem:
         """K̂ of the shortest wave of the lattice."""
         return float(np.pi / math.sqrt(2.0) / self.lattice.spacing)
 
-    def clusters(self, contact: Mask, stiffness: Array, zone: Mask, known: bool = False) -> Clusters | Separate:
+    def clusters(self, contact: Mask, stiffness: Array, zone: Mask, made: Mask | None) -> Clusters | Separate:
         """The linearised equations on clusters of nodes: those used last, where they serve.
 
         Parameters
@@ -120,17 +120,17 @@ class GridProblem:
         contact, zone : array of bool
         stiffness : array
             v″, 0 in contact.
-        known : bool
-            Whether only those are wanted; without them it is contact and free nodes by themselves.
+        made : array of bool or None
+            The zone of those that are made where none serve; None: contact and free nodes by themselves.
         """
         if self._clusters is not None and self._clusters.serves(contact, zone):
             self._clusters.renew(stiffness)
             return self._clusters
         weight = 0.5 / self.lattice.spacing
-        if known:
+        if made is None:
             return Separate(contact, zone, stiffness[zone], weight, self._stiffened)
         influence = Influence(self.lattice) if self._clusters is None else self._clusters.influence
-        self._clusters = Clusters(influence, contact, zone, stiffness[zone], weight)
+        self._clusters = Clusters(influence, contact, made, stiffness[made], weight)
         return self._clusters
 
     @cached_property

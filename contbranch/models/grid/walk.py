@@ -45,6 +45,8 @@ CURVATURE = 0.02
 ANGLE, ORDER = 0.9, 2
 # Distance by which predictions may miss at any rate, and where much happens on short parts of the curve.
 NOISE, CLOSE = 1e-3, 3e-3
+# A fold closer to a row than this part of the way between the rows on its sides takes the row's place.
+SINGLE = 0.05
 # Changes of load and displacement that are rounding, relative to max(1, |value|).
 ROUNDING = 1e-9
 # Corners at most around one fold, and those at a time where steps fail.
@@ -271,14 +273,13 @@ class Walker:
         return own[first], own[last]
 
     def _seen(self) -> np.ndarray:
-        """Load, displacement and contact radius of the rows in order; first of all, of the film next to first touch."""
+        """Load, displacement and contact radius of the rows in order; first of all, just behind the first one."""
         names = "load", "displacement", "contact_radius"
         seen = [[row.point.observables[name] for name in names] for row in sorted(self.rows, key=lambda row: row.arc)]
         start = self.rows[0].point
-        if self.problem.touch is not None:
-            ahead = self.problem.rates(start.x, start.parameter, start.tangent_x, start.tangent_parameter)[:2]
-            small = 1e-3 * self.setup.length / (max(map(abs, ahead)) or 1.0)
-            seen.insert(0, [seen[0][0] - small * ahead[0], seen[0][1] - small * ahead[1], 0.0])
+        ahead = self.problem.rates(start.x, start.parameter, start.tangent_x, start.tangent_parameter)[:2]
+        small = 1e-3 * self.setup.length / (max(map(abs, ahead)) or 1.0)
+        seen.insert(0, [seen[0][0] - small * ahead[0], seen[0][1] - small * ahead[1], seen[0][2]])
         return np.array(seen)
 
     # -- what happens -------------------------------------------------------------------------------------------------
@@ -321,11 +322,8 @@ class Walker:
         change = after.state.u - before.state.u, after.state.load - before.state.load
         way = Direction.along(Measure.at(middle.state, 1.0), *change)
         known = [place.state for place in self.places[-4:] if place.arc >= 0.0]
-        if self._chained:
-            if self.hops:  # a step passes few corners
-                known = [*self._corners(before.state, middle.state, after.state, way), *known]
-            # What is found takes the place of the row that told of it.
-            self.rows = [self.rows[0], *(row for row in self.rows[1:] if row.arc != middle.arc or row.event)]
+        if self._chained and self.hops:  # a step passes few corners
+            known = [*self._corners(before.state, middle.state, after.state, way), *known]
         stretch, low, high = Stretch(self.nodes, known, way, self._sharp), way.of(before.state), way.of(after.state)
         for control, sign in turned:
             stretch.extremum(control, sign, low, high)
@@ -335,6 +333,9 @@ class Walker:
             found = inside[int(np.argmax(heights))]
             near = middle if way.of(found) > way.of(middle.state) else before
             arc = near.arc + self._apart(near.state, found)
+            if self._chained or abs(arc - middle.arc) < SINGLE * (after.arc - before.arc):
+                # What is found takes the place of the row that told of it.
+                self.rows = [self.rows[0], *(row for row in self.rows[1:] if row.arc != middle.arc or row.event)]
             if arc > 0.0:
                 self.folds.told(self._add(Place(min(arc, after.arc), found), control.kind))
 

@@ -136,3 +136,26 @@ def test_a_lattice_that_is_hopeless_states_no_error() -> None:
     for event in found.events:
         (other,) = (e for e in exact.events if (e.kind, e.control, e.name) == (event.kind, event.control, event.name))
         assert abs(event.load - other.load) <= event.error["load"]
+
+
+def test_a_fold_at_a_row_is_one_fold() -> None:
+    """Here a step ends within 1e-5 of the squeeze-out fold: it was two folds that no error could tell apart."""
+    contact = cb.Contact.reduced("gauss", tabor=0.8199181789703047, sign=-1)
+    found = cb.trace(contact, "displacement", model=cb.FreeSpace(cell=11.58146480150417, grid=48), modes=0)
+    assert folds(found) == [("load", "squeeze-out"), ("load", "wetting")]
+
+
+def test_exponents_of_averaged_folds() -> None:
+    """κ next to the wetting folds is that of the axisymmetric model, within the errors stated, and 1/2 in the end."""
+    diagrams = cb.trace(REPULSION, modes=0), cb.trace(REPULSION, model=cb.FreeSpace(cell=9.0, grid=96), modes=0)
+    for control in ("load", "displacement"):
+        folds = [next(e for e in d.events if (e.control, e.name) == (control, "wetting")) for d in diagrams]
+        exact, found = (d.local_exponent(fold) for d, fold in zip(diagrams, folds, strict=True))
+        assert len(found.kappa) > 5
+        assert found.error.min() < 0.1
+        expected = np.interp(np.log(found.excess), np.log(exact.excess), exact.kappa)
+        assert (np.abs(found.kappa - expected) <= found.error).all()
+        known, averaged = (fold.exponent for fold in folds)
+        assert known is not None
+        assert averaged is not None
+        assert averaged.prefactor == pytest.approx(known.prefactor, rel=0.03)

@@ -1,0 +1,50 @@
+"""Whole contacts drawn at random: complete, and their curves obey what every curve must obey."""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from pathlib import Path
+
+import pytest
+
+import contbranch as cb
+
+ROOT = Path(__file__).parents[1]
+if str(ROOT) not in sys.path:
+    sys.path.append(str(ROOT))  # the scripts in studies/ are not installed
+
+from studies import random_contacts  # noqa: E402
+
+SEED = 3
+# Every kind of tip and law, control and accuracy; contacts that begin on a ring, films that reach an edge.
+NUMBERS = (1, 5, 6, 10, 11, 27, 35, 36, 49, 60, 76, 81, 94, 99, 103, 107, 117)
+
+
+@pytest.mark.parametrize("number", NUMBERS)
+def test_contact(number):
+    drawn = random_contacts.draw(SEED, number)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        diagram = cb.trace(drawn.contact, **drawn.asked)
+    assert diagram.status == "complete", f"{drawn.words}: {diagram.message}"
+    assert not list(random_contacts.violations(diagram)), drawn.words
+
+
+def test_draws_repeat_themselves():
+    one, other = (random_contacts.draw(SEED, 7) for _ in range(2))
+    assert one == other
+    assert random_contacts.draw(SEED + 1, 7) != one
+
+
+def test_a_broken_invariant_is_seen():
+    """A curve whose energies, or whose loads, are not those of its states."""
+    from dataclasses import replace
+
+    diagram = cb.trace(cb.Contact.reduced(cb.Exponential, 1.0))
+    branch = diagram.branches[0]
+    for name in ("energy", "load"):
+        values = getattr(branch, name).copy()
+        values[len(values) // 2 :] += 0.5
+        broken = replace(diagram, branches=(replace(branch, **{name: values}),))
+        assert any("dV" in text or "turns" in text for text in random_contacts.violations(broken))
