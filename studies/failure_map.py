@@ -531,7 +531,8 @@ def _within(
         edge = lattice(subject.contact, "periodic", method.nodes).edge
         known = truth(subject)
         assert known is not None
-        shift = IMAGES * known.load * max(1.0, abs(exact)) / (2.0 * math.pi * edge**3) * 2.0
+        load = max(map(abs, known.window["load"]))
+        shift = IMAGES * load * scale / (math.pi * edge**3)
     return abs(value - exact) <= error + shift + 2e-9 * scale
 
 
@@ -568,10 +569,11 @@ def tasks(chosen: Sequence[Method] = METHODS) -> Iterator[tuple[Method, Subject]
 
 
 def load_cells(path: Path = RESULTS) -> list[Cell]:
-    """What is known."""
+    """What is known; of a cell that was done twice, the last."""
     if not path.exists():
         return []
-    return [Cell(**json.loads(line)) for line in path.read_text(encoding="utf-8").splitlines() if line]
+    cells = [Cell(**json.loads(line)) for line in path.read_text(encoding="utf-8").splitlines() if line]
+    return list({(cell.task, cell.control): cell for cell in cells}.values())
 
 
 def run(minutes: float, path: Path = RESULTS, chosen: Sequence[Method] = METHODS) -> list[Cell]:

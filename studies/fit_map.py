@@ -1,6 +1,6 @@
 """A map of 64 synthetic force curves, fitted by one command; its pictures show the pattern that was put in.
 
-    python studies/fit_map.py [--size 8] [--folder FOLDER]
+    python -m studies.fit_map [--size 8] [--folder FOLDER]
 
 A stiff square lies in a soft surface, and the work of adhesion grows from left to right. Written are the curves,
 one file each, ``map.h5`` and ``map.png``.

@@ -139,8 +139,8 @@ def drawn(found: Sequence[Growth], path: Path) -> None:
                     place.loglog(
                         far, np.maximum(start, values[0] * 0.5) + slope * far, "--", color=f"C{number}", linewidth=0.8
                     )
-    axes[0].set(xlabel="tasks", ylabel="seconds (squares: of the process that runs it)")
-    axes[1].set(xlabel="tasks", ylabel="memory of that process (MB)")
+    axes[0].set(xlabel="tasks", ylabel="seconds", title="squares: of the process that runs it")
+    axes[1].set(xlabel="tasks", ylabel="MB", title="memory of that process")
     axes[1].legend(fontsize=7)
     figure.savefig(path, dpi=150)
 

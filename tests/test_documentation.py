@@ -130,3 +130,8 @@ def test_the_code_of_a_page_runs_and_prints_what_it_shows(
         else:
             assert language in ("", "text"), f"blocks of {language} are not run"
         printed = capsys.readouterr().out if language in ("sh", "python") else None
+
+
+def test_the_reference_has_every_public_name() -> None:
+    pages = "".join(page.read_text(encoding="utf-8") for page in (ROOT / "docs" / "api").glob("*.md"))
+    assert [name for name in cb.__all__ if not re.search(rf"auto\w+:: {name}$", pages, re.MULTILINE)] == []

@@ -23,8 +23,9 @@ __all__ = ["Ceiling", "FoldEvent", "Folds", "Margin", "Reached", "Slopes", "rate
 # Relative to their place in a step, folds are located so coarsely while tracing (they are refined afterwards); where
 # there are several, as sharply as it takes to tell them apart, down to the last.
 SHARPER = (0.01, 1e-4, 1e-7, 1e-10)
-# ... and beyond that by what is seen so far aside, relative to their place.
-ASIDE = 1e-6
+# ... and beyond that, or where rates have no digits to tell folds so close, by what is seen so far aside (at least),
+# relative to their place.
+ASIDE, DOUBTFUL = 1e-6, 1e-4
 # Newton steps by which the end of a trace is approached, and the share of the last step at which it is reached.
 APPROACHES, CLOSE = 6, 1e-6
 # Margins may be below zero by less than this: a piece may begin a little before its layout is right.
@@ -284,10 +285,14 @@ class Folds(Event):
             together = [k for k, (a, b) in enumerate(pairwise(found)) if b[0] - a[0] <= 4 * resolution * b[0]]
             if not together:
                 break
-        for group in _runs(together):
+        near = [k for k, (a, b) in enumerate(pairwise(found)) if b[0] - a[0] <= max(4 * resolution, DOUBTFUL) * b[0]]
+        for group in _runs(near):
             own = found[group.start : group.stop]
+            if len({control.kind for _, control, _ in own}) < len(own) and not together:
+                continue  # they have been told apart
             place = sum(theta for theta, _, _ in own) / len(own)
-            order = [control.kind for control in self._turned(segment, place, options)]
+            aside = max(ASIDE * place, 2 * (own[-1][0] - own[0][0]))
+            order = [control.kind for control in self._turned(segment, place, aside, options)]
             own.sort(key=lambda one: order.index(one[1].kind) if one[1].kind in order else len(order))
             found[group.start : group.stop] = [(place, control, point) for _, control, point in own]
         return [self._happening(segment, resolution, *one) for one in found]
@@ -307,12 +312,12 @@ class Folds(Event):
             )
         return probe.zero(bracket, 0.0, resolution)
 
-    def _turned(self, segment: Segment, place: float, options: Options) -> list[Control]:
+    def _turned(self, segment: Segment, place: float, aside: float, options: Options) -> list[Control]:
         """The controls in the order in which (d', F') passes their directions where folds coincide to rounding.
 
         It turns by nearly half a turn there; the Morse indices on both sides say which way.
         """
-        sides = [point_on(segment, place + aside, options)[0] for aside in (-ASIDE * place, ASIDE * place)]
+        sides = [point_on(segment, place + way, options)[0] for way in (-aside, aside)]
         angles = [math.atan2(*rates(point)) for point in sides]
         first, last = (equilibrium(point).unstable(point.x, point.parameter) for point in sides)
         turn = first - last if first != last else short_way(angles[1] - angles[0])

@@ -297,7 +297,7 @@ def _sensitivities(contact: Contact, told: Mapping[str, tuple[Event, str]]) -> d
     """Derivatives of the thresholds by parameter, in the contact's units; None of lattices."""
     from contbranch.curve.sensitivity import Sensitivities
 
-    sensitivities = Sensitivities(contact)
+    sensitivities: Sensitivities | None = None
     known: dict[int, dict[str, dict[str, float]]] = {}
     for event, _ in told.values():
         place = event.origin.raw.place if isinstance(event.origin, Origin) else None
@@ -307,6 +307,7 @@ def _sensitivities(contact: Contact, told: Mapping[str, tuple[Event, str]]) -> d
             driven = event.control if event.stiffness is None else Spring(event.stiffness)
             control = None if driven is None else as_control(driven)
             wanted = {key for other, key in told.values() if other is event}
+            sensitivities = sensitivities or Sensitivities(contact)
             known[id(event)] = sensitivities.at(place, control, event.origin.raw.margin, wanted)
     return {name: known[id(event)][key] for name, (event, key) in told.items()}
 

@@ -54,6 +54,8 @@ MISFIT, LONG = 1.25, 2.0
 KNOWN, TIED, PLACED = 0.2, 0.98, 0.3
 # Unknowns with larger errors (of their logarithm) are held at other values, a range at so many between its bounds.
 SHARP, GRID, HELD = 0.04, 6, 1e-7
+# Criterion above the best law's at which a law is as good as excluded.
+EXCLUDED: Final = 10.0
 # Change of the sum of squares by which two minima are told apart.
 TOLD: Final = 9.0
 # Relative steps of derivatives.
@@ -128,7 +130,7 @@ def fit(
     with watched(progress, time_limit) as watch, warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of values that are tried on the way
         fitting = _Fitting(curve.with_spring(spring), contact, named(free), tuple(fixed))
-        found = fitting.compared() if law == "compare" else fitting.result(fitting.law(law))
+        found = fitting.compared() if law == "compare" else fitting.result(fitting.profiled(fitting.law(law)))
         found = replace(found, message=told(found.message), cost=Cost(perf_counter() - began, fitting.evaluations))
     return watch.passed(found)
 
@@ -207,6 +209,23 @@ class _Fitting:
                 found.append((name, self.law(name)))
             if over():
                 break
+        # what else fits as well is asked of those that may be the best
+        first = self._scores(found)
+        found = [
+            (name, self.profiled(one) if first[name] < min(first.values()) + EXCLUDED else one) for name, one in found
+        ]
+        scores = self._scores(found)
+        best = min(scores.values())
+        order = sorted(found, key=lambda item: scores[item[0]])
+        fits = [LawFit(name, self._rms(one), scores[name] - best, one.problem.values(one.x)) for name, one in order]
+        result = self.result(order[0][1])
+        near = [one.law for one in fits[1:] if one.criterion < EXCLUDED]
+        words = f"Of the laws compared {fits[0].law} fits best"
+        words += f"; the curve does not exclude {' and '.join(near)}." if near else "; the others are excluded by it."
+        return replace(result, laws=tuple(fits), message=f"{words} {result.message}")
+
+    def _scores(self, found: Sequence[tuple[str, _Minimum]]) -> dict[str, float]:
+        """Bayesian information criteria, by law; residuals that are correlated are worth fewer."""
         count, noise = len(self.curve), self.seen.noise
         losses = {}
         for name, one in found:
@@ -214,18 +233,10 @@ class _Fitting:
                 losses[name] = _loss(self._residuals(one.problem, one.comparison, noise)(one.x))
         close = min(found, key=lambda item: losses[item[0]])[1]
         misfit, length = max(1.0, min(losses.values()) / count), 1.0
-        if misfit > MISFIT**2:  # residuals that are correlated are worth fewer
+        if misfit > MISFIT**2:
             length = max(1.0, _correlation_length(close.residuals[: close.comparison.samples.size]))
         penalty = math.log(max(count / length, 8.0))
-        scores = {name: losses[name] / (misfit * length) + one.x.size * penalty for name, one in found}
-        best = min(scores.values())
-        order = sorted(found, key=lambda item: scores[item[0]])
-        fits = [LawFit(name, self._rms(one), scores[name] - best, one.problem.values(one.x)) for name, one in order]
-        result = self.result(order[0][1])
-        near = [one.law for one in fits[1:] if one.criterion < 10.0]
-        words = f"Of the laws compared {fits[0].law} fits best"
-        words += f"; the curve does not exclude {' and '.join(near)}." if near else "; the others are excluded by it."
-        return replace(result, laws=tuple(fits), message=f"{words} {result.message}")
+        return {name: losses[name] / (misfit * length) + one.x.size * penalty for name, one in found}
 
     # -- starts -------------------------------------------------------------------------------------------------------
     def _guess(self, problem: Problem) -> State:
@@ -441,7 +452,7 @@ class _Fitting:
             coarse = self._minimised(problem, coarse.x, self._labelled(coarse, FEW), (noise, TRIED))
             found.append(self._minimised(problem, coarse.x, self._labelled(coarse), (noise, MOST)))
         best = min(found, key=lambda one: one.cost)
-        last = self._profiled(self._reweighted(best))
+        last = self._reweighted(best)
         others = [one.x for one in _distinct([best, *found])[1:] if one.cost < best.cost + TOLD]
         return replace(last, others=() if last.spread != best.spread else tuple(others))
 
@@ -461,7 +472,7 @@ class _Fitting:
             return found
         return self._minimised(found.problem, found.x, found.comparison, (spread, MOST))
 
-    def _profiled(self, found: _Minimum) -> _Minimum:
+    def profiled(self, found: _Minimum) -> _Minimum:
         """The minimum with what else fits as well: minima with an unknown held elsewhere that the data hardly tell."""
         low, high = found.problem.bounds()
         errors = np.sqrt(np.maximum(np.diag(self._inverse(found)[0]), 0.0))
@@ -480,7 +491,7 @@ class _Fitting:
                 if one.cost < found.cost - 0.5 and not over():  # a better one has been found by the way
                     better = self._minimised(found.problem, one.x, found.comparison, (found.spread, MOST))
                     if better.cost < found.cost - 0.5:
-                        return self._profiled(better)
+                        return self.profiled(replace(better, others=found.others))
                 if one.cost < found.cost + 4.0:
                     near.append((one.x, max(one.cost - found.cost, 1.0)))
         return replace(found, near=tuple(near))

@@ -53,7 +53,7 @@ class FitMap(Sweep):
         Raises
         ------
         InputError
-            If no curve determines it.
+            If no curve determines it, or two lie at one place.
         """
         if name not in self.names:
             raise InputError(f"name: {name!r}; this map has {', '.join(self.names) or 'no values'}")
@@ -64,6 +64,8 @@ class FitMap(Sweep):
             centres, label = places_of(values)
             labels.append(label)
             axes.append(centres)
+        if len(set(zip(*map(np.ndarray.tolist, labels), strict=True))) < len(self.tasks):
+            raise InputError("picture: two curves are at one place; say how curves lie with shape=(rows, columns)")
         found = np.full((axes[0].size, axes[1].size), np.nan)
         found[labels[0], labels[1]] = [task.thresholds.get(name, np.nan) for task in self.tasks]
         return Picture(axes[1], axes[0], found)

@@ -38,6 +38,7 @@ def windows(local: LocalExponent) -> list[tuple[tuple[float, float], float]]:
 
 def make(fast: bool = False) -> Result:
     """Draw the excess radii and their local exponents; where are the printed exponents found?"""
+    tabors = (1.0,) if fast else TABORS
     with panels(2, height=3.0) as (figure, (excess, local)):
         load = np.geomspace(1e-5, 100.0, 200)
         share, kappa = jkr_curve()
@@ -46,7 +47,7 @@ def make(fast: bool = False) -> Result:
         excess.plot(share * JKR, moved * scale, color="0.6", lw=2.0, label="JKR")
         excess.plot(load, np.cbrt(0.75 * load), color="0.6", lw=2.0, ls="--", label="DMT")
         local.plot(share * JKR, kappa, color="0.6", lw=2.0)
-        for tabor in TABORS:
+        for tabor in tabors:
             for law, dashes in (("Maugis-Dugdale", "-"), ("exponential", ":")):
                 found = local_exponent(CASES[law], tabor)
                 style = {"color": COLOURS[tabor], "linestyle": dashes}
@@ -86,15 +87,15 @@ def make(fast: bool = False) -> Result:
             )
         )
         where.append(f"{at:.2f} ({law})")
-    rows = [normal_form(CASES[law], tabor) for law in CASES for tabor in TABORS]
+    rows = [normal_form(CASES[law], tabor) for law in CASES for tabor in tabors]
     statements = [
         Statement(
             "$\\kappa$ changes continuously from 1/3 to 1/2 with $\\mu_T$",
             "Fig. 15",
             "1/2 at every fold: $d^2F_N/da^2$ there is "
             + ", ".join(f"{row.second:.3f}" for row in rows)
-            + " (MD, then exponential; $\\mu_T$ = 4, 1, 1/4); what changes with $\\mu_T$ is the load of the "
-            "crossover to 1/3, " + ", ".join(f"{row.crossover:.3g}" for row in rows),
+            + f" (MD, then exponential; $\\mu_T$ = {', '.join(f'{t:g}' for t in tabors)}); what changes with $\\mu_T$ "
+            "is the load of the crossover to 1/3, " + ", ".join(f"{row.crossover:.3g}" for row in rows),
             False,
             "window: see [kappa](kappa.md)",
         ),

@@ -92,7 +92,7 @@ def findings_of(row: Printed, fast: bool = False) -> list[Finding]:
     squeezed = SQUEEZED.get((row.name, row.tabor), row.load)
     own = limits["squeeze_out_load"]
     states = [state for state in solved(law(row), row.tabor, squeezed, -1).states if state.stable("load")]
-    late = squeezed > own > form.load and len(states) == 1 and states[0].contact_radius > 0.0
+    late = squeezed > own > form.load + 1e-5 and len(states) == 1 and states[0].contact_radius > 0.0
 
     def fitted(name: str, value: float, printed: float, half: float) -> tuple[str, str, float]:
         """Window where fits reach the printed value, otherwise the table's caption: its last digit may be "
@@ -101,7 +101,7 @@ def findings_of(row: Printed, fast: bool = False) -> list[Finding]:
         if hasattr(refit, name):
             values += [getattr(refit, name), getattr(window, name)]
         inside = min(values) - half <= printed <= max(values) + half
-        found = f"fits of (54) over windows give {min(values):.4g} to {max(values):.4g}"
+        found = f"fits of (54) over windows give {round(min(values), 6):.4g} to {max(values):.4g}"
         if inside:
             return "window", found, abs(printed - value)
         return "last digit", f"{found}; the caption says that the last digit may not be significant", 8.0 * half
@@ -163,7 +163,12 @@ def make(fast: bool = False) -> Result:
         for value, text in ((1 / 2, "1/2"), (1 / 3, "1/3")):
             exponents.axhline(value, color="0.6", lw=0.7, ls=":")
             exponents.annotate(text, (1.005, value), xycoords=("axes fraction", "data"), va="center", fontsize=7)
-        exponents.set(xscale="log", xlabel=r"Tabor coefficient $\mu_T$", ylabel=r"$\kappa$ fitted over a window")
+        exponents.set(
+            xscale="log",
+            ylim=(0.32, 0.68),
+            xlabel=r"Tabor coefficient $\mu_T$",
+            ylabel=r"$\kappa$ fitted over a window",
+        )
         loads.set(
             xscale="log",
             yscale="log",

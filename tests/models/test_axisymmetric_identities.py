@@ -33,6 +33,12 @@ def traced(request) -> Followed:
     return Followed(request.param, TOLERANCE, TOLERANCE, events=False)
 
 
+def still(point):
+    """The problem of a point on a mesh that does not move, the state there, and the parameter."""
+    problem = point.problem.still(point.x)
+    return problem, point.x[: problem.size], point.parameter
+
+
 def parts(problem, x, u):
     """Fields, load, displacement and energy of a solution."""
     equations = problem.equations
@@ -59,7 +65,8 @@ def test_energy_is_the_work_of_the_load_along_the_branch(traced):
         start, end = points[k], points[k + 1]
         if start.parameter == end.parameter or start.parameter < -2.5:
             continue
-        problem, x, du = end.problem, end.x, end.parameter - start.parameter
+        problem, x, _ = still(end)
+        du = end.parameter - start.parameter
         work = 0.0
         for node, weight in zip(z[::-1], w[::-1], strict=True):
             share, width = (1 + node) / 2, weight * du / 2
@@ -79,17 +86,17 @@ def test_energy_is_the_work_of_the_load_along_the_branch(traced):
 def test_rates_and_the_derivative_of_the_energy(traced):
     """The rates of F and d are those of their values, and dV/du = F dd/du, by differences of fourth order."""
     for point in traced.points[2::3]:
-        problem, u = point.problem, point.parameter
+        problem, x, u = still(point)
         step = 2e-3 * min(1.0, abs(u))
         if step == 0.0 or u < -2.5:
             continue
-        tangent = -np.linalg.solve(problem.jacobian(point.x, u), problem.parameter_derivative(point.x, u))
-        _, load, d, _ = parts(problem, point.x, u)
-        load_rate, d_rate = problem.rates(point.x, u, tangent, 1.0)[:2]
+        tangent = -np.linalg.solve(problem.jacobian(x, u), problem.parameter_derivative(x, u))
+        _, load, d, _ = parts(problem, x, u)
+        load_rate, d_rate = problem.rates(x, u, tangent, 1.0)[:2]
         rows = []
         for shift in (-2, -1, 1, 2):
             v = u + shift * step
-            rows.append(parts(problem, problem.solve_at(point.x + (v - u) * tangent, v), v)[1:])
+            rows.append(parts(problem, problem.solve_at(x + (v - u) * tangent, v), v)[1:])
         table = np.array(rows)
         slopes = (table[0] - table[3] - 8 * (table[1] - table[2])) / (12 * step)
         noise = np.abs(table).max(axis=0) * 1e-11 / step
@@ -105,9 +112,9 @@ def test_virial_of_a_parabola(traced):
     z, w = np.polynomial.legendre.leggauss(40)
     worst = []
     for point in traced.points[1:]:
-        problem, u = point.problem, point.parameter
+        problem, x, u = still(point)
         equations = problem.equations
-        fields, load, d, energy = parts(problem, point.x, u)
+        fields, load, d, energy = parts(problem, x, u)
         a, mesh = fields.rim.radius, equations.mesh
         law = equations.interaction
         area = 2 * np.pi * mesh.weights * mesh.nodes
@@ -129,9 +136,9 @@ def test_translation(traced):
     """h' = B_1 k A_1 (h' + ζ'), k = −v'': moved sideways, an equilibrium remains one; A_1 (h' + ζ') is g'."""
     distances = []
     for point in traced.points[1:]:
-        problem = point.problem
+        problem, x, u = still(point)
         equations = problem.equations
-        fields = problem.fields(point.x, point.parameter)
+        fields = problem.fields(x, u)
         if np.abs(fields.h).max() < 1e-2:
             continue
         a, mesh = fields.rim.radius, equations.mesh

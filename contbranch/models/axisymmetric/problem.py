@@ -58,6 +58,8 @@ UNRESOLVED = 20.0
 JUMP = 1e-4
 # A change of mesh may move the solution by this multiple of its error estimate.
 LEAP = 30.0
+# Gaps, in ranges, that no solution has.
+DEEPEST = 0.5
 # While tracing, a gap or a wall pressure may be this much below zero, in the interaction's own units: errors of the
 # discretisation close to the rim are not to look like a wall that pulls.
 TOLERATED = 1e-3
@@ -310,8 +312,15 @@ class ContactProblem(EquilibriumProblem):
         for _ in range(ROUNDS):
             if problem.relative_error(x, p) <= tolerance:
                 break
-            problem, x = problem.remeshed(x, p, tolerance)
+            trial, found = problem.remeshed(x, p, tolerance)
+            if trial.lost(found, p):
+                break
+            problem, x = trial, found
         return problem, x
+
+    def lost(self, x: Array, p: float) -> bool:
+        """Whether a solution lies where surfaces would have passed through one another, and laws mean nothing."""
+        return float(self.fields(x, p).gap.min()) < -DEEPEST * self.scale
 
     def balance(self, start: Point, step: float | None = None) -> Balance:
         """First scales; `step`: of the parameter, a stiff film's kink at first touch long past."""
@@ -451,6 +460,7 @@ class ContactProblem(EquilibriumProblem):
         ahead = problem.ahead()
         x = problem.solve_at(start.x + ahead * start.tangent_x / start.tangent_parameter, ahead)
         try:
+            problem, x = problem.resolved(x, ahead, problem.resolution.tolerance)
             return [oriented(problem, x, ahead, problem.direction(x, ahead))]
         except (CorrectionError, np.linalg.LinAlgError):
             return []
@@ -631,7 +641,7 @@ class ContactProblem(EquilibriumProblem):
             change, told = found - carried, trial.told(problem)
             moves = change[: trial.size], trial.moving(change, trial.fields(found, p))
             moved = min(float(np.abs(by[told]).max(initial=0.0)) for by in moves)
-            if not moved <= LEAP * expected + 1e-6 * self.scale:
+            if not moved <= LEAP * expected + 1e-6 * self.scale or trial.lost(found, p):
                 break  # Newton's method has left for another solution
             problem, start = trial, found
             if problem.relative_error(start, p) <= resolution.tolerance:
