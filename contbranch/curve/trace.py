@@ -190,7 +190,7 @@ class _Tracing:
                 interval = Range(*problem.parameter_range)
                 balance = problem.balance(start, joint.step)
                 branch = follow(start, balance, interval, problem.steps(start), [folds, *margins, self.end], stop)
-            if len(branch.points) > 1 or (branch.points and _stopped(branch)):
+            if len(branch.points) > 1 or (branch.points and _stopped(branch) not in ("", self.end.name)):
                 break
         if branch is None:
             raise ModelError("a problem without a start")

@@ -325,7 +325,7 @@ def test_a_corner_has_no_exponent_and_first_touch_is_a_square_root():
     diagram = cb.trace(contact(1.0))
     corner = named(diagram, "displacement", "jump-in")
     assert corner.exponent is None
-    with pytest.raises(cb.InputError, match="corner at this jump-in"):
+    with pytest.raises(cb.InputError, match="jump-in has no exponent: it is a corner"):
         diagram.local_exponent(corner)
     local = diagram.local_exponent(touch(diagram))
     assert local.kappa[0] == pytest.approx(0.5, abs=1e-3)
