@@ -137,9 +137,9 @@ def test_chart(tmp_path):
 
 
 def test_default_settings_fail_rarely():
-    """The kept map: 700 cells and more; of the default settings' at most 2 % neither right nor refused."""
+    """The kept map: 800 cells and more; of the default settings' at most 2 % neither right nor refused."""
     cells = failure_map.load_cells()
-    assert len(cells) >= 700
+    assert len(cells) >= 800
     own = [cell for cell in cells if cell.own]
     # The one known: an average over three nodes, beside a first touch whose own error is 0.13.
     known = ("periodic grid", "48", "van-der-waals", 1, 1.0)
