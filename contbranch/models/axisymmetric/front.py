@@ -31,6 +31,8 @@ CLOSE_TO_EDGE = 0.8
 # Radius over which the interaction is felt in units of the length on which elasticity answers it, from which on steps
 # are limited by fronts; and from which on by such as are flatter by this factor, like the edges of large films.
 STIFF, LARGE, OF_FILMS = 16.0, 1000.0, 0.2
+# How much stiffer it has to be where only a film as large as its contact is: below that fixed meshes cost less.
+FAR_OUT = 4.0
 
 
 @dataclass(frozen=True)
@@ -163,8 +165,9 @@ def steepest(seen: tuple[Equations, Fields], present: Front | None, unit: Mesh, 
     """
     equations, fields = seen
     mesh = equations.mesh
-    stiff = float((np.abs(fields.stiffness) * np.maximum(mesh.nodes, radius)).max())
-    if not stiff > STIFF:
+    stiffness = np.abs(fields.stiffness)
+    stiff = float((stiffness * np.maximum(mesh.nodes, radius)).max())
+    if not (stiff > FAR_OUT * STIFF or float(stiffness.max()) * radius > STIFF):
         return present
     steep = np.abs(mesh.nodes * mesh.derivative(fields.pressure)) / max(float(np.abs(fields.pressure).max()), 1e-300)
     place = int(np.argmax(steep))
