@@ -9,9 +9,9 @@ from dataclasses import dataclass, field, fields
 from typing import Any, ClassVar, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from contbranch.arrays import Array
+from contbranch.arrays import Array, Flags
 from contbranch.contact.tip_shape import gauss_rule
 from contbranch.contact.units import finite_number, positive_number
 from contbranch.errors import InputError
@@ -126,7 +126,7 @@ class Interaction:
         """Return x beyond which |f| ≤ `tolerance`; where a law does not have it in closed form, by search."""
         x = np.concatenate([[0.0], np.geomspace(1e-3, 1e12, 1501)])
 
-        def exceeds(at: Array) -> NDArray[np.bool_]:
+        def exceeds(at: Array) -> Flags:
             energy = self.evaluate(at * self.range).energy
             return np.asarray(np.abs(energy) > tolerance * self.reference_work)  # NaN, beyond the law's end, does not
 

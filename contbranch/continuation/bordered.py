@@ -17,11 +17,10 @@ from functools import lru_cache
 from typing import Any, Literal, Protocol
 
 import numpy as np
-import numpy.typing as npt
 import scipy
 from scipy.linalg.lapack import dgetrf, dgetrs
 
-from contbranch.continuation.problem import Array
+from contbranch.arrays import Array, Indices
 
 __all__ = [
     "Bordered",
@@ -148,7 +147,7 @@ class SparseBordered:
 
 
 @lru_cache(maxsize=4)
-def _order(n: int, starts: bytes, rows: bytes) -> npt.NDArray[np.intp]:
+def _order(n: int, starts: bytes, rows: bytes) -> Indices:
     """Return the order of minimum degree for a pattern (of AᵀA + A, which suits the meshes of discretisations).
 
     The factorisation that finds it is that of a dominant diagonal, so that it does not pivot.

@@ -7,12 +7,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal, Self
+from typing import TYPE_CHECKING, Literal, Self
 
 import numpy as np
-import numpy.typing as npt
 
-from contbranch.continuation.problem import Array, Problem
+from contbranch.arrays import AnyArray, Array
+from contbranch.continuation.problem import Problem
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -267,7 +267,7 @@ class Curve:
         return np.array([point.parameter for point in self.points])
 
     @cached_property
-    def x(self) -> npt.NDArray[Any]:
+    def x(self) -> AnyArray:
         """States of the points, shape (m, n); an array of m arrays where the discretisation was adapted on the way."""
         states = [point.x for point in self.points]
         if len({state.size for state in states}) <= 1:

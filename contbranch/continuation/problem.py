@@ -8,11 +8,11 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
+
+from contbranch.arrays import Array
 
 __all__ = ["Adaptation", "Array", "Linearisation", "Problem", "Solution"]
 
-Array = npt.NDArray[np.float64]
 
 _CUBE_ROOT_OF_ROUNDING = float(np.finfo(float).eps ** (1 / 3))
 

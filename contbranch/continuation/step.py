@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from contbranch.continuation.curve import Point
 from contbranch.continuation.metric import Metric
@@ -44,7 +43,7 @@ class Hermite:
             coefficients.append(column[0])
         self._coefficients = np.array(coefficients)
 
-    def at(self, s: float | npt.NDArray[np.float64]) -> list[tuple[Any, Any]]:
+    def at(self, s: float | Array) -> list[tuple[Any, Any]]:
         """Return value and slope at s of the polynomials through one, two, ... places."""
         basis, slopes = [s * 0.0 + 1.0], [s * 0.0]
         for node in self._nodes[:-1]:

@@ -13,9 +13,8 @@ from dataclasses import dataclass, replace
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from contbranch.arrays import Array
+from contbranch.arrays import Array, Indices
 from contbranch.measure.features import Features, MeasuredJump
 from contbranch.measure.force_curve import ForceCurve
 from contbranch.measure.reduced import Curve
@@ -80,7 +79,7 @@ def legs(curve: Curve, stiffness: float) -> tuple[Leg, Leg]:
     return _leg(piezo, force, np.flatnonzero(rising), 1), _leg(piezo, force, np.flatnonzero(falling), -1)
 
 
-def _leg(piezo: Array, force: Array, kept: NDArray[np.intp], direction: int) -> Leg:
+def _leg(piezo: Array, force: Array, kept: Indices, direction: int) -> Leg:
     """The leg of the points kept; at a gap between them the fold, and where the jump lands."""
     gaps = np.flatnonzero(np.diff(kept) > 1)
     places, values = [piezo[kept]], [force[kept]]
@@ -129,10 +128,10 @@ class Comparison:
 
     curve: ForceCurve
     seen: Features
-    far: NDArray[np.intp]
-    near: NDArray[np.intp]
-    approach: NDArray[np.intp]
-    retract: NDArray[np.intp]
+    far: Indices
+    near: Indices
+    approach: Indices
+    retract: Indices
 
     @classmethod
     def of(cls, curve: ForceCurve, seen: Features, most: int | None = None) -> Comparison:
@@ -188,7 +187,7 @@ class Comparison:
         return Comparison.of(self.curve, replace(self.seen, **found), most) if found else self
 
     @property
-    def samples(self) -> NDArray[np.intp]:
+    def samples(self) -> Indices:
         """All samples, in the order of the residuals."""
         return np.concatenate([self.far, self.near, self.approach, self.retract])
 
@@ -222,7 +221,7 @@ class Comparison:
         return np.array(found)
 
 
-def _thinned(leg: NDArray[np.intp], jump: MeasuredJump | None, most: int | None) -> NDArray[np.intp]:
+def _thinned(leg: Indices, jump: MeasuredJump | None, most: int | None) -> Indices:
     if most is None or leg.size <= most:
         return leg
     kept = leg[:: max(1, leg.size // most)]

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from contbranch.arrays import Array
+from contbranch.arrays import Array, Indices
 from contbranch.errors import InputError
 from contbranch.measure.force_curve import ForceCurve
 
@@ -163,7 +162,7 @@ def _ramp(force: Array, noise: float) -> bool:
     return float(np.ptp(force)) > 50 * max(noise, float(np.std(rest)))
 
 
-def _noise(curve: ForceCurve, approach: NDArray[np.intp], retract: NDArray[np.intp]) -> float:
+def _noise(curve: ForceCurve, approach: Indices, retract: Indices) -> float:
     """From second differences where the force is flattest."""
     found = []
     for leg in (approach, retract):
@@ -175,7 +174,7 @@ def _noise(curve: ForceCurve, approach: NDArray[np.intp], retract: NDArray[np.in
     return float(np.median(found)) if found else 0.0
 
 
-def _far_leg(curve: ForceCurve, approach: NDArray[np.intp], retract: NDArray[np.intp]) -> NDArray[np.intp]:
+def _far_leg(curve: ForceCurve, approach: Indices, retract: Indices) -> Indices:
     """The approach, or the retraction backwards where that begins clearly farther away."""
     if not retract.size:
         return approach
@@ -183,7 +182,7 @@ def _far_leg(curve: ForceCurve, approach: NDArray[np.intp], retract: NDArray[np.
     return retract[::-1] if end < begin - 0.1 * float(np.ptp(curve.piezo)) else approach
 
 
-def _baseline(curve: ForceCurve, approach: NDArray[np.intp], noise: float) -> tuple[float, float]:
+def _baseline(curve: ForceCurve, approach: Indices, noise: float) -> tuple[float, float]:
     """A line through the far part of a leg towards the surface, as far as it fits."""
     piezo, force = curve.piezo[approach], curve.force[approach]
     count = max(6, approach.size // 8)
@@ -201,7 +200,7 @@ def _baseline(curve: ForceCurve, approach: NDArray[np.intp], noise: float) -> tu
     return float(line[1]), float(line[0])
 
 
-def _jump(curve: ForceCurve, force: Array, leg: NDArray[np.intp], sign: float, noise: float) -> MeasuredJump | None:
+def _jump(curve: ForceCurve, force: Array, leg: Indices, sign: float, noise: float) -> MeasuredJump | None:
     """The largest change of a sign within few samples that stands out from those beside it."""
     own = force[leg]
     if own.size < 2 * SAMPLES + 2:

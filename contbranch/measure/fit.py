@@ -23,7 +23,7 @@ from contbranch.contact.tips import Parabola
 from contbranch.control import Spring
 from contbranch.errors import InputError, ModelError
 from contbranch.measure.comparison import Comparison, Leg, legs
-from contbranch.measure.features import Features, MeasuredJump, features
+from contbranch.measure.features import Features, features
 from contbranch.measure.force_curve import ForceCurve
 from contbranch.measure.quantities import LINE, NARROW, Problem, State
 from contbranch.measure.reduced import LIMITS, TABOR, curve_of, tabulated
@@ -155,6 +155,21 @@ class _Minimum:
     others: tuple[Array, ...] = ()
     near: tuple[tuple[Array, float], ...] = ()
 
+    @property
+    def forces(self) -> Array:
+        """What is left of the force at the samples (nN)."""
+        return self.residuals[: self.comparison.samples.size] * self.spread
+
+    @property
+    def rms(self) -> float:
+        """Its root mean square."""
+        return float(np.sqrt(np.mean(self.forces**2)))
+
+    @property
+    def values(self) -> Array:
+        """The numbers where it has ended."""
+        return self.problem.numbers(self.x)
+
 
 @dataclass
 class _Fitting:
@@ -217,7 +232,7 @@ class _Fitting:
         scores = self._scores(found)
         best = min(scores.values())
         order = sorted(found, key=lambda item: scores[item[0]])
-        fits = [LawFit(name, self._rms(one), scores[name] - best, one.problem.values(one.x)) for name, one in order]
+        fits = [LawFit(name, one.rms, scores[name] - best, one.problem.values(one.x)) for name, one in order]
         result = self.result(order[0][1])
         near = [one.law for one in fits[1:] if one.criterion < EXCLUDED]
         words = f"Of the laws compared {fits[0].law} fits best"
@@ -234,7 +249,7 @@ class _Fitting:
         close = min(found, key=lambda item: losses[item[0]])[1]
         misfit, length = max(1.0, min(losses.values()) / count), 1.0
         if misfit > MISFIT**2:
-            length = max(1.0, _correlation_length(close.residuals[: close.comparison.samples.size]))
+            length = max(1.0, _correlation_length(close.forces))
         penalty = math.log(max(count / length, 8.0))
         return {name: losses[name] / (misfit * length) + one.x.size * penalty for name, one in found}
 
@@ -312,9 +327,7 @@ class _Fitting:
         for place in places:
             own = comparison.forces(approach, retract, place) / state.sensitivity
             losses.append(float(np.abs(own - recorded).sum()))
-        placed = x.copy()
-        placed[k] = places[int(np.argmin(losses))]
-        return placed
+        return _moved(x, k, places[int(np.argmin(losses))])
 
     # -- minimisation -------------------------------------------------------------------------------------------------
     def _legs(self, problem: Problem, state: State) -> tuple[Leg, Leg]:
@@ -324,15 +337,18 @@ class _Fitting:
             largest *= max(1.0, state.spring / self.stiffness)
         return legs(curve_of(state.contact, largest, problem.limit), state.spring)
 
+    def _gain(self, state: State) -> float:
+        """The recorded force over the contact's."""
+        bent = self.stiffness / state.spring if self.curve.deflected and math.isfinite(state.spring) else 1.0
+        return bent / state.sensitivity
+
     def _model(self, problem: Problem, x: Array, comparison: Comparison) -> tuple[Array, Array]:
         """The recorded force at the samples, and how far the jumps are from their places."""
         state = problem.state(x)
         place, baseline, tilt = state.line
         pair = self._legs(problem, state)
-        force = comparison.forces(*pair, place) / state.sensitivity
-        if self.curve.deflected and math.isfinite(state.spring):
-            force *= self.stiffness / state.spring
-        return force + baseline + tilt * self.curve.piezo[comparison.samples], comparison.places(*pair, place)
+        force = comparison.forces(*pair, place) * self._gain(state) + baseline
+        return force + tilt * self.curve.piezo[comparison.samples], comparison.places(*pair, place)
 
     def _residuals(self, problem: Problem, comparison: Comparison, spread: float) -> Callable[[Array], Array]:
         """Differences of force and of places of jumps in standard deviations."""
@@ -410,11 +426,6 @@ class _Fitting:
         last = np.asarray(found.fun)
         return _Minimum(problem, comparison, found.x, _loss(last), last, slopes(found.x), found.status > 0, spread)
 
-    def _worse(self, one: _Minimum, first: _Minimum, fitted: _Minimum, coarseness: float) -> bool:
-        """Whether a start need not be followed: another one has led to a fit, and this one was clearly worse."""
-        good = fitted.cost < MISFIT**2 * fitted.comparison.samples.size
-        return good and (one.cost - first.cost) * coarseness**2 > 4 * TOLD
-
     def _scale(self, problem: Problem, x: Array) -> Array:
         """Sizes of steps that matter alike."""
         length, noise = problem.state(x).contact.scales.normal, self.seen.noise
@@ -446,36 +457,32 @@ class _Fitting:
         chosen = _distinct([one for one in tried if one.cost <= WITHIN * tried[0].cost + TOLD])[:BEST]
         found: list[_Minimum] = []
         for one in chosen:
-            if found and (over() or self._worse(one, tried[0], found[0], rough / noise)):
+            worse = (one.cost - tried[0].cost) * (rough / noise) ** 2 > 4 * TOLD
+            fits = found and found[0].cost < MISFIT**2 * found[0].comparison.samples.size
+            if found and (over() or (fits and worse)):  # one start has led to a fit, this one was clearly worse
                 break
             coarse = self._minimised(problem, one.x, self.few, (max(noise, 0.2 * rough), TRIED))
             coarse = self._minimised(problem, coarse.x, self._labelled(coarse, FEW), (noise, TRIED))
             found.append(self._minimised(problem, coarse.x, self._labelled(coarse), (noise, MOST)))
         best = min(found, key=lambda one: one.cost)
-        last = self._reweighted(best)
+        spread = self._spread(best)
+        if spread > MISFIT * best.spread:  # weights that residuals which are no white noise deserve
+            return self._minimised(best.problem, best.x, best.comparison, (spread, MOST))
         others = [one.x for one in _distinct([best, *found])[1:] if one.cost < best.cost + TOLD]
-        return replace(last, others=() if last.spread != best.spread else tuple(others))
+        return replace(best, others=tuple(others))
 
     def _labelled(self, found: _Minimum, most: int | None = None) -> Comparison:
         """The samples on the branches on which a fit puts them."""
         state = found.problem.state(found.x)
         place, baseline, tilt = state.line
-        factor = self.stiffness / state.spring if self.curve.deflected and math.isfinite(state.spring) else 1.0
-        recorded = (self.curve.force - baseline - tilt * self.curve.piezo) * state.sensitivity / factor
+        own = (self.curve.force - baseline - tilt * self.curve.piezo) / self._gain(state)
         known = self.all if most is None else self.few
-        return known.labelled(*self._legs(found.problem, state), place, recorded, most)
-
-    def _reweighted(self, found: _Minimum) -> _Minimum:
-        """The minimum with weights that residuals which are no white noise deserve."""
-        spread = self._spread(found)
-        if spread <= MISFIT * found.spread:
-            return found
-        return self._minimised(found.problem, found.x, found.comparison, (spread, MOST))
+        return known.labelled(*self._legs(found.problem, state), place, own, most)
 
     def profiled(self, found: _Minimum) -> _Minimum:
         """The minimum with what else fits as well: minima with an unknown held elsewhere that the data hardly tell."""
         low, high = found.problem.bounds()
-        errors = np.sqrt(np.maximum(np.diag(self._inverse(found)[0]), 0.0))
+        errors = _errors(self._inverse(found)[0])
         near = []
         for k, name in enumerate(found.problem.names):
             if name in LINE or errors[k] < SHARP:
@@ -485,8 +492,7 @@ class _Fitting:
             for value in tried:
                 if over() or not low[k] <= value <= high[k]:
                     continue
-                x = found.x.copy()
-                x[k] = value
+                x = _moved(found.x, k, value)
                 one = self._minimised(found.problem, x, found.comparison, (found.spread, TRIED), held=k)
                 if one.cost < found.cost - 0.5 and not over():  # a better one has been found by the way
                     better = self._minimised(found.problem, one.x, found.comparison, (found.spread, MOST))
@@ -498,7 +504,7 @@ class _Fitting:
 
     def _spread(self, found: _Minimum) -> float:
         """Standard deviation that independent residuals would have, were there as many as they are worth."""
-        own = found.residuals[: found.comparison.samples.size] * found.spread
+        own = found.forces
         size, length = 1.4826 * float(np.median(np.abs(own))), 1.0
         if size <= MISFIT * self.seen.noise:  # the model's curve: all but outliers tell of the noise
             clipped = np.clip(own, -ROBUST * size, ROBUST * size)
@@ -509,13 +515,9 @@ class _Fitting:
         return max(size, self.seen.noise * 0.5) * math.sqrt(length if length > LONG else 1.0)
 
     # -- results ------------------------------------------------------------------------------------------------------
-    def _rms(self, found: _Minimum) -> float:
-        own = found.residuals[: found.comparison.samples.size] * found.spread
-        return float(np.sqrt(np.mean(own**2)))
-
     def _elsewhere(self, found: _Minimum) -> float:
         """What the model leaves of the curve, if that is too much for its values to mean anything; otherwise 0."""
-        rest = math.sqrt(max(self._rms(found) ** 2 - self.seen.noise**2, 0.0))
+        rest = math.sqrt(max(found.rms**2 - self.seen.noise**2, 0.0))
         return rest if rest > ELSEWHERE * max(-self.seen.lowest, 0.2 * self.seen.largest) else 0.0
 
     def result(self, found: _Minimum) -> Fit:
@@ -523,30 +525,24 @@ class _Fitting:
         problem = found.problem
         state, values = problem.state(found.x), problem.values(found.x)
         covariance, tied = self._covariance(found)
-        errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        errors = _errors(covariance)
         safe = np.where(errors > 0, errors, 1.0)
-        matrix = covariance / np.outer(safe, safe)
-        spreads = dict(zip(values, map(float, errors), strict=True))
-        known = self._known(found, values, spreads) if not tied and not self._elsewhere(found) else ()
-        approach, retract = self._legs(problem, state)
-        jumps = self._jumps(found.comparison.seen, state, approach, retract)
-        law = problem.limit or (terms_of(state.contact.interaction)[0].name or "law")
-        force, _ = self._model(problem, found.x, found.comparison)
+        spreads = dict(zip(values, errors.tolist(), strict=True))
         fitted = np.full(len(self.curve), math.nan)
-        fitted[found.comparison.samples] = force
-        rigid, contact = math.isinf(state.spring), state.contact
-        control = "displacement" if rigid else Spring(state.spring)
+        fitted[found.comparison.samples], _ = self._model(problem, found.x, found.comparison)
+        contact = state.contact
+        control = "displacement" if math.isinf(state.spring) else Spring(state.spring)
         most = max(self.seen.largest * state.sensitivity, 1e-3 * contact.scales.load)
         result = Fit(
             values=values,
             errors=spreads,
-            correlations=Correlations(tuple(values), matrix),
-            identifiable=known,
-            jumps=jumps,
-            rms=self._rms(found),
+            correlations=Correlations(tuple(values), covariance / np.outer(safe, safe)),
+            identifiable=() if tied or self._elsewhere(found) else self._known(found, values, spreads),
+            jumps=self._jumps(found.comparison.seen, state, *self._legs(problem, state)),
+            rms=found.rms,
             noise=self.seen.noise,
             contact=contact,
-            law=law,
+            law=problem.limit or terms_of(contact.interaction)[0].name or "law",
             status="complete" if found.converged else "incomplete",
             message="",
             spring=state.spring,
@@ -576,35 +572,31 @@ class _Fitting:
         inverse, tied = self._inverse(found)
         to_values = found.problem.derivatives(found.x)
         covariance = to_values @ inverse @ to_values.T
-        values = np.array(list(found.problem.values(found.x).values()))
-        apart = [
-            np.abs(np.array(list(found.problem.values(x).values())) - values) / math.sqrt(more)
-            for x, more in found.near
-        ]
-        errors = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+        apart = [np.abs(found.problem.numbers(x) - found.values) / math.sqrt(more) for x, more in found.near]
+        errors = _errors(covariance, 1e-300)
         factor = np.max([errors, *apart], axis=0) / errors
         return covariance * np.outer(factor, factor), tied
 
     def _known(self, found: _Minimum, values: dict[str, float], errors: dict[str, float]) -> tuple[str, ...]:
         """What the data determine."""
         low, high = found.problem.bounds()
-        relative = found.problem.relative()
+        inside = np.minimum(found.x - low, high - found.x) >= 0.05
         length = found.problem.state(found.x).contact.scales.normal
-        known = []
-        for k, name in enumerate(values):
-            near = min(found.x[k] - low[k], high[k] - found.x[k]) < 0.05 if relative[name] else False
-            sure = errors[name] <= (KNOWN * abs(values[name]) if relative[name] else math.inf)
-            if name == "contact_point":
-                sure = errors[name] <= PLACED * length
-            apart = [abs(found.problem.values(x)[name] - values[name]) > 3 * errors[name] for x in found.others]
-            if sure and not near and not any(apart):
-                known.append(name)
-        return tuple(known)
+        sure = {name: KNOWN * abs(value) for name, value in values.items()}
+        sure |= {"contact_point": PLACED * length, "baseline": math.inf, "tilt": math.inf}
+        apart = [
+            np.abs(found.problem.numbers(x) - found.values) > 3 * np.array([*errors.values()]) for x in found.others
+        ]
+        elsewhere = np.any([np.zeros(len(values), bool), *apart], axis=0)
+        return tuple(
+            name
+            for k, name in enumerate(values)
+            if errors[name] <= sure[name] and (inside[k] or name in LINE) and not elsewhere[k]
+        )
 
     def _jumps(self, seen: Features, state: State, approach: Leg, retract: Leg) -> tuple[FitJump, ...]:
         """The jumps measured and fitted, in recorded forces less the baseline."""
         place, baseline, tilt = state.line
-        factor = self.stiffness / state.spring if self.curve.deflected and math.isfinite(state.spring) else 1.0
         attracts = self.seen.lowest < -6 * self.seen.noise
         names = ("jump-in", "pull-off") if attracts else ("squeeze-out", "wetting")
         found = []
@@ -613,9 +605,10 @@ class _Fitting:
             if jump is not None:
                 measured = {"piezo": jump.piezo, "force": jump.force - baseline - tilt * jump.piezo, "step": jump.step}
                 measured["uncertainty"] = 4 * seen.noise + (_change(leg, jump.width) if leg is retract else 0.0)
-            if leg.jump is not None and _worth(leg.jump.after - leg.jump.before, self.seen, jump):
-                before, after = (factor * f / state.sensitivity for f in leg.jump[1:])
-                fitted = {"piezo": leg.jump.piezo + place, "force": before, "step": after - before}
+            own = leg.jump  # which is one if it was seen, or should have been
+            if own is not None and (jump is not None or abs(own.after - own.before) > 8 * self.seen.noise):
+                before, after = (self._gain(state) * force for force in own[1:])
+                fitted = {"piezo": own.piezo + place, "force": before, "step": after - before}
             if measured or fitted:
                 found.append(FitJump(name, measured, fitted))
         return tuple(found)
@@ -643,7 +636,8 @@ class _Fitting:
             if abs(matrix[names.index(a), names.index(b)]) > 0.9
         ]
         if tied:
-            words.append(f"{'; '.join(tied)}."[0].upper() + f"{'; '.join(tied)}."[1:])
+            listed = "; ".join(tied)
+            words.append(f"{listed[0].upper()}{listed[1:]}.")
         slope, _ = self._slope()
         if "sensitivity" in names and slope < COMPLIANT * self.stiffness:
             words.append(
@@ -661,11 +655,10 @@ class _Fitting:
                 )
         if found.others:
             words.append("Another minimum fits as well, with other values.")
-        rms = self._rms(found)
-        if rms > 2 * self.seen.noise:
+        if fit.rms > 2 * self.seen.noise:
             words.append(
-                f"The residuals (rms {rms:.3g} nN) exceed the noise ({self.seen.noise:.3g} nN): the model is not all "
-                "there is in the curve; errors allow for that."
+                f"The residuals (rms {fit.rms:.3g} nN) exceed the noise ({self.seen.noise:.3g} nN): the model is not "
+                "all there is in the curve; errors allow for that."
             )
         return " ".join([*words, *_disagreements(fit.jumps)])
 
@@ -694,9 +687,16 @@ def _change(leg: Leg, width: float) -> float:
     return float(abs(ends[1] - ends[0]))
 
 
-def _worth(step: float, seen: Features, measured: MeasuredJump | None) -> bool:
-    """Whether a jump of the model is one: it was seen, or should have been."""
-    return measured is not None or abs(step) > 8 * seen.noise
+def _moved(x: Array, k: int, value: float) -> Array:
+    """A vector with another value of one unknown."""
+    moved = x.copy()
+    moved[k] = value
+    return moved
+
+
+def _errors(covariance: Array, least: float = 0.0) -> Array:
+    """Standard deviations."""
+    return np.asarray(np.sqrt(np.maximum(np.diag(covariance), least)))
 
 
 def _with_law(contact: Contact, name: str) -> Contact:

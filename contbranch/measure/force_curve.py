@@ -8,9 +8,9 @@ from hashlib import sha256
 from typing import Any, Final, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from contbranch.arrays import Array
+from contbranch.arrays import AnyArray, Array, Flags, Indices
 from contbranch.contact.units import parse, positive_number
 from contbranch.errors import InputError
 
@@ -61,7 +61,7 @@ class ForceCurve:
     piezo: Array
     force: Array
     spring: float | None
-    retract: NDArray[np.bool_]
+    retract: Flags
     source: str = ""
     deflected: bool = False
     rigid: bool = field(default=False)
@@ -72,7 +72,7 @@ class ForceCurve:
         piezo: ArrayLike | None = None,
         force: ArrayLike | None = None,
         spring: float | str | None = None,
-        segment: Sequence[Any] | NDArray[Any] | None = None,
+        segment: Sequence[Any] | AnyArray | None = None,
         **others: Any,
     ) -> None:
         units: Mapping[str, str] = others.pop("units", None) or {}
@@ -138,7 +138,7 @@ class ForceCurve:
         parts = (self.piezo, self.force, self.retract, np.array([self.spring or np.inf, self.rigid, self.deflected]))
         return {**self.place, "samples": sha256(b"".join(part.tobytes() for part in parts)).hexdigest()}
 
-    def leg(self, retract: bool) -> NDArray[np.intp]:
+    def leg(self, retract: bool) -> Indices:
         """Numbers of the samples of approach or retraction, in the order in which they were measured."""
         return np.flatnonzero(self.retract == retract)
 
@@ -185,7 +185,7 @@ def _column(values: ArrayLike, name: str, unit: str | None) -> Array:
     return found
 
 
-def _retract(segment: Sequence[Any] | NDArray[Any] | None, drive: Array) -> NDArray[np.bool_]:
+def _retract(segment: Sequence[Any] | AnyArray | None, drive: Array) -> Flags:
     """Which samples belong to the retraction."""
     if segment is None:
         return np.arange(drive.size) > int(np.argmax(drive))

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
 from contbranch.arrays import Array
-from contbranch.contact.contact import Contact, nearest
+from contbranch.contact.contact import Contact, look_up
 from contbranch.contact.parameters import parameters_of
 from contbranch.errors import InputError
 from contbranch.measure.reduced import TABOR, tabulated
@@ -79,13 +79,9 @@ class Problem:
             For a name that is not known, or cannot be varied.
         """
         known = parameters_of(start.contact)
-        rest = [name for name in free if name not in known and name not in INSTRUMENT]
-        if rest:
-            possible = (*known, *INSTRUMENT)
-            raise InputError(f"free: {rest[0]!r}; must be one of {', '.join(possible)}{nearest(rest[0], possible)}")
-        wrong = [name for name in fixed if name not in LINE]
-        if wrong:
-            raise InputError(f"fixed: {wrong[0]!r}; must be one of {', '.join(LINE)}")
+        for field, names, possible in (("free", free, (*known, *INSTRUMENT)), ("fixed", fixed, LINE)):
+            for name in names:
+                look_up(name, dict.fromkeys(possible), field)
         zero = [name for name in free if name in known and known[name].value == 0.0]
         if zero:
             raise InputError(f"free: {zero[0]} is 0, and is varied by a factor; give another start")
@@ -125,8 +121,7 @@ class Problem:
         """The vector of a state."""
         known, (place, baseline, tilt) = parameters_of(state.contact), state.line
         own: dict[str, float] = {"contact_point": place, "baseline": baseline + tilt * self.middle, "tilt": tilt}
-        own |= {"spring": math.log(state.spring) if self.start.spring < math.inf else 0.0}
-        own |= {"sensitivity": math.log(state.sensitivity)}
+        own |= {name: math.log(getattr(state, name)) for name in INSTRUMENT}
         own |= {name: math.log(abs(one.value)) for name, one in known.items() if one.value}
         if self.by_tabor:
             own["range"] = math.log(min(max(state.contact.tabor or 1.0, 1.02 * TABOR[0]), TABOR[1] / 1.02))
@@ -150,20 +145,15 @@ class Problem:
         own |= {"spring": state.spring, "sensitivity": state.sensitivity, **dict(zip(LINE, state.line, strict=True))}
         return {name: own[name] for name in self.names}
 
+    def numbers(self, x: Array) -> Array:
+        """The same as an array."""
+        return np.array([*self.values(x).values()])
+
     def derivatives(self, x: Array) -> Array:
         """Of the numbers with respect to the vector."""
-        step = 1e-5
-        columns = []
-        for k in range(x.size):
-            ends = [np.array(list(self.values(x + h * np.eye(x.size)[k]).values())) for h in (step, -step)]
-            columns.append((ends[0] - ends[1]) / (2 * step))
-        return np.array(columns).T
+        steps = 1e-5 * np.eye(x.size)
+        return np.array([(self.numbers(x + step) - self.numbers(x - step)) / 2e-5 for step in steps]).T
 
-    def with_law(self, contact: Contact, limit: str = "") -> Problem:
+    def with_law(self, contact: Contact) -> Problem:
         """The same unknowns for another law."""
-        free = tuple(name for name in self.free if not (limit and name == "range"))
-        return replace(self, start=replace(self.start, contact=contact), free=free, limit=limit)
-
-    def relative(self) -> Mapping[str, bool]:
-        """Which unknowns are positive numbers, with relative errors."""
-        return {name: name not in LINE for name in self.names}
+        return replace(self, start=replace(self.start, contact=contact))

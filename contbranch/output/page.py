@@ -15,6 +15,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from contbranch.arrays import Array
 from contbranch.contact.contact import Contact
 from contbranch.contact.family import member
 from contbranch.errors import InputError
@@ -150,7 +151,7 @@ class _Packed:
         if not len(branch.profiles):
             return {}
         most = max(16, _BUDGET // (3 * self.count * len(branch)))
-        columns: dict[str, list[NDArray[np.float64]]] = {"r": [], "gap": [], "pressure": []}
+        columns: dict[str, list[Array]] = {"r": [], "gap": [], "pressure": []}
         counts, reach = [], 0.0
         for one, radius in zip(branch.profiles, branch.contact_radius, strict=True):
             profile = one() if callable(one) else one

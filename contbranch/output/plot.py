@@ -16,8 +16,8 @@ import numpy as np
 from matplotlib import rcParams
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from numpy.typing import NDArray
 
+from contbranch.arrays import Array
 from contbranch.errors import InputError
 from contbranch.output.files import write
 from contbranch.output.plot_curve import Line, Piece, coordinate, fine_profile, pieces, smooth_line
@@ -55,7 +55,6 @@ __all__ = [
     "save_figure",
 ]
 
-Array = NDArray[np.float64]
 
 SUFFIXES: Final = (".pdf", ".png", ".svg")
 

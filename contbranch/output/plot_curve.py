@@ -6,8 +6,8 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from contbranch.arrays import Array, Flags, Integers
 from contbranch.output.smooth import smooth
 from contbranch.results.diagram import Profile
 
@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 
 __all__ = ["COORDINATES", "OF_SPRINGS", "Line", "Piece", "coordinate", "fine_profile", "pieces", "smooth_line"]
 
-Array = NDArray[np.float64]
 Columns = dict[str, Array]
 
 COORDINATES: Final = ("load", "displacement", "contact_radius", "central_gap", "energy")
@@ -41,9 +40,9 @@ class Line(NamedTuple):
     """
 
     columns: Columns
-    step: NDArray[np.int64]
+    step: Integers
     position: Array
-    stable: NDArray[np.bool_]
+    stable: Flags
 
 
 class Piece(NamedTuple):
@@ -130,9 +129,7 @@ def fine_profile(profile: Profile, contact_radius: float) -> Profile:
     return Profile(fine, *columns)
 
 
-def _knots(
-    diagram: Diagram, branch: Branch, events: list[Event]
-) -> tuple[Columns, Array, NDArray[np.int64], list[int]]:
+def _knots(diagram: Diagram, branch: Branch, events: list[Event]) -> tuple[Columns, Array, Integers, list[int]]:
     """Return points and events in order: columns, positions, unstable modes and the indices of touches.
 
     Unstable modes are -1 at a fold of the diagram's control and -2 at other events. Points that are events themselves,
@@ -167,7 +164,7 @@ def _arc_length(knots: Columns, events: list[Event]) -> Array:
     return np.concatenate([[0.0], np.cumsum(np.maximum(steps, 1e-12 * (1.0 + np.sum(steps))))])
 
 
-def _stability(unstable: NDArray[np.int64]) -> NDArray[np.bool_]:
+def _stability(unstable: Integers) -> Flags:
     """Return for each step (M - 1,) whether it is stable, from the unstable modes of the M knots."""
     stable = np.zeros(len(unstable) - 1, dtype=bool)
     for i in range(len(stable)):

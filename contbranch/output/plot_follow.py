@@ -10,8 +10,8 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from numpy.typing import NDArray
 
+from contbranch.arrays import Array
 from contbranch.errors import InputError
 from contbranch.output.plot_labels import place_labels
 from contbranch.output.plot_view import BLUE, DASHES, GREY, ORANGE, axis_label, handle, has_natural_units, new_figure
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 
 __all__ = ["followed_curve", "is_logarithmic", "parameter_label", "phase_figure", "scale_axis"]
 
-Array = NDArray[np.float64]
 
 _NAMES: Final = {
     "tabor": r"Tabor coefficient $\mu_\mathrm{T}$",

@@ -8,15 +8,14 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 from matplotlib import rcParams
 from matplotlib.text import Text
-from numpy.typing import NDArray
+
+from contbranch.arrays import Array, Integers
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 __all__ = ["place_labels"]
 
-Array = NDArray[np.float64]
-Cells = NDArray[np.int64]
 
 _CELL: Final = 1.5  # points, of the map of what is in the way
 _PAD: Final = 80  # cells around the frame
@@ -39,10 +38,10 @@ class _Places(NamedTuple):
     """
 
     centre: Array
-    low: Cells
-    high: Cells
+    low: Integers
+    high: Integers
     distance: Array
-    leader: Cells
+    leader: Integers
     doubt: Array
 
     def cheapest(self, busy: Array) -> int:

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib import rcParams
-from numpy.typing import NDArray
 
+from contbranch.arrays import Array
 from contbranch.output.plot_view import (
     BLUE,
     GREY,
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
 
 __all__ = ["loop_figure"]
 
-Array = NDArray[np.float64]
 
 _UP, _DOWN = BLUE, ORANGE
 _PAD = 0.6  # of the extent of the jumps, shown on either side of them

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 from scipy.interpolate import Akima1DInterpolator
 
+from contbranch.arrays import Array
 from contbranch.output.plot_view import BLUE, GREY, ORANGE, axis_label, new_figure
 
 if TYPE_CHECKING:
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
 __all__ = ["mode_figure"]
 
-Array = NDArray[np.float64]
 
 _FAINT: Final = 0.03  # the mode is shown out to where its gap, or its pressure, falls below this part of its largest
 _NAMED: Final = 0.1  # a contact of at least this part of what is shown has its radius named

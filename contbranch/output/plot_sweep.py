@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from matplotlib import rcParams
-from numpy.typing import NDArray
 
+from contbranch.arrays import Array
 from contbranch.errors import InputError
 from contbranch.output.plot_follow import is_logarithmic, parameter_label, scale_axis
 from contbranch.output.plot_view import SERIES, new_figure
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
 __all__ = ["sweep_figure"]
 
-Array = NDArray[np.float64]
 
 _MOST: Final = 4  # maps beside each other
 _NONE: Final = "#E4E4E4"

@@ -15,8 +15,8 @@ from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator, ScalarFormatter
-from numpy.typing import NDArray
 
+from contbranch.arrays import Flags
 from contbranch.errors import InputError
 from contbranch.output.plot_curve import COORDINATES, OF_SPRINGS, Line, coordinate
 
@@ -213,7 +213,7 @@ def _window(diagram: Diagram, lines: Sequence[Line], name: str) -> tuple[float, 
     return low - pad, high + pad
 
 
-def _core(line: Line, positions: Sequence[float]) -> NDArray[np.bool_]:
+def _core(line: Line, positions: Sequence[float]) -> Flags:
     """Return which points lie between the first and the last event, or before zero load in contact."""
     if not positions:
         return np.zeros(len(line.position), dtype=bool)
@@ -225,7 +225,7 @@ def _core(line: Line, positions: Sequence[float]) -> NDArray[np.bool_]:
     return np.asarray((line.position >= first) & (line.position <= last))
 
 
-def _inside(line: Line, windows: Mapping[str, tuple[float, float]]) -> NDArray[np.bool_]:
+def _inside(line: Line, windows: Mapping[str, tuple[float, float]]) -> Flags:
     """Return which points lie in all windows."""
     inside = np.ones(len(line.position), dtype=bool)
     for name, (low, high) in windows.items():

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_banded
+
+from contbranch.arrays import Array
 
 __all__ = ["smooth", "smooth_path"]
 
-Array = NDArray[np.float64]
 
 _FINE = 32  # points for each step of a path
 

@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from contbranch.arrays import AnyArray, Columns, Integers
 from contbranch.contact.contact import Contact
 from contbranch.errors import InputError
 from contbranch.output.document import VERSION
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 __all__ = ["diagram_of", "is_sweep", "load_sweep", "read_diagram", "records_of", "write_sweep"]
 
-Record = tuple[dict[str, Any], Mapping[str, NDArray[Any]]]
+Record = tuple[dict[str, Any], Columns]
 
 _BLOCK: Final = 512
 _LABEL: Final = b"contbranch: an HDF5 file before this block of %d bytes\nsha256 %s\n"
@@ -97,7 +97,7 @@ def _write_tasks(file: h5py.File, sweep: Sweep) -> None:
             file[name].attrs["units"] = unit
 
 
-def _scale(group: h5py.Group, name: str, values: NDArray[Any]) -> h5py.Dataset:
+def _scale(group: h5py.Group, name: str, values: AnyArray) -> h5py.Dataset:
     """A dimension with its values."""
     made = group.create_dataset(name, data=values)
     made.make_scale(name)
@@ -118,7 +118,7 @@ def _write_records(group: h5py.Group, count: int, records: Iterable[Record]) -> 
     task = _scale(group, "task", np.arange(count))
     about = _along(group.create_dataset("about", (count,), dtype=h5py.string_dtype()), [task])
     columns: dict[str, _Column] = {}
-    counts: dict[str, NDArray[np.int64]] = {}
+    counts: dict[str, Integers] = {}
     for index, (said, arrays) in enumerate(records):
         about[index] = json.dumps({k: v for k, v in said.items() if k not in _TIMES}, ensure_ascii=False)
         for name, values in arrays.items():
@@ -154,9 +154,9 @@ class _Column:
     def __init__(self, group: h5py.Group, name: str, kind: np.dtype[Any], start: int) -> None:
         how: dict[str, Any] = {"maxshape": (None,), "chunks": (1 << 14,), "compression": 1, "shuffle": True}
         self.data = group.create_dataset(name, (start,), kind, fillvalue=_blank(kind), **how)
-        self._held: list[NDArray[Any]] = []
+        self._held: list[AnyArray] = []
 
-    def add(self, values: NDArray[Any] | None, count: int) -> None:
+    def add(self, values: AnyArray | None, count: int) -> None:
         """Take the values of a task."""
         self._held.append(np.full(count, _blank(self.data.dtype)) if values is None else values)
         if sum(map(len, self._held)) >= _PIECE:
@@ -301,7 +301,7 @@ def read_diagram(sweep: Sweep, index: int) -> Diagram:
     return diagram_of(sweep, index, next(records_of(sweep, [index])))
 
 
-def _profile(arrays: Mapping[str, NDArray[Any]], start: int, stop: int) -> Profile:
+def _profile(arrays: Columns, start: int, stop: int) -> Profile:
     return Profile(*(arrays[f"node.{name}"][start:stop] for name in ("r", "gap", "pressure", "wall_pressure")))
 
 

@@ -10,9 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from contbranch.arrays import Array, Integers
+from contbranch.arrays import AnyArray, Array, Integers
 from contbranch.contact.contact import Contact
 from contbranch.control import Control
 from contbranch.errors import InputError, ModelError
@@ -329,7 +328,7 @@ class Branch(Record):
         return len(self.load)
 
     @property
-    def columns(self) -> dict[str, NDArray[Any]]:
+    def columns(self) -> dict[str, AnyArray]:
         """The arrays by name, those that the branch has."""
         return self.items()
 

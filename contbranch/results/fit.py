@@ -7,9 +7,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar, Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from contbranch.arrays import Array
+from contbranch.arrays import Array, Flags
 from contbranch.contact.contact import Contact
 from contbranch.errors import InputError
 from contbranch.results.diagram import Cost
@@ -121,7 +120,7 @@ class Fit(Result):
     force: Array = described(written=False, default_factory=lambda: np.empty(0), repr=False)
     fitted: Array = described(written=False, default_factory=lambda: np.empty(0), repr=False)
     residuals: Array = described(written=False, default_factory=lambda: np.empty(0), repr=False)
-    retract: NDArray[np.bool_] = described(written=False, default_factory=lambda: np.empty(0, bool), repr=False)
+    retract: Flags = described(written=False, default_factory=lambda: np.empty(0, bool), repr=False)
     traced: Hysteresis | Callable[[], Hysteresis] | None = described(
         written=False, computed=lambda fit: None, default=None
     )

@@ -6,9 +6,7 @@ from collections.abc import Callable
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
-from numpy.typing import NDArray
-
-from contbranch.arrays import Array, Integers
+from contbranch.arrays import AnyArray, Array, Integers
 from contbranch.contact.contact import Contact
 from contbranch.results.diagram import Cost, ModelChoice, State
 from contbranch.results.record import Record, Result, described, record
@@ -47,8 +45,8 @@ class Path(Record):
     def __len__(self) -> int:
         return len(self.load)
 
-    def __getitem__(self, name: str) -> NDArray[Any]:
-        found: NDArray[Any] = getattr(self, name)
+    def __getitem__(self, name: str) -> AnyArray:
+        found: AnyArray = getattr(self, name)
         return found
 
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from contbranch.arrays import Array
+from contbranch.arrays import Array, Flags
 from contbranch.results.record import Record, described, record
 
 __all__ = ["CellFields", "ModeShape", "Profile"]
@@ -84,7 +83,7 @@ class CellFields(Record):
         return CellFields(self.x[x], self.y[y], *fields)
 
 
-def _taken(loud: NDArray[np.bool_], nodes: int | None) -> slice:
+def _taken(loud: Flags, nodes: int | None) -> slice:
     """The nodes along one side from the first to the last with pressure, and a margin of an eighth."""
     found = np.flatnonzero(loud) if loud.any() else np.array([0, len(loud) - 1])
     margin = 1 + (found[-1] - found[0]) // 8

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from contbranch.arrays import AnyArray, Columns
 from contbranch.results.record import Record, columns, quantity_of
 
 __all__ = ["Table", "joined", "of_columns", "of_records"]
@@ -28,7 +28,7 @@ class Table(NamedTuple):
         Units of those that have one.
     """
 
-    columns: Mapping[str, NDArray[Any]]
+    columns: Columns
     units: Mapping[str, str]
 
     @property
@@ -37,7 +37,7 @@ class Table(NamedTuple):
         return [f"{name} [{self.units[name]}]" if name in self.units else name for name in self.columns]
 
 
-def of_columns(columns: Mapping[str, NDArray[Any]], unit_names: Mapping[str, str], **other: str) -> Table:
+def of_columns(columns: Columns, unit_names: Mapping[str, str], **other: str) -> Table:
     """Return a table of arrays; their names tell their units, save those of `other`, which are in that quantity's."""
     units = {name: unit_names.get(other.get(name, quantity_of(name)), "") for name in columns}
     return Table(columns, {name: unit for name, unit in units.items() if unit})
@@ -56,11 +56,11 @@ def of_records(kind: type[Record], records: Sequence[Record], unit_names: Mappin
     return Table(found, {name: unit for name, unit in units.items() if unit})
 
 
-def joined(name: str, parts: Iterable[Mapping[str, NDArray[Any]]]) -> dict[str, NDArray[Any]]:
+def joined(name: str, parts: Iterable[Columns]) -> dict[str, AnyArray]:
     """Return the columns of several parts one below the other, with a column that counts the parts."""
     listed = list(parts)
     names = [key for key in listed[0] if all(key in part for part in listed)] if listed else []
-    found: dict[str, NDArray[Any]] = {key: np.concatenate([part[key] for part in listed]) for key in names}
+    found: dict[str, AnyArray] = {key: np.concatenate([part[key] for part in listed]) for key in names}
     number = {name: np.repeat(np.arange(len(listed)), [len(part[names[0]]) for part in listed] if names else [])}
-    lead: dict[str, NDArray[Any]] = {key: found.pop(key) for key in _LEAD if key in found}
+    lead: dict[str, AnyArray] = {key: found.pop(key) for key in _LEAD if key in found}
     return {**lead, **number, **found}

@@ -17,7 +17,8 @@ from pathlib import Path
 from typing import IO, Any, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+
+from contbranch.arrays import AnyArray, Columns
 
 __all__ = ["Entry", "Journal", "Records", "decoded", "encoded", "lock"]
 
@@ -27,7 +28,7 @@ _LOST: Final = 1.0  # seconds of work that are lost when the power fails; when t
 _HELD: Final = ("key", "run", "begun", "status", "message", "thresholds", "wall_s")
 
 
-def encoded(about: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> bytes:
+def encoded(about: Mapping[str, Any], arrays: Columns) -> bytes:
     """A record as it is written."""
     known = {name: np.ascontiguousarray(values) for name, values in arrays.items()}
     columns = [[name, values.dtype.str, len(values)] for name, values in known.items()]
@@ -36,7 +37,7 @@ def encoded(about: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> byt
     return b"%s %d %s\n%s" % (_MARK, len(content), hashlib.sha256(content).hexdigest().encode(), content)
 
 
-def decoded(record: bytes) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+def decoded(record: bytes) -> tuple[dict[str, Any], dict[str, AnyArray]]:
     """What a record holds."""
     _, line, rest = record.split(b"\n", 2)
     about, found, place = json.loads(line), {}, 0

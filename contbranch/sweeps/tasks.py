@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final, Literal, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from contbranch import __version__
+from contbranch.arrays import AnyArray, Columns
 from contbranch.contact.contact import Contact, look_up
 from contbranch.control import Spring, as_control
 from contbranch.output.document import plain
@@ -40,7 +39,7 @@ class Outcome(NamedTuple):
     """
 
     about: dict[str, Any]
-    arrays: Mapping[str, NDArray[Any]]
+    arrays: Columns
 
 
 class Task(Protocol):
@@ -103,13 +102,13 @@ class Tracing:
         events = [{column.name: column.of(event) for column in _EVENT} for event in diagram.events]
         kept = ("status", "message", "thresholds", "control", "stiffness", "accuracy")
         about = {name: getattr(diagram, name) for name in kept} | {"model": diagram.model, "events": events}
-        arrays: dict[str, NDArray[Any]] = {}
+        arrays: dict[str, AnyArray] = {}
         if self.keep != "thresholds":
             arrays = _joined([_points(branch, self.keep == "profiles") for branch in diagram.branches])
         return Outcome(plain(about), arrays)
 
 
-def _points(branch: Branch, profiles: bool) -> dict[str, NDArray[Any]]:
+def _points(branch: Branch, profiles: bool) -> dict[str, AnyArray]:
     """The columns of a branch, and those of its profiles with their lengths."""
     found = {f"point.{name}": getattr(branch, name) for name in _POINT if getattr(branch, name) is not None}
     known: list[Profile] = [one() if callable(one) else one for one in branch.profiles] if profiles else []
@@ -120,7 +119,7 @@ def _points(branch: Branch, profiles: bool) -> dict[str, NDArray[Any]]:
     return found
 
 
-def _joined(parts: list[dict[str, NDArray[Any]]]) -> dict[str, NDArray[Any]]:
+def _joined(parts: list[dict[str, AnyArray]]) -> dict[str, AnyArray]:
     """Columns of branches, one below the other, with the number of the branch."""
     names = [name for name in parts[0] if all(name in part for part in parts)] if parts else []
     found = {name: np.concatenate([part[name] for part in parts]) for name in names}
