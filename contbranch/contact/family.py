@@ -10,11 +10,12 @@ import math
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Literal
 
-from contbranch.contact.contact import Contact, dimensions, make, nearest
+from contbranch.contact.contact import Contact, nearest
 from contbranch.contact.interaction_law import terms_of
 from contbranch.contact.interactions import Interaction
+from contbranch.contact.parameters import Parameter, numbers_of, with_number
 from contbranch.contact.tips import TipShape
 from contbranch.contact.units import Scales, finite_number, positive_number
 from contbranch.control import DISPLACEMENT, LOAD, Control
@@ -26,7 +27,7 @@ Vary = str | Callable[[float], Contact]
 
 # In contact files the modulus stands in a table of that name.
 _MATERIAL = "material."
-_LAW = re.compile(r"interaction(?:\[(\d+)\])?\.(\w+)")
+_PART = re.compile(r"(tip|interaction)(?:\[(\d+)\])?\.(\w+)")
 # A value in its unit as coordinate, the value at a coordinate, and its derivative.
 _SPACINGS: dict[str, tuple[Callable[[float], float], ...]] = {
     "logarithmic": (math.log, math.exp, math.exp),
@@ -138,12 +139,12 @@ def family_of(
         raise InputError(f"start: {start:g}; the present value of {vary} is known, leave it out")
     if vary == "share":
         return _share(contact)
-    present, member = _named(contact, vary)
-    if vary == "tabor" or vary == "modulus":
+    own = _named(contact, vary)
+    if vary in ("tabor", "modulus"):
         positive_number(to, "to")
     # a phase may change sign, or be zero: steps in it are not relative
-    relative = not vary.endswith(".phase") and present * finite_number(to, "to") > 0
-    return Family(vary, present, contact, member, "logarithmic" if relative else "linear")
+    relative = not vary.endswith(".phase") and own.value * finite_number(to, "to") > 0
+    return Family(vary, own.value, contact, own.contact, "logarithmic" if relative else "linear")
 
 
 def _own(contact: Contact, vary: Callable[[float], Contact], start: float | None) -> Family:
@@ -200,7 +201,7 @@ def _share(contact: Contact) -> Family:
 
     def member(share: float) -> Contact:
         amplitudes = ((1.0 - share) * signs[0], share * signs[1])
-        laws = [_with(law, "work_of_adhesion", w) for law, w in zip(terms, amplitudes, strict=True) if w != 0.0]
+        laws = [with_number(law, "work_of_adhesion", w) for law, w in zip(terms, amplitudes, strict=True) if w != 0.0]
         return replace(contact, interaction=sum(laws))
 
     return Family("share", abs(second.work_of_adhesion) / full, contact, member, "linear")
@@ -219,37 +220,36 @@ def member(contact: Contact, parameters: Mapping[str, float]) -> Contact:
     return contact
 
 
-def _named(contact: Contact, vary: str) -> tuple[float, Callable[[float], Contact]]:
-    """Present value, and contact at a value."""
-    tip, law = contact.tip, contact.interaction
-    if vary == "modulus":
-        return contact.modulus, lambda value: replace(contact, modulus=value)
+def _named(contact: Contact, vary: str) -> Parameter:
+    """The parameter of a name."""
+    terms, law, present = terms_of(contact.interaction), contact.interaction, contact.tabor
     if vary == "tabor":
-        present = contact.tabor
         if law is None or present is None:
             raise InputError("vary: tabor; the contact has no interaction")
-        return present, lambda value: replace(contact, interaction=law.scaled(value / present, 1.0))
-    if vary.startswith("tip."):
-        name = vary.removeprefix("tip.")
-        return _number(tip, name, vary), lambda value: replace(contact, tip=_with(tip, name, value))
-    match = _LAW.fullmatch(vary)
-    if match is None:
-        known = ("tabor", "share", "stiffness", "modulus", "tip.radius", "interaction[0].range")
-        raise InputError(f"vary: {vary!r}; must be one of tabor, share, stiffness, modulus, tip.NAME and "
-                         f"interaction[K].NAME{nearest(vary, known)}")  # fmt: skip
-    terms = terms_of(law)
-    if match[1] is None and len(terms) != 1:
-        raise InputError(f"vary: {vary!r}; the interaction has {len(terms)} laws: write interaction[K].{match[2]}")
-    k = int(match[1] or 0)
-    if not 0 <= k < len(terms):
-        raise InputError(f"vary: {vary!r}; the interaction has {len(terms)} laws, counted from 0")
-
-    def member(value: float) -> Contact:
-        return replace(
-            contact, interaction=sum([*terms[:k], _with(terms[k], match[2], value), *terms[k + 1 :]]) or None
+        return Parameter(
+            vary, present, "dimensionless", lambda value: replace(contact, interaction=law.scaled(value / present, 1.0))
         )
-
-    return _number(terms[k], match[2], vary), member
+    match, known = _PART.fullmatch(vary), numbers_of(contact)
+    if match is None:
+        if vary in known:
+            return known[vary]
+        names = ("tabor", "share", "stiffness", "modulus", "tip.radius", "interaction[0].range")
+        raise InputError(f"vary: {vary!r}; must be one of tabor, share, stiffness, modulus, tip.NAME and "
+                         f"interaction[K].NAME{nearest(vary, names)}")  # fmt: skip
+    place, number, name = match.groups()
+    part: TipShape | Interaction = contact.tip
+    if place != "tip":
+        if number is None and len(terms) != 1:
+            raise InputError(f"vary: {vary!r}; the interaction has {len(terms)} laws: write interaction[K].{name}")
+        k = int(number or 0)
+        if k >= len(terms):
+            raise InputError(f"vary: {vary!r}; the interaction has {len(terms)} laws, counted from 0")
+        place, part = f"interaction[{k}]", terms[k]
+    if f"{place}.{name}" not in known:
+        own = [key.removeprefix(f"{place}.") for key in known if key.startswith(f"{place}.")]
+        listed = ", ".join(own) or "none"
+        raise InputError(f"vary: {vary!r}; {type(part).__name__} has the numbers {listed}{nearest(name, own)}")
+    return known[f"{place}.{name}"]
 
 
 def dimension_of(contact: Contact, name: str) -> str:
@@ -261,27 +261,5 @@ def dimension_of(contact: Contact, name: str) -> str:
         If the contact has no such parameter.
     """
     name = name.removeprefix(_MATERIAL)
-    if name not in ("stiffness", "share"):
-        _named(contact, name)
-    whole = {"stiffness": "stiffness", "modulus": "pressure"}
-    which, dot, field = name.rpartition(".")
-    parts = (contact.tip,) if which == "tip" else terms_of(contact.interaction)
-    found = [dimensions(type(part)).get(field) for part in parts if dot]
-    return whole.get(name) or next(filter(None, found), "dimensionless")
-
-
-def _number(part: TipShape | Interaction, name: str, vary: str) -> float:
-    """Present value of a parameter of a tip or law."""
-    known = part.parameters()
-    numeric = [key for key, value in known.items() if isinstance(value, int | float) and not isinstance(value, bool)]
-    if name not in numeric:
-        whole = ", ".join(numeric) or "none"
-        raise InputError(f"vary: {vary!r}; {type(part).__name__} has the numbers {whole}{nearest(name, numeric)}")
-    return float(known[name])
-
-
-def _with(part: Any, name: str, value: float) -> Any:
-    """A tip or law with one parameter changed."""
-    if name in dimensions(type(part)):
-        return make(type(part), {**part.parameters(), name: value})
-    raise InputError(f"{name}: {type(part).__name__} cannot be made with another value of it")
+    own = {"stiffness": "stiffness", "share": "dimensionless"}
+    return own[name] if name in own else _named(contact, name).dimension

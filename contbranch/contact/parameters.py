@@ -11,7 +11,7 @@ from contbranch.contact.contact import Contact, dimensions, make, nearest
 from contbranch.contact.interaction_law import terms_of
 from contbranch.errors import InputError
 
-__all__ = ["Parameter", "parameters_of", "read_quantities"]
+__all__ = ["Parameter", "numbers_of", "parameters_of", "read_quantities", "with_number"]
 
 
 @dataclass(frozen=True)
@@ -35,37 +35,38 @@ class Parameter:
     contact: Callable[[float], Contact]
 
 
-def parameters_of(contact: Contact) -> dict[str, Parameter]:
-    """Return the modulus, the numbers of the tip and those of the laws: `range`, or `range[0]` in a sum."""
+def numbers_of(contact: Contact) -> dict[str, Parameter]:
+    """Return all numbers of a contact by their places: ``modulus``, ``tip.radius``, ``interaction[0].range``."""
     terms = terms_of(contact.interaction)
 
-    def with_term(value: float, k: int, name: str) -> Contact:
-        changed = make(type(terms[k]), {**terms[k].parameters(), name: value})
-        return replace(contact, interaction=sum([*terms[:k], changed, *terms[k + 1 :]]) or None)
+    def with_term(term: Any, k: int) -> Contact:
+        return replace(contact, interaction=sum([*terms[:k], term, *terms[k + 1 :]]) or None)
 
-    def with_tip(value: float, name: str) -> Contact:
-        return replace(contact, tip=make(type(contact.tip), {**contact.tip.parameters(), name: value}))
+    def changed(value: float, part: Any, name: str, put: Callable[[Any], Contact]) -> Contact:
+        return put(with_number(part, name, value))
 
-    found = [Parameter("modulus", contact.modulus, "pressure", lambda value: replace(contact, modulus=value))]
-    found += [
-        Parameter(name, value, dimension, partial(with_tip, name=name))
-        for name, value, dimension in _numbers(contact.tip)
-    ]
+    parts: list[Any] = [("tip", "", contact.tip, lambda tip: replace(contact, tip=tip))]
     for k, term in enumerate(terms):
-        place = f"[{k}]" if len(terms) > 1 else ""
-        found += [
-            Parameter(name + place, value, dimension, partial(with_term, k=k, name=name))
-            for name, value, dimension in _numbers(term)
-        ]
-    return {one.name: one for one in found}
+        parts.append((f"interaction[{k}]", f"[{k}]" if len(terms) > 1 else "", term, partial(with_term, k=k)))
+    modulus = Parameter("modulus", contact.modulus, "pressure", lambda value: replace(contact, modulus=value))
+    found = {"modulus": modulus}
+    for place, end, part, put in parts:
+        known = dimensions(type(part))
+        for name, value in part.parameters().items():
+            if isinstance(value, int | float) and not isinstance(value, bool) and name in known:
+                made = partial(changed, part=part, name=name, put=put)
+                found[f"{place}.{name}"] = Parameter(name + end, float(value), known[name], made)
+    return found
 
 
-def _numbers(part: Any) -> list[tuple[str, float, str]]:
-    """Name, value and dimension of the numbers of a tip or law from which it can be made again."""
-    known = dimensions(type(part))
-    own = part.parameters().items()
-    real = ((name, value) for name, value in own if isinstance(value, int | float) and not isinstance(value, bool))
-    return [(name, float(value), known[name]) for name, value in real if name in known]
+def with_number(part: Any, name: str, value: float) -> Any:
+    """Return a tip or law with another value of a number."""
+    return make(type(part), {**part.parameters(), name: value})
+
+
+def parameters_of(contact: Contact) -> dict[str, Parameter]:
+    """Return the modulus, the numbers of the tip and those of the laws by their own names: `range[0]` in a sum."""
+    return {one.name: one for one in numbers_of(contact).values()}
 
 
 def read_quantities(contact: Contact, given: Mapping[str, object], field: str) -> dict[str, float]:

@@ -27,7 +27,7 @@ def head(result: Result) -> dict[str, Any]:
     """What every document begins with: its format, the contact, and the unit of every quantity if it is physical."""
     contact: Any = getattr(result, "contact", None)
     described = getattr(result, "description", None) or ({} if contact is None else contact.describe())
-    names = dict(getattr(result, "unit_names", {}) if contact is None else contact.units.names)
+    names = dict(result.units)
     units = {"units": "physical", "unit_names": names} if names else {"units": "reduced"}
     return {"format": result.format, "version": VERSION, "contact": plain(described), **units}
 

@@ -163,7 +163,7 @@ def _as_diagram(solution: Solution) -> Diagram:
         status=solution.status,
         message=solution.message,
         description={} if contact is None else contact.describe(),
-        unit_names={} if contact is None else contact.units.names,
+        unit_names=solution.units,
     )
 
 

@@ -204,11 +204,11 @@ def _of_sweep(sweep: Sweep, packed: _Packed) -> Iterator[dict[str, Any]]:
 
 def _of_loop(loop: Hysteresis, curve: Diagram | None, packed: _Packed) -> dict[str, Any]:
     """A loop, and behind it the curve of its contact."""
-    path, names = loop.path, {} if loop.contact is None else loop.contact.units.names
+    path = loop.path
     about = {name: getattr(loop, name) for name in ("status", "message", "control", "stiffness")}
     item: dict[str, Any] = {"branches": [], "events": [], "controls": [loop.control], "thresholds": {}}
     if curve is not None:
         item = packed.diagram(curve, loop.contact, {})
     found = {name: packed.put(getattr(path, name)) for name in (*COORDINATES, "leg", "direction")}
     jumps = [{"name": jump.name, "dissipated": jump.dissipated, "closed": jump.to is not None} for jump in loop.jumps]
-    return {"items": [{**item, **about, "loop": {**found, "jumps": jumps}}], "units": names}
+    return {"items": [{**item, **about, "loop": {**found, "jumps": jumps}}], "units": loop.units}

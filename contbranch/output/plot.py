@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import io
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -70,9 +70,8 @@ def draw(result: Any) -> Figure:
     if isinstance(result, Diagram):
         return overview(result)
     if isinstance(result, Solution):
-        names = {} if result.contact is None else result.contact.units.names
         flat = result.in_cell is not None and not (result.contact is not None and result.contact.tip.is_axisymmetric)
-        return cell_maps(result, names) if flat else profiles(result, names)
+        return cell_maps(result, result.units) if flat else profiles(result, result.units)
     figure: Figure = result.plot()
     return figure
 
@@ -157,7 +156,7 @@ def _nothing_to_draw(diagram: Diagram) -> Figure:
     return figure
 
 
-def profiles(state: State, unit_names: dict[str, str] | None = None) -> Figure:
+def profiles(state: State, unit_names: Mapping[str, str] | None = None) -> Figure:
     """Draw gap and pressure of a state against the radius; `unit_names` as in ``contact.units.names``.
 
     Raises

@@ -98,10 +98,9 @@ def _seen(source: State | Path, name: str, stiffness: float | None) -> Any:
 
 def _draw(axes: Axes, loop: Hysteresis, across: str, name: str) -> None:
     path, stiffness = loop.path, loop.stiffness
-    names = loop.contact.units.names if loop.contact is not None else {}
     natural = loop.contact is not None and has_natural_units(loop.contact)
-    axes.set_xlabel(axis_label(across, names, natural))
-    axes.set_ylabel(axis_label(name, names, natural))
+    axes.set_xlabel(axis_label(across, loop.units, natural))
+    axes.set_ylabel(axis_label(name, loop.units, natural))
     low, high = _window(loop)
     shown: list[Array] = []
     for number in np.unique(path.leg):

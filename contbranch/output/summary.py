@@ -17,7 +17,7 @@ from contbranch.results.fit_map import FitMap
 from contbranch.results.followed import Followed
 from contbranch.results.loop import Hysteresis
 from contbranch.results.record import OBSERVABLES, Result
-from contbranch.results.sweep import Sweep
+from contbranch.results.sweep import Sweep, quantity
 
 __all__ = ["Cells", "as_text", "parts", "progress_bar", "progress_lines", "with_error"]
 
@@ -60,8 +60,7 @@ def as_text(result: Result) -> str:
 def parts(result: Result) -> Parts:
     """What a result holds as tables with error estimates, then its model, cost, status and message."""
     told: Any = result  # every result that is shown has contact, cost, status and message
-    units = getattr(result, "unit_names", {}) if told.contact is None else told.contact.units.names
-    units = {name: _FOR_PEOPLE.get(unit, unit) for name, unit in units.items()}
+    units = {name: _FOR_PEOPLE.get(unit, unit) for name, unit in result.units.items()}
     if type(result) in _SHOWN:
         yield from _SHOWN[type(result)](result, units)
     if hasattr(result, "model"):
@@ -96,10 +95,10 @@ def _diagram(diagram: Diagram, units: Mapping[str, str]) -> Parts:
 
 def _thresholds(diagram: Diagram, units: Mapping[str, str]) -> Iterator[list[str]]:
     for name, value in diagram.thresholds.items():
-        quantity = "contact_radius" if name.endswith("radius") else name.rsplit("_", 1)[-1]
-        errors = (event.error.get(quantity) for event in diagram.events if getattr(event, quantity, None) == value)
+        what = quantity(name)
+        errors = (event.error.get(what) for event in diagram.events if getattr(event, what, None) == value)
         spread = [f"{diagram.uncertainties[name]:.3g}"] if diagram.uncertainties else []
-        yield [name.replace("_", " "), with_error(value, next(errors, None)), *spread, units.get(quantity, "")]
+        yield [name.replace("_", " "), with_error(value, next(errors, None)), *spread, units.get(what, "")]
 
 
 def _states(states: Sequence[State], units: Mapping[str, str]) -> Cells:

@@ -614,8 +614,7 @@ class Solution(State, Result):
 
     def tables(self) -> dict[str, Table]:
         """The states found, this one first."""
-        names = {} if self.contact is None else self.contact.units.names
-        return {"state": of_records(State, self.known, names)}
+        return {"state": of_records(State, self.known, self.units)}
 
     def body(self) -> dict[str, Any]:
         """All states found, or this one."""

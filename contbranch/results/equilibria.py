@@ -83,8 +83,7 @@ class Equilibria(Result):
 
     def tables(self) -> dict[str, Table]:
         """The states, and whether each lies on the traced curve."""
-        names = {} if self.contact is None else self.contact.units.names
-        listed = of_records(State, self.states, names)
+        listed = of_records(State, self.states, self.units)
         return {"state": listed._replace(columns={**listed.columns, "connected": np.array(self.connected)})}
 
     @property

@@ -148,9 +148,8 @@ class Hysteresis(Result):
 
     def tables(self) -> dict[str, Table]:
         """The points of the path."""
-        names = {} if self.contact is None else self.contact.units.names
         position = "load" if self.control == "load" else "displacement"
-        return {"point": of_columns(self.path.items(), names, position=position)}
+        return {"point": of_columns(self.path.items(), self.units, position=position)}
 
     def plot(self, x: str | None = None, y: str | None = None, **options: Any) -> Figure:
         """Draw the force curve and the contact radius along the loop, with arrows and jumps, or `y` against `x`.

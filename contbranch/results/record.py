@@ -193,6 +193,12 @@ class Result(Record):
         """What it says of itself in a line."""
         return ""
 
+    @property
+    def units(self) -> Mapping[str, str]:
+        """Units of its numbers by quantity; none where they are reduced."""
+        about: Any = self
+        return getattr(self, "unit_names", {}) if about.contact is None else about.contact.units.names
+
     def __repr__(self) -> str:
         """Kind, contact and status, what there is to say in a line, and the message: three lines at most."""
         about: Any = self
