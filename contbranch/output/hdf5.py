@@ -325,7 +325,7 @@ def _read_diagram(file: h5py.File) -> Diagram:
         contact=_rebuilt(description, file.get("tip")),
         branches=tuple(_read_record(Branch, branches[str(number)]) for number in range(len(branches))),
         events=_read_events(file["events"], file.get("mode_shapes", {})),
-        thresholds={key: float(value) for key, value in file["thresholds"].attrs.items()},
+        thresholds=_read_object(file["thresholds"]),
         model=_read_record(ModelChoice, file["model"]),
         cost=_read_record(Cost, file["cost"]),
         description=description,
@@ -333,26 +333,22 @@ def _read_diagram(file: h5py.File) -> Diagram:
         local_exponents={
             int(key): _read_record(LocalExponent, group) for key, group in file["local_exponents"].items()
         },
-        sensitivities={
-            name: {key: float(value) for key, value in group.attrs.items()}
-            for name, group in file["sensitivities"].items()
-        }
-        if "sensitivities" in file
-        else None,
-        uncertainties={key: float(value) for key, value in file["uncertainties"].attrs.items()}
-        if "uncertainties" in file
-        else None,
+        **{key: _read_object(file[key]) for key in ("sensitivities", "uncertainties") if key in file},
         **{key: _python(file.attrs[key]) for key in _HEAD if key in file.attrs},
     )
 
 
 def _read_object(group: h5py.Group) -> Any:
     """A document, or a part of it, as `_write_object` wrote it."""
-    found = {key: _read_object(item) if hasattr(item, "attrs") and hasattr(item, "keys") else item[()]
-             for key, item in group.items()}  # fmt: skip
+    found = {key: _read_object(item) if hasattr(item, "keys") else item[()] for key, item in group.items()}
     if found and all(key.isdigit() for key in found) and not group.attrs:
         return [found[str(number)] for number in range(len(found))]
-    return {**found, **{key: _python(value) for key, value in group.attrs.items()}}
+    return found | {key: _python(value) for key, value in group.attrs.items()}
+
+
+def _python(value: Any) -> Any:
+    """An attribute as Python has it."""
+    return value.item() if isinstance(value, np.generic) else value
 
 
 def _made(kind: type[Kind], content: Mapping[str, Any]) -> Kind:
@@ -361,50 +357,28 @@ def _made(kind: type[Kind], content: Mapping[str, Any]) -> Kind:
     for item in fields(kind):
         name, said = key_of(item), str(item.type)
         inner = next((_PARTS[word] for word in re.findall(r"\w+", said) if word in _PARTS), None)
-        if name == "contact" and name in content:
-            found[item.name] = _rebuilt(content[name], None)
-        elif name in content and inner is not None and "tuple" in said:
-            found[item.name] = tuple(_made(inner, one) for one in content[name])
-        elif name in content and inner is not None:
-            found[item.name] = _made(inner, content[name])
-        elif name in content:
-            found[item.name] = content[name].astype(np.int64) if said == "Integers" else content[name]
-        elif "None" in said:
-            found[item.name] = None
+        value = content.get(name)
+        if name == "contact":
+            value = _rebuilt(content[name], None)
+        elif name == "profiles" and value is not None:
+            joined, parts = _made(Profile, value), pairwise(value["offsets"])
+            value = tuple(Profile(*(getattr(joined, one.name)[i:j] for one in fields(Profile))) for i, j in parts)
+        elif name == "cells" and value is not None:
+            value = tuple(_made(CellFields, one) for one in value)
+        elif inner is not None and value is not None:
+            value = tuple(_made(inner, one) for one in value) if "tuple" in said else _made(inner, value)
+        elif said == "Integers" and value is not None:
+            value = value.astype(np.int64)
+        if name in content or "None" in said:
+            found[item.name] = value
         elif item.default is MISSING and item.default_factory is MISSING:
             raise KeyError(f"{kind.__name__} has no {name}")
     return kind(**found)
 
 
-def _python(value: Any) -> Any:
-    """An attribute as Python has it."""
-    return value.item() if isinstance(value, np.generic) else value
-
-
 def _read_record(kind: type[Kind], group: h5py.Group) -> Kind:
-    """Read a record that `_write_record` wrote; KeyError where something is missing that has no default."""
-    found: dict[str, Any] = {}
-    for item in fields(kind):
-        name = key_of(item)
-        if name in group:
-            inner = group[name]
-            reads = {"profiles": _read_profiles, "cells": _read_cells}.get(name)
-            found[item.name] = inner[()] if reads is None else reads(inner)
-        elif name in group.attrs:
-            found[item.name] = _python(group.attrs[name])
-        elif item.default is MISSING and item.default_factory is MISSING:
-            raise KeyError(f"{group.name} has no {name}")
-    return kind(**found)
-
-
-def _read_profiles(group: h5py.Group) -> tuple[Profile, ...]:
-    joined = _read_record(Profile, group)
-    parts = pairwise(group["offsets"][()])
-    return tuple(Profile(*(getattr(joined, item.name)[i:j] for item in fields(Profile))) for i, j in parts)
-
-
-def _read_cells(group: h5py.Group) -> tuple[CellFields, ...]:
-    return tuple(_read_record(CellFields, group[str(row)]) for row in range(len(group)))
+    """Read a record that `_write` wrote; KeyError where something is missing that has no default."""
+    return _made(kind, _read_object(group))
 
 
 def _read_events(group: h5py.Group, shapes: Mapping[str, h5py.Group]) -> tuple[Event, ...]:
