@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
-from typing import Any, Literal, Protocol
+from typing import Any, Literal
 
 import numpy as np
 import scipy
@@ -28,7 +28,6 @@ __all__ = [
     "MatrixFreeBordered",
     "SingularBorderedError",
     "SparseBordered",
-    "Unfactorised",
     "as_matrix",
     "bordered_matrix",
     "factorise",
@@ -43,34 +42,23 @@ class SingularBorderedError(ArithmeticError):
     """The bordered matrix is singular or holds values that are not finite."""
 
 
-class Bordered(Protocol):
-    """A factorised bordered matrix."""
+class Bordered:
+    """A factorised bordered matrix; this one is that of a problem that solves its systems itself."""
 
     def solve(self, f: Array, g: float) -> tuple[Array, float]:
         """Return (u, a) for the right-hand side (f, g)."""
+        raise SingularBorderedError("The problem solves its systems itself.")
 
     def solve_transposed(self, f: Array, g: float) -> tuple[Array, float] | None:
         """Return the solution with the transposed matrix, None where that is not available."""
+        return None
 
     def determinant_sign(self) -> int | None:
         """Return the sign of the determinant, None where it is not available."""
+        return None
 
 
-class Unfactorised:
-    """The matrix of a problem that solves its systems itself: nothing is known of it here."""
-
-    def solve(self, f: Array, g: float) -> tuple[Array, float]:
-        """Not available."""
-        raise SingularBorderedError("The problem solves its systems itself.")
-
-    def solve_transposed(self, f: Array, g: float) -> None:
-        """Not available."""
-
-    def determinant_sign(self) -> None:
-        """Not available."""
-
-
-class DenseBordered:
+class DenseBordered(Bordered):
     """LU factorisation of the whole (n+1) x (n+1) matrix."""
 
     def __init__(self, jacobian: Array, b: Array, c: Array, d: float):
@@ -109,7 +97,7 @@ class DenseBordered:
         return -1 if (negative + exchanges) % 2 else 1
 
 
-class SparseBordered:
+class SparseBordered(Bordered):
     """Sparse LU factorisation (SuperLU) of the whole matrix."""
 
     def __init__(self, jacobian: Any, b: Array, c: Array, d: float):
@@ -166,8 +154,10 @@ def _parity(permutation: Any) -> int:
     return int((n - cycles) % 2)
 
 
-class MatrixFreeBordered:
+class MatrixFreeBordered(Bordered):
     """GMRES on the bordered operator, preconditioned by elimination with an approximate inverse of J.
+
+    The transposed operator is not required of a problem, and one without matrix does not show its determinant.
 
     Parameters
     ----------
@@ -177,22 +167,12 @@ class MatrixFreeBordered:
         The border.
     preconditioner : callable, optional
         Applies an approximate inverse of J.
-    tolerance : float
-        Relative residual of the linear solves before refinement, which adds about four digits.
     """
 
     def __init__(
-        self,
-        operator: Any,
-        b: Array,
-        c: Array,
-        d: float,
-        preconditioner: Callable[[Array], Array] | None = None,
-        tolerance: float = 1e-9,
+        self, operator: Any, b: Array, c: Array, d: float, preconditioner: Callable[[Array], Array] | None = None
     ):
-        n = b.size
-        self._n = n
-        self._tolerance = tolerance
+        self._n = n = b.size
 
         def apply(y: Array) -> Array:
             return np.append(operator @ y[:n] + b * y[n], c @ y[:n] + d * y[n])
@@ -220,7 +200,7 @@ class MatrixFreeBordered:
         size = float(np.linalg.norm(rhs))
         if size == 0.0:
             return np.zeros(self._n), 0.0
-        solution = self._gmres(rhs, self._tolerance)
+        solution = self._gmres(rhs, 1e-9)
         # GMRES cannot reach rounding by itself: one refinement of the residual does, in few iterations.
         solution = solution + self._gmres(rhs - self._operator @ solution, 1e-4)
         if not np.linalg.norm(self._operator @ solution - rhs) <= 1e-6 * size:
@@ -233,14 +213,6 @@ class MatrixFreeBordered:
             self._operator, rhs, rtol=tolerance, restart=restart, maxiter=5, M=self._preconditioner
         )
         return np.asarray(solution)
-
-    def solve_transposed(self, f: Array, g: float) -> tuple[Array, float] | None:
-        """Return None: the transposed operator is not required of a problem."""
-        return None
-
-    def determinant_sign(self) -> int | None:
-        """Return None: an operator without matrix does not show its determinant."""
-        return None
 
 
 def factorise(
@@ -257,20 +229,22 @@ def factorise(
     SingularBorderedError
         If the bordered matrix is singular to working precision.
     """
-    if isinstance(jacobian, np.ndarray):
-        return DenseBordered(jacobian, b, c, d)
-    if not isinstance(jacobian, np.ndarray) and bool(scipy.sparse.issparse(jacobian)):
-        if b.size <= DENSE_UP_TO:
-            return DenseBordered(jacobian.toarray(), b, c, d)
-        return SparseBordered(jacobian, b, c, d)
+    if _sparse(jacobian):
+        if b.size > DENSE_UP_TO:
+            return SparseBordered(jacobian, b, c, d)
+        jacobian = jacobian.toarray()
     if hasattr(jacobian, "matvec"):
         return MatrixFreeBordered(jacobian, b, c, d, preconditioner)
     return DenseBordered(np.asarray(jacobian, dtype=float), b, c, d)
 
 
+def _sparse(matrix: Any) -> bool:
+    return not isinstance(matrix, np.ndarray) and bool(scipy.sparse.issparse(matrix))
+
+
 def as_matrix(jacobian: Any) -> Any:
     """Return a Jacobian as a matrix that can be transposed; an operator shows its columns."""
-    if not isinstance(jacobian, np.ndarray) and bool(scipy.sparse.issparse(jacobian)):
+    if _sparse(jacobian):
         return jacobian
     return jacobian @ np.eye(jacobian.shape[0]) if hasattr(jacobian, "matvec") else np.asarray(jacobian, dtype=float)
 
@@ -278,7 +252,7 @@ def as_matrix(jacobian: Any) -> Any:
 def bordered_matrix(jacobian: Any, b: Array, c: Array, d: float) -> Any:
     """Return the matrix [J b; cᵀ d], dense or sparse like J."""
     matrix, corner = as_matrix(jacobian), np.array([[d]])
-    if not isinstance(matrix, np.ndarray) and bool(scipy.sparse.issparse(matrix)):
+    if _sparse(matrix):
         blocks = [
             [matrix, scipy.sparse.csc_array(b[:, None])],
             [scipy.sparse.csc_array(c[None, :]), scipy.sparse.csc_array(corner)],

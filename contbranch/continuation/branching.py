@@ -12,7 +12,7 @@ from contbranch.continuation.bordered import Bordered, SingularBorderedError, bo
 from contbranch.continuation.curve import BranchPoint, Outcome, Point
 from contbranch.continuation.folds import second_derivative
 from contbranch.continuation.newton import ROUNDING, CorrectionError, border, linearise, solve
-from contbranch.continuation.problem import Array
+from contbranch.continuation.problem import Array, size_of
 from contbranch.continuation.segment import Segment
 
 __all__ = ["locate_branch_point", "unresolved_branch_point"]
@@ -88,20 +88,16 @@ def unresolved_branch_point(segment: Segment) -> tuple[float, BranchPoint] | Non
     if segment.length > UNRESOLVED:
         return None
     x, p = segment.at(0.5)
-    direction = segment.direction(0.5)
-    size = segment.metric.norm(segment.begin.problem, *direction)
-    point = Point(segment.begin.problem, x, p, direction[0] / size, direction[1] / size, label="branch point")
-    change = segment.end.x - segment.begin.x
-    state_error = math.sqrt(segment.begin.problem.inner(change, change))
+    problem = segment.begin.problem
+    point = Point(problem, x, p, *segment.metric.unit(problem, *segment.direction(0.5)), label="branch point")
+    state_error = size_of(problem, segment.end.x - segment.begin.x)
     return 0.5, BranchPoint(point, abs(segment.end.parameter - segment.begin.parameter), state_error)
 
 
 def _reduction(segment: Segment) -> tuple[float, Direction, Array, Array]:
     """Return a first guess of θ, the row t, and the null vectors l and r of the nearer end's bordered matrix."""
     problem, metric = segment.begin.problem, segment.metric
-    chord_x = (segment.end.x - segment.begin.x) / segment.length
-    chord_p = (segment.end.parameter - segment.begin.parameter) / segment.length
-    row = metric.row(problem, chord_x, chord_p)
+    row = metric.row(problem, *metric.unit(problem, *segment.chord))
     ends = []
     for point in (segment.begin, segment.end):
         at = linearise(problem, point.x, point.parameter)
@@ -196,7 +192,7 @@ def _report(
     type_: Kind = "pitchfork" if flat else "transcritical"
     point = Point(problem, x, p, along[0], along[1], label="branch point")
     error = 4 * abs(float(dp)) + 4 * ROUNDING * abs(p)
-    state_error = 4 * math.sqrt(problem.inner(dx, dx)) + 4 * ROUNDING * math.sqrt(problem.inner(x, x))
+    state_error = 4 * size_of(problem, dx) + 4 * ROUNDING * size_of(problem, x)
     scales = (metric.state_scale, metric.parameter_scale)
     other_x, other_p = other
     return theta, BranchPoint(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import Enum
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING, Literal, Self
 import numpy as np
 
 from contbranch.arrays import AnyArray, Array
-from contbranch.continuation.problem import Problem
+from contbranch.continuation.problem import Problem, size_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -328,7 +327,7 @@ class Curve:
 
         def height(point: Point) -> float:
             if observable is None:
-                return math.sqrt(point.problem.inner(point.x, point.x))
+                return size_of(point.problem, point.x)
             return point.observables[observable] if isinstance(observable, str) else float(point.x[observable])
 
         figure = Figure(layout="constrained")

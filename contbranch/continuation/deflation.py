@@ -12,7 +12,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from contbranch.continuation.problem import Array, Problem
+from contbranch.continuation.problem import Array, Problem, size_of
 from contbranch.watch import check
 
 __all__ = ["deflated_newton", "search"]
@@ -20,6 +20,8 @@ __all__ = ["deflated_newton", "search"]
 # Longest step, relative to the size of the state and the distance of the known solutions, and shortest damping.
 LONGEST = 0.5
 ITERATIONS = 30
+# Newton's corrections at which a solution is taken as found.
+TOLERANCE = 1e-9
 
 
 def deflated_newton(
@@ -27,9 +29,6 @@ def deflated_newton(
     p: float,
     known: Sequence[Array],
     start: Array,
-    *,
-    size: float = 1.0,
-    tolerance: float = 1e-9,
 ) -> Array | None:
     """Look for a solution other than the known ones, from one start.
 
@@ -42,10 +41,6 @@ def deflated_newton(
     known : sequence of (n,) arrays
         Solutions at p to keep away from.
     start : (n,) array
-    size : float
-        Length, in the norm of `Problem.inner`, in which distances are measured.
-    tolerance : float
-        Newton's corrections, relative to `size`, at which a solution is taken as found.
 
     Returns
     -------
@@ -62,32 +57,27 @@ def deflated_newton(
             step = np.linalg.solve(np.asarray(jacobian), -residual)
         except np.linalg.LinAlgError:
             return None
-        length = math.sqrt(max(problem.inner(step, step), 0.0)) / size
+        length = size_of(problem, step)
         if not math.isfinite(length):
             return None
-        if length < tolerance:
-            return x + step if all(_distance(problem, x, other, size) > 1e3 * tolerance for other in known) else None
-        factor = _factor(problem, x, step, known, size)
-        nearest = min((_distance(problem, x, other, size) for other in known), default=math.inf)
-        own = 1.0 + math.sqrt(max(problem.inner(x, x), 0.0)) / size
+        nearest = min((size_of(problem, x - other) for other in known), default=math.inf)
+        if length < TOLERANCE:
+            return x + step if nearest > 1e3 * TOLERANCE else None
+        factor = _factor(problem, x, step, known)
+        own = 1.0 + size_of(problem, x)
         longest = LONGEST * max(min(nearest, own), 0.1)
         damping = min(1.0, longest / (abs(factor) * length)) if factor else 1.0
         x = x + damping * factor * step
     return None
 
 
-def _distance(problem: Problem, x: Array, other: Array, size: float) -> float:
-    apart = x - other
-    return math.sqrt(max(problem.inner(apart, apart), 0.0)) / size
-
-
-def _factor(problem: Problem, x: Array, step: Array, known: Sequence[Array], size: float) -> float:
+def _factor(problem: Problem, x: Array, step: Array, known: Sequence[Array]) -> float:
     """Length of the deflated step in units of the plain one: 1/(1 − d ln M), d along the plain step."""
     change = 0.0
     for other in known:
         apart = x - other
-        square = max(problem.inner(apart, apart), 1e-300) / size**2
-        along = problem.inner(apart, step) / size**2
+        square = max(problem.inner(apart, apart), 1e-300)
+        along = problem.inner(apart, step)
         change += -2.0 * along / (square * (1.0 + square))
     rest = 1.0 - change
     return 1.0 / rest if rest else 1.0
@@ -98,9 +88,6 @@ def search(
     p: float,
     known: Sequence[Array],
     starts: Iterable[Array],
-    *,
-    size: float = 1.0,
-    tolerance: float = 1e-9,
 ) -> list[Array]:
     """Solutions besides the known ones that deflated Newton's method reaches from some starts.
 
@@ -108,7 +95,7 @@ def search(
 
     Parameters
     ----------
-    problem, p, known, size, tolerance
+    problem, p, known
         As in `deflated_newton`.
     starts : iterable of (n,) arrays
 
@@ -120,7 +107,7 @@ def search(
     found: list[Array] = []
     for start in starts:
         while True:
-            solution = deflated_newton(problem, p, [*known, *found], start, size=size, tolerance=tolerance)
+            solution = deflated_newton(problem, p, [*known, *found], start)
             if solution is None:
                 break
             found.append(solution)

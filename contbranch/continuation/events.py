@@ -18,9 +18,9 @@ import numpy as np
 
 from contbranch.continuation.curve import EventPoint, Located, Outcome, Point
 from contbranch.continuation.locate import Sample, find_root
-from contbranch.continuation.newton import CorrectionError
+from contbranch.continuation.newton import CorrectionError, evaluating
 from contbranch.continuation.options import Options
-from contbranch.continuation.problem import Array
+from contbranch.continuation.problem import Array, size_of
 from contbranch.continuation.segment import Segment
 from contbranch.continuation.step import STEEPEST, Hermite
 from contbranch.continuation.walk import annotated, point_on
@@ -226,15 +226,8 @@ def _seen_from_chord(segment: Segment, third: Point | None) -> tuple[list[Point]
 
 def _point(segment: Segment, state: Array, direction: Array) -> Point:
     """Return a point off the curve but close to it, with a unit tangent."""
-    size = segment.metric.norm(segment.begin.problem, direction[:-1], float(direction[-1]))
-    return replace(
-        segment.begin,
-        x=state[:-1],
-        parameter=float(state[-1]),
-        tangent_x=direction[:-1] / size,
-        tangent_parameter=float(direction[-1]) / size,
-        label="",
-    )
+    u, a = segment.metric.unit(segment.begin.problem, direction[:-1], float(direction[-1]))
+    return replace(segment.begin, x=state[:-1], parameter=float(state[-1]), tangent_x=u, tangent_parameter=a, label="")
 
 
 # Where a step that begins on a zero is taken to begin.
@@ -394,7 +387,7 @@ def zeros(event: Event, segment: Segment, previous: Segment | None, options: Opt
         located = EventPoint(
             annotated(point, label=event.name),
             4 * miss * abs(part.end.parameter - part.begin.parameter) + 1e-15 * abs(point.parameter),
-            4 * miss * math.sqrt(point.problem.inner(change, change)),
+            4 * miss * size_of(point.problem, change),
             name=event.name,
         )
         found.append(Happening(bracket.whole(theta), located, event.terminal))
@@ -402,11 +395,8 @@ def zeros(event: Event, segment: Segment, previous: Segment | None, options: Opt
 
 
 def _value(event: Event, point: Point) -> float:
-    try:
+    with evaluating(point.parameter, f" in event {event.name!r}"):
         value = float(event.value(point))
-    except Exception as error:  # the user's code ends the attempt, its text is kept
-        detail = f"({type(error).__name__} in event {event.name!r} at parameter {point.parameter:.6g}: {error})"
-        raise CorrectionError(Outcome.EVALUATION_FAILED, detail) from error
     if not math.isfinite(value):
         raise CorrectionError(Outcome.NOT_FINITE, f"(Event {event.name!r} at parameter {point.parameter:.6g}.)")
     return value

@@ -9,7 +9,7 @@ import numpy as np
 from contbranch.continuation.curve import Fold, Outcome, Point
 from contbranch.continuation.metric import Metric
 from contbranch.continuation.newton import ROUNDING, CorrectionError, border, linearise, residual, solve
-from contbranch.continuation.problem import Array, Problem
+from contbranch.continuation.problem import Array, Problem, size_of
 
 __all__ = ["locate_fold", "second_derivative"]
 
@@ -70,7 +70,7 @@ def locate_fold(
     previous = math.inf
     # Steps below this are rounding: the position along the curve is known to about the root of it only through the
     # second derivative, but to `best` through the null vector.
-    floor = 1e2 * ROUNDING * (1 + math.sqrt(problem.inner(x, x)) / metric.state_scale)
+    floor = 1e2 * ROUNDING * (1 + size_of(problem, x) / metric.state_scale)
     for _ in range(ITERATIONS):
         at = linearise(problem, x, p)
         bordered = border(problem, x, p, at, row)
@@ -89,11 +89,11 @@ def locate_fold(
         p = p + back_p + s * sigma + 0.5 * s * s * bend_p
         # Close to a cusp the iteration contracts by a half only: what stays larger than that is rounding.
         if size <= floor or (size < 1e-8 and size > 0.7 * previous):
-            norm = math.sqrt(problem.inner(phi, phi))
+            norm = size_of(problem, phi)
             point = Point(problem, x, p, phi / metric.norm(problem, phi, 0.0), 0.0, label="fold")
             error = 4 * abs(back_p) + 2 * abs(s * sigma) + 4 * ROUNDING * abs(p)
-            state_error = 4 * (abs(s) * norm + math.sqrt(problem.inner(back_x, back_x)))
-            state_error += 4 * ROUNDING * math.sqrt(problem.inner(x, x))
+            state_error = 4 * (abs(s) * norm + size_of(problem, back_x))
+            state_error += 4 * ROUNDING * size_of(problem, x)
             return Fold(point, error, state_error, null_vector=phi / norm, curvature=bend_p / norm**2)
         previous = size
     raise CorrectionError(Outcome.STEP_TOO_SMALL, "(Newton's method on the fold did not converge.)")

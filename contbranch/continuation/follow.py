@@ -12,6 +12,7 @@ from contbranch.continuation.events import Event, Happening
 from contbranch.continuation.metric import Balance, Metric
 from contbranch.continuation.newton import CorrectionError, correct
 from contbranch.continuation.options import Options, StopAt
+from contbranch.continuation.problem import size_of
 from contbranch.continuation.scan import LeapError, scan
 from contbranch.continuation.segment import Segment
 from contbranch.continuation.step import AFTER_FAILURE, CONTRACTS, POINTS, Predictor, judge
@@ -80,7 +81,7 @@ class _Direction:
                     return replace(branch, end=end)
                 begin, here = taken.segment.begin, taken.segment.end
                 dx, dp = here.x - begin.x, here.parameter - begin.parameter
-                balance = balance.advance(math.sqrt(max(begin.problem.inner(dx, dx), 0.0)), abs(dp))
+                balance = balance.advance(size_of(begin.problem, dx), abs(dp))
                 metric = balance.metric(options.weight, options.state_floor)
                 step, count = taken.factor * metric.norm(begin.problem, dx, dp), taken.count
                 here, carry = adapted(here, metric, options)
@@ -192,5 +193,5 @@ class _Direction:
 
 def _unit(point: Point, metric: Metric) -> Point:
     """Return the point with its tangent scaled to unit length in the metric of the next step."""
-    size = metric.norm(point.problem, point.tangent_x, point.tangent_parameter)
-    return replace(point, tangent_x=point.tangent_x / size, tangent_parameter=point.tangent_parameter / size)
+    u, a = metric.unit(point.problem, point.tangent_x, point.tangent_parameter)
+    return replace(point, tangent_x=u, tangent_parameter=a)

@@ -3,19 +3,30 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
-from contbranch.continuation.bordered import Bordered, SingularBorderedError, Unfactorised, factorise
+from contbranch.continuation.bordered import Bordered, SingularBorderedError, factorise
 from contbranch.continuation.curve import Outcome
 from contbranch.continuation.metric import Metric
 from contbranch.continuation.options import Options
-from contbranch.continuation.problem import Array, Linearisation, Problem
+from contbranch.continuation.problem import Array, Linearisation, Problem, size_of
 from contbranch.watch import check
 
-__all__ = ["Corrected", "CorrectionError", "correct", "correct_start", "linearise", "residual", "tangent_at"]
+__all__ = [
+    "Corrected",
+    "CorrectionError",
+    "correct",
+    "correct_start",
+    "evaluating",
+    "linearise",
+    "residual",
+    "tangent_at",
+]
 
 ROUNDING = float(np.finfo(float).eps)
 # A tangent comes from the last Jacobian evaluated; this bounds its distance from the corrected point (in the metric).
@@ -26,6 +37,8 @@ PRECISE_TANGENT_DISTANCE = 1e-10
 SMALL = 1e-3
 # Most corrections of a predicted point; what does not contract is given up earlier.
 ITERATIONS = 10
+# ... and of a start.
+START_ITERATIONS = 50
 
 
 class CorrectionError(Exception):
@@ -51,32 +64,37 @@ class Corrected:
     contraction: float
 
 
+@contextmanager
+def evaluating(p: float, where: str = "") -> Iterator[None]:
+    """Turn whatever the user's code raises into a CorrectionError, which ends the attempt and keeps its text."""
+    try:
+        yield
+    except Exception as error:
+        detail = f"({type(error).__name__}{where} at parameter {p:.6g}: {error})"
+        raise CorrectionError(Outcome.EVALUATION_FAILED, detail) from error
+
+
 def linearise(problem: Problem, x: Array, p: float) -> Linearisation:
     """Return the problem's linearisation, or raise CorrectionError if it fails or is not finite."""
     check()
-    try:
+    with evaluating(p):
         linearisation = problem.linearise(x, p)
-    except Exception as error:  # whatever the user's problem raises ends the attempt, with its text kept
-        raise CorrectionError(Outcome.EVALUATION_FAILED, _told(error, p)) from error
-    if not math.isfinite(float(np.add.reduce(linearisation[0]))):
-        raise CorrectionError(Outcome.NOT_FINITE, f"(Residual at parameter {p:.6g}.)")
+    _finite(linearisation[0], p)
     return linearisation
 
 
 def residual(problem: Problem, x: Array, p: float) -> Array:
     """Return the residual, or raise CorrectionError if it fails or is not finite."""
     check()
-    try:
+    with evaluating(p):
         value = problem.residual(x, p)
-    except Exception as error:  # as in linearise
-        raise CorrectionError(Outcome.EVALUATION_FAILED, _told(error, p)) from error
-    if not math.isfinite(float(np.add.reduce(value))):
-        raise CorrectionError(Outcome.NOT_FINITE, f"(Residual at parameter {p:.6g}.)")
+    _finite(value, p)
     return value
 
 
-def _told(error: Exception, p: float) -> str:
-    return f"({type(error).__name__} at parameter {p:.6g}: {error})"
+def _finite(value: Array, p: float, what: str = "Residual") -> None:
+    if not math.isfinite(float(np.add.reduce(value))):
+        raise CorrectionError(Outcome.NOT_FINITE, f"({what} at parameter {p:.6g}.)")
 
 
 def border(problem: Problem, x: Array, p: float, at: Linearisation, row: tuple[Array, float]) -> Bordered:
@@ -93,8 +111,7 @@ def solve(bordered: Bordered, f: Array, g: float, p: float) -> tuple[Array, floa
         u, a = bordered.solve(f, g)
     except SingularBorderedError as error:
         raise CorrectionError(Outcome.STEP_TOO_SMALL, f"({error})") from error
-    if not math.isfinite(float(np.add.reduce(u)) + a):
-        raise CorrectionError(Outcome.NOT_FINITE, f"(Newton's correction at parameter {p:.6g}.)")
+    _finite(np.append(u, a), p, "Newton's correction")
     return u, a
 
 
@@ -124,7 +141,7 @@ def correct(
     x, p = near
     own = problem.in_plane(x, p, row, precise)
     if own is not None:
-        return Corrected(*own, Unfactorised(), 1, 0.0, 0.0)
+        return Corrected(*own, Bordered(), 1, 0.0, 0.0)
     tolerance, noise = options.tolerance, options.noise
     close = PRECISE_TANGENT_DISTANCE if precise else TANGENT_DISTANCE
     floor = _rounding_floor(problem, x, p, metric)
@@ -167,11 +184,11 @@ def _at_fixed_parameter(bordered: Bordered, tangent: tuple[Array, float], f: Arr
 
 
 def _rounding_floor(problem: Problem, x: Array, p: float, metric: Metric) -> float:
-    state = math.sqrt(max(problem.inner(x, x), 0.0))
+    state = size_of(problem, x)
     return 16 * ROUNDING * (state / metric.state_scale + abs(p) / metric.parameter_scale)
 
 
-def correct_start(problem: Problem, x: Array, p: float, maximum_iterations: int = 50) -> Array:
+def correct_start(problem: Problem, x: Array, p: float) -> Array:
     """Return a solution at fixed p near x by damped Newton iteration.
 
     Raises
@@ -183,7 +200,7 @@ def correct_start(problem: Problem, x: Array, p: float, maximum_iterations: int 
     row = (np.zeros_like(x), 1.0)
     previous = math.inf
     at = linearise(problem, x, p)
-    for _ in range(maximum_iterations):
+    for _ in range(START_ITERATIONS):
         size = float(np.linalg.norm(at[0]))
         if size == 0.0:
             return x
@@ -192,8 +209,8 @@ def correct_start(problem: Problem, x: Array, p: float, maximum_iterations: int 
         except CorrectionError as error:
             detail = f"(The Jacobian at parameter {p:.6g} is singular and the residual's norm {size:.3g}.)"
             raise CorrectionError(Outcome.START_FAILED, detail) from error
-        correction = math.sqrt(max(problem.inner(dx, dx), 0.0))
-        scale = math.sqrt(max(problem.inner(x + dx, x + dx), 0.0))
+        correction = size_of(problem, dx)
+        scale = size_of(problem, x + dx)
         if correction <= 1e-10 * scale or (correction <= 1e-6 * scale and correction > 0.1 * previous):
             return x + dx
         x, at = _damped(problem, x, p, dx, size)

@@ -11,10 +11,15 @@ import numpy as np
 
 from contbranch.arrays import Array
 
-__all__ = ["Adaptation", "Array", "Linearisation", "Problem", "Solution"]
+__all__ = ["Adaptation", "Array", "Linearisation", "Problem", "Solution", "size_of"]
 
 
 _CUBE_ROOT_OF_ROUNDING = float(np.finfo(float).eps ** (1 / 3))
+
+
+def size_of(problem: Problem, u: Array) -> float:
+    """Return the norm of a state that belongs to `Problem.inner`."""
+    return math.sqrt(max(problem.inner(u, u), 0.0))
 
 
 class Linearisation(NamedTuple):

@@ -13,6 +13,7 @@ from contbranch.continuation.events import BEYOND, Bracket, Event, Happening, Pr
 from contbranch.continuation.folds import locate_fold
 from contbranch.continuation.newton import CorrectionError
 from contbranch.continuation.options import Options
+from contbranch.continuation.problem import size_of
 from contbranch.continuation.segment import Segment
 from contbranch.continuation.walk import annotated, point_on
 
@@ -134,7 +135,7 @@ def _fold_by_newton(
 def _fold_on_curve(segment: Segment, theta: float, point: Point) -> Happening:
     """Return a fold as the zero of the slope along the curve, where the bordered system does not converge."""
     problem = point.problem
-    norm = math.sqrt(problem.inner(point.tangent_x, point.tangent_x))
+    norm = size_of(problem, point.tangent_x)
     error = abs(point.tangent_parameter) * segment.length * 1e-6 + 1e-14 * abs(point.parameter)
     fold = Fold(
         replace(point, label="fold"),
@@ -210,7 +211,7 @@ def _halve(
     located = IndexChange(
         point,
         width * abs(segment.end.parameter - segment.begin.parameter),
-        width * math.sqrt(point.problem.inner(change, change)),
+        width * size_of(point.problem, change),
         before=first,
         after=last,
     )

@@ -16,10 +16,9 @@ class Segment:
     """
 
     def __init__(self, begin: Point, end: Point, metric: Metric):
-        self.begin = begin
-        self.end = end
-        self.metric = metric
-        self.length = metric.norm(begin.problem, end.x - begin.x, end.parameter - begin.parameter)
+        self.begin, self.end, self.metric = begin, end, metric
+        self.chord = end.x - begin.x, end.parameter - begin.parameter
+        self.length = metric.norm(begin.problem, *self.chord)
         # Tangents are stored with unit length in the metric of their own step: bring both to that of this one.
         self.scale_begin = self.length / metric.norm(begin.problem, begin.tangent_x, begin.tangent_parameter)
         self.scale_end = self.length / metric.norm(end.problem, end.tangent_x, end.tangent_parameter)
@@ -37,25 +36,28 @@ class Segment:
 
     def direction(self, theta: float) -> tuple[Array, float]:
         """Return the cubic's derivative with respect to θ."""
-        a, b = self.begin, self.end
+        a, b, (chord_x, chord_p) = self.begin, self.end, self.chord
         d01 = 6 * theta * (1 - theta)
         d10 = (1 - 4 * theta + 3 * theta**2) * self.scale_begin
         d11 = (3 * theta**2 - 2 * theta) * self.scale_end
-        x = d01 * (b.x - a.x) + d10 * a.tangent_x + d11 * b.tangent_x
-        p = d01 * (b.parameter - a.parameter) + d10 * a.tangent_parameter + d11 * b.tangent_parameter
+        x = d01 * chord_x + d10 * a.tangent_x + d11 * b.tangent_x
+        p = d01 * chord_p + d10 * a.tangent_parameter + d11 * b.tangent_parameter
         return x, p
 
     def parameter_coefficients(self) -> tuple[float, float, float, float]:
         """Return (c0, c1, c2, c3) of the cubic's parameter c0 + c1 θ + c2 θ² + c3 θ³."""
-        a, b = self.begin, self.end
-        slope_begin = a.tangent_parameter * self.scale_begin
-        slope_end = b.tangent_parameter * self.scale_end
-        rise = b.parameter - a.parameter
-        return a.parameter, slope_begin, 3 * rise - 2 * slope_begin - slope_end, slope_begin + slope_end - 2 * rise
+        slope_begin = self.begin.tangent_parameter * self.scale_begin
+        slope_end = self.end.tangent_parameter * self.scale_end
+        rise = self.chord[1]
+        return (
+            self.begin.parameter,
+            slope_begin,
+            3 * rise - 2 * slope_begin - slope_end,
+            slope_begin + slope_end - 2 * rise,
+        )
 
     def position(self, x: Array, p: float) -> float:
         """Return the fraction θ of a point near the segment, by its projection on the chord."""
-        a, b = self.begin, self.end
-        chord_x, chord_p = b.x - a.x, b.parameter - a.parameter
-        along = self.metric.dot(a.problem, x - a.x, p - a.parameter, chord_x, chord_p)
+        a = self.begin
+        along = self.metric.dot(a.problem, x - a.x, p - a.parameter, *self.chord)
         return along / self.length**2 if self.length > 0 else 0.0

@@ -168,14 +168,13 @@ def judge(begin: Point, end: Point, corrected: Corrected, metric: Metric, option
     of the curve (whose tangent may happen to be parallel).
     """
     problem = begin.problem
-    chord_x, chord_p = end.x - begin.x, end.parameter - begin.parameter
-    length = metric.norm(problem, chord_x, chord_p)
-    if length == 0.0 or (problem.ordered and begin.tangent_parameter * end.tangent_parameter < 0.0):
+    chord = end.x - begin.x, end.parameter - begin.parameter
+    leaving, arriving = ((point.tangent_x, point.tangent_parameter) for point in (begin, end))
+    if metric.norm(problem, *chord) == 0.0 or (problem.ordered and leaving[1] * arriving[1] < 0.0):
         return Judgement(False, AFTER_FAILURE)
-    chord_x, chord_p = chord_x / length, chord_p / length
-    angle = metric.angle(problem, begin.tangent_x, begin.tangent_parameter, end.tangent_x, end.tangent_parameter)
-    leave = metric.angle(problem, begin.tangent_x, begin.tangent_parameter, chord_x, chord_p)
-    arrive = metric.angle(problem, end.tangent_x, end.tangent_parameter, chord_x, chord_p)
+    chord = metric.unit(problem, *chord)
+    angle = metric.angle(problem, *leaving, *arriving)
+    leave, arrive = (metric.angle(problem, *tangent, *chord) for tangent in (leaving, arriving))
     # On an arc either angle with the chord is half the angle between the tangents.
     worst = max(angle, 2 * leave, 2 * arrive)
     factor = options.angle / worst if worst > 0 else math.inf

@@ -84,8 +84,8 @@ def switch_branch(
             halves.append(Branch([start, *half.points], [(event, i + 1) for event, i in half.events], half.end))
     if not any(half.points for half in halves):
         return []
-    size = metric.norm(problem, u, a)
-    centre = replace(here, tangent_x=u / size, tangent_parameter=a / size, determinant_sign=None)
+    u, a = metric.unit(problem, u, a)
+    centre = replace(here, tangent_x=u, tangent_parameter=a, determinant_sign=None)
     found = joined(centre, *halves)
     at = len(halves[1].points)
     crossing = replace(
@@ -99,10 +99,8 @@ def _beside(branch_point: BranchPoint, along: Direction, metric: Metric, options
     """Return a point of the crossing curve a short step off the branch point, its tangent away from it."""
     here = branch_point.point
     problem = here.problem
-    size = metric.norm(problem, *along)
-    u, a = along[0] / size, along[1] / size
-    given = metric.norm(problem, here.tangent_x, here.tangent_parameter)
-    cosine = metric.dot(problem, u, a, here.tangent_x, here.tangent_parameter) / given
+    u, a = metric.unit(problem, *along)
+    cosine = metric.dot(problem, u, a, *metric.unit(problem, here.tangent_x, here.tangent_parameter))
     allowed = NEARER * math.sqrt(max(1 - cosine**2, 0.0))
     for step in LEAVING:
         x, p = here.x + step * u, here.parameter + step * a

@@ -16,7 +16,7 @@ from contbranch.continuation.follow import Branch, follow
 from contbranch.continuation.metric import Balance
 from contbranch.continuation.newton import CorrectionError, border, correct_start, linearise, tangent_at
 from contbranch.continuation.options import Options, StopAt
-from contbranch.continuation.problem import Array, Problem
+from contbranch.continuation.problem import Array, Problem, size_of
 from contbranch.continuation.walk import annotated
 from contbranch.errors import InputError
 
@@ -113,8 +113,8 @@ def _start(problem: Problem, x: Array, p: float, interval: Range, options: Optio
     u, a, _ = tangent_at(problem, x, p)
     if a < 0:
         u, a = -u, -a
-    state_slope = math.sqrt(max(problem.inner(u, u), 0.0))
-    size = math.sqrt(max(problem.inner(x, x), 0.0))
+    state_slope = size_of(problem, u)
+    size = size_of(problem, x)
     parameter = interval.width if math.isfinite(interval.width) else max(1.0, abs(p))
     state = state_slope / a * parameter if a > 0 else math.inf
     # Close to a fold the tangent says nothing about how far x will go for this change of p.
@@ -123,11 +123,10 @@ def _start(problem: Problem, x: Array, p: float, interval: Range, options: Optio
         parameter = max(state * a / state_slope, 1e-6 * parameter)
     balance = Balance(state if math.isfinite(state) and state > 0 else size or 1.0, parameter)
     metric = balance.metric(options.weight, options.state_floor)
-    unit = metric.norm(problem, u, a)
+    u, a = metric.unit(problem, u, a)
     # The determinant's sign belongs to the orientation: rebordering with the oriented, scaled tangent settles it.
-    row = metric.row(problem, u / unit, a / unit)
-    sign = border(problem, x, p, linearise(problem, x, p), row).determinant_sign()
-    point = annotated(Point(problem, x, p, u / unit, a / unit, sign), label="start")
+    sign = border(problem, x, p, linearise(problem, x, p), metric.row(problem, u, a)).determinant_sign()
+    point = annotated(Point(problem, x, p, u, a, sign), label="start")
     return point, balance
 
 

@@ -9,9 +9,9 @@ from dataclasses import replace
 from contbranch.continuation.bordered import Bordered
 from contbranch.continuation.curve import Outcome, Point
 from contbranch.continuation.metric import Metric
-from contbranch.continuation.newton import Corrected, CorrectionError, correct, tangent_at
+from contbranch.continuation.newton import Corrected, CorrectionError, correct, evaluating, tangent_at
 from contbranch.continuation.options import Options
-from contbranch.continuation.problem import Adaptation, Array, Problem
+from contbranch.continuation.problem import Adaptation, Array, Problem, size_of
 from contbranch.continuation.segment import Segment
 
 __all__ = ["adapted", "annotated", "corrected_point", "point_on", "to_point"]
@@ -21,15 +21,9 @@ Direction = tuple[Array, float]
 
 def to_point(problem: Problem, corrected: Corrected, metric: Metric, sign: bool = True) -> Point:
     """Return a corrected point with unit tangent and, if `sign`, the sign of the bordered determinant."""
-    size = metric.norm(problem, corrected.tangent_x, corrected.tangent_parameter)
-    return Point(
-        problem,
-        corrected.x,
-        corrected.parameter,
-        corrected.tangent_x / size,
-        corrected.tangent_parameter / size,
-        corrected.bordered.determinant_sign() if sign else None,
-    )
+    tangent = metric.unit(problem, corrected.tangent_x, corrected.tangent_parameter)
+    determinant_sign = corrected.bordered.determinant_sign() if sign else None
+    return Point(problem, corrected.x, corrected.parameter, *tangent, determinant_sign)
 
 
 def annotated(point: Point, label: str | None = None) -> Point:
@@ -46,16 +40,13 @@ def annotated(point: Point, label: str | None = None) -> Point:
     asks_observables = kind.observables is not Problem.observables
     if not (asks_index or asks_observables or label is not None):
         return point
-    try:
+    with evaluating(point.parameter):
         return replace(
             point,
             morse_index=problem.morse_index(point.x, point.parameter) if asks_index else None,
             observables=problem.observables(point.x, point.parameter) if asks_observables else {},
             label=point.label if label is None else label,
         )
-    except Exception as error:  # as for residuals: the user's code ends the attempt, its text is kept
-        detail = f"({type(error).__name__} at parameter {point.parameter:.6g}: {error})"
-        raise CorrectionError(Outcome.EVALUATION_FAILED, detail) from error
 
 
 def corrected_point(
@@ -77,7 +68,7 @@ def _in_plane(
     size = metric.norm(problem, *direction)
     if not (size > 0 and math.isfinite(size)):
         raise CorrectionError(Outcome.STEP_TOO_SMALL, "(The step has no length.)")
-    row = metric.row(problem, direction[0] / size, direction[1] / size)
+    row = metric.row(problem, *metric.unit(problem, *direction))
     corrected = correct(problem, near, row, metric, options, precise)
     return to_point(problem, corrected, metric, sign=False), corrected.bordered
 
@@ -97,18 +88,13 @@ def adapted(point: Point, metric: Metric, options: Options) -> tuple[Point, Call
     problem = point.problem
     if type(problem).adapt is Problem.adapt:
         return point, None
-    try:
+    with evaluating(point.parameter, " in adapt"):
         offer = problem.adapt(point.x, point.parameter)
-    except Exception as error:  # the user's code ends the curve, its text is kept
-        detail = f"({type(error).__name__} in adapt at parameter {point.parameter:.6g}: {error})"
-        raise CorrectionError(Outcome.EVALUATION_FAILED, detail) from error
     if offer is None:
         return point, None
     if not isinstance(offer, Adaptation):
         offer = Adaptation(problem, offer)
-    direction = _direction(point, offer, metric)
-    size = metric.norm(offer.problem, *direction)
-    row = metric.row(offer.problem, direction[0] / size, direction[1] / size)
+    row = metric.row(offer.problem, *metric.unit(offer.problem, *_direction(point, offer, metric)))
     corrected = correct(offer.problem, (offer.x, point.parameter), row, metric, options)
     found = to_point(offer.problem, corrected, metric)
     if problem.ordered and found.tangent_parameter * point.tangent_parameter < 0.0:
@@ -138,9 +124,7 @@ def _direction(point: Point, offer: Adaptation, metric: Metric) -> tuple[Array, 
         return offer.transfer(point.tangent_x), point.tangent_parameter
     if offer.x.shape == point.x.shape:
         return point.tangent_x, point.tangent_parameter
-    u, a, _ = tangent_at(offer.problem, offer.x, point.parameter)
-    size = metric.norm(offer.problem, u, a)
-    u, a = u / size, a / size
+    u, a = metric.unit(offer.problem, *tangent_at(offer.problem, offer.x, point.parameter)[:2])
     old = point.tangent_parameter
     if abs(old) > NEARLY_VERTICAL * metric.parameter_scale:
         same = (a > 0) == (old > 0)
@@ -159,7 +143,7 @@ def _agreement(point: Point, offer: Adaptation, u: Array, a: float) -> float:
 def _changes(problem: Problem, x: Array, p: float, u: Array, a: float) -> dict[str, float]:
     """Return the directional derivatives of the observables, scaled to values of order one, and of the parameter."""
     size = math.sqrt(problem.inner(u, u) + a * a)
-    step = 1e-6 * max(1.0, math.sqrt(problem.inner(x, x))) / size
+    step = 1e-6 * max(1.0, size_of(problem, x)) / size
     above, below = problem.observables(x + step * u, p + step * a), problem.observables(x - step * u, p - step * a)
     changes = {name: (above[name] - below[name]) / (2 * step) for name in above}
     largest = max((abs(change) for change in changes.values()), default=0.0)

@@ -37,6 +37,7 @@ from contbranch.output.plot_view import (
     view,
 )
 from contbranch.results.diagram import Diagram, Solution
+from contbranch.results.table import with_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -46,7 +47,6 @@ if TYPE_CHECKING:
 __all__ = [
     "SUFFIXES",
     "bifurcation_diagram",
-    "check_suffix",
     "draw",
     "figure_content",
     "local_exponent",
@@ -230,17 +230,10 @@ def local_exponent(diagram: Diagram, events: Sequence[Event] | None = None) -> F
         axes.margins(x=0.02)
         symbol = r"\Delta d" if all(e.control == "displacement" for e in chosen) else r"\Delta F_N"
         unit = names.get("displacement" if "d" in symbol[-1] else "load", "")
-        axes.set_xlabel(f"Excess over the event ${symbol}$" + (f" ({unit})" if unit else ""))
+        axes.set_xlabel(with_unit(f"Excess over the event ${symbol}$", unit))
         axes.set_ylabel(r"Local exponent $\kappa_\mathrm{local}$")
         axes.legend()
     return figure
-
-
-def check_suffix(path: str | Path, field: str = "path") -> None:
-    """Raise InputError unless `path` ends in a suffix that can be drawn."""
-    if Path(path).suffix.lower() not in SUFFIXES:
-        known = f"{', '.join(SUFFIXES[:-1])} or {SUFFIXES[-1]}"
-        raise InputError(f"{field}: '{path}' has no known suffix; must end in {known}")
 
 
 def save_figure(figure: Figure, path: str | Path) -> None:
@@ -251,7 +244,10 @@ def save_figure(figure: Figure, path: str | Path) -> None:
     InputError
         For another suffix, or if the file cannot be written.
     """
-    check_suffix(path)
+    if Path(path).suffix.lower() not in SUFFIXES:
+        raise InputError(
+            f"path: '{path}' has no known suffix; must end in {', '.join(SUFFIXES[:-1])} or {SUFFIXES[-1]}"
+        )
     write(path, figure_content(figure, Path(path).suffix))
 
 
@@ -344,17 +340,15 @@ def _marker(diagram: Diagram, event: Event) -> dict[str, Any]:
 
 
 def _draw_marker(axes: Axes, diagram: Diagram, event: Event, x: str, y: str) -> None:
-    own = event.control == diagram.control  # drawn on top
-    level = 5.0 if event.kind == "touch" else 6.0 if own else 4.0
+    level = 5.0 if event.kind == "touch" else 6.0 if event.control == diagram.control else 4.0
     place = coordinate(diagram, event, x), coordinate(diagram, event, y)
     axes.plot(*place, linestyle="none", markeredgewidth=0.7, zorder=level, **_marker(diagram, event))
 
 
 def _finish(figure: Figure, panels: Sequence[Axes], diagram: Diagram, observables: Sequence[tuple[str, str]]) -> None:
     """Add the legend above the panels, then, when the layout is final, labels where they hide nothing."""
-    handles = _legend(diagram)
     figure.legend(
-        handles=handles,
+        handles=_legend(diagram),
         loc="upper center",
         bbox_to_anchor=(0.5, 1.0),
         ncols=2,
@@ -413,22 +407,18 @@ def _label(event: Event) -> str:
 
 def _legend(diagram: Diagram) -> list[Line2D]:
     """Return a handle for each line style and marker that occurs."""
-    stable = {bool(np.any(b.unstable(diagram.control) == 0)) for b in diagram.branches}
-    unstable = {bool(np.any(b.unstable(diagram.control) > 0)) for b in diagram.branches}
-    handles = []
-    if True in stable:
-        handles.append(handle(f"stable ({diagram.control} control)", color=_STABLE))
-    if True in unstable:
-        handles.append(handle("unstable", color=_UNSTABLE, linestyle=DASHES))
-    seen = set()
+    unstable = np.concatenate([branch.unstable(diagram.control) for branch in diagram.branches])
+    handles = {}
+    if np.any(unstable == 0):
+        handles["stable"] = handle(f"stable ({diagram.control} control)", color=_STABLE)
+    if np.any(unstable > 0):
+        handles["unstable"] = handle("unstable", color=_UNSTABLE, linestyle=DASHES)
+    words = {"touch": "first touch", "symmetry": "loss of symmetry"}
     for event in sorted(_marked(diagram), key=lambda e: (e.kind == "fold", e.kind, e.control != diagram.control)):
-        label = {"touch": "first touch", "symmetry": "loss of symmetry"}.get(
-            event.kind, f"fold, {event.control} control"
-        )
-        if label not in seen:
-            seen.add(label)
-            handles.append(handle(label, linestyle="none", markeredgewidth=0.7, **_marker(diagram, event)))
-    return handles
+        label = words.get(event.kind, f"fold, {event.control} control")
+        if label not in handles:
+            handles[label] = handle(label, linestyle="none", markeredgewidth=0.7, **_marker(diagram, event))
+    return list(handles.values())
 
 
 def _draw_exponent(axes: Axes, diagram: Diagram, event: Event, color: str) -> None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from contbranch.output.plot_view import BLUE, GREY, ORANGE, WIDTH, handle, new_figure
+from contbranch.results.table import with_unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -62,13 +63,9 @@ def map_figure(fits: FitMap, names: Sequence[str]) -> Figure:
             image = axes.pcolormesh(x, y, factor * values, shading="nearest", cmap="viridis", rasterized=True)
             rows, columns = np.nonzero(~np.isfinite(values))
             axes.plot(x[columns], y[rows], "x", color=GREY, markersize=3.0, markeredgewidth=0.6)
-            axes.set(aspect="equal", title=_titled(name.replace("_", " "), unit))
+            axes.set(aspect="equal", title=with_unit(name.replace("_", " "), unit))
             across, up = ("x", "y") if "x" in fits.parameters else ("column", "row")
-            axes.set_xlabel(_titled(across, fits.unit_names.get(across, "")))
-            axes.set_ylabel(_titled(up, fits.unit_names.get(up, "")))
+            axes.set_xlabel(with_unit(across, fits.unit_names.get(across, "")))
+            axes.set_ylabel(with_unit(up, fits.unit_names.get(up, "")))
             figure.colorbar(image, ax=axes, shrink=0.8).outline.set_linewidth(0.5)
     return figure
-
-
-def _titled(name: str, unit: str) -> str:
-    return f"{name} ({unit})" if unit else name

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import matplotlib as mpl
 import numpy as np
@@ -17,13 +17,14 @@ from contbranch.output.plot_labels import place_labels
 from contbranch.output.plot_view import BLUE, DASHES, GREY, ORANGE, axis_label, handle, has_natural_units, new_figure
 from contbranch.output.smooth import smooth_path
 from contbranch.results.record import OBSERVABLES
+from contbranch.results.table import with_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
-    from contbranch.results.followed import Followed
+    from contbranch.results.followed import Followed, Special
     from contbranch.results.phase import PhaseDiagram
 
 __all__ = ["followed_curve", "is_logarithmic", "parameter_label", "phase_figure", "scale_axis"]
@@ -86,21 +87,17 @@ def followed_curve(followed: Followed, y: str = "load") -> Figure:
         logarithmic = _spacing(axes, followed.parameter, followed.curve[followed.parameter])
         for x, values, contact in _lines(followed, y, logarithmic):
             axes.plot(x, values, color=BLUE, linestyle="-" if contact else DASHES, zorder=3)
-        marked = [one for one in followed.special if one.kind in _MARKERS and np.isfinite(one.value)]
-        for one in marked:
-            _mark(axes, one.kind, one.value, getattr(one, y))
-        _label(axes, followed.parameter, followed.unit_names, y, _natural(followed))
+        event, touching = followed.event, followed.curve["contact_radius"] > 0
+        handles = [handle("with contact", color=BLUE)] if np.any(touching) else []
+        handles += [] if np.all(touching) else [handle("without contact", color=BLUE, linestyle=DASHES)]
         axes.legend(
-            handles=_legend(followed),
+            handles=handles,
             loc="best",
-            title=_title(followed),
+            title="first touch" if event.kind == "touch" else f"{event.name or 'fold'}, {event.control} control",
             title_fontsize=mpl.rcParams["legend.fontsize"],
             alignment="left",
         )
-        figure.canvas.draw()
-        figure.set_layout_engine("none")
-        points = np.array([[one.value, getattr(one, y)] for one in marked]).reshape(-1, 2)
-        place_labels(axes, points, [one.kind.replace("-", " ") for one in marked], ["black"] * len(marked))
+        _mark(axes, followed, y, [one for one in followed.special if np.isfinite(one.value)])
     return figure
 
 
@@ -111,30 +108,22 @@ def phase_figure(phase: PhaseDiagram) -> Figure:
         axes = figure.subplots()
         logarithmic = _spacing(axes, phase.parameter, phase.values)
         values, levels, without, within = phase.fine()
-        code = without * 10 + within
-        present = sorted({(int(c) // 10, int(c) % 10) for c in np.unique(code)})
+        codes, index = np.unique(without * 10 + within, return_inverse=True)
+        present = [divmod(code, 10) for code in codes.tolist()]
         colors = mpl.colors.ListedColormap([_REGIONS.get(pair, _MANY) for pair in present])
-        index = np.searchsorted([a * 10 + b for a, b in present], code)
         axes.pcolormesh(
-            values, levels, index.T, cmap=colors, vmin=-0.5, vmax=len(present) - 0.5, shading="nearest", zorder=0,
-            rasterized=True,
+            values, levels, index.reshape(without.shape).T, cmap=colors, vmin=-0.5, vmax=len(present) - 0.5,
+            shading="nearest", zorder=0, rasterized=True,
         )  # fmt: skip
         for followed in phase.boundaries:
             touch = followed.event.kind == "touch"
             for x, line, contact in _lines(followed, y, logarithmic):
                 style = "-" if contact or touch else DASHES
                 axes.plot(x, line, color=_TOUCH if touch else BLUE if contact else ORANGE, linestyle=style, zorder=3)
-        marked = [one for one in phase.special if one.kind in _MARKERS and one.control in (None, y)]
-        for one in marked:
-            _mark(axes, one.kind, one.value, getattr(one, y))
         axes.set_xlim(values[0], values[-1])
         axes.set_ylim(levels[0], levels[-1])
-        _label(axes, phase.parameter, phase.unit_names, y, _natural(phase))
         figure.legend(handles=_regions(phase, present), loc="outside upper center", ncols=2, columnspacing=1.2)
-        figure.canvas.draw()
-        figure.set_layout_engine("none")
-        points = np.array([[one.value, getattr(one, y)] for one in marked]).reshape(-1, 2)
-        place_labels(axes, points, [one.kind.replace("-", " ") for one in marked], ["black"] * len(marked))
+        _mark(axes, phase, y, [one for one in phase.special if one.control in (None, y)])
     return figure
 
 
@@ -177,17 +166,23 @@ def _lines(followed: Followed, y: str, logarithmic: bool) -> list[tuple[Array, A
     return lines
 
 
-def _mark(axes: Axes, kind: str, x: float, y: float) -> None:
-    face = _TOUCH if "touch" in kind else "black"
-    axes.plot(
-        x, y, linestyle="none", marker=_MARKERS[kind], markersize=4.6, markerfacecolor=face, markeredgecolor="white",
-        markeredgewidth=0.7, zorder=5,
-    )  # fmt: skip
-
-
-def _label(axes: Axes, parameter: str, units: Mapping[str, str], y: str, natural: bool) -> None:
-    axes.set_xlabel(parameter_label(parameter, units))
-    axes.set_ylabel(axis_label(y, units, natural))
+def _mark(axes: Axes, shown: Followed | PhaseDiagram, y: str, special: Sequence[Special]) -> None:
+    """Label the axes, which are complete but for the special points, and mark and name these."""
+    natural = shown.parameter in ("tabor", "stiffness", "share") and has_natural_units(shown.contact)
+    axes.set_xlabel(parameter_label(shown.parameter, shown.unit_names))
+    axes.set_ylabel(axis_label(y, shown.unit_names, natural))  # reduced units do not change along such a curve
+    marked = [one for one in special if one.kind in _MARKERS]
+    points = np.array([[one.value, getattr(one, y)] for one in marked]).reshape(-1, 2)
+    for one, point in zip(marked, points, strict=True):
+        face = _TOUCH if "touch" in one.kind else "black"
+        axes.plot(
+            *point, linestyle="none", marker=_MARKERS[one.kind], markersize=4.6, markerfacecolor=face,
+            markeredgecolor="white", markeredgewidth=0.7, zorder=5,
+        )  # fmt: skip
+    figure: Any = axes.get_figure(root=True)
+    figure.canvas.draw()
+    figure.set_layout_engine("none")
+    place_labels(axes, points, [one.kind.replace("-", " ") for one in marked], ["black"] * len(marked))
 
 
 def is_logarithmic(values: Array) -> bool:
@@ -207,27 +202,7 @@ def parameter_label(parameter: str, units: Mapping[str, str]) -> str:
         length = name in ("radius", "range", "wavelength", "length")
         unit = units["radius"] if length else {"stiffness": "nN/nm", "modulus": "nN/nm²"}.get(parameter, "")
         unit = "nN/nm" if name == "work_of_adhesion" else unit
-    return words + (f" ({unit})" if unit else "")
-
-
-def _natural(followed: Followed | PhaseDiagram) -> bool:
-    """Whether the axis may name the reduced units: they do not change along the curve."""
-    return followed.parameter in ("tabor", "stiffness", "share") and has_natural_units(followed.contact)
-
-
-def _title(followed: Followed) -> str:
-    event = followed.event
-    return "first touch" if event.kind == "touch" else f"{event.name or 'fold'}, {event.control} control"
-
-
-def _legend(followed: Followed) -> list[Line2D]:
-    radius = followed.curve["contact_radius"]
-    handles = []
-    if np.any(radius > 0):
-        handles.append(handle("with contact", color=BLUE))
-    if not np.all(radius > 0):
-        handles.append(handle("without contact", color=BLUE, linestyle=DASHES))
-    return handles
+    return with_unit(words, unit)
 
 
 def _regions(phase: PhaseDiagram, present: list[tuple[int, int]]) -> list[Patch | Line2D]:
@@ -239,12 +214,12 @@ def _regions(phase: PhaseDiagram, present: list[tuple[int, int]]) -> list[Patch 
         handles.append(
             Patch(facecolor=_REGIONS.get((without, within), _MANY), edgecolor=GREY, linewidth=0.4, label=label)
         )
-    kinds = {(f.event.kind == "touch", bool(np.any(f.curve["contact_radius"] > 0))) for f in phase.boundaries}
-    folds = [f for f in phase.boundaries if f.event.kind != "touch"]
-    if any(np.any(f.curve["contact_radius"] > 0) for f in folds):
+    radii = [f.curve["contact_radius"] for f in phase.boundaries if f.event.kind != "touch"]
+    touching = np.concatenate([np.zeros(0), *radii]) > 0
+    if np.any(touching):
         handles.append(handle("fold with contact", color=BLUE))
-    if any(np.any(f.curve["contact_radius"] == 0) for f in folds):
+    if not np.all(touching):
         handles.append(handle("fold without contact", color=ORANGE, linestyle=DASHES))
-    if any(touch for touch, _ in kinds):
+    if len(radii) < len(phase.boundaries):
         handles.append(handle("first touch", color=_TOUCH))
     return handles

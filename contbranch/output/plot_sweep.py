@@ -14,6 +14,7 @@ from contbranch.errors import InputError
 from contbranch.output.plot_follow import is_logarithmic, parameter_label, scale_axis
 from contbranch.output.plot_view import SERIES, new_figure
 from contbranch.results.sweep import Sweep, quantity
+from contbranch.results.table import with_unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -59,8 +60,7 @@ def _chosen(sweep: Sweep, thresholds: Sequence[str]) -> list[str]:
 
 
 def _label(sweep: Sweep, name: str) -> str:
-    unit = sweep.unit_names.get(quantity(name), "")
-    return name.replace("_", " ") + (f" ({unit})" if unit else "")
+    return with_unit(name.replace("_", " "), sweep.unit_names.get(quantity(name), ""))
 
 
 def _curves(sweep: Sweep, x: Array, values: dict[str, Array]) -> Figure:

@@ -18,6 +18,7 @@ from contbranch.results.followed import Followed
 from contbranch.results.loop import Hysteresis
 from contbranch.results.record import OBSERVABLES, Result
 from contbranch.results.sweep import Sweep, quantity
+from contbranch.results.table import with_unit
 
 __all__ = ["Cells", "as_text", "parts", "progress_bar", "progress_lines", "with_error"]
 
@@ -121,7 +122,7 @@ def _loop(loop: Hysteresis, units: Mapping[str, str]) -> Parts:
             rows.append([jump.name or "jump", f"{jump.position:.9g}", "from", *_cells(jump.start, shown), loss])
             end = ["infinite separation", "", ""] if jump.to is None else _cells(jump.to, shown)
             rows.append(["", "", "to", *end, ""])
-        yield Cells(["jump", _with_unit(position, unit), "", *_headings(units, (*shown, "dissipated"))], rows)
+        yield Cells(["jump", with_unit(position, unit), "", *_headings(units, (*shown, "dissipated"))], rows)
         yield _BRACKETS
     if loop.dissipated is not None:
         yield f"Dissipated in the loop: {with_error(loop.dissipated, loop.error)} {units.get('energy', '')}".rstrip()
@@ -167,7 +168,7 @@ def _sweep(sweep: Sweep, units: Mapping[str, str]) -> Parts:
         shown = [name for name in table.columns if name != "message"]
         rows = [[f"{cell:.9g}" if isinstance(cell, float) else str(cell) for cell in row]
                 for row in zip(*(table.columns[name].tolist() for name in shown), strict=True)]  # fmt: skip
-        yield Cells([_with_unit(name.replace("_", " "), table.units.get(name, "")) for name in shown], rows)
+        yield Cells([with_unit(name.replace("_", " "), table.units.get(name, "")) for name in shown], rows)
     for task in sweep.failed[:_ROWS]:
         yield f"Task {task.index} failed: {task.message}"
 
@@ -267,11 +268,7 @@ def _cells(source: Any, names: Iterable[str] = OBSERVABLES) -> list[str]:
 
 
 def _headings(units: Mapping[str, str], names: Iterable[str] = OBSERVABLES) -> list[str]:
-    return [_with_unit(name.replace("_", " "), units.get(name, "")) for name in names]
-
-
-def _with_unit(words: str, unit: str) -> str:
-    return f"{words} ({unit})" if unit else words
+    return [with_unit(name.replace("_", " "), units.get(name, "")) for name in names]
 
 
 def _title(event: Event) -> str:

@@ -10,11 +10,16 @@ import numpy as np
 from contbranch.arrays import AnyArray, Columns
 from contbranch.results.record import Record, columns, quantity_of
 
-__all__ = ["Table", "joined", "of_columns", "of_records"]
+__all__ = ["Table", "joined", "of_columns", "of_records", "with_unit"]
 
 _LEAD: Final = ("load", "displacement", "contact_radius", "central_gap", "energy")
 # What stands where there is no value, by the kind of the column; integers with gaps are written as floats.
 _BLANK: Final = {float: np.nan, int: np.nan, str: ""}
+
+
+def with_unit(words: str, unit: str) -> str:
+    """Return words with a unit, if there is one."""
+    return f"{words} ({unit})" if unit else words
 
 
 class Table(NamedTuple):
