@@ -23,6 +23,7 @@ from contbranch.models.exact.model import Exact
 from contbranch.results.advice import Advice, Candidate
 from contbranch.results.diagram import Cost, Diagram, ModelChoice
 from contbranch.theory import dmt, jkr, maugis
+from contbranch.theory._power_law import PowerLaw as Transformed
 from contbranch.threads import one_thread
 
 __all__ = ["advise", "regime"]
@@ -183,20 +184,10 @@ def _dmt(contact: Contact) -> Thresholds | None:
 
 
 def _jkr(contact: Contact) -> Thresholds | None:
-    tip, work = contact.tip, _work(contact)
-    if work <= 0.0:
+    if not isinstance(contact.tip, Parabola | Cone | PowerLaw) or _work(contact) <= 0.0:
         return None
-    if isinstance(tip, Parabola):
-        load, displacement = (fold(radius=tip.radius, work_of_adhesion=work)
-                              for fold in (jkr.load_fold, jkr.displacement_fold))  # fmt: skip
-    elif isinstance(tip, Cone):
-        load, displacement = (fold(slope=tip.slope, work_of_adhesion=work)
-                              for fold in (jkr.cone_load_fold, jkr.cone_displacement_fold))  # fmt: skip
-    elif isinstance(tip, PowerLaw) and tip.steepness == 1.0:
-        load, displacement = (fold(exponent=tip.exponent, length=tip.length, work_of_adhesion=work)
-                              for fold in (jkr.power_law_load_fold, jkr.power_law_displacement_fold))  # fmt: skip
-    else:
-        return None
+    tip = Transformed(np.asarray(contact.tip.apex_exponent), contact.tip.transform(1.0))
+    load, displacement = (jkr.fold(tip, share, 1.0, _work(contact)) for share in (1.5, 0.5))
     # Without range nothing is felt before the surfaces meet.
     return {
         "pull_off_load": float(load.load),

@@ -11,8 +11,8 @@ import math
 from dataclasses import dataclass, field
 from typing import Any, Final, Literal
 
-from contbranch.contact.units import PHYSICAL, Units, parse
-from contbranch.errors import InputError
+from contbranch.contact.units import PHYSICAL, Units, parse, positive_number
+from contbranch.errors import InputError, nearest
 
 __all__ = ["DISPLACEMENT", "LOAD", "Control", "Spring", "as_control"]
 
@@ -111,10 +111,11 @@ LOAD: Final = Control("load", 0.0)
 DISPLACEMENT: Final = Control("displacement", math.inf)
 
 
-def as_control(control: object, units: Units = PHYSICAL) -> Control:
+def as_control(control: object, units: Units = PHYSICAL, field: str = "control") -> Control:
     """Return the control that a user names: ``"load"``, ``"displacement"``, ``"spring:2.5"`` or ``Spring(2.5)``.
 
-    Stiffnesses of physical contacts may have a unit: ``"spring:0.5 N/m"``, ``Spring("0.5 N/m")``.
+    Stiffnesses of physical contacts may have a unit: ``"spring:0.5 N/m"``, ``Spring("0.5 N/m")``. `field` is what
+    messages name.
 
     Raises
     ------
@@ -127,10 +128,12 @@ def as_control(control: object, units: Units = PHYSICAL) -> Control:
         if control.quantity and not units.physical:
             raise InputError("control: a spring in N/m; the contact is in reduced units: give a bare number")
         return Control("spring", control.stiffness)
-    if control == "load":
-        return LOAD
-    if control == "displacement":
-        return DISPLACEMENT
-    if isinstance(control, str) and control.startswith("spring:"):
-        return as_control(Spring(units.read(control.removeprefix("spring:").strip(), "stiffness", "control")))
-    raise InputError(f"control: {control!r}; must be load, displacement or cb.Spring(stiffness)")
+    known = {"load": LOAD, "displacement": DISPLACEMENT}
+    if isinstance(control, str) and control in known:
+        return known[control]
+    kind, _, stiffness = str(control).partition(":")
+    if kind.strip() == "spring" and stiffness.strip():
+        return Control("spring", positive_number(units.read(stiffness.strip(), "stiffness", field), field))
+    names = ("load", "displacement", "spring:0.1 N/m" if units.physical else "spring:2")
+    words = f"must be {', '.join(names[:2])} or {names[2]}{nearest(control, names)}"
+    raise InputError(f"{field}: {control!r}; {words}")

@@ -1,8 +1,13 @@
-"""The errors that contbranch raises on purpose."""
+"""The errors that contbranch raises on purpose, and what is said of names that are not known."""
 
 from __future__ import annotations
 
-__all__ = ["InputError", "ModelError", "Stop"]
+TYPE_CHECKING = False  # `typing` takes longer to import than all of this
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+    from typing import Any
+
+__all__ = ["InputError", "ModelError", "Stop", "look_up", "nearest", "refuse_unknown"]
 
 
 class InputError(ValueError):
@@ -15,3 +20,27 @@ class Stop(Exception):
 
 class ModelError(RuntimeError):
     """A computation could not deliver what was asked for; the message says what was reached and why it stopped."""
+
+
+def nearest(name: object, known: Iterable[str]) -> str:
+    """Return the end of a message that suggests the name nearest to `name`, empty if none is near."""
+    import difflib
+
+    near = difflib.get_close_matches(str(name).lower().replace(" ", "-"), list(known), n=1, cutoff=0.5)
+    return f"; did you mean '{near[0]}'?" if near else ""
+
+
+def look_up(name: object, known: Mapping[str, Any], field: str) -> Any:
+    """Return the entry of `known` called `name`; InputError, naming `field` and the nearest name, if there is none."""
+    if isinstance(name, str) and name in known:
+        return known[name]
+    raise InputError(f"{field}: {name!r}; must be one of {', '.join(known)}{nearest(name, known)}")
+
+
+def refuse_unknown(names: Iterable[str], known: Iterable[str], prefix: str = "") -> None:
+    """Raise InputError, with `prefix` in front, for the first of `names` that is not among the `known` ones."""
+    for name in names:
+        if name not in known:
+            if any(word in name.lower() for word in ("young", "poisson")):
+                raise InputError(f"{prefix}{name}: give the effective modulus, E/(1 − ν²) for a rigid tip, as modulus")
+            raise InputError(f"{prefix}{name}: not known; must be one of {', '.join(known)}{nearest(name, known)}")

@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
 from contbranch.errors import InputError
 
-__all__ = ["GRID_MODELS", "LEAST_GRID", "MODELS", "grid_points", "nearest_fast"]
+__all__ = ["GRID_MODELS", "LEAST_GRID", "MODELS", "grid_points", "named_model", "nearest_fast"]
 
 LEAST_GRID: Final = 8
 GRID_MODELS: Final = ("periodic", "free")
 MODELS: Final = ("auto", "exact", "axisymmetric", *GRID_MODELS)
+
+
+def named_model(name: str, cell: float | None = None, grid: int | None = None) -> Any:
+    """Return a model as computations take it: its name, or a grid model with its cell and grid."""
+    if name not in GRID_MODELS:
+        return name
+    from contbranch.models.grid import FreeSpace, Periodic  # heavy, and only for these models
+
+    return (Periodic if name == "periodic" else FreeSpace)(cell=cell, grid=grid)
 
 
 def nearest_fast(n: float) -> int:

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from contbranch.contact.contact import Contact
-from contbranch.contact.file import parse_control, read_contact
+from contbranch.contact.file import read_contact
 from contbranch.contact.interactions import Exponential, Gauss, Layered, Tabulated, VanDerWaals
 from contbranch.contact.tips import Cone, EllipticParaboloid, HeightMap, Parabola, PowerLaw, Profile, SphericalCap
 from contbranch.contact.units import PHYSICAL, REDUCED
+from contbranch.control import DISPLACEMENT, LOAD, Control, as_control
 from contbranch.errors import InputError
 
 PHYSICAL_FILE = """
@@ -265,13 +266,15 @@ class TestTables:
 def test_options_of_the_trace(write):
     trace = '[trace]\ncontrol = "displacement"\naccuracy = 1e-8\nmax_load = "1 uN"\n'
     assert read_contact(write(PHYSICAL_FILE + trace))[1] == {
-        "control": "displacement",
+        "control": DISPLACEMENT,
         "accuracy": 1e-8,
         "max_load": 1000.0,
     }
-    assert read_contact(write(PHYSICAL_FILE + '[trace]\ncontrol = "spring:0.1 N/m"'))[1] == {"control": 0.1}
+    assert read_contact(write(PHYSICAL_FILE + '[trace]\ncontrol = "spring:0.1 N/m"'))[1] == {
+        "control": Control("spring", 0.1)
+    }
     assert read_contact(write(REDUCED_FILE + '[trace]\ncontrol = "spring:2"\nmax_load = 50'))[1] == {
-        "control": 2.0,
+        "control": Control("spring", 2.0),
         "max_load": 50.0,
     }
     cell = '[trace]\nmodel = "free"\ncell = "2 um"\ngrid = 128'
@@ -281,15 +284,15 @@ def test_options_of_the_trace(write):
 @pytest.mark.parametrize(
     ("control", "units", "wanted"),
     [
-        ("load", REDUCED, "load"),
-        ("displacement", PHYSICAL, "displacement"),
-        ("spring:2", REDUCED, 2.0),
-        ("spring:100 mN/m", PHYSICAL, 0.1),
-        ("spring: 3", PHYSICAL, 3.0),
+        ("load", REDUCED, LOAD),
+        ("displacement", PHYSICAL, DISPLACEMENT),
+        ("spring:2", REDUCED, Control("spring", 2.0)),
+        ("spring:100 mN/m", PHYSICAL, Control("spring", 0.1)),
+        ("spring: 3", PHYSICAL, Control("spring", 3.0)),
     ],
 )
 def test_control(control, units, wanted):
-    assert parse_control(control, units) == wanted
+    assert as_control(control, units) == wanted
 
 
 @pytest.mark.parametrize(
@@ -308,7 +311,7 @@ def test_control(control, units, wanted):
 )
 def test_wrong_control(control, units, message):
     with pytest.raises(InputError, match=message):
-        parse_control(control, units)
+        as_control(control, units)
 
 
 def _with(old, new, text=PHYSICAL_FILE):

@@ -180,12 +180,12 @@ def _follow(asked: Values) -> Any:
 
     name, values = parse_vary(asked.vary, request)
     limit = request.limit(asked.max_load)
-    if on_grid(choose(request.contact, request.chosen_model)[0]):
+    if on_grid(choose(request.contact, request.model)[0]):
         raise InputError("--model: events found on a grid cannot be followed; use the axisymmetric model")
     diagram = _computed("trace", request, max_load=limit)
     if over():
         return diagram
-    event = find_event(diagram, asked.event, request.control)
+    event = find_event(diagram, asked.event, request.control.kind)
     try:
         present = event.stiffness if name == "stiffness" else None
         now = family_of(request.contact, name, values[-1], present, event.control).start
@@ -472,7 +472,7 @@ def _computed(name: str, request: Request, **options: Any) -> Any:
     import contbranch
 
     compute = getattr(contbranch, name)
-    settings: dict[str, Any] = {"control": request.control, "accuracy": request.accuracy, "model": request.chosen_model}
+    settings: dict[str, Any] = {"control": request.control, "accuracy": request.accuracy, "model": request.model}
     return compute(request.contact, **settings | options)
 
 

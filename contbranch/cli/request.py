@@ -7,16 +7,15 @@ from dataclasses import dataclass, field
 from optparse import Values
 from typing import TYPE_CHECKING, Any, Final
 
-from contbranch.contact.contact import Contact, nearest
+from contbranch.contact.contact import Contact
 from contbranch.contact.family import dimension_of
 from contbranch.contact.parameters import read_quantities
 from contbranch.contact.units import positive_number
-from contbranch.control import Spring, as_control
-from contbranch.errors import InputError
-from contbranch.grid_size import GRID_MODELS, MODELS, grid_points
+from contbranch.control import as_control
+from contbranch.errors import InputError, nearest
+from contbranch.grid_size import GRID_MODELS, MODELS, grid_points, named_model
 
 if TYPE_CHECKING:
-    from contbranch.models.grid import FreeSpace, Periodic
     from contbranch.results.diagram import Diagram, Event
 
 __all__ = [
@@ -41,23 +40,12 @@ class Request:
     """
 
     contact: Contact
-    control: str | Spring
+    control: Any
     accuracy: float
-    model: str
+    model: Any
     max_load: float | None
     controlled: bool = True
-    cell: float | None = None
-    grid: int | None = None
     notes: list[str] = field(default_factory=list)
-
-    @property
-    def chosen_model(self) -> str | Periodic | FreeSpace:
-        """The model as the functions of the package take it: its name, or a grid model with its cell and grid."""
-        if self.model not in GRID_MODELS:
-            return self.model
-        from contbranch.models.grid import FreeSpace, Periodic  # heavy, and only for these models
-
-        return (Periodic if self.model == "periodic" else FreeSpace)(cell=self.cell, grid=self.grid)
 
     def quantity(self, text: str, dimension: str, option: str) -> float:
         """Return the value of an option: a bare number in the contact's units, or a quantity of a physical contact."""
@@ -99,13 +87,11 @@ def make_request(asked: Values) -> Request:
             _needs_grid(name, f"trace.{key}", "write model =")
     return Request(
         contact=contact,
-        control=_control(chosen.get("control", "load"), contact),
+        control=as_control(chosen.get("control", "load"), contact.units, "--control"),
         accuracy=positive_number(_number(chosen.get("accuracy", 1e-6), "--accuracy"), "--accuracy"),
-        model=name,
+        model=named_model(name, chosen.get("cell"), chosen.get("grid")),
         max_load=settings.get("max_load"),
         controlled="control" in chosen,
-        cell=chosen.get("cell"),
-        grid=chosen.get("grid"),
         notes=asked.notes,
     )
 
@@ -159,14 +145,6 @@ def _number(value: object, option: str) -> object:
     if isinstance(value, str):
         raise InputError(f"{option}: {value!r}; must be a number")
     return value
-
-
-def _control(value: object, contact: Contact) -> str | Spring:
-    """Return "load", "displacement" or a spring; a number is the stiffness of a spring, from a contact file."""
-    from contbranch.contact.file import parse_control
-
-    parsed = value if isinstance(value, float) else parse_control(value, contact.units, "--control")
-    return Spring(parsed) if isinstance(parsed, float) else parsed
 
 
 def names_of(text: str | None) -> tuple[str, ...]:
@@ -223,7 +201,7 @@ def _value(text: str, name: str, request: Request) -> float:
     return number
 
 
-def find_event(diagram: Diagram, name: str, control: object) -> Event:
+def find_event(diagram: Diagram, name: str, kind: str) -> Event:
     """Return the event of that name under a control, the outermost if there are several; ``touch`` is first touch.
 
     Raises
@@ -231,7 +209,6 @@ def find_event(diagram: Diagram, name: str, control: object) -> Event:
     InputError
         If the diagram has none; the message says which ones it has.
     """
-    kind = as_control(control).kind
     events = [(event, "touch" if event.kind == "touch" else event.name) for event in diagram.events]
     there = [(event, called) for event, called in events if event.kind == "touch" or event.control == kind]
     found = [event for event, called in there if called == name]

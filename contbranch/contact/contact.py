@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import difflib
 import math
-import re
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields
 from functools import cached_property
 from pathlib import Path
@@ -19,34 +17,12 @@ from contbranch.contact.interactions import INTERACTIONS, Interaction
 from contbranch.contact.tips import TIPS, HeightMap, Parabola, Tip, TipShape
 from contbranch.contact.units import PHYSICAL, REDUCED, Scales, Units, parse, positive_number
 from contbranch.contact.validity import warn_of_units
-from contbranch.errors import InputError
+from contbranch.errors import InputError, look_up, refuse_unknown
 
 # Bounds of what a reduced unit may be worth, so that no power of it overflows, and of ranges in reduced units.
 LARGEST, WIDEST = 1e60, 1e12
 
-__all__ = ["Contact", "dimensions", "look_up", "make", "nearest", "refuse_unknown"]
-
-
-def nearest(name: object, known: Iterable[str]) -> str:
-    """Return the end of a message that suggests the name nearest to `name`, empty if none is near."""
-    near = difflib.get_close_matches(str(name).lower().replace(" ", "-"), list(known), n=1, cutoff=0.5)
-    return f"; did you mean '{near[0]}'?" if near else ""
-
-
-def look_up(name: object, known: Mapping[str, Any], field: str) -> Any:
-    """Return the entry of `known` called `name`; InputError, naming `field` and the nearest name, if there is none."""
-    if isinstance(name, str) and name in known:
-        return known[name]
-    raise InputError(f"{field}: {name!r}; must be one of {', '.join(known)}{nearest(name, known)}")
-
-
-def refuse_unknown(names: Iterable[str], known: Iterable[str], prefix: str = "") -> None:
-    """Raise InputError, with `prefix` in front, for the first of `names` that is not among the `known` ones."""
-    for name in names:
-        if name not in known:
-            if re.search("young|poisson", name.lower()):
-                raise InputError(f"{prefix}{name}: give the effective modulus, E/(1 − ν²) for a rigid tip, as modulus")
-            raise InputError(f"{prefix}{name}: not known; must be one of {', '.join(known)}{nearest(name, known)}")
+__all__ = ["Contact", "dimensions", "make"]
 
 
 def dimensions(kind: type[TipShape] | type[Interaction]) -> dict[str, str]:

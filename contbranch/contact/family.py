@@ -12,14 +12,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from contbranch.contact.contact import Contact, nearest
+from contbranch.contact.contact import Contact
 from contbranch.contact.interaction_law import terms_of
 from contbranch.contact.interactions import Interaction
 from contbranch.contact.parameters import Parameter, numbers_of, with_number
 from contbranch.contact.tips import TipShape
 from contbranch.contact.units import Scales, finite_number, positive_number
 from contbranch.control import DISPLACEMENT, LOAD, Control
-from contbranch.errors import InputError
+from contbranch.errors import InputError, nearest
 
 __all__ = ["Family", "Vary", "dimension_of", "family_of", "member"]
 

@@ -45,17 +45,19 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from contbranch.contact.contact import Contact, dimensions, look_up, make, nearest, refuse_unknown
+from contbranch.contact.contact import Contact, dimensions, make
 from contbranch.contact.height_map import HeightMap
+from contbranch.contact.interaction_law import places_of
 from contbranch.contact.interactions import INTERACTIONS, Interaction, Tabulated
 from contbranch.contact.text import read_text
 from contbranch.contact.tip_profile import Profile
 from contbranch.contact.tips import TIPS, TipShape
 from contbranch.contact.units import PHYSICAL, REDUCED, Units, finite_number, parse, positive_number
-from contbranch.errors import InputError
+from contbranch.control import as_control
+from contbranch.errors import InputError, look_up, refuse_unknown
 from contbranch.grid_size import MODELS, grid_points
 
-__all__ = ["parse_control", "parsed", "read_contact"]
+__all__ = ["parsed", "read_contact"]
 
 _TABLES: Final = ("tip", "material", "interaction", "trace", "sweep")
 # The dimension of a table's unit, by its key.
@@ -87,8 +89,8 @@ def read_contact(path: str | Path) -> tuple[Contact, dict[str, Any]]:
     Returns
     -------
     contact, options
-        `options` holds what the file gives of ``control`` ("load", "displacement" or the stiffness of a spring, a
-        number), ``accuracy``, ``max_load``, ``model``, ``cell`` and ``grid``, in the contact's units.
+        `options` holds what the file gives of ``control`` (a `Control`), ``accuracy``, ``max_load``, ``model``,
+        ``cell`` and ``grid``, in the contact's units.
 
     Raises
     ------
@@ -111,28 +113,9 @@ def read_contact(path: str | Path) -> tuple[Contact, dict[str, Any]]:
     laws = document.get("interaction", [])
     if not isinstance(laws, list):
         raise InputError("interaction: is a single table; write [[interaction]], one for each law of the sum")
-    names = ["interaction"] if len(laws) == 1 else [f"interaction[{k}]" for k in range(len(laws))]
-    terms = [reader.law(_table(law, name), name) for law, name in zip(laws, names, strict=True)]
+    terms = [reader.law(_table(law, name), name) for law, name in zip(laws, places_of(laws), strict=True)]
     options = reader.options(_table(document.get("trace", {}), "trace"))
     return Contact(tip, sum(terms) or None, modulus, reader.units), options
-
-
-def parse_control(control: object, units: Units, field: str = "control") -> str | float:
-    """Return "load", "displacement", or for "spring:K" the stiffness K in the contact's units.
-
-    Raises
-    ------
-    InputError
-        For anything else, naming `field`.
-    """
-    if control in ("load", "displacement"):
-        return str(control)
-    kind, _, stiffness = str(control).partition(":")
-    if kind.strip() != "spring" or not stiffness.strip():
-        example = "spring:0.1 N/m" if units.physical else "spring:2"
-        names = ("load", "displacement", example)
-        raise InputError(f"{field}: {control!r}; must be {', '.join(names[:2])} or {example}{nearest(control, names)}")
-    return positive_number(units.read(stiffness.strip(), "stiffness", field), field)
 
 
 def parsed(path: Path) -> dict[str, Any]:
@@ -230,7 +213,7 @@ class _Reader:
     def options(self, table: dict[str, Any]) -> dict[str, Any]:
         """Return the options of the table [trace]."""
         readers: dict[str, Callable[[Any, str], object]] = {
-            "control": lambda value, field: parse_control(value, self.units, field),
+            "control": lambda value, field: as_control(value, self.units, field),
             "accuracy": _accuracy,
             "max_load": lambda value, field: self.number(value, "force", field),
             "model": lambda value, field: look_up(value, {name: name for name in MODELS}, field),

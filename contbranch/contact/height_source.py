@@ -12,7 +12,7 @@ import numpy as np
 
 from contbranch.arrays import Array
 from contbranch.contact.units import finite_number, parse, positive_number
-from contbranch.errors import InputError
+from contbranch.errors import InputError, look_up
 
 __all__ = ["LEAST_POINTS", "Source"]
 
@@ -55,8 +55,8 @@ class Source:
     window: str | None = None
 
     def __post_init__(self) -> None:
-        if self.detrend is not None and self.detrend not in _TRENDS:
-            raise InputError(f"detrend: {self.detrend!r}; must be one of {', '.join(_TRENDS)}")
+        if self.detrend is not None:
+            look_up(self.detrend, _TRENDS, "detrend")
         if self.grey is not None:
             given: Any = self.grey
             if not (isinstance(given, Sequence) and len(given) == 2) or isinstance(given, str):

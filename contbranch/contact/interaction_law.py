@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field, fields
 from typing import Any, ClassVar, Final, NamedTuple
@@ -16,7 +16,7 @@ from contbranch.contact.tip_shape import gauss_rule
 from contbranch.contact.units import finite_number, positive_number
 from contbranch.errors import InputError
 
-__all__ = ["Evaluated", "Interaction", "Response", "Sum", "terms_of"]
+__all__ = ["Evaluated", "Interaction", "Response", "Sum", "places_of", "terms_of"]
 
 # Gaps beyond this many ranges (infinite ones too, outside a tip of finite extent) are taken as this many: every power
 # that the shapes form of it is still a finite number.
@@ -268,6 +268,11 @@ class Sum(Evaluated):
     def scaled(self, normal: float, energy: float) -> Sum:
         """Return the sum of the laws in other units."""
         return Sum(tuple(law.scaled(normal, energy) for law in self.laws))
+
+
+def places_of(laws: Sequence[object]) -> list[str]:
+    """Return what messages call the laws of a contact: by their number in a sum."""
+    return ["interaction"] if len(laws) == 1 else [f"interaction[{k}]" for k in range(len(laws))]
 
 
 def terms_of(law: Interaction | None) -> tuple[Interaction, ...]:

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from contbranch.arrays import Array
-from contbranch.contact.interaction_law import Evaluated, Interaction, Response, terms_of
+from contbranch.contact.interaction_law import Evaluated, Interaction, Response, places_of, terms_of
 from contbranch.contact.interactions import INTERACTIONS
 from contbranch.errors import InputError
 
@@ -33,9 +33,10 @@ def check_laws(interaction: Interaction | None) -> None:
     Exception
         Whatever a law raises at every gap.
     """
-    for k, law in enumerate(laws := terms_of(interaction)):
+    laws = terms_of(interaction)
+    for place, law in zip(places_of(laws), laws, strict=True):
         if INTERACTIONS.get(law.name) is not type(law):
-            _check(law, "interaction" if len(laws) == 1 else f"interaction[{k}]")
+            _check(law, place)
 
 
 def _check(law: Interaction, field: str) -> None:

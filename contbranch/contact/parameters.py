@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
-from contbranch.contact.contact import Contact, dimensions, make, nearest
+from contbranch.contact.contact import Contact, dimensions, make
 from contbranch.contact.interaction_law import terms_of
-from contbranch.errors import InputError
+from contbranch.errors import InputError, nearest
 
 __all__ = ["Parameter", "numbers_of", "parameters_of", "read_quantities", "with_number"]
 

@@ -14,7 +14,7 @@ from functools import cache
 from typing import Any, Final, TypeVar
 
 from contbranch.arrays import Array
-from contbranch.errors import InputError
+from contbranch.errors import InputError, look_up
 
 __all__ = [
     "PHYSICAL",
@@ -317,15 +317,9 @@ def maugis_to_reduced(value: Value, quantity: str) -> Value:
     quantity
         ``"tabor"`` (from Maugis' λ, μ_T = (2π/9)^(1/3) λ), ``"contact_radius"``, ``"displacement"`` or ``"load"``.
     """
-    return value * _maugis(quantity)
+    return value * float(look_up(quantity, _MAUGIS, "quantity"))
 
 
 def reduced_to_maugis(value: Value, quantity: str) -> Value:
     """Return what a quantity in reduced units is in Maugis' units: the inverse of `maugis_to_reduced`."""
-    return value / _maugis(quantity)
-
-
-def _maugis(quantity: str) -> float:
-    if quantity not in _MAUGIS:
-        raise InputError(f"quantity: {quantity!r}; must be one of {', '.join(_MAUGIS)}")
-    return _MAUGIS[quantity]
+    return value / float(look_up(quantity, _MAUGIS, "quantity"))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from contbranch.contact.interaction_law import terms_of
+from contbranch.contact.interaction_law import places_of, terms_of
 
 if TYPE_CHECKING:
     from contbranch.contact.contact import Contact
@@ -33,9 +33,8 @@ STIFFEST: Final = 5e3
 
 def _named(contact: Contact) -> Iterator[tuple[str, Any]]:
     """Tip and laws with their names."""
-    yield "tip", contact.tip
-    for k, law in enumerate(terms := terms_of(contact.interaction)):
-        yield ("interaction" if len(terms) == 1 else f"interaction[{k}]"), law
+    terms = terms_of(contact.interaction)
+    return zip(["tip", *places_of(terms)], [contact.tip, *terms], strict=True)
 
 
 def warn_of_units(contact: Contact) -> None:

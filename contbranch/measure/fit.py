@@ -21,7 +21,7 @@ from contbranch.contact.interactions import INTERACTIONS
 from contbranch.contact.parameters import parameters_of
 from contbranch.contact.tips import Parabola
 from contbranch.control import Spring
-from contbranch.errors import InputError, ModelError
+from contbranch.errors import InputError, ModelError, look_up
 from contbranch.measure.comparison import Comparison, Leg, legs
 from contbranch.measure.features import Features, features
 from contbranch.measure.force_curve import ForceCurve
@@ -200,12 +200,9 @@ class _Fitting:
     # -- laws ---------------------------------------------------------------------------------------------------------
     def law(self, name: str | None) -> _Minimum:
         """The fit with a law, by name; None for the contact's own."""
-        contact, limit = self.contact, ""
+        contact, limit = self.contact, name if name in LIMITS else ""
         if name is not None:
-            if name in LIMITS:
-                limit = name
-            elif name not in INTERACTIONS:
-                raise InputError(f"law: {name!r}; must be one of {', '.join((*INTERACTIONS, *LIMITS, 'compare'))}")
+            look_up(name, dict.fromkeys((*INTERACTIONS, *LIMITS, "compare")), "law")
             contact = _with_law(contact, "maugis-dugdale" if limit else name)
         if limit and not isinstance(contact.tip, Parabola):
             raise InputError(f"law: {limit}; is for a parabola")

@@ -10,9 +10,9 @@ from typing import Any, ClassVar, Final
 
 import numpy as np
 
-from contbranch.contact.contact import Contact, refuse_unknown
+from contbranch.contact.contact import Contact
 from contbranch.contact.units import positive_number
-from contbranch.errors import InputError
+from contbranch.errors import InputError, refuse_unknown
 from contbranch.measure.fit import fit, named
 from contbranch.measure.force_curve import ForceCurve
 from contbranch.measure.reading import Unread, curves_in

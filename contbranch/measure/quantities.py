@@ -10,9 +10,9 @@ from typing import Final
 import numpy as np
 
 from contbranch.arrays import Array
-from contbranch.contact.contact import Contact, look_up
+from contbranch.contact.contact import Contact
 from contbranch.contact.parameters import parameters_of
-from contbranch.errors import InputError
+from contbranch.errors import InputError, look_up
 from contbranch.measure.reduced import TABOR, tabulated
 
 __all__ = ["LINE", "NARROW", "Problem", "State"]

@@ -25,7 +25,7 @@ from contbranch.contact.height_map import HeightMap
 from contbranch.errors import InputError
 from contbranch.output import files
 from contbranch.output.document import VERSION, document, head
-from contbranch.output.sweep_file import is_sweep, load_sweep
+from contbranch.output.sweep_file import is_sweep, load_sweep, rebuilt
 from contbranch.results.diagram import (
     Branch,
     Cost,
@@ -409,15 +409,7 @@ def _assembled(kind: type[Kind], cells: Mapping[tuple[str, ...], Any], path: tup
 
 
 def _rebuilt(description: Mapping[str, Any], tip: h5py.Group | None) -> Contact | None:
-    """Return the contact of a description, or None if the package does not know its tip or one of its laws.
-
-    A height map has its heights in the group `tip`.
-    """
-    from contbranch.contact.contact import Contact
-
+    """Return the contact of a description, if it is known; a height map has its heights in the group `tip`."""
     if tip is not None:
         description = {**description, "tip": {**description["tip"], "heights": tip["heights"][()]}}
-    try:
-        return Contact.from_description(description)
-    except InputError:
-        return None
+    return rebuilt(description)

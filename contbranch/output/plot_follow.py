@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from contbranch.arrays import Array
-from contbranch.errors import InputError
+from contbranch.errors import look_up
 from contbranch.output.plot_labels import place_labels
 from contbranch.output.plot_view import BLUE, DASHES, GREY, ORANGE, axis_label, handle, has_natural_units, new_figure
 from contbranch.output.smooth import smooth_path
@@ -80,8 +80,7 @@ def followed_curve(followed: Followed, y: str = "load") -> Figure:
     InputError
         For another observable.
     """
-    if y not in OBSERVABLES:
-        raise InputError(f"y: {y!r}; must be one of {', '.join(OBSERVABLES)}")
+    look_up(y, dict.fromkeys(OBSERVABLES), "y")
     with new_figure(2.7) as figure:
         axes = figure.subplots()
         logarithmic = _spacing(axes, followed.parameter, followed.curve[followed.parameter])

@@ -17,7 +17,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator, ScalarFormatter
 
 from contbranch.arrays import Flags
-from contbranch.errors import InputError
+from contbranch.errors import InputError, look_up
 from contbranch.output.plot_curve import COORDINATES, OF_SPRINGS, Line, coordinate
 
 if TYPE_CHECKING:
@@ -164,8 +164,7 @@ def _bracketed(unit: str) -> str:
 def check_observables(x: str, y: str, stiffness: float | None) -> None:
     """Raise InputError unless both can be drawn; those of springs need the stiffness of one."""
     for field, name in (("x", x), ("y", y)):
-        if name not in (*COORDINATES, *OF_SPRINGS):
-            raise InputError(f"{field}: {name!r}; must be one of {', '.join((*COORDINATES, *OF_SPRINGS))}")
+        look_up(name, dict.fromkeys((*COORDINATES, *OF_SPRINGS)), field)
         if name in OF_SPRINGS and not stiffness:
             raise InputError(
                 f"{field}: {name!r}; there is no spring here: compute it with control=cb.Spring(stiffness)"

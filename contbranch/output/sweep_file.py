@@ -8,7 +8,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -28,7 +28,7 @@ from contbranch.results.sweep import Sweep, SweepTask, quantity
 if TYPE_CHECKING:
     import h5py
 
-__all__ = ["diagram_of", "is_sweep", "load_sweep", "read_diagram", "records_of", "write_sweep"]
+__all__ = ["diagram_of", "is_sweep", "load_sweep", "read_diagram", "rebuilt", "records_of", "write_sweep"]
 
 Record = tuple[dict[str, Any], Columns]
 
@@ -37,12 +37,13 @@ _LABEL: Final = b"contbranch: an HDF5 file before this block of %d bytes\nsha256
 _PIECE: Final = 1 << 20  # values held before they are written
 _LENGTH: Final = "This is a netCDF dimension but not a netCDF variable. %10d"
 _GROUP: Final = "tasks"
+_PACKED: Final[dict[str, Any]] = {"chunks": (1 << 14,), "maxshape": (None,), "compression": 1, "shuffle": True}
 _ABOUT: Final = ("status", "message", "wall_s", "key", "computed")
 _TIMES: Final = ("key", "run", "wall_s")
 
 
-def write_sweep(sweep: Sweep, records: Iterable[Record], path: Path) -> None:
-    """Write a sweep whose tasks have all ended; the records are those of its tasks, in their order."""
+def write_sweep(sweep: Sweep, records: Callable[[], Iterable[Record]], path: Path) -> None:
+    """Write a sweep whose tasks have all ended; `records`, called twice, gives those of its tasks in their order."""
     import h5py
 
     with h5py.File(path, "w") as file:
@@ -111,31 +112,32 @@ def _along(data: h5py.Dataset, scales: Iterable[h5py.Dataset]) -> h5py.Dataset:
     return data
 
 
-def _write_records(group: h5py.Group, count: int, records: Iterable[Record]) -> None:
+def _write_records(group: h5py.Group, count: int, records: Callable[[], Iterable[Record]]) -> None:
     """What tasks have to say, as JSON, and their arrays one behind the other, with the lengths of each."""
     import h5py
 
     task = _scale(group, "task", np.arange(count))
     about = _along(group.create_dataset("about", (count,), dtype=h5py.string_dtype()), [task])
-    columns: dict[str, _Column] = {}
+    kinds: dict[str, np.dtype[Any]] = {}
     counts: dict[str, Integers] = {}
-    for index, (said, arrays) in enumerate(records):
+    for index, (said, arrays) in enumerate(records()):
         about[index] = json.dumps({k: v for k, v in said.items() if k not in _TIMES}, ensure_ascii=False)
         for name, values in arrays.items():
-            length = counts.setdefault(_dimension(name), np.zeros(count, dtype=np.int64))
-            length[index] = len(values)
-            if name not in columns:
-                columns[name] = _Column(group, name, values.dtype, int(length[:index].sum()))
-        for name, column in columns.items():  # what a task lacks is filled up
-            column.add(arrays.get(name), int(counts[_dimension(name)][index]))
+            counts.setdefault(_dimension(name), np.zeros(count, dtype=np.int64))[index] = len(values)
+            kinds.setdefault(name, values.dtype)
     for name, length in counts.items():
         scale = group.create_dataset(name, (length.sum(),), dtype="f4")
         scale.make_scale(_LENGTH % length.sum())
         _along(group.create_dataset(f"{name}_count", data=length), [task])
-        for one, column in columns.items():
-            if _dimension(one) == name:
-                column.flush()
-                _along(column.data, [scale])
+    for name, kind in kinds.items():
+        scale = group[_dimension(name)]
+        _along(group.create_dataset(name, scale.shape, kind, fillvalue=_blank(kind), **_PACKED), [scale])
+    # what a task lacks stays blank
+    starts = {name: np.cumsum(length) - length for name, length in counts.items()}
+    for index, (_, arrays) in enumerate(records()):
+        for name, values in arrays.items():
+            start = int(starts[_dimension(name)][index])
+            group[name][start : start + len(values)] = values
 
 
 def _dimension(name: str) -> str:
@@ -146,28 +148,6 @@ def _dimension(name: str) -> str:
 def _blank(kind: np.dtype[Any]) -> float:
     """What stands where a task has no such column."""
     return np.nan if kind.kind == "f" else -1
-
-
-class _Column:
-    """A dataset that grows."""
-
-    def __init__(self, group: h5py.Group, name: str, kind: np.dtype[Any], start: int) -> None:
-        how: dict[str, Any] = {"maxshape": (None,), "chunks": (1 << 14,), "compression": 1, "shuffle": True}
-        self.data = group.create_dataset(name, (start,), kind, fillvalue=_blank(kind), **how)
-        self._held: list[AnyArray] = []
-
-    def add(self, values: AnyArray | None, count: int) -> None:
-        """Take the values of a task."""
-        self._held.append(np.full(count, _blank(self.data.dtype)) if values is None else values)
-        if sum(map(len, self._held)) >= _PIECE:
-            self.flush()
-
-    def flush(self) -> None:
-        """Write what is held."""
-        start, values = len(self.data), np.concatenate([np.empty(0, self.data.dtype), *self._held])
-        self.data.resize((start + len(values),))
-        self.data[start:] = values
-        self._held.clear()
 
 
 # Reading
@@ -222,7 +202,7 @@ def _sweep(file: h5py.File, path: Path) -> Sweep:
         parameters = {name: axes[name][k] for name, k in zip(names, at, strict=True)}
         tasks.append(SweepTask(index=index, parameters=parameters, thresholds=values, **about))
     described: dict[str, Any] = {name: json.loads(file[name][()]) for name in ("description", "unit_names")}
-    kind = next((one for one in (Sweep, FitMap) if one.format == file.attrs["format"]), Sweep)
+    kind = FitMap if file.attrs["format"] == FitMap.format else Sweep
     return kind(
         parameters=tuple(names),
         axes=axes,
@@ -232,7 +212,7 @@ def _sweep(file: h5py.File, path: Path) -> Sweep:
         reused=count,
         cost=Cost(sum(task.wall_s for task in tasks), 0),
         path=path,
-        contact=_contact(described["description"]),
+        contact=rebuilt(described["description"]),
         message=str(file.attrs["message"]),
         **described,
     )
@@ -242,8 +222,8 @@ def _text(value: Any) -> Any:
     return value.decode() if isinstance(value, bytes) else value
 
 
-def _contact(description: Mapping[str, Any]) -> Contact | None:
-    """The contact described; None for a law or tip of the user's."""
+def rebuilt(description: Mapping[str, Any]) -> Contact | None:
+    """The contact of a description, or None if its tip or one of its laws is not known, being the user's."""
     try:
         return Contact.from_description(description)
     except InputError:

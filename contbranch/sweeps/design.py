@@ -10,12 +10,12 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
-from contbranch.contact.contact import Contact, look_up, refuse_unknown
+from contbranch.contact.contact import Contact
 from contbranch.contact.family import dimension_of, family_of, member
 from contbranch.contact.file import parsed, read_contact
 from contbranch.contact.units import finite_number, positive_number
-from contbranch.errors import InputError
-from contbranch.grid_size import GRID_MODELS
+from contbranch.errors import InputError, look_up, refuse_unknown
+from contbranch.grid_size import named_model
 
 __all__ = ["Design", "Listed", "listed", "read_sweep", "varied"]
 
@@ -189,15 +189,8 @@ def read_sweep(path: str | Path) -> tuple[Design, dict[str, Any]]:
         raise InputError(f"sweep.{error}") from None
     settings: dict[str, Any] = {name: table[name] for name in ("keep", "task_limit") if name in table}
     settings |= {name: options[name] for name in ("control", "accuracy", "max_load", "model") if name in options}
-    if isinstance(settings.get("control"), float):
-        from contbranch.control import Spring
-
-        settings["control"] = Spring(settings["control"])
-    if settings.get("model") in GRID_MODELS:
-        from contbranch.models.grid.model import FreeSpace, Periodic
-
-        kind = Periodic if settings["model"] == "periodic" else FreeSpace
-        settings["model"] = kind(cell=options.get("cell"), grid=options.get("grid"))
+    if "model" in settings:
+        settings["model"] = named_model(settings["model"], options.get("cell"), options.get("grid"))
     return design, settings
 
 

@@ -10,10 +10,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
-from contbranch.contact.contact import Contact, refuse_unknown
+from contbranch.contact.contact import Contact
 from contbranch.contact.family import dimension_of
 from contbranch.contact.units import positive_number
-from contbranch.errors import InputError
+from contbranch.errors import InputError, refuse_unknown
 from contbranch.output.files import reserved
 from contbranch.output.sweep_file import load_sweep, records_of, write_sweep
 from contbranch.results.diagram import Cost
@@ -136,7 +136,7 @@ def _swept(
         result = replace(result, computed=computed, reused=len(result.tasks) - computed)
         result = replace(result, cost=Cost(time.perf_counter() - began, 0), message=told(run.failure or result.message))
         if result.status == "complete":
-            write_sweep(result, (decoded(journal.record(key)) for key in keys), folder / "complete.h5")
+            write_sweep(result, lambda: (decoded(journal.record(key)) for key in keys), folder / "complete.h5")
             os.replace(folder / "complete.h5", path)
         journal.close(remove=result.status == "complete")
         return result

@@ -11,12 +11,14 @@ import numpy as np
 
 from contbranch import __version__
 from contbranch.arrays import AnyArray, Columns
-from contbranch.contact.contact import Contact, look_up
+from contbranch.contact.contact import Contact
 from contbranch.control import Spring, as_control
+from contbranch.errors import look_up
 from contbranch.output.document import plain
 from contbranch.results.diagram import Branch, Diagram, Event
 from contbranch.results.profile import Profile
 from contbranch.results.record import columns
+from contbranch.results.table import joined
 
 __all__ = ["KEEP", "Outcome", "Task", "Tracing", "key_of"]
 
@@ -104,7 +106,8 @@ class Tracing:
         about = {name: getattr(diagram, name) for name in kept} | {"model": diagram.model, "events": events}
         arrays: dict[str, AnyArray] = {}
         if self.keep != "thresholds":
-            arrays = _joined([_points(branch, self.keep == "profiles") for branch in diagram.branches])
+            parts = [_points(branch, self.keep == "profiles") for branch in diagram.branches]
+            arrays = joined("point.branch", parts) if parts else {}
         return Outcome(plain(about), arrays)
 
 
@@ -117,14 +120,6 @@ def _points(branch: Branch, profiles: bool) -> dict[str, AnyArray]:
         for name in ("r", "gap", "pressure", "wall_pressure"):
             found[f"node.{name}"] = np.concatenate([getattr(one, name) for one in known])
     return found
-
-
-def _joined(parts: list[dict[str, AnyArray]]) -> dict[str, AnyArray]:
-    """Columns of branches, one below the other, with the number of the branch."""
-    names = [name for name in parts[0] if all(name in part for part in parts)] if parts else []
-    found = {name: np.concatenate([part[name] for part in parts]) for name in names}
-    lengths = [len(part["point.load"]) for part in parts]
-    return {"point.branch": np.repeat(np.arange(len(parts)), lengths), **found} if parts else {}
 
 
 def key_of(given: Any, task: Task) -> str:

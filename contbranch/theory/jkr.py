@@ -145,12 +145,12 @@ def contact_radius_at_displacement(
 
 def load_fold(*, radius: ArrayLike = 1.0, modulus: ArrayLike = 1.0, work_of_adhesion: ArrayLike = 1.0) -> Fold:
     """Return the pull-off under load control: F = -(3/2) pi w R at a^3 = 9 pi w R^2 / (8 E), d = -a^2 / (3R)."""
-    return _fold(_parabola(radius), 1.5, modulus, work_of_adhesion)
+    return fold(_parabola(radius), 1.5, modulus, work_of_adhesion)
 
 
 def displacement_fold(*, radius: ArrayLike = 1.0, modulus: ArrayLike = 1.0, work_of_adhesion: ArrayLike = 1.0) -> Fold:
     """Return the pull-off under displacement control: F = -(5/6) pi w R at a^3 = pi w R^2 / (8 E), d = -3 a^2 / R."""
-    return _fold(_parabola(radius), 0.5, modulus, work_of_adhesion)
+    return fold(_parabola(radius), 0.5, modulus, work_of_adhesion)
 
 
 def cone_load(
@@ -171,14 +171,14 @@ def cone_load_fold(*, slope: ArrayLike = 1.0, modulus: ArrayLike = 1.0, work_of_
     """Return a cone's pull-off under load control: F = -54 w^2 / (pi E slope^3) at a = 18 w / (pi E slope^2), d = 3 w
     / (E slope).
     """
-    return _fold(PowerLaw.cone(slope), 1.5, modulus, work_of_adhesion)
+    return fold(PowerLaw.cone(slope), 1.5, modulus, work_of_adhesion)
 
 
 def cone_displacement_fold(
     *, slope: ArrayLike = 1.0, modulus: ArrayLike = 1.0, work_of_adhesion: ArrayLike = 1.0
 ) -> Fold:
     """Return a cone's pull-off under displacement control: d = -w / (E slope) at a = 2 w / (pi E slope^2)."""
-    return _fold(PowerLaw.cone(slope), 0.5, modulus, work_of_adhesion)
+    return fold(PowerLaw.cone(slope), 0.5, modulus, work_of_adhesion)
 
 
 def power_law_load(
@@ -221,14 +221,14 @@ def power_law_load_fold(
     *, exponent: ArrayLike, length: ArrayLike = 1.0, modulus: ArrayLike = 1.0, work_of_adhesion: ArrayLike = 1.0
 ) -> Fold:
     """Return a power-law tip's pull-off under load control, n zeta(a) = (3/2) sqrt(2 pi a w / E)."""
-    return _fold(PowerLaw.of(exponent, length), 1.5, modulus, work_of_adhesion)
+    return fold(PowerLaw.of(exponent, length), 1.5, modulus, work_of_adhesion)
 
 
 def power_law_displacement_fold(
     *, exponent: ArrayLike, length: ArrayLike = 1.0, modulus: ArrayLike = 1.0, work_of_adhesion: ArrayLike = 1.0
 ) -> Fold:
     """Return a power-law tip's pull-off under displacement control, n zeta(a) = (1/2) sqrt(2 pi a w / E)."""
-    return _fold(PowerLaw.of(exponent, length), 0.5, modulus, work_of_adhesion)
+    return fold(PowerLaw.of(exponent, length), 0.5, modulus, work_of_adhesion)
 
 
 def _parabola(radius: ArrayLike) -> PowerLaw:
@@ -252,7 +252,7 @@ def _displacement(tip: PowerLaw, contact_radius: ArrayLike, modulus: ArrayLike, 
     return np.asarray(tip.transform(a) - neck)
 
 
-def _fold(tip: PowerLaw, share: float, modulus: ArrayLike, work_of_adhesion: ArrayLike) -> Fold:
+def fold(tip: PowerLaw, share: float, modulus: ArrayLike, work_of_adhesion: ArrayLike) -> Fold:
     """Return where n zeta(a) = share * sqrt(2 pi a w / E); share is 3/2 for the load and 1/2 for the displacement."""
     ratio = positive("work_of_adhesion", work_of_adhesion) / positive("modulus", modulus)
     n = tip.exponent
