@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, fields, replace
 from functools import partial
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -29,6 +29,7 @@ from contbranch.models.choice import choose, curves
 from contbranch.results.diagram import Cost, Diagram, ModelChoice, Solution, State
 from contbranch.results.equilibria import Barrier, Equilibria
 from contbranch.results.loop import Hysteresis
+from contbranch.results.record import OBSERVABLES
 from contbranch.threads import one_thread
 from contbranch.watch import Progress, Watch, kept, of_users, over, told, watched
 
@@ -151,7 +152,7 @@ def solve(
     held = control or ("displacement" if field == "displacement" else "load")
     with _watched(progress, time_limit) as watch:
         asked = _ask(contact, held, accuracy, model)
-        unit = _unit(contact, field)
+        unit = contact.scales.of_fields[field]
         start = None if near is None else state_in_reduced(contact, near)
         found = asked.answer(partial(asked.curves.solve, asked.request, field, value / unit, start), Coexisting())
         if not found.states and not over():
@@ -170,8 +171,8 @@ def _solution(asked: _Asked, found: Coexisting, states: tuple[State, ...], near:
     best = UNKNOWN if not states else _lowest(states, asked.control)
     if near is not None:
         best = min(states, key=lambda one: _apart(one, near), default=UNKNOWN)
-    return Solution(
-        **{item.name: getattr(best, item.name) for item in fields(State)},
+    return _as_solution(
+        best,
         model=asked.choice(found.unknowns),
         cost=asked.timed(found.cost),
         status="complete" if found.complete else "incomplete",
@@ -226,7 +227,7 @@ def find_all(
     inside = None if window is None else _window(window, normal)
     with _watched(progress, time_limit) as watch:
         asked = _ask(contact, control or field, accuracy, model)
-        search = partial(asked.curves.find_all, asked.request, field, value / _unit(contact, field), inside)
+        search = partial(asked.curves.find_all, asked.request, field, value / contact.scales.of_fields[field], inside)
         found = asked.answer(search, Coexisting())
         equilibria = _found(asked, found)
     return watch.passed(equilibria)
@@ -266,15 +267,13 @@ def best_of(found: Equilibria) -> Solution:
         raise InputError(f"load, displacement: no equilibrium there with a displacement from {low:.6g} to {high:.6g}")
     held = as_control(found.control if found.stiffness is None else Spring(found.stiffness))
     best = _lowest(found.states, held) if found.states else UNKNOWN
-    return Solution(
-        **{item.name: getattr(best, item.name) for item in fields(State)},
-        model=found.model,
-        cost=found.cost,
-        status=found.status,
-        message=found.message,
-        states=found.states,
-        contact=found.contact,
-    )
+    told = {name: getattr(found, name) for name in ("model", "cost", "status", "message", "states", "contact")}
+    return _as_solution(best, **told)
+
+
+def _as_solution(state: State, **told: Any) -> Solution:
+    """A state as a solution."""
+    return Solution(**{item.name: getattr(state, item.name) for item in fields(State)}, **told)
 
 
 @one_thread
@@ -491,11 +490,6 @@ def _contact(contact: object) -> Contact:
     return contact
 
 
-def _unit(contact: Contact, field: str) -> float:
-    scales = contact.scales
-    return {"load": scales.load, "displacement": scales.normal, "contact_radius": scales.in_plane}[field]
-
-
 def _window(window: Sequence[float], unit: float) -> tuple[float, float]:
     if len(window) != 2:
         raise InputError(f"window: {window!r}; must be two displacements")
@@ -528,8 +522,7 @@ def _height(state: State, control: Control) -> float:
 
 
 def _apart(state: State, near: State) -> float:
-    names = ("load", "displacement", "contact_radius", "central_gap")
-    return math.hypot(*(getattr(state, name) - getattr(near, name) for name in names))
+    return math.hypot(*(getattr(state, name) - getattr(near, name) for name in OBSERVABLES))
 
 
 def _barriers(states: Sequence[State], connected: Sequence[bool], control: Control) -> tuple[Barrier, ...]:

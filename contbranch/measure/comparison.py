@@ -209,15 +209,11 @@ class Comparison:
         for leg, jump in ((approach, self.seen.jump_in), (retract, self.seen.pull_off)):
             if jump is not None:
                 found.append((_jump_place(leg) + contact_point - jump.piezo) * math.sqrt(12.0) / jump.width)
-        if self.seen.pull_off is None and not self.seen.returned and retract.jump is not None:
-            samples = self.curve.piezo[self.curve.leg(True)]
-            if samples.size:
-                last, width = float(samples.min()), float(np.ptp(samples)) / samples.size
-                found.append(max(0.0, retract.jump.piezo + contact_point - last) / width)
-            else:
-                found.append(0.0)
-        elif self.seen.pull_off is None and not self.seen.returned:
-            found.append(0.0)
+        if self.seen.pull_off is None and not self.seen.returned:
+            samples, late = self.curve.piezo[self.curve.leg(True)], 0.0
+            if retract.jump is not None and samples.size:
+                late = (retract.jump.piezo + contact_point - samples.min()) * samples.size / float(np.ptp(samples))
+            found.append(max(0.0, late))
         return np.array(found)
 
 

@@ -14,17 +14,16 @@ other contact is traced each time.
 from __future__ import annotations
 
 import math
-from collections import OrderedDict
 from collections.abc import Callable, Mapping
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from contbranch.arrays import Array
-from contbranch.contact.contact import Contact
-from contbranch.contact.interaction_law import Interaction
+from contbranch.contact.contact import Contact, make
+from contbranch.contact.interaction_law import Interaction, terms_of
 from contbranch.contact.interactions import INTERACTIONS, MaugisDugdale
 from contbranch.contact.tips import Parabola
 from contbranch.continuation.walk import point_on
@@ -159,10 +158,10 @@ def _between(law: type[Interaction], sign: float, tabor: float, top: float) -> C
     first = min(max(math.floor(place) - NODES // 2 + 1, known[0]), known[-1] - NODES + 1)
     used = range(first, first + NODES)
     if abs(place - round(place)) < 1e-12:
-        rest = _node(law, sign, round(place), top)
+        rest = _node(law.name, sign, round(place), top)
     else:
         weights = [math.prod((place - other) / (node - other) for other in used if other != node) for node in used]
-        rest = np.sum([w * _node(law, sign, node, top) for w, node in zip(weights, used, strict=True)], axis=0)
+        rest = np.sum([w * _node(law.name, sign, node, top) for w, node in zip(weights, used, strict=True)], axis=0)
     y = _places(law, tabor, top, FINER)
     hertz = 4 / 3 * np.maximum(y, 0.0) ** 1.5
     return Curve(np.append(0.0, rest[0] + hertz), np.append(-_FAR, rest[1] + y))
@@ -180,14 +179,11 @@ def _reach(law: type[Interaction]) -> float:
     return 0.9 * float(law(1.0, 1.0).reach(0.5 * ACCURACY / (2 * math.pi)))
 
 
-def _node(law: type[Interaction], sign: float, node: int, top: float) -> Array:
-    """A table's curve at `FINER` places for each of its own, made once."""
-    key = law, sign, node, top
-    if key not in _NODES:
-        made, touch = _made(*key), PLACES[0] - 1
-        sides = _finer(made[:, : touch + 1]), _finer(made[:, touch:])
-        _NODES[key] = np.concatenate([sides[0], sides[1][:, 1:]], axis=1)
-    return _NODES[key]
+@cache
+def _node(law: str, sign: float, node: int, top: float) -> Array:
+    """A table's curve at `FINER` places for each of its own."""
+    made, touch = _made(INTERACTIONS[law], sign, node, top), PLACES[0] - 1
+    return np.concatenate([_finer(made[:, : touch + 1]), _finer(made[:, touch:])[:, 1:]], axis=1)
 
 
 def _finer(rows: Array, smooth: bool = True) -> Array:
@@ -197,9 +193,6 @@ def _finer(rows: Array, smooth: bool = True) -> Array:
     last = rows.shape[1] - 1
     spline = (CubicSpline if smooth else Akima1DInterpolator)(np.arange(last + 1), rows, axis=1)
     return np.asarray(spline(np.linspace(0, last, FINER * last + 1)))
-
-
-_NODES: dict[tuple[type[Interaction], float, int, float], Array] = {}
 
 
 def _made(law: type[Interaction], sign: float, node: int, top: float) -> Array:
@@ -276,30 +269,23 @@ def _joined(power: Array, rows: Array, place: Array) -> Array:
 
 
 # -- anything else ----------------------------------------------------------------------------------------------------
-_CURVES: OrderedDict[tuple[object, ...], Curve] = OrderedDict()
-
-
 def _traced(contact: Contact, largest: float) -> Curve:
     """The curve of a contact, traced; in reduced units, which keeps it when only the units change."""
-    scales = contact.scales
-    reduced = contact.to_reduced()
+    scales, reduced = contact.scales, contact.to_reduced()
     top = 10.0 ** math.ceil(math.log10(max(largest / scales.load, 10.0)))
-    law = reduced.interaction
-    key = (
-        *_rounded(reduced.tip.parameters()),
-        *(w for t in (law.terms if law else ()) for w in _rounded(t.parameters())),
-        top,
-    )
-    if key not in _CURVES:
-        rows = _rows(_track(reduced, COARSE, top))
-        _CURVES[key] = Curve(*_finer(rows[1:], smooth=False))
-        if len(_CURVES) > KEPT:
-            _CURVES.popitem(last=False)
-    return _CURVES[key].scaled(scales.load, scales.normal)
+    laws = sum(map(_rounded, terms_of(reduced.interaction))) or None
+    return _reduced(Contact(_rounded(reduced.tip), laws), top).scaled(scales.load, scales.normal)
 
 
-def _rounded(values: dict[str, object]) -> list[object]:
-    return [float(f"{value:.11g}") if isinstance(value, float) else value for value in values.values()]
+@lru_cache(maxsize=KEPT)
+def _reduced(contact: Contact, top: float) -> Curve:
+    return Curve(*_finer(_rows(_track(contact, COARSE, top))[1:], smooth=False))
+
+
+def _rounded(part: Any) -> Any:
+    """A tip or law whose numbers are rounded, so that another unit does not change them."""
+    values = part.parameters().items()
+    return make(type(part), {name: float(f"{v:.11g}") if isinstance(v, float) else v for name, v in values})
 
 
 def _track(contact: Contact, accuracy: float, top: float) -> Track:

@@ -24,7 +24,7 @@ from contbranch.output.plot_curve import COORDINATES, coordinate, smooth_line
 from contbranch.results.diagram import Branch, Diagram
 from contbranch.results.fit_map import FitMap
 from contbranch.results.loop import Hysteresis
-from contbranch.results.record import Result
+from contbranch.results.record import Result, given
 from contbranch.results.sweep import Sweep
 
 __all__ = ["page"]
@@ -154,7 +154,7 @@ class _Packed:
         columns: dict[str, list[Array]] = {"r": [], "gap": [], "pressure": []}
         counts, reach = [], 0.0
         for one, radius in zip(branch.profiles, branch.contact_radius, strict=True):
-            profile = one() if callable(one) else one
+            profile = given(one)
             beyond = np.flatnonzero(profile.gap > 1.25 * limit) if limit else np.zeros(0, int)
             last = min(int(beyond[0]) + 1 if beyond.size else len(profile.r), len(profile.r))
             last = max(last, 2)

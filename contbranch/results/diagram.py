@@ -16,7 +16,7 @@ from contbranch.contact.contact import Contact
 from contbranch.control import Control
 from contbranch.errors import InputError, ModelError
 from contbranch.results.profile import CellFields, ModeShape, Profile
-from contbranch.results.record import OBSERVABLES, Record, Result, described, late, record
+from contbranch.results.record import OBSERVABLES, Record, Result, described, given, late, record
 from contbranch.results.table import Table, joined, of_columns, of_records
 
 if TYPE_CHECKING:
@@ -99,7 +99,8 @@ class State(Record):
             raise InputError(
                 "state: it has no fields on a cell; solve with model=cb.Periodic(...) or cb.FreeSpace(...)"
             )
-        return self.in_cell() if callable(self.in_cell) else self.in_cell
+        cell: CellFields = given(self.in_cell)
+        return cell
 
     @property
     def r(self) -> Array:
@@ -266,7 +267,8 @@ class Event(Record):
     @cached_property
     def exponent(self) -> Exponent | None:
         """Critical exponent of a fold; computed when it is asked for, since it costs some tens of solutions."""
-        return self.critical() if callable(self.critical) else self.critical
+        exponent: Exponent | None = given(self.critical)
+        return exponent
 
 
 @record
@@ -307,7 +309,7 @@ class Branch(Record):
     displacement_error: Array
     profiles: Sequence[Profile | Callable[[], Profile]] = described(
         written=False,
-        computed=lambda branch: tuple(one() if callable(one) else one for one in branch.profiles),
+        computed=lambda branch: tuple(map(given, branch.profiles)),
         default=(),
     )
     cells: Sequence[CellFields | Callable[[], CellFields]] = described(
@@ -339,25 +341,22 @@ class Branch(Record):
         It is that of m = 1, which is the largest of all m ≥ 1; a state is stable to all of them if and only if it is
         below 1.
         """
-        return self.critical() if callable(self.critical) else self.critical
+        eigenvalue: Array | None = given(self.critical)
+        return eigenvalue
 
     def state(self, i: int) -> State:
         """Point `i` with its profile: r, gap, pressure and wall_pressure."""
-        profile: Profile | Callable[[], Profile] | None = self.profiles[i] if len(self.profiles) else None
+        names = (*OBSERVABLES, "energy", "unstable_load", "unstable_displacement")
+        known: dict[str, Any] = {name: getattr(self, name)[i].item() for name in names}
+        for name in ("unstable_spring", "unstable_azimuthal"):
+            if getattr(self, name) is not None:
+                known[name] = int(getattr(self, name)[i])
         return State(
-            load=float(self.load[i]),
-            displacement=float(self.displacement[i]),
-            contact_radius=float(self.contact_radius[i]),
-            central_gap=float(self.central_gap[i]),
-            energy=float(self.energy[i]),
-            unstable_load=int(self.unstable_load[i]),
-            unstable_displacement=int(self.unstable_displacement[i]),
+            **known,
             residual=0.0,
-            error={"load": float(self.load_error[i]), "displacement": float(self.displacement_error[i])},
-            profile=profile() if callable(profile) else profile,
+            error={name: float(getattr(self, f"{name}_error")[i]) for name in OBSERVABLES[:2]},
+            profile=given(self.profiles[i]) if len(self.profiles) else None,
             in_cell=self.cells[i] if len(self.cells) else None,
-            unstable_spring=None if self.unstable_spring is None else int(self.unstable_spring[i]),
-            unstable_azimuthal=0 if self.unstable_azimuthal is None else int(self.unstable_azimuthal[i]),
         )
 
     def unstable(self, control: str | Control) -> Integers:

@@ -13,7 +13,7 @@ from contbranch.contact.contact import Contact
 from contbranch.errors import InputError
 from contbranch.results.diagram import Cost
 from contbranch.results.loop import Hysteresis
-from contbranch.results.record import Record, Result, described, record
+from contbranch.results.record import Record, Result, described, given, record
 from contbranch.results.table import Table
 
 if TYPE_CHECKING:
@@ -136,7 +136,8 @@ class Fit(Result):
         """
         if self.traced is None:
             raise InputError("loop: the limits jkr and dmt have none; fit a law with a range")
-        return self.traced() if callable(self.traced) else self.traced
+        loop: Hysteresis = given(self.traced)
+        return loop
 
     def told(self) -> str:
         """The values that the data determine."""

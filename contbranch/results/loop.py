@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 from contbranch.arrays import AnyArray, Array, Integers
 from contbranch.contact.contact import Contact
 from contbranch.results.diagram import Cost, ModelChoice, State
-from contbranch.results.record import Record, Result, described, record
+from contbranch.results.record import Record, Result, described, given, record
 from contbranch.results.table import Table, of_columns
 
 if TYPE_CHECKING:
@@ -91,7 +91,8 @@ class Jump(Record):
         dV = F dd holds to their discretisation errors only, while `dissipated` needs the ends alone. None where there
         is no state after the jump, or no curve that joins it with the fold.
         """
-        return self._area() if callable(self._area) else self._area
+        area: float | None = given(self._area)
+        return area
 
 
 # The document's key is a keyword of the language, which only getattr can spell.
@@ -139,7 +140,8 @@ class Hysteresis(Result):
     @cached_property
     def area(self) -> float | None:
         """Work done by the drive over the closed loop, by quadrature along the stable legs; equals `dissipated`."""
-        return self._area() if callable(self._area) else self._area
+        area: float | None = given(self._area)
+        return area
 
     def told(self) -> str:
         """Its jumps and what they dissipate."""

@@ -28,6 +28,7 @@ __all__ = [
     "Result",
     "columns",
     "described",
+    "given",
     "key_of",
     "kind_of",
     "late",
@@ -97,6 +98,11 @@ def kind_of(item: Field[Any]) -> Any:
 def record(kind: type[Kind]) -> type[Kind]:
     """Make a class a dataclass, frozen and compared as `Record` says."""
     return dataclass(frozen=True, eq=False, repr=False)(kind)
+
+
+def given(value: Any) -> Any:
+    """What is given: as it is, or by what computes it."""
+    return value() if callable(value) else value
 
 
 class Late:

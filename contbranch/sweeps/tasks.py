@@ -17,7 +17,7 @@ from contbranch.errors import look_up
 from contbranch.output.document import plain
 from contbranch.results.diagram import Branch, Diagram, Event
 from contbranch.results.profile import Profile
-from contbranch.results.record import columns
+from contbranch.results.record import columns, given
 from contbranch.results.table import joined
 
 __all__ = ["KEEP", "Outcome", "Task", "Tracing", "key_of"]
@@ -114,7 +114,7 @@ class Tracing:
 def _points(branch: Branch, profiles: bool) -> dict[str, AnyArray]:
     """The columns of a branch, and those of its profiles with their lengths."""
     found = {f"point.{name}": getattr(branch, name) for name in _POINT if getattr(branch, name) is not None}
-    known: list[Profile] = [one() if callable(one) else one for one in branch.profiles] if profiles else []
+    known: list[Profile] = list(map(given, branch.profiles)) if profiles else []
     if known:
         found["point.nodes"] = np.array([len(one.r) for one in known])
         for name in ("r", "gap", "pressure", "wall_pressure"):

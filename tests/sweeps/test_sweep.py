@@ -15,6 +15,7 @@ from sweep_tasks import Number, Squares
 
 import contbranch as cb
 from contbranch.cli import main
+from contbranch.control import DISPLACEMENT
 from contbranch.sweeps.design import read_sweep
 
 FILM = cb.Contact.reduced(cb.Gauss, tabor=4.0, sign=-1)
@@ -68,7 +69,7 @@ def test_sweep_files_have_units_and_ranges(tmp_path: Path) -> None:
     design, settings = read_sweep(path)
     assert design.axes["tip.radius"] == pytest.approx((500.0, 1000.0, 2000.0), rel=1e-14)
     assert design.axes["interaction[0].range"] == (0.5, 1.0)
-    assert settings == {"task_limit": 100, "control": "displacement"}
+    assert settings == {"task_limit": 100, "control": DISPLACEMENT}
 
 
 def test_the_modulus_has_the_name_that_it_has_in_the_file(tmp_path: Path) -> None:
