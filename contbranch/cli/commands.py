@@ -506,44 +506,37 @@ def _outputs(asked: Values) -> list[tuple[str, Path]]:
 def _deliver(result: Result, asked: Values, places: Sequence[Place]) -> None:
     """Write and print a result as it was asked for; what cannot be written leaves the rest."""
     failures: list[InputError] = []
-
-    def stored(_: Place) -> bytes:
-        from contbranch.output.hdf5 import content
-
-        return content(result)
-
-    def text() -> str:
-        import json
-
-        return json.dumps(result.document(), allow_nan=False, ensure_ascii=False) + "\n"
-
-    def listed(place: Place) -> bytes:
-        from contbranch.output.tables import as_csv
-
-        return as_csv(result.table() if place.field == "--csv" else result.tables()["event"]).encode()
-
-    def drawn(place: Place) -> bytes:
-        from contbranch.output.plot import draw, figure_content
-
-        return figure_content(draw(result), place.path.suffix)
-
-    makers = {
-        "-o": stored,
-        "--json": lambda _: text().encode(),
-        "--csv": listed,
-        "--events-csv": listed,
-        "--plot": drawn,
-    }
-    for field, make in makers.items():  # first the one that holds everything
-        for place in places:
-            if place.field == field:
-                try:
-                    place.write(make(place))
-                except InputError as error:
-                    failures.append(error)
+    for place in sorted(places, key=lambda one: one.field != "-o"):  # first the one that holds everything
+        try:
+            place.write(_content(result, place))
+        except InputError as error:
+            failures.append(error)
     if asked.json == "-":
-        sys.stdout.write(text())
+        sys.stdout.write(_text(result))
     else:
         print(result)
     if failures:
         raise failures[0]
+
+
+def _content(result: Result, place: Place) -> bytes:
+    """What is written to a place."""
+    if place.field == "-o":
+        from contbranch.output.hdf5 import content
+
+        return content(result)
+    if place.field == "--json":
+        return _text(result).encode()
+    if place.field == "--plot":
+        from contbranch.output.plot import draw, figure_content
+
+        return figure_content(draw(result), place.path.suffix)
+    from contbranch.output.tables import as_csv
+
+    return as_csv(result.table() if place.field == "--csv" else result.tables()["event"]).encode()
+
+
+def _text(result: Result) -> str:
+    import json
+
+    return json.dumps(result.document(), allow_nan=False, ensure_ascii=False) + "\n"

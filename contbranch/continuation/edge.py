@@ -9,7 +9,6 @@ import numpy as np
 
 from contbranch.continuation.curve import Outcome, Point
 from contbranch.continuation.locate import find_root
-from contbranch.continuation.metric import Metric
 from contbranch.continuation.newton import CorrectionError, correct
 from contbranch.continuation.options import Options
 from contbranch.continuation.segment import Segment
@@ -87,15 +86,13 @@ def land(segment: Segment, edge: float, options: Options, beyond: float = 1.0) -
     def along(theta: float) -> float:
         return point_on(segment, theta, options)[0].parameter - edge
 
-    if (along(beyond) > 0) == (begin > 0):
-        raise CorrectionError(*_no_edge(edge))
-    theta = find_root(along, (0.0, begin), (beyond, along(beyond)))
+    last = along(beyond)
+    if (last > 0) == (begin > 0):
+        detail = f"(The edge {edge:.6g} of the parameter range was not found on the curve.)"
+        raise CorrectionError(Outcome.STEP_TOO_SMALL, detail)
+    theta = find_root(along, (0.0, begin), (beyond, last))
     point, bordered = point_on(segment, theta, options)
     return replace(point, parameter=edge, determinant_sign=bordered.determinant_sign(), label="edge")
-
-
-def _no_edge(edge: float) -> tuple[Outcome, str]:
-    return Outcome.STEP_TOO_SMALL, f"(The edge {edge:.6g} of the parameter range was not found on the curve.)"
 
 
 def closes(segment: Segment, start: Point, options: Options) -> Point | None:
@@ -103,7 +100,7 @@ def closes(segment: Segment, start: Point, options: Options) -> Point | None:
     problem = segment.begin.problem
     if start.x.shape != segment.begin.x.shape:
         return None
-    metric: Metric = segment.metric
+    metric = segment.metric
     away = metric.norm(problem, start.x - segment.begin.x, start.parameter - segment.begin.parameter)
     if away > 1.5 * segment.length:
         return None
@@ -113,14 +110,11 @@ def closes(segment: Segment, start: Point, options: Options) -> Point | None:
     x, p = segment.at(theta)
     if metric.norm(problem, start.x - x, start.parameter - p) > 0.2 * segment.length:
         return None
-    tangent = segment.direction(theta)
-    along = metric.dot(problem, *tangent, start.tangent_x, start.tangent_parameter)
-    if along <= 0.5 * metric.norm(problem, *tangent) * metric.norm(problem, start.tangent_x, start.tangent_parameter):
-        return None
     # The curve's own point in the plane through the start must be the start itself, not a neighbouring sheet.
-    row = (start.tangent_x, start.tangent_parameter)
-    unit = metric.norm(problem, *row)
-    offset = metric.dot(problem, start.x - x, start.parameter - p, *row) / unit**2
+    row = metric.unit(problem, start.tangent_x, start.tangent_parameter)
+    if metric.dot(problem, *metric.unit(problem, *segment.direction(theta)), *row) <= 0.5:
+        return None
+    offset = metric.dot(problem, start.x - x, start.parameter - p, *row)
     x, p = x + offset * row[0], p + offset * row[1]
     try:
         point, _ = corrected_point(problem, x, p, row, metric, options)

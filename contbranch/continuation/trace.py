@@ -77,7 +77,8 @@ def trace_curve(
             _check_shapes(problem, x, float(p0))
             start, balance = _start(problem, x, float(p0), interval, options)
         except CorrectionError as error:
-            end = End(Outcome.START_FAILED if error.outcome.complete else _at_start(error.outcome), error.detail)
+            told = error.outcome in (Outcome.NOT_FINITE, Outcome.EVALUATION_FAILED)
+            end = End(error.outcome if told else Outcome.START_FAILED, error.detail)
             return Curve((), (), (end, end))
         forward, backward = _both_directions(start, balance, interval, options, events, stop)
     return joined(start, forward, backward)
@@ -100,11 +101,6 @@ def _check_shapes(problem: Problem, x: Array, p: float) -> None:
     for name, value, wanted in (*parts, ("jacobian", at.jacobian, (x.size, x.size))):
         if np.shape(value) != wanted and getattr(value, "shape", ()) != wanted:
             raise InputError(f"{type(problem).__name__}.{name} has the shape {np.shape(value)}: return {wanted}.")
-
-
-def _at_start(outcome: Outcome) -> Outcome:
-    """Return the outcome of a failure at the start; a problem that raises or returns NaN is told apart."""
-    return outcome if outcome in (Outcome.NOT_FINITE, Outcome.EVALUATION_FAILED) else Outcome.START_FAILED
 
 
 def _start(problem: Problem, x: Array, p: float, interval: Range, options: Options) -> tuple[Point, Balance]:

@@ -102,7 +102,8 @@ class _Packed:
     def diagram(self, diagram: Diagram, contact: Contact | None, about: Mapping[str, Any]) -> dict[str, Any]:
         """What the page needs of a diagram."""
         controls = ["load", "displacement", *(["spring"] if diagram.stiffness else [])]
-        limit = _largest_gap(diagram.description)
+        ranges = [law.get("range", 0.0) for law in diagram.description.get("interaction", [])]
+        limit = _RANGES * float(max(ranges, default=0.0))  # of the gap; 0: whatever there is
         events = [
             {name: getattr(event, name) for name in ("kind", "control", "name", "position", "branch", *COORDINATES[:4])}
             | {"energy": coordinate(diagram, event, "energy") if len(diagram.branches) else None}
@@ -172,12 +173,6 @@ class _Packed:
         }
 
 
-def _largest_gap(description: Mapping[str, Any]) -> float:
-    """The largest gap that is shown; 0: whatever there is."""
-    ranges = [law.get("range", 0.0) for law in description.get("interaction", [])]
-    return _RANGES * float(max(ranges, default=0.0))
-
-
 def _of_sweep(sweep: Sweep, packed: _Packed) -> Iterator[dict[str, Any]]:
     from contbranch.output.sweep_file import diagram_of, records_of
 
@@ -185,14 +180,8 @@ def _of_sweep(sweep: Sweep, packed: _Packed) -> Iterator[dict[str, Any]]:
     for task, record in zip(sweep.tasks, records_of(sweep, range(len(sweep.tasks))), strict=True):
         about = {"parameters": task.parameters, "index": task.index}
         if task.status == "failed":
-            yield {
-                **about,
-                "status": task.status,
-                "message": task.message,
-                "branches": [],
-                "events": [],
-                "controls": [],
-            }
+            nothing = dict.fromkeys(("branches", "events", "controls"), ())
+            yield {**about, "status": task.status, "message": task.message, **nothing}
         else:
             contact = None
             with suppress(InputError):

@@ -278,7 +278,8 @@ def _draw_curve(
 ) -> None:
     """Draw the branches with their stability, mark the events and set limits and axis labels."""
     x, y = shown
-    reduced = _has_natural_units(diagram)
+    contact = diagram.contact
+    reduced = not diagram.unit_names and contact is not None and has_natural_units(contact)
     axes.set_xlabel(axis_label(x, diagram.unit_names, reduced))
     axes.set_ylabel(axis_label(y, diagram.unit_names, reduced))
     known = (axes.get_xlim(), axes.get_ylim()) if axes.get_lines() else None
@@ -302,11 +303,6 @@ def _draw_curve(
 
 def _lines(diagram: Diagram) -> list[Line]:
     return [smooth_line(diagram, number) for number in range(len(diagram.branches))]
-
-
-def _has_natural_units(diagram: Diagram) -> bool:
-    """Whether numbers are in the units R, E and |Δγ| of a parabola, which the axis labels then name."""
-    return not diagram.unit_names and diagram.contact is not None and has_natural_units(diagram.contact)
 
 
 def _draw_piece(axes: Axes, piece: Piece, style: dict[str, Any]) -> None:

@@ -145,7 +145,8 @@ def axis_label(name: str, unit_names: Mapping[str, str], natural: bool) -> str:
     if unit:
         return f"{words} ${symbol}$ ({unit})"
     if natural and reduced_unit:
-        return f"${symbol}\\,/\\,{_bracketed(reduced_unit)}$"
+        bracketed = reduced_unit if reduced_unit.startswith("(") else f"({reduced_unit})"
+        return f"${symbol}\\,/\\,{bracketed}$"
     return f"{words} ${symbol}$"
 
 
@@ -155,10 +156,6 @@ def has_natural_units(contact: Contact) -> bool:
         return False
     scales = contact.scales
     return bool(np.allclose([scales.in_plane, scales.normal, scales.modulus], 1.0, rtol=1e-12))
-
-
-def _bracketed(unit: str) -> str:
-    return unit if unit.startswith("(") else f"({unit})"
 
 
 def check_observables(x: str, y: str, stiffness: float | None) -> None:
@@ -183,13 +180,15 @@ def view(diagram: Diagram, lines: Sequence[Line], x: str, y: str) -> Limits | No
     bounds = {name for name in (x, y) if name not in ("contact_radius", "energy", *OF_SPRINGS)} | {"load"}
     windows = {name: _window(diagram, lines, name) for name in bounds}
     limits = []
+    inside = [np.logical_and.reduce([(low <= line.columns[name]) & (line.columns[name] <= high)
+                                     for name, (low, high) in windows.items()]) for line in lines]  # fmt: skip
     for name in (x, y):
-        seen = [line.columns[name][_inside(line, windows)] for line in lines]
+        seen = [line.columns[name][shown] for line, shown in zip(lines, inside, strict=True)]
         values = np.concatenate([*seen, _event_values(diagram, name)])
         low, high = float(np.nanmin(values)), float(np.nanmax(values))
         margin = _MARGIN * ((high - low) or abs(high) or 1.0)
         limits.append((low - margin, high + margin))
-    return Limits(limits[0], limits[1])
+    return Limits(*limits)
 
 
 def _positions(diagram: Diagram, number: int) -> list[float]:
@@ -222,14 +221,6 @@ def _core(line: Line, positions: Sequence[float]) -> Flags:
     if crossing.size:
         first, last = min(first, line.position[crossing[0]]), max(last, line.position[crossing[-1] + 1])
     return np.asarray((line.position >= first) & (line.position <= last))
-
-
-def _inside(line: Line, windows: Mapping[str, tuple[float, float]]) -> Flags:
-    """Return which points lie in all windows."""
-    inside = np.ones(len(line.position), dtype=bool)
-    for name, (low, high) in windows.items():
-        inside &= (line.columns[name] >= low) & (line.columns[name] <= high)
-    return inside
 
 
 class _PlainTicks(ScalarFormatter):

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any, Final, NamedTuple
 
-from contbranch.results.advice import Advice, Candidate
+from contbranch.results.advice import Advice
 from contbranch.results.diagram import Diagram, Event, Solution, State
 from contbranch.results.equilibria import Equilibria
 from contbranch.results.fit import Fit, unit_of_value
@@ -88,18 +88,15 @@ def _diagram(diagram: Diagram, units: Mapping[str, str]) -> Parts:
     single = [branch.state(0) for branch in diagram.branches if len(branch) == 1]
     if single:  # saved by solve
         yield _states(single, units)
-    if diagram.thresholds:
-        middle = ["uncertainty"] if diagram.uncertainties else []
-        last = ["unit"] if units else []
-        yield Cells(["threshold", "value", *middle, *last], list(_thresholds(diagram, units)))
-
-
-def _thresholds(diagram: Diagram, units: Mapping[str, str]) -> Iterator[list[str]]:
+    spread = diagram.uncertainties or {}
+    rows = []
     for name, value in diagram.thresholds.items():
         what = quantity(name)
         errors = (event.error.get(what) for event in diagram.events if getattr(event, what, None) == value)
-        spread = [f"{diagram.uncertainties[name]:.3g}"] if diagram.uncertainties else []
-        yield [name.replace("_", " "), with_error(value, next(errors, None)), *spread, units.get(what, "")]
+        own = [f"{spread[name]:.3g}"] if spread else []
+        rows.append([name.replace("_", " "), with_error(value, next(errors, None)), *own, units.get(what, "")])
+    if rows:
+        yield Cells(["threshold", "value", *(["uncertainty"] if spread else []), *(["unit"] if units else [])], rows)
 
 
 def _states(states: Sequence[State], units: Mapping[str, str]) -> Cells:
@@ -148,17 +145,13 @@ def _followed(followed: Followed, units: Mapping[str, str]) -> Parts:
 
 def _advice(advice: Advice, units: Mapping[str, str]) -> Parts:
     names = [name.replace("_", " ") for name in advice.thresholds]
-    rows = [
-        [one.model, *(_error_of(one, name) for name in advice.thresholds), f"{one.seconds:.2g}"]
-        for one in advice.candidates
-    ]
+    rows = []
+    for one in advice.candidates:
+        errors = [one.errors.get(name) for name in advice.thresholds]
+        told = ["none" if error is None else f"{error:.1e}" for error in errors]
+        rows.append([one.model, *told, f"{one.seconds:.2g}"])
     yield Cells(["candidate", *(f"error of {name}" for name in names), "seconds"], rows)
     yield f"Take {advice.chosen}. {advice.why}"
-
-
-def _error_of(candidate: Candidate, name: str) -> str:
-    error = candidate.errors.get(name)
-    return "none" if error is None else f"{error:.1e}"
 
 
 def _sweep(sweep: Sweep, units: Mapping[str, str]) -> Parts:

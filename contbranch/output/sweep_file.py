@@ -189,7 +189,9 @@ def _sweep(file: h5py.File, path: Path) -> Sweep:
     mode = str(file.attrs["mode"])
     axes = {name: tuple(file[name][()].tolist()) for name in names}
     known = {*names, *_ABOUT, "task", "description", "unit_names", _GROUP}
-    found = {name: file[name][()].ravel().tolist() for name in file if name not in known or name in _ABOUT}
+    data = {name: file[name] for name in file if name not in known or name in _ABOUT}
+    data = {name: one.asstr() if one.dtype.kind == "O" else one for name, one in data.items()}
+    found = {name: one[()].ravel().tolist() for name, one in data.items()}
     thresholds = sorted(set(found) - set(_ABOUT))
     count = len(found["status"])
     shape = tuple(map(len, axes.values()))
@@ -197,7 +199,7 @@ def _sweep(file: h5py.File, path: Path) -> Sweep:
     tasks = []
     for index in range(count):
         at = np.broadcast_to(places[index], len(names))
-        about = {name: _text(found[name][index]) for name in _ABOUT}
+        about = {name: found[name][index] for name in _ABOUT}
         values = {name: found[name][index] for name in thresholds if found[name][index] == found[name][index]}
         parameters = {name: axes[name][k] for name, k in zip(names, at, strict=True)}
         tasks.append(SweepTask(index=index, parameters=parameters, thresholds=values, **about))
@@ -216,10 +218,6 @@ def _sweep(file: h5py.File, path: Path) -> Sweep:
         message=str(file.attrs["message"]),
         **described,
     )
-
-
-def _text(value: Any) -> Any:
-    return value.decode() if isinstance(value, bytes) else value
 
 
 def rebuilt(description: Mapping[str, Any]) -> Contact | None:
