@@ -6,7 +6,6 @@ import math
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
-from typing import Final
 
 import numpy as np
 
@@ -37,7 +36,7 @@ REACHES, DIGIT = 1e-11, 1.12
 # A contact is near a limit whose pull-off load is off by less; a theory that is better than this is recommended.
 NEAR, ENOUGH = 0.05, 0.01
 
-LOST: Final = ("pull_off", "jump_in", "squeeze_out", "wetting")
+LOST = ("pull_off", "jump_in", "squeeze_out", "wetting")
 
 Thresholds = Mapping[str, float]
 Judged = Mapping[str, tuple[float, float]]
@@ -196,7 +195,7 @@ def _jkr(contact: Contact) -> Thresholds | None:
     }
 
 
-_THEORIES: Final[dict[str, tuple[Theory, str]]] = {
+_THEORIES: dict[str, tuple[Theory, str]] = {
     "hertz": (_hertz, "Without interaction there are no folds."),
     "dmt": (_dmt, "The limit of an interaction of long range on a stiff solid."),
     "jkr": (_jkr, "The limit of an interaction of short range on a soft solid."),

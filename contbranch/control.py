@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Any, Final, Literal
+from typing import Any, Literal
 
 from contbranch.contact.units import PHYSICAL, Units, parse, positive_number
 from contbranch.errors import InputError, nearest
@@ -107,8 +107,8 @@ class Control:
         return f"spring:{self.stiffness:g}" if self.kind == "spring" else self.kind
 
 
-LOAD: Final = Control("load", 0.0)
-DISPLACEMENT: Final = Control("displacement", math.inf)
+LOAD = Control("load", 0.0)
+DISPLACEMENT = Control("displacement", math.inf)
 
 
 def as_control(control: object, units: Units = PHYSICAL, field: str = "control") -> Control:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
@@ -10,9 +10,9 @@ from contbranch.errors import InputError
 
 __all__ = ["GRID_MODELS", "LEAST_GRID", "MODELS", "grid_points", "named_model", "nearest_fast"]
 
-LEAST_GRID: Final = 8
-GRID_MODELS: Final = ("periodic", "free")
-MODELS: Final = ("auto", "exact", "axisymmetric", *GRID_MODELS)
+LEAST_GRID = 8
+GRID_MODELS = ("periodic", "free")
+MODELS = ("auto", "exact", "axisymmetric", *GRID_MODELS)
 
 
 def named_model(name: str, cell: float | None = None, grid: int | None = None) -> Any:

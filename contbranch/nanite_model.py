@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from inspect import Parameter, Signature
 from types import SimpleNamespace
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
@@ -26,10 +26,10 @@ from contbranch.threads import one_thread
 __all__ = ["adhesive_force", "get_parameter_defaults", "model_func", "model_of", "residual"]
 
 # Laws, and what nanite calls their models.
-LAWS: Final = {"maugis-dugdale": "contbranch_md", "exponential": "contbranch_exp", "van-der-waals": "contbranch_vdw"}
-_WORDS: Final = "Parabola with {} adhesion of finite range, {}"
+LAWS = {"maugis-dugdale": "contbranch_md", "exponential": "contbranch_exp", "van-der-waals": "contbranch_vdw"}
+_WORDS = "Parabola with {} adhesion of finite range, {}"
 # Parameters: name, unit, start and least value; what is not varied by default.
-_PARAMETERS: Final = {
+_PARAMETERS = {
     "E": ("Young's Modulus", "Pa", 3e3, 1.0),
     "R": ("Tip Radius", "m", 10e-6, 1e-12),
     "nu": ("Poisson's Ratio", "", 0.5, 0.0),
@@ -38,7 +38,7 @@ _PARAMETERS: Final = {
     "w": ("Work of Adhesion", "J/m²", 1e-4, 1e-12),
     "z0": ("Range of Adhesion", "m", 10e-9, 1e-12),
 }
-_HELD: Final = ("R", "nu")
+_HELD = ("R", "nu")
 
 
 @one_thread
@@ -112,7 +112,7 @@ def model_of(law: str = "maugis-dugdale", retract: bool = False) -> Any:
 
 
 # The module is itself what `register_model` takes.
-_default: Final = model_of()
+_default = model_of()
 model_doc, model_key, model_name = _default.model_doc, _default.model_key, _default.model_name
 model_func, residual = _default.model_func, _default.residual
 parameter_keys, parameter_names = _default.parameter_keys, _default.parameter_names

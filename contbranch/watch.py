@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from contextvars import ContextVar
 from time import perf_counter
-from typing import Final, TypeVar
+from typing import TypeVar
 
 from contbranch.errors import ModelError, Stop
 
@@ -40,16 +40,16 @@ Progress = Callable[[float, str], None]
 Kind = TypeVar("Kind")
 
 # Seconds without news after which what was said last is said again, so that the callback is asked.
-SILENCE: Final = 0.2
+SILENCE = 0.2
 # Whose frames tell nothing of whose fault an error is.
-_OURS: Final = ("contbranch", "numpy", "scipy", "pyfftw")
+_OURS = ("contbranch", "numpy", "scipy", "pyfftw")
 
 
 class Interruption(BaseException):
     """A computation ends with what it has. No `Exception`: those are taken for failures of what is evaluated."""
 
 
-INTERRUPTIONS: Final = (Interruption, KeyboardInterrupt)
+INTERRUPTIONS = (Interruption, KeyboardInterrupt)
 
 
 class Watch:

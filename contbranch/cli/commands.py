@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from optparse import HelpFormatter, OptionParser, Values
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, NamedTuple, NoReturn
+from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 
 from contbranch.cli import INTERRUPTED, interrupts
 from contbranch.errors import InputError, ModelError
@@ -28,12 +28,12 @@ if TYPE_CHECKING:
 
 __all__ = ["run"]
 
-COMPLETE: Final = 0
-INCOMPLETE: Final = 1
-WRONG_INPUT: Final = 2
+COMPLETE = 0
+INCOMPLETE = 1
+WRONG_INPUT = 2
 
 # The value's name (none: a switch) and what it means.
-_OPTIONS: Final = {
+_OPTIONS = {
     "--interaction": ("NAME", "Instead of CONTACT: the law of a contact in reduced units."),
     "--tabor": ("X", "Its Tabor coefficient."),
     "--repulsive": ("", "The law repels."),
@@ -66,16 +66,16 @@ _OPTIONS: Final = {
     "-o --output": ("FILE.h5", "Save arrays and profiles."),
     "-o --page": ("FILE.html", "Write the page."),
 }
-_SHARED: Final = tuple(_OPTIONS)[:8]
-_SUFFIXES: Final = {
+_SHARED = tuple(_OPTIONS)[:8]
+_SUFFIXES = {
     "--json": ".json",
     "--csv": ".csv",
     "--events-csv": ".csv",
     "--plot": ".pdf, .png or .svg",
     "-o": ".h5 or .hdf5",
 }
-_SWEEPING: Final = ("--workers", "--scheduler", "--resume", "--retry")
-_OUTPUTS: Final = ("--time-limit", "--json", "--csv", "--plot", "-o --output")
+_SWEEPING = ("--workers", "--scheduler", "--resume", "--retry")
+_OUTPUTS = ("--time-limit", "--json", "--csv", "--plot", "-o --output")
 
 
 class _Parser(OptionParser):
@@ -291,7 +291,7 @@ def _view(asked: Values) -> Result:
     return result
 
 
-COMMANDS: Final = {
+COMMANDS = {
     "trace": Command(_trace, (*_SHARED, "--max-load", "--uncertainty", *_OUTPUTS, "--events-csv")),
     "solve": Command(_solve, (*_SHARED, "--load", "--displacement", "--all", *_OUTPUTS)),
     "loop": Command(_loop, (*_SHARED, "--max-load", *_OUTPUTS)),

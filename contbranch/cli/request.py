@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from optparse import Values
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 from contbranch.contact.contact import Contact
 from contbranch.contact.family import dimension_of
@@ -29,7 +29,7 @@ __all__ = [
     "whole_number",
 ]
 
-_LOWEST: Final = ("pull-off", "wetting")
+_LOWEST = ("pull-off", "wetting")
 
 
 @dataclass(frozen=True)

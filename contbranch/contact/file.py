@@ -43,7 +43,7 @@ import re
 import tomllib
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 from contbranch.contact.contact import Contact, dimensions, make
 from contbranch.contact.height_map import HeightMap
@@ -59,16 +59,16 @@ from contbranch.grid_size import MODELS, grid_points
 
 __all__ = ["parsed", "read_contact"]
 
-_TABLES: Final = ("tip", "material", "interaction", "trace", "sweep")
+_TABLES = ("tip", "material", "interaction", "trace", "sweep")
 # The dimension of a table's unit, by its key.
-_UNITS: Final = {
+_UNITS = {
     "length_unit": "length",
     "pressure_unit": "pressure",
     "energy_unit": "energy per area",
     "unit": "length",
 }
-_HEIGHT_MAP: Final = ("file", "dataset", "cell", "unit", "peaks", "radius", "grey", "detrend", "window")
-_HEIGHT_MAP_KINDS: Final = (
+_HEIGHT_MAP = ("file", "dataset", "cell", "unit", "peaks", "radius", "grey", "detrend", "window")
+_HEIGHT_MAP_KINDS = (
     ("file", str, '"heights.npy"'),
     ("dataset", str, '"heights"'),
     ("peaks", bool, "true"),

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import InitVar, asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar, Final
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,8 +22,8 @@ from contbranch.errors import InputError
 
 __all__ = ["HeightMap"]
 
-_ROUNDING: Final = 8.0 * np.finfo(float).eps
-_SAME_CELL: Final = 1e-9  # relative
+_ROUNDING = 8.0 * np.finfo(float).eps
+_SAME_CELL = 1e-9  # relative
 
 
 @dataclass(frozen=True, eq=False)
@@ -331,7 +331,7 @@ class HeightMap(TipShape):
         self.heights.setflags(write=False)  # which copies and pickles of an array forget
 
 
-_READING: Final = ("dataset", "unit", "peaks", "grey", "detrend", "window")
+_READING = ("dataset", "unit", "peaks", "grey", "detrend", "window")
 
 
 def _power_of_two(number: int) -> bool:

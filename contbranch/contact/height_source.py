@@ -6,7 +6,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
@@ -16,12 +16,12 @@ from contbranch.errors import InputError, look_up
 
 __all__ = ["LEAST_POINTS", "Source"]
 
-LEAST_POINTS: Final = 8
-_AGREE: Final = 1e-9  # relative; edges that differ by no more are the same
+LEAST_POINTS = 8
+_AGREE = 1e-9  # relative; edges that differ by no more are the same
 # Degree of the polynomial that is subtracted.
-_TRENDS: Final = {"plane": 1, "paraboloid": 2}
-_IMAGES: Final = (".png", ".tif", ".tiff", ".bmp", ".gif", ".jpg", ".jpeg")
-_KINDS: Final = "a .npy, HDF5 or text file with real numbers, or a grey image"
+_TRENDS = {"plane": 1, "paraboloid": 2}
+_IMAGES = (".png", ".tif", ".tiff", ".bmp", ".gif", ".jpg", ".jpeg")
+_KINDS = "a .npy, HDF5 or text file with real numbers, or a grey image"
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field, fields
-from typing import Any, ClassVar, Final, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,9 +20,9 @@ __all__ = ["Evaluated", "Interaction", "Response", "Sum", "places_of", "terms_of
 
 # Gaps beyond this many ranges (infinite ones too, outside a tip of finite extent) are taken as this many: every power
 # that the shapes form of it is still a finite number.
-_FAR: Final = 1e50
+_FAR = 1e50
 # Gaps tried at once in the search for a law's reach.
-_CHUNK: Final = 40
+_CHUNK = 40
 
 
 class Response(NamedTuple):
@@ -185,7 +185,7 @@ def _tail_rule() -> tuple[Array, Array]:
     return np.concatenate([inner, last / x]), np.concatenate([(width * w).ravel(), last * w / x**2])
 
 
-_TAIL_RULE: Final = _tail_rule()
+_TAIL_RULE = _tail_rule()
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import ClassVar, Final
+from typing import ClassVar
 
 import numpy as np
 import scipy
@@ -308,6 +308,6 @@ class Tabulated(Evaluated):
         return Tabulated(gaps, divided(self.energies, energy), divided(self.pressures, energy / normal))
 
 
-INTERACTIONS: Final[Mapping[str, type[Interaction]]] = {
+INTERACTIONS: Mapping[str, type[Interaction]] = {
     law.name: law for law in (Exponential, Gauss, VanDerWaals, InverseSquare, MaugisDugdale, Layered, Tabulated)
 }

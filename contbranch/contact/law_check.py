@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from typing import Final
 
 import numpy as np
 
@@ -15,12 +14,12 @@ from contbranch.errors import InputError
 __all__ = ["check_laws"]
 
 # Gaps in ranges, and the distance over which differences are taken.
-GAPS: Final = (0.0, 0.1, 0.2, 0.4, 0.7, 1.0, 1.5, 2.2, 3.3, 5.0)
-STEP: Final = 1e-4
+GAPS = (0.0, 0.1, 0.2, 0.4, 0.7, 1.0, 1.5, 2.2, 3.3, 5.0)
+STEP = 1e-4
 # What a derivative may differ from differences, relative to itself and to the largest of all.
-SHARE: Final = 1e-4
+SHARE = 1e-4
 # What f(0) may differ from 1.
-UNIT: Final = 1e-6
+UNIT = 1e-6
 
 
 def check_laws(interaction: Interaction | None) -> None:

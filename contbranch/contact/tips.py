@@ -9,7 +9,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import ClassVar, Final
+from typing import ClassVar
 
 import numpy as np
 import scipy
@@ -362,7 +362,7 @@ def _root(square: Array) -> Array:
     return np.asarray(np.sqrt(np.maximum(1.0 - square, 0.0)))
 
 
-_SHAPES: Final[tuple[type[TipShape], ...]] = (
+_SHAPES: tuple[type[TipShape], ...] = (
     Parabola,
     Cone,
     PowerLaw,
@@ -371,4 +371,4 @@ _SHAPES: Final[tuple[type[TipShape], ...]] = (
     EllipticParaboloid,
     HeightMap,
 )
-TIPS: Final[Mapping[str, type[TipShape]]] = {shape.name: shape for shape in _SHAPES}
+TIPS: Mapping[str, type[TipShape]] = {shape.name: shape for shape in _SHAPES}

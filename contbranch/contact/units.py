@@ -11,7 +11,7 @@ import math
 import re
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, Final, TypeVar
+from typing import Any, TypeVar
 
 from contbranch.arrays import Array
 from contbranch.errors import InputError, look_up
@@ -33,7 +33,7 @@ __all__ = [
 Value = TypeVar("Value", float, Array)
 
 # dimension -> (unit of the document, the same for pint, an example of a right value)
-_DIMENSIONS: Final[dict[str, tuple[str, str, str]]] = {
+_DIMENSIONS: dict[str, tuple[str, str, str]] = {
     "length": ("nm", "nm", "'1 um'"),
     "force": ("nN", "nN", "'5 nN'"),
     "pressure": ("nN/nm²", "nN/nm**2", "'5 GPa'"),
@@ -44,13 +44,13 @@ _DIMENSIONS: Final[dict[str, tuple[str, str, str]]] = {
     "dimensionless": ("", "dimensionless", "0.5"),
 }
 
-_QUANTITY: Final = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\s\d.+-].*?)?\s*")
+_QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\s\d.+-].*?)?\s*")
 
 
 # Powers of ten, newton and metre of the units of lengths, forces, pressures and energies, with their prefixes.
-_SYMBOLS: Final = {"m": (0, 0, 1), "N": (0, 1, 0), "Pa": (0, 1, -2), "J": (0, 1, 1)}
-_PREFIXES: Final = {"a": -18, "f": -15, "p": -12, "n": -9, "u": -6, "µ": -6, "μ": -6, "m": -3, "c": -2, "": 0, "k": 3}
-_POWERS: Final = {
+_SYMBOLS = {"m": (0, 0, 1), "N": (0, 1, 0), "Pa": (0, 1, -2), "J": (0, 1, 1)}
+_PREFIXES = {"a": -18, "f": -15, "p": -12, "n": -9, "u": -6, "µ": -6, "μ": -6, "m": -3, "c": -2, "": 0, "k": 3}
+_POWERS = {
     **{
         prefix + symbol: (ten + power, *dimension)
         for prefix, power in {**_PREFIXES, "M": 6, "G": 9, "T": 12}.items()
@@ -59,7 +59,7 @@ _POWERS: Final = {
     **dict.fromkeys(("angstrom", "Angstrom", "ångström", "Ångström"), (-10, 0, 1)),
     "Å": (-10, 0, 1),
 }
-_WRITTEN: Final = {"**": "^", "⁻¹": "^-1", "⁻²": "^-2", "²": "^2", "³": "^3", "·": "*"}
+_WRITTEN = {"**": "^", "⁻¹": "^-1", "⁻²": "^-2", "²": "^2", "³": "^3", "·": "*"}
 
 
 @cache
@@ -240,8 +240,8 @@ class Units:
         raise InputError(f"{field}: {value!r}; the contact is in reduced units: give a bare number")
 
 
-REDUCED: Final = Units("reduced")
-PHYSICAL: Final = Units("physical")
+REDUCED = Units("reduced")
+PHYSICAL = Units("physical")
 
 
 @dataclass(frozen=True)
@@ -299,7 +299,7 @@ class Scales:
 
 
 # (43)-(46): one Maugis unit in reduced units. Maugis takes πΔγ for Δγ and 4E/3 (misprinted 3E/4) for E.
-_MAUGIS: Final[dict[str, float]] = {
+_MAUGIS: dict[str, float] = {
     "tabor": (2.0 * math.pi / 9.0) ** (1.0 / 3.0),
     "contact_radius": (3.0 * math.pi / 4.0) ** (1.0 / 3.0),
     "displacement": (3.0 * math.pi / 4.0) ** (2.0 / 3.0),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,14 +21,14 @@ __all__ = ["energy_pole", "notes", "warn_of_units"]
 
 # Slope of the tip at the rim of the contact, a/R of a parabola, beyond which strains are not small. A sphere bears
 # 3.8 % more than a parabola there: of what the theory neglects this is the part that is easily known.
-STEEPEST: Final = 0.3
+STEEPEST = 0.3
 # Radii, in units of the tip's own, at which v r² is compared with itself farther out.
-FAR: Final = 1e12
+FAR = 1e12
 # Diameter of the smallest atom, nm.
-ATOM: Final = 0.1
+ATOM = 0.1
 # Lengths in nm and moduli in nN/nm² (GPa) that nothing has: diamond has 1100 GPa.
-SHORTEST: Final = 1e-3
-STIFFEST: Final = 5e3
+SHORTEST = 1e-3
+STIFFEST = 5e3
 
 
 def _named(contact: Contact) -> Iterator[tuple[str, Any]]:

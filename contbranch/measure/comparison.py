@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any, Final, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,12 +22,12 @@ from contbranch.measure.reduced import Curve
 __all__ = ["Comparison", "Leg", "ModelJump", "legs"]
 
 # Samples just before a jump that are left out: the slope is all but infinite there, and the jump has its place.
-STEEP: Final = 2
+STEEP = 2
 # Jumps below this multiple of the noise have no place in a curve.
-SMALL: Final = 2.0
+SMALL = 2.0
 # An extremum of z is a corner where its steps on the flat side are below this share of that on the steep one; those of
 # a parabola are at least as large together.
-CORNER: Final = 0.3
+CORNER = 0.3
 
 
 class ModelJump(NamedTuple):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 
@@ -17,11 +16,11 @@ __all__ = ["Features", "MeasuredJump", "features"]
 # A jump takes so many samples at most, is so many times larger than noise, and than steps beside it.
 SAMPLES, ABOVE_NOISE, ABOVE_STEPS = 3, 8.0, 5.0
 # Steps beside a jump are those this near to it.
-BESIDE: Final = 12
+BESIDE = 12
 # Adhesion and contact are seen where the force leaves the baseline by so many times the noise.
-SEEN: Final = 6.0
+SEEN = 6.0
 # Noise is taken to be at least this share of the range of forces: numbers in files are rounded.
-QUIET: Final = 2e-5
+QUIET = 2e-5
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from time import perf_counter
-from typing import Final
 
 import numpy as np
 import scipy
@@ -35,17 +34,17 @@ from contbranch.watch import INTERRUPTIONS, Progress, caught, check, finishing, 
 __all__ = ["COMPARED", "fit", "named"]
 
 # Laws that are compared.
-COMPARED: Final = ("maugis-dugdale", "exponential", "van-der-waals", *LIMITS)
+COMPARED = ("maugis-dugdale", "exponential", "van-der-waals", *LIMITS)
 # Tabor coefficients from which fits start, where the range is free; and factors of the modulus otherwise.
 STARTS, FACTORS = (0.2, 0.8, 3.0, 12.0), (0.2, 1.0, 5.0)
 # Contact points that are tried.
-PLACES: Final = 24
+PLACES = 24
 # Samples of a leg while starts are tried, the evaluations they may take, and those of the last fit.
 FEW, TRIED, MOST = 250, 40, 120
 # Starts that are followed to their end: the best ones, as far as their sums of squares are within this factor.
 BEST, WITHIN = 2, 3.0
 # Residuals beyond so many standard deviations count less.
-ROBUST: Final = 3.0
+ROBUST = 3.0
 # Where the residuals' standard deviation exceeds the noise by this, or their correlation length a sample, the model is
 # not the curve's, and weights are those of residuals with that deviation and correlation.
 MISFIT, LONG = 1.25, 2.0
@@ -55,19 +54,19 @@ KNOWN, TIED, PLACED = 0.2, 0.98, 0.3
 # Unknowns with larger errors (of their logarithm) are held at other values, a range at so many between its bounds.
 SHARP, GRID, HELD = 0.04, 6, 1e-7
 # Criterion above the best law's at which a law is as good as excluded.
-EXCLUDED: Final = 10.0
+EXCLUDED = 10.0
 # Change of the sum of squares by which two minima are told apart.
-TOLD: Final = 9.0
+TOLD = 9.0
 # Relative steps of derivatives.
-STEP: Final = 3e-4
+STEP = 3e-4
 # A contact that takes a part of the spring's motion: slope in contact over the stiffness.
-COMPLIANT: Final = 0.8
+COMPLIANT = 0.8
 # A slope in contact that no contact on the spring has, over the stiffness.
-STIFFER: Final = 1.25
+STIFFER = 1.25
 # Residuals beside the noise that are larger than this share of the pull-off, or of a fifth of the largest force.
-ELSEWHERE: Final = 0.1
+ELSEWHERE = 0.1
 # Jumps agree within this share of the force.
-AGREE: Final = 0.05
+AGREE = 0.05
 
 
 @one_thread

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from hashlib import sha256
-from typing import Any, Final, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,14 +17,14 @@ from contbranch.errors import InputError
 __all__ = ["COLUMNS", "ForceCurve"]
 
 # What a curve can be made of, and its dimension.
-COLUMNS: Final = {"piezo": "length", "tip": "length", "force": "force", "deflection": "length"}
+COLUMNS = {"piezo": "length", "tip": "length", "force": "force", "deflection": "length"}
 # Legs with fewer samples than this say nothing.
-LEAST: Final = 8
+LEAST = 8
 # Columns that change by less than this (nm, nN) are in metres and newtons.
-METRES: Final = {"piezo": 0.1, "tip": 0.1, "force": 1e-5, "deflection": 1e-4}
+METRES = {"piezo": 0.1, "tip": 0.1, "force": 1e-5, "deflection": 1e-4}
 # A drive that moves steadily: the median of its ways in parts of a leg as a share of their mean.
-STEADY: Final = 0.2
-WORDS: Final = ("approach", "retract")
+STEADY = 0.2
+WORDS = ("approach", "retract")
 
 
 @dataclass(frozen=True, eq=False)

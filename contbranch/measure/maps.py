@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar, Final
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -26,10 +26,10 @@ from contbranch.watch import Progress
 
 __all__ = ["Fitting", "fit_map"]
 
-_FITTING: Final = ("fixed", "spring", "law")
-_SWEEPING: Final = ("workers", "retry", "time_limit")
+_FITTING = ("fixed", "spring", "law")
+_SWEEPING = ("workers", "retry", "time_limit")
 # What names a place: rows with columns, or a number alone.
-_PLACES: Final = (("y", "x"), ("row", "column"))
+_PLACES = (("y", "x"), ("row", "column"))
 
 
 @dataclass(frozen=True)

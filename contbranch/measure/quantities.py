@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final
 
 import numpy as np
 
@@ -17,8 +16,8 @@ from contbranch.measure.reduced import TABOR, tabulated
 
 __all__ = ["LINE", "NARROW", "Problem", "State"]
 
-LINE: Final = ("contact_point", "baseline", "tilt")
-INSTRUMENT: Final = ("spring", "sensitivity")
+LINE = ("contact_point", "baseline", "tilt")
+INSTRUMENT = ("spring", "sensitivity")
 # Factors from the first guess within which a positive number may lie.
 WIDE, NARROW = 1e3, 5.0
 

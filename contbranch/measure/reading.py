@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
@@ -19,12 +19,12 @@ from contbranch.measure.force_curve import COLUMNS, ForceCurve
 
 __all__ = ["Unread", "curves_in", "read_force_curve", "read_force_curves"]
 
-_POSITION: Final[tuple[str, ...]] = ("x", "y")
-_HEADING: Final = re.compile(r"\s*(\w+)\s*(?:[\[(]\s*([^\])]*?)\s*[\])])?\s*")
-_TEXTS: Final = (".csv", ".txt", ".tsv", ".dat")
-_INSTRUMENTS: Final = (".ibw", ".jpk-force", ".jpk-force-map", ".jpk-qi-data", ".jpk-qi-series", ".h5", ".tab", ".zip")
+_POSITION: tuple[str, ...] = ("x", "y")
+_HEADING = re.compile(r"\s*(\w+)\s*(?:[\[(]\s*([^\])]*?)\s*[\])])?\s*")
+_TEXTS = (".csv", ".txt", ".tsv", ".dat")
+_INSTRUMENTS = (".ibw", ".jpk-force", ".jpk-force-map", ".jpk-qi-data", ".jpk-qi-series", ".h5", ".tab", ".zip")
 # Places in a map that are said in names of files.
-_NAMED: Final = (
+_NAMED = (
     (re.compile(r"(?:^|[^a-z])x[-_ ]?(\d+).*?y[-_ ]?(\d+)", re.IGNORECASE), ("column", "row")),
     (re.compile(r"(?:^|[^a-z])r(?:ow)?[-_ ]?(\d+).*?c(?:ol(?:umn)?)?[-_ ]?(\d+)", re.IGNORECASE), ("row", "column")),
 )

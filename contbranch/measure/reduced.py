@@ -17,7 +17,7 @@ import math
 from collections.abc import Callable, Mapping
 from functools import cache, lru_cache
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -39,25 +39,25 @@ from contbranch.theory._dugdale import Zone
 __all__ = ["LIMITS", "SHIPPED", "TABOR", "TOP", "Curve", "curve_of", "nodes", "tabulated", "traced_node"]
 
 # Tabor coefficients between which curves are tabulated, and their ratio from one to the next.
-TABOR: Final = (0.0302, 24.5)
-RATIO: Final = math.exp(0.2)
+TABOR = (0.0302, 24.5)
+RATIO = math.exp(0.2)
 # Nodes of the interpolation between them.
-NODES: Final = 6
+NODES = 6
 # Places of tables along a curve without contact and in contact, and of curves for each step from one to the next.
-PLACES: Final = (240, 360)
-FINER: Final = 5
+PLACES = (240, 360)
+FINER = 5
 # Rows between which curves are interpolated are at most so far apart.
-APART: Final = 0.08
+APART = 0.08
 # Accuracy of tabulated curves, and of those that are traced each time.
 ACCURACY, COARSE = 1e-6, 1e-5
 # Curves end at loads of this many R Δγ, or a power of it.
-TOP: Final = 100.0
+TOP = 100.0
 # Traced contacts that are kept.
-KEPT: Final = 64
+KEPT = 64
 # Laws whose tables are shipped.
-SHIPPED: Final = ("exponential", "van-der-waals")
+SHIPPED = ("exponential", "van-der-waals")
 # Laws that are limits: the Tabor coefficient has no meaning for them.
-LIMITS: Final = ("jkr", "dmt")
+LIMITS = ("jkr", "dmt")
 
 
 class Curve(NamedTuple):
@@ -122,8 +122,8 @@ def _dmt(top: float) -> Curve:
     return Curve(load, np.concatenate([[-_FAR], 0.0 * fall, a[1:] ** 2]))
 
 
-_FAR: Final = 1e9
-_LIMITING: Final[dict[str, Callable[[float], Curve]]] = {"jkr": lru_cache(_jkr), "dmt": lru_cache(_dmt)}
+_FAR = 1e9
+_LIMITING: dict[str, Callable[[float], Curve]] = {"jkr": lru_cache(_jkr), "dmt": lru_cache(_dmt)}
 
 
 def _maugis(tabor: float, top: float) -> Curve:
@@ -303,4 +303,4 @@ def _track(contact: Contact, accuracy: float, top: float) -> Track:
     return track
 
 
-_SHAPES: Final = frozenset(law for name, law in INTERACTIONS.items() if name not in ("layered", "tabulated"))
+_SHAPES = frozenset(law for name, law in INTERACTIONS.items() if name not in ("layered", "tabulated"))

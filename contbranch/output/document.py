@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from contbranch.results.record import Record, Result
 
 __all__ = ["VERSION", "document", "head"]
 
-VERSION: Final = 1
+VERSION = 1
 
 
 def document(result: Result) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, fields, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -55,17 +55,17 @@ __all__ = ["content", "load", "save", "save_document"]
 Kind = TypeVar("Kind", bound=Record)
 Kept = TypeVar("Kept")
 
-_HEAD: Final = ("control", "stiffness", "accuracy", "status", "message")
+_HEAD = ("control", "stiffness", "accuracy", "status", "message")
 # What stands in a column of a table where there is no value: modes are counted from 1.
-_BLANK: Final = {float: math.nan, int: 0, str: ""}
+_BLANK = {float: math.nan, int: 0, str: ""}
 # Records within documents.
-_PARTS: Final[dict[str, Any]] = {
+_PARTS: dict[str, Any] = {
     one.__name__: one for one in (LoopPath, Jump, State, ModelChoice, Cost, Event, Special, Exponent, Window)
 }
 # The block before what HDF5 reads: the least size that it allows, and what is written there.
-_BLOCK: Final = 512
+_BLOCK = 512
 # A program that reads everything in a file.
-_READER: Final = """import h5py, io, sys
+_READER = """import h5py, io, sys
 
 def read(name, item):
     list(item.attrs.items())
@@ -77,9 +77,9 @@ read("", file)
 file.visititems(read)
 """
 # Seconds for which a file without checksum is tried out.
-PATIENCE: Final = 20.0
-_LABEL: Final = "contbranch: an HDF5 file behind this block of {} bytes\nsha256 {}\n"
-_HDF5: Final = b"\x89HDF\r\n\x1a\n"
+PATIENCE = 20.0
+_LABEL = "contbranch: an HDF5 file behind this block of {} bytes\nsha256 {}\n"
+_HDF5 = b"\x89HDF\r\n\x1a\n"
 
 
 def save(result: Result, path: str | Path) -> None:

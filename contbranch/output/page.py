@@ -10,7 +10,7 @@ from contextlib import suppress
 from dataclasses import replace
 from html import escape
 from importlib.resources import files
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -29,12 +29,12 @@ from contbranch.results.sweep import Sweep
 
 __all__ = ["page"]
 
-_RANGES: Final = 8.0  # of the interaction: the largest gap that is shown
-_BUDGET: Final = 4_000_000  # numbers in the profiles of a page, which take some three bytes each
-_STEPS: Final = (3, 8)  # of 24 points drawn for each step of a trace: taken of a single one, and of many
-_MANY: Final = 8
-_SIDE: Final = 48  # nodes a side of a map
-_TINY: Final = 1e-30
+_RANGES = 8.0  # of the interaction: the largest gap that is shown
+_BUDGET = 4_000_000  # numbers in the profiles of a page, which take some three bytes each
+_STEPS = (3, 8)  # of 24 points drawn for each step of a trace: taken of a single one, and of many
+_MANY = 8
+_SIDE = 48  # nodes a side of a map
+_TINY = 1e-30
 
 
 def page(result: Result, curve: Diagram | None = None) -> str:

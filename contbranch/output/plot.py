@@ -10,7 +10,7 @@ import io
 import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib import rcParams
@@ -56,13 +56,13 @@ __all__ = [
 ]
 
 
-SUFFIXES: Final = (".pdf", ".png", ".svg")
+SUFFIXES = (".pdf", ".png", ".svg")
 
 _STABLE, _UNSTABLE, _TOUCH, _SYMMETRY = SERIES[:4]
-_MODES: Final = 6  # up to so many losses of symmetry are all labelled; of more, those of the least and the largest m
-_MOST: Final = 8  # labels of a panel
-_CLOSE: Final = 6.0  # pixels between points that are not told apart
-_KNOWN: Final = 0.1  # local exponents with a larger error are not drawn
+_MODES = 6  # up to so many losses of symmetry are all labelled; of more, those of the least and the largest m
+_MOST = 8  # labels of a panel
+_CLOSE = 6.0  # pixels between points that are not told apart
+_KNOWN = 0.1  # local exponents with a larger error are not drawn
 
 
 def draw(result: Any) -> Figure:

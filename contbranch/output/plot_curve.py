@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -18,10 +18,10 @@ __all__ = ["COORDINATES", "OF_SPRINGS", "Line", "Piece", "coordinate", "fine_pro
 
 Columns = dict[str, Array]
 
-COORDINATES: Final = ("load", "displacement", "contact_radius", "central_gap", "energy")
-OF_SPRINGS: Final = ("piezo", "deflection")
+COORDINATES = ("load", "displacement", "contact_radius", "central_gap", "energy")
+OF_SPRINGS = ("piezo", "deflection")
 
-_FINE: Final = 24  # points drawn for each step of the trace
+_FINE = 24  # points drawn for each step of the trace
 
 
 class Line(NamedTuple):

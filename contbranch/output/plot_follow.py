@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
 import numpy as np
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 __all__ = ["followed_curve", "is_logarithmic", "parameter_label", "phase_figure", "scale_axis"]
 
 
-_NAMES: Final = {
+_NAMES = {
     "tabor": r"Tabor coefficient $\mu_\mathrm{T}$",
     "share": r"Share $\beta$ of the second law",
     "stiffness": "Spring stiffness $K$",
@@ -38,25 +38,25 @@ _NAMES: Final = {
     "tip.radius": "Tip radius $R$",
     "parameter": "Parameter",
 }
-_FIELDS: Final = {
+_FIELDS = {
     "range": "Range $z_0$",
     "work_of_adhesion": r"Work of adhesion $\Delta\gamma$",
     "wavelength": r"Wavelength $\lambda$",
     "phase": r"Phase $\varphi$",
 }
 # Parts of a curve at which its drawn line may have a corner.
-_CORNERS: Final = ("cusp", "cusp-at-touch", "fold-through-touch", "through-touch")
-_TOUCH: Final = "#009E73"
-_MARKERS: Final = {
+_CORNERS = ("cusp", "cusp-at-touch", "fold-through-touch", "through-touch")
+_TOUCH = "#009E73"
+_MARKERS = {
     "cusp": "o",
     "cusp-at-touch": "D",
     "fold-through-touch": "D",
     "coincidence": "s",
     "through-touch": "D",
 }
-_LOGARITHMIC: Final = 4.0  # ratio of the largest to the least value from which the axis is logarithmic
+_LOGARITHMIC = 4.0  # ratio of the largest to the least value from which the axis is logarithmic
 # Colours of the regions (states without contact, states with contact).
-_REGIONS: Final = {
+_REGIONS = {
     (0, 0): "#F3F3F3",
     (1, 0): "#DCEAF7",
     (0, 1): "#FBE3D0",
@@ -64,7 +64,7 @@ _REGIONS: Final = {
     (0, 2): "#F6C9A4",
     (2, 0): "#B5D3EE",
 }
-_MANY: Final = "#E3D5EA"
+_MANY = "#E3D5EA"
 
 
 def followed_curve(followed: Followed, y: str = "load") -> Figure:

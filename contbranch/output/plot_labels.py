@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from matplotlib import rcParams
@@ -17,18 +17,18 @@ if TYPE_CHECKING:
 __all__ = ["place_labels"]
 
 
-_CELL: Final = 1.5  # points, of the map of what is in the way
-_PAD: Final = 80  # cells around the frame
+_CELL = 1.5  # points, of the map of what is in the way
+_PAD = 80  # cells around the frame
 _LINE, _MARKER, _LABEL, _OUTSIDE = 3.0, 20.0, 20.0, 20.0  # what it costs to cover a cell
-_HALF: Final = 4.5  # half the side of the square that a marker occupies, points
-_DISTANCES: Final = (6.0, 10.0, 16.0, 24.0, 34.0, 46.0, 60.0)  # points, from the marker to the label's edge
-_FAR: Final = 0.1  # the cost of a point of distance
-_DOUBT: Final = 30.0  # that of a label that might belong to another point
-_NEAR: Final = 10.0  # up to this distance a label needs no line to its point
-_DIRECTIONS: Final = 24
-_FINE: Final = 3  # places on a line to a point, a dozen times
-_PASSES: Final = 3
-_ROOM: Final = 1.5  # around a label, points
+_HALF = 4.5  # half the side of the square that a marker occupies, points
+_DISTANCES = (6.0, 10.0, 16.0, 24.0, 34.0, 46.0, 60.0)  # points, from the marker to the label's edge
+_FAR = 0.1  # the cost of a point of distance
+_DOUBT = 30.0  # that of a label that might belong to another point
+_NEAR = 10.0  # up to this distance a label needs no line to its point
+_DIRECTIONS = 24
+_FINE = 3  # places on a line to a point, a dozen times
+_PASSES = 3
+_ROOM = 1.5  # around a label, points
 
 
 class _Places(NamedTuple):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -20,12 +20,12 @@ if TYPE_CHECKING:
 __all__ = ["mode_figure"]
 
 
-_FAINT: Final = 0.03  # the mode is shown out to where its gap, or its pressure, falls below this part of its largest
-_NAMED: Final = 0.1  # a contact of at least this part of what is shown has its radius named
-_WIDE: Final = 0.2  # and of this part its disc
-_AROUND: Final = 361  # angles of the map
-_ACROSS: Final = 241  # and radii
-_RIM: Final = 0.97  # pressures nearer to the rim, in units of its radius, do not set the scale: they have no bound
+_FAINT = 0.03  # the mode is shown out to where its gap, or its pressure, falls below this part of its largest
+_NAMED = 0.1  # a contact of at least this part of what is shown has its radius named
+_WIDE = 0.2  # and of this part its disc
+_AROUND = 361  # angles of the map
+_ACROSS = 241  # and radii
+_RIM = 0.97  # pressures nearer to the rim, in units of its radius, do not set the scale: they have no bound
 
 
 def mode_figure(shape: ModeShape, contact_radius: float = 0.0, unit_names: Mapping[str, str] | None = None) -> Figure:

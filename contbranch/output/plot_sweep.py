@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import cycle, zip_longest
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib import rcParams
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 __all__ = ["sweep_figure"]
 
 
-_MOST: Final = 4  # maps beside each other
-_NONE: Final = "#E4E4E4"
-_MARKERS: Final = "osD^vPX*"
+_MOST = 4  # maps beside each other
+_NONE = "#E4E4E4"
+_MARKERS = "osD^vPX*"
 
 
 def sweep_figure(sweep: Sweep, thresholds: Sequence[str] = ()) -> Figure:

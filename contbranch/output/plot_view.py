@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from io import BytesIO
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from matplotlib import rc_context, rcParams, rcParamsDefault
@@ -29,13 +29,13 @@ if TYPE_CHECKING:
 __all__ = ["BLUE", "DASHES", "GREY", "ORANGE", "SERIES", "WIDTH", "Limits", "arrange_panels", "axis_label"]
 __all__ += ["check_observables", "handle", "has_natural_units", "new_figure", "panel_title", "view"]
 
-BLUE: Final = "#0072B2"
-ORANGE: Final = "#D55E00"
-GREY: Final = "#555555"
+BLUE = "#0072B2"
+ORANGE = "#D55E00"
+GREY = "#555555"
 # Colours that the colour-blind tell apart, for several curves.
-SERIES: Final = (BLUE, ORANGE, "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
-DASHES: Final = (0, (3.2, 1.6))
-STYLE: Final[Any] = {
+SERIES = (BLUE, ORANGE, "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+DASHES = (0, (3.2, 1.6))
+STYLE: Any = {
     "font.size": 8.0,
     "axes.labelsize": 8.5,
     "axes.linewidth": 0.7,
@@ -65,7 +65,7 @@ STYLE: Final[Any] = {
 }
 
 # observable: (words, symbol, its unit where R = E = |Δγ| = 1, (23)-(26))
-_AXES: Final = {
+_AXES = {
     "load": ("Load", "F_N", r"R\,|\Delta\gamma|"),
     "displacement": ("Displacement", "d", r"(R\,|\Delta\gamma|^2/E^2)^{1/3}"),
     "contact_radius": ("Contact radius", "a_c", r"(R^2|\Delta\gamma|/E)^{1/3}"),
@@ -77,14 +77,14 @@ _AXES: Final = {
     "pressure": ("Pressure", "p", ""),
     "r": ("Radius", "r", ""),
 }
-WIDTH: Final = 3.4  # inches, one column of a journal
+WIDTH = 3.4  # inches, one column of a journal
 _TITLE, _BELOW, _RIGHT = 0.21, 0.37, 0.11  # inches: above, below, right of a panel
-_APART: Final = 4.0  # points between the labels of two ticks
-_MOST_TICKS: Final = 8
-SCREEN: Final = 120  # pixels an inch in notebooks, of two points each
-_PAD: Final = 1.0  # of the extent of the events, shown on either side of them
-_LEAST_PAD: Final = 0.05  # of the events' distance from zero: context for a narrow window
-_MARGIN: Final = 0.07  # of the axis, so that no line lies on the frame
+_APART = 4.0  # points between the labels of two ticks
+_MOST_TICKS = 8
+SCREEN = 120  # pixels an inch in notebooks, of two points each
+_PAD = 1.0  # of the extent of the events, shown on either side of them
+_LEAST_PAD = 0.05  # of the events' distance from zero: context for a narrow window
+_MARGIN = 0.07  # of the axis, so that no line lies on the frame
 
 
 class Limits(NamedTuple):

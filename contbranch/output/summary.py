@@ -7,7 +7,7 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import Any, Final, NamedTuple
+from typing import Any, NamedTuple
 
 from contbranch.results.advice import Advice
 from contbranch.results.diagram import Diagram, Event, Solution, State
@@ -22,12 +22,12 @@ from contbranch.results.table import with_unit
 
 __all__ = ["Cells", "as_text", "parts", "progress_bar", "progress_lines", "with_error"]
 
-_DIGITS: Final = 15  # what a double can hold
-_SILENCE: Final = 10.0  # seconds between two lines of progress
-_ROWS: Final = 12  # of a followed curve; all of it is in the JSON document
-_LEFT: Final = ("control", "unit", "stable under")  # columns of words, besides the first
-_FOR_PEOPLE: Final = {"nN·nm": "aJ"}  # the same, as one says it
-_BRACKETS: Final = "Digits in brackets: error estimate in units of the last digit."
+_DIGITS = 15  # what a double can hold
+_SILENCE = 10.0  # seconds between two lines of progress
+_ROWS = 12  # of a followed curve; all of it is in the JSON document
+_LEFT = ("control", "unit", "stable under")  # columns of words, besides the first
+_FOR_PEOPLE = {"nN·nm": "aJ"}  # the same, as one says it
+_BRACKETS = "Digits in brackets: error estimate in units of the last digit."
 
 
 class Cells(NamedTuple):
@@ -185,7 +185,7 @@ def _fit(fit: Fit, _: Mapping[str, str]) -> Parts:
     yield f"Residuals: rms {fit.rms:.4g} nN; noise {fit.noise:.3g} nN. Law: {fit.law}."
 
 
-_SHOWN: Final[Mapping[type, Callable[[Any, Mapping[str, str]], Parts]]] = {
+_SHOWN: Mapping[type, Callable[[Any, Mapping[str, str]], Parts]] = {
     Advice: _advice,
     Diagram: _diagram,
     Fit: _fit,

@@ -11,7 +11,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -32,14 +32,14 @@ __all__ = ["diagram_of", "is_sweep", "load_sweep", "read_diagram", "rebuilt", "r
 
 Record = tuple[dict[str, Any], Columns]
 
-_BLOCK: Final = 512
-_LABEL: Final = b"contbranch: an HDF5 file before this block of %d bytes\nsha256 %s\n"
-_PIECE: Final = 1 << 20  # values held before they are written
-_LENGTH: Final = "This is a netCDF dimension but not a netCDF variable. %10d"
-_GROUP: Final = "tasks"
-_PACKED: Final[dict[str, Any]] = {"chunks": (1 << 14,), "maxshape": (None,), "compression": 1, "shuffle": True}
-_ABOUT: Final = ("status", "message", "wall_s", "key", "computed")
-_TIMES: Final = ("key", "run", "wall_s")
+_BLOCK = 512
+_LABEL = b"contbranch: an HDF5 file before this block of %d bytes\nsha256 %s\n"
+_PIECE = 1 << 20  # values held before they are written
+_LENGTH = "This is a netCDF dimension but not a netCDF variable. %10d"
+_GROUP = "tasks"
+_PACKED: dict[str, Any] = {"chunks": (1 << 14,), "maxshape": (None,), "compression": 1, "shuffle": True}
+_ABOUT = ("status", "message", "wall_s", "key", "computed")
+_TIMES = ("key", "run", "wall_s")
 
 
 def write_sweep(sweep: Sweep, records: Callable[[], Iterable[Record]], path: Path) -> None:

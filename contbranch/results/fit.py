@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar, Final, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
 
@@ -164,4 +164,4 @@ def unit_of_value(name: str) -> str:
     return known.get(name.partition("[")[0], "nm" if name.partition("[")[0] in _LENGTHS else "")
 
 
-_LENGTHS: Final = ("range", "radius", "length", "wavelength")
+_LENGTHS = ("range", "radius", "length", "wavelength")

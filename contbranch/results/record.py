@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import Field, dataclass, field, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Final, NamedTuple, Self, TypeVar, dataclass_transform
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self, TypeVar, dataclass_transform
 
 import numpy as np
 
@@ -40,11 +40,11 @@ __all__ = [
 
 Kind = TypeVar("Kind")
 
-OBSERVABLES: Final = ("load", "displacement", "contact_radius", "central_gap")
+OBSERVABLES = ("load", "displacement", "contact_radius", "central_gap")
 # Quantities of fields that have another name; a field NAME_error is in the unit of NAME.
-_QUANTITIES: Final = {"r": "radius", "x": "radius", "y": "radius", "wall_pressure": "pressure"}
-_HEAD: Final = ("contact", "description", "unit_names")  # every document begins with them
-_KINDS: Final = {"float": float, "int": int, "str": str}
+_QUANTITIES = {"r": "radius", "x": "radius", "y": "radius", "wall_pressure": "pressure"}
+_HEAD = ("contact", "description", "unit_names")  # every document begins with them
+_KINDS = {"float": float, "int": int, "str": str}
 
 
 def described(**options: Any) -> Any:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,9 +12,9 @@ from contbranch.results.record import Record, columns, quantity_of
 
 __all__ = ["Table", "joined", "of_columns", "of_records", "with_unit"]
 
-_LEAD: Final = ("load", "displacement", "contact_radius", "central_gap", "energy")
+_LEAD = ("load", "displacement", "contact_radius", "central_gap", "energy")
 # What stands where there is no value, by the kind of the column; integers with gaps are written as floats.
-_BLANK: Final = {float: np.nan, int: np.nan, str: ""}
+_BLANK = {float: np.nan, int: np.nan, str: ""}
 
 
 def with_unit(words: str, unit: str) -> str:

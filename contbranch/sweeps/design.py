@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -19,8 +19,8 @@ from contbranch.grid_size import named_model
 
 __all__ = ["Design", "Listed", "listed", "read_sweep", "varied"]
 
-_RANGE: Final = ("from", "to", "count", "spacing")
-_SWEEP: Final = ("mode", "vary", "keep", "task_limit")
+_RANGE = ("from", "to", "count", "spacing")
+_SWEEP = ("mode", "vary", "keep", "task_limit")
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ import time
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import IO, Any, Final, NamedTuple
+from typing import IO, Any, NamedTuple
 
 import numpy as np
 
@@ -22,10 +22,10 @@ from contbranch.arrays import AnyArray, Columns
 
 __all__ = ["Entry", "Journal", "Records", "decoded", "encoded", "lock"]
 
-_MARK: Final = b"contbranch"
-_LOST: Final = 1.0  # seconds of work that are lost when the power fails; when the program is killed, none
+_MARK = b"contbranch"
+_LOST = 1.0  # seconds of work that are lost when the power fails; when the program is killed, none
 # What is held in memory of a record; the rest is read when the sweep's file is written.
-_HELD: Final = ("key", "run", "begun", "status", "message", "thresholds", "wall_s")
+_HELD = ("key", "run", "begun", "status", "message", "thresholds", "wall_s")
 
 
 def encoded(about: Mapping[str, Any], arrays: Columns) -> bytes:

@@ -22,7 +22,7 @@ from concurrent.futures import (
 )
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 from contbranch.sweeps.journal import Journal, encoded
 from contbranch.sweeps.tasks import Task
@@ -33,14 +33,14 @@ __all__ = ["Run"]
 
 Landing = Future[list[bytes]]
 
-_BATCH: Final = 10.0  # seconds that a batch is to take: a scheduler needs some ms for each
-_MOST: Final = 1000  # jobs in a batch
-_AHEAD: Final = 2  # batches for each worker, so that none waits for the next one
-_TAIL: Final = 4  # batches for each worker that the remaining jobs are divided into, so that all end together
-_LOOK: Final = 0.2  # seconds between two reports
-_TRIES: Final = 2  # batches that a job may lose without having begun, before it is tried alone
-_FRUITLESS: Final = 2  # broken pools in a row in which nothing has begun
-_FULL: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+_BATCH = 10.0  # seconds that a batch is to take: a scheduler needs some ms for each
+_MOST = 1000  # jobs in a batch
+_AHEAD = 2  # batches for each worker, so that none waits for the next one
+_TAIL = 4  # batches for each worker that the remaining jobs are divided into, so that all end together
+_LOOK = 0.2  # seconds between two reports
+_TRIES = 2  # batches that a job may lose without having begun, before it is tried alone
+_FRUITLESS = 2  # broken pools in a row in which nothing has begun
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 @dataclass

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 from contbranch.contact.contact import Contact
 from contbranch.contact.family import dimension_of
@@ -26,9 +26,9 @@ from contbranch.watch import Progress, kept, told, watched
 
 __all__ = ["sweep"]
 
-_FEW: Final = 1000  # contacts whose profiles are kept unless something else is asked for
-_TRACING: Final = ("control", "accuracy", "max_load", "model", "keep", "task_limit")
-_RUNNING: Final = ("workers", "retry", "time_limit")
+_FEW = 1000  # contacts whose profiles are kept unless something else is asked for
+_TRACING = ("control", "accuracy", "max_load", "model", "keep", "task_limit")
+_RUNNING = ("workers", "retry", "time_limit")
 
 
 def sweep(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from dataclasses import dataclass
-from typing import Any, Final, Literal, NamedTuple, Protocol
+from typing import Any, Literal, NamedTuple, Protocol
 
 import numpy as np
 
@@ -22,11 +22,11 @@ from contbranch.results.table import joined
 
 __all__ = ["KEEP", "Outcome", "Task", "Tracing", "key_of"]
 
-KEEP: Final = ("thresholds", "curves", "profiles")
-_POINT: Final = ("load", "displacement", "contact_radius", "central_gap", "energy", "unstable_load",
+KEEP = ("thresholds", "curves", "profiles")
+_POINT = ("load", "displacement", "contact_radius", "central_gap", "energy", "unstable_load",
                  "unstable_displacement", "unstable_spring", "unstable_azimuthal", "contact_area",
                  "contact_perimeter")  # fmt: skip
-_EVENT: Final = [column for column in columns(Event) if column.path[0] != "critical"]
+_EVENT = [column for column in columns(Event) if column.path[0] != "critical"]
 
 
 class Outcome(NamedTuple):

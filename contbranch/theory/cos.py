@@ -12,7 +12,6 @@ pi w R (44)-(46).
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -58,7 +57,7 @@ ASYMPTOTIC_DISPLACEMENT_C5 = -8.0 / (3.0 * np.sqrt(np.pi))
 ASYMPTOTIC_DISPLACEMENT_C6 = np.cbrt(6.0) / 36.0
 """Exact first correction for lambda -> inf: displacement at zero load (4/3)^(1/3) + 6^(1/3)/36 / lambda^2 + ..."""
 
-FORMS: Final = ("cos", "modified", "free")
+FORMS = ("cos", "modified", "free")
 """What `fit` can fit: (47); (48) with (49); and (48) with a free exponent in place of the square root."""
 
 
