@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +18,6 @@ from contbranch.measure.force_curve import ForceCurve
 from contbranch.measure.reading import Unread, curves_in
 from contbranch.results.fit import Fit, unit_of_value
 from contbranch.results.fit_map import FitMap, places_of
-from contbranch.results.sweep import Sweep
 from contbranch.sweeps.design import Listed
 from contbranch.sweeps.sweep import sweep
 from contbranch.sweeps.tasks import Outcome
@@ -51,7 +50,7 @@ class Fitting:
     spring: float | str | None = None
     law: str | None = None
     time_limit: float | None = None
-    kind: ClassVar[type[Sweep]] = FitMap
+    kind = FitMap
 
     @property
     def unit_names(self) -> Mapping[str, str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import ClassVar, Literal
+from typing import Literal
 
 from contbranch.contact.contact import Contact
 from contbranch.results.diagram import Cost, ModelChoice
@@ -63,7 +63,7 @@ class Advice(Result):
         What was asked.
     """
 
-    format: ClassVar[str] = "contbranch-advice"
+    format = "contbranch-advice"
     contact: Contact
     tabor: float | None
     chosen: str

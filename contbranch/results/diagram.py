@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -435,7 +435,7 @@ class Diagram(Result):
         Standard uncertainties of the thresholds, from `propagate`, where the command line was asked for them.
     """
 
-    format: ClassVar[str] = "contbranch-diagram"
+    format = "contbranch-diagram"
     contact: Contact | None
     branches: tuple[Branch, ...]
     events: tuple[Event, ...]
@@ -588,7 +588,7 @@ class Solution(State, Result):
         The equilibria found, this one first.
     """
 
-    format: ClassVar[str] = "contbranch-solution"
+    format = "contbranch-solution"
     model: ModelChoice = described(written=False, default_factory=lambda: ModelChoice("axisymmetric", "", 0))
     cost: Cost = described(written=False, default_factory=lambda: Cost(0.0, 0))
     status: Literal["complete", "incomplete"] = described(written=False, default="complete")

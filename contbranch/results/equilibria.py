@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import ClassVar, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -55,7 +55,7 @@ class Equilibria(Result):
         As of a Diagram.
     """
 
-    format: ClassVar[str] = "contbranch-equilibria"
+    format = "contbranch-equilibria"
     states: tuple[State, ...]
     connected: tuple[bool, ...]
     barriers: tuple[Barrier, ...]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -101,7 +101,7 @@ class Fit(Result):
         The stiffness (nN/nm); infinite for a rigid drive.
     """
 
-    format: ClassVar[str] = "contbranch-fit"
+    format = "contbranch-fit"
     values: Mapping[str, float]
     errors: Mapping[str, float]
     correlations: Correlations

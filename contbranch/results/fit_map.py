@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -45,7 +45,7 @@ class FitMap(Sweep):
     ``modulus_error``, …), ``pull_off_force``, ``rms`` and ``noise``; a contact point is the height of the surface.
     """
 
-    format: ClassVar[str] = "contbranch-fit-map"
+    format = "contbranch-fit-map"
 
     def picture(self, name: str) -> Picture:
         """A value over the places of the curves.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from contbranch.arrays import Array
 from contbranch.contact.contact import Contact
@@ -93,7 +93,7 @@ class Followed(Result):
         What was followed.
     """
 
-    format: ClassVar[str] = "contbranch-follow"
+    format = "contbranch-follow"
     parameter: str
     curve: Mapping[str, Array]
     error: Mapping[str, Array]

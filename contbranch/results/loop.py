@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from contbranch.arrays import AnyArray, Array, Integers
 from contbranch.contact.contact import Contact
@@ -120,7 +120,7 @@ class Hysteresis(Result):
     contact : Contact or None
     """
 
-    format: ClassVar[str] = "contbranch-loop"
+    format = "contbranch-loop"
     path: Path
     jumps: tuple[Jump, ...]
     dissipated: float | None

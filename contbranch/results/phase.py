@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -67,7 +67,7 @@ class PhaseDiagram(Result):
         Whether equal ratios of the parameter count alike.
     """
 
-    format: ClassVar[str] = "contbranch-phase"
+    format = "contbranch-phase"
     parameter: str
     control: Literal["load", "displacement"]
     values: Array

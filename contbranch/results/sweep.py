@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -72,7 +72,7 @@ class Sweep(Result):
         ``complete`` if every task has ended, though some may have failed: see `failed`.
     """
 
-    format: ClassVar[str] = "contbranch-sweep"
+    format = "contbranch-sweep"
     parameters: tuple[str, ...]
     axes: Mapping[str, tuple[float, ...]]
     mode: Literal["grid", "zip"]
