@@ -16,7 +16,7 @@ from contbranch.arrays import Array
 from contbranch.contact.contact import Contact
 from contbranch.contact.family import Vary, family_of
 from contbranch.contact.law_check import check_laws
-from contbranch.contact.units import finite_number, positive_number
+from contbranch.contact.units import Quantity, finite_number, positive_number
 from contbranch.contact.validity import notes
 from contbranch.control import Control, Spring, as_control
 from contbranch.curve.curves import Coexisting, Curves, Model, Route
@@ -51,7 +51,7 @@ def trace(
     contact: Contact,
     control: str | Spring = "load",
     accuracy: float = 1e-6,
-    max_load: float | str | None = None,
+    max_load: Quantity = None,
     model: str | Model = "auto",
     progress: Progress | None = None,
     modes: int = 32,
@@ -113,9 +113,9 @@ def trace(
 def solve(
     contact: Contact,
     *,
-    load: float | str | None = None,
-    displacement: float | str | None = None,
-    contact_radius: float | str | None = None,
+    load: Quantity = None,
+    displacement: Quantity = None,
+    contact_radius: Quantity = None,
     near: State | None = None,
     control: str | Spring | None = None,
     accuracy: float = 1e-6,
@@ -186,8 +186,8 @@ def _solution(asked: _Asked, found: Coexisting, states: tuple[State, ...], near:
 def find_all(
     contact: Contact,
     *,
-    load: float | str | None = None,
-    displacement: float | str | None = None,
+    load: Quantity = None,
+    displacement: Quantity = None,
     window: tuple[float, float] | None = None,
     control: str | Spring | None = None,
     accuracy: float = 1e-6,
@@ -281,7 +281,7 @@ def hysteresis(
     contact: Contact,
     control: str | Spring = "load",
     accuracy: float = 1e-6,
-    max_load: float | str | None = None,
+    max_load: Quantity = None,
     model: str | Model = "auto",
     progress: Progress | None = None,
     time_limit: float | None = None,
@@ -465,7 +465,7 @@ def _ask(contact: Contact, control: object, accuracy: float, model: str | Model)
     return _Asked(contact, curves(contact, chosen), request, driven, chosen.name, why, began)
 
 
-def _only(contact: Contact, **given: float | str | None) -> tuple[str, float]:
+def _only(contact: Contact, **given: Quantity) -> tuple[str, float]:
     """The one quantity that is given."""
     dimension = {"load": "force"}
     asked = [
@@ -478,7 +478,7 @@ def _only(contact: Contact, **given: float | str | None) -> tuple[str, float]:
     return asked[0]
 
 
-def _limit(contact: Contact, max_load: float | str | None) -> float | None:
+def _limit(contact: Contact, max_load: Quantity) -> float | None:
     if max_load is None:
         return None
     return positive_number(contact.units.read(max_load, "force", "max_load"), "max_load") / contact.scales.load

@@ -17,7 +17,7 @@ from contbranch.arrays import Array
 from contbranch.contact.height_source import LEAST_POINTS, Source
 from contbranch.contact.self_affine import self_affine_heights
 from contbranch.contact.tip_shape import TipShape
-from contbranch.contact.units import positive_number
+from contbranch.contact.units import Quantity, positive_number
 from contbranch.errors import InputError
 
 __all__ = ["HeightMap"]
@@ -82,7 +82,7 @@ class HeightMap(TipShape):
     source: Source | None = field(init=False, default=None)
     peaks: InitVar[bool | None] = None
     dataset: InitVar[str | None] = None
-    unit: InitVar[float | str | None] = None
+    unit: InitVar[Quantity] = None
     grey: InitVar[tuple[float, float] | None] = None
     detrend: InitVar[str | None] = None
     window: InitVar[str | None] = None

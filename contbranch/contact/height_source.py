@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from contbranch.arrays import Array
-from contbranch.contact.units import finite_number, parse, positive_number
+from contbranch.contact.units import Quantity, finite_number, parse, positive_number
 from contbranch.errors import InputError, look_up
 
 __all__ = ["LEAST_POINTS", "Source"]
@@ -48,7 +48,7 @@ class Source:
 
     file: str | None = None
     dataset: str | None = None
-    unit: float | str | None = None
+    unit: Quantity = None
     peaks: bool | None = None
     grey: tuple[float, float] | None = None
     detrend: str | None = None

@@ -19,6 +19,7 @@ from contbranch.errors import InputError, look_up
 __all__ = [
     "PHYSICAL",
     "REDUCED",
+    "Quantity",
     "Scales",
     "Units",
     "finite_number",
@@ -31,6 +32,8 @@ __all__ = [
 ]
 
 Value = TypeVar("Value", float, Array)
+# A number in the contact's units, a text with a unit, or nothing.
+Quantity = float | str | None
 
 # dimension -> (unit of the document, the same for pint, an example of a right value)
 _DIMENSIONS: dict[str, tuple[str, str, str]] = {

@@ -21,6 +21,7 @@ import scipy
 from scipy.linalg.lapack import dgetrf, dgetrs
 
 from contbranch.arrays import Array, Indices
+from contbranch.continuation.problem import Direction
 
 __all__ = [
     "Bordered",
@@ -45,11 +46,11 @@ class SingularBorderedError(ArithmeticError):
 class Bordered:
     """A factorised bordered matrix; this one is that of a problem that solves its systems itself."""
 
-    def solve(self, f: Array, g: float) -> tuple[Array, float]:
+    def solve(self, f: Array, g: float) -> Direction:
         """Return (u, a) for the right-hand side (f, g)."""
         raise SingularBorderedError("The problem solves its systems itself.")
 
-    def solve_transposed(self, f: Array, g: float) -> tuple[Array, float] | None:
+    def solve_transposed(self, f: Array, g: float) -> Direction | None:
         """Return the solution with the transposed matrix, None where that is not available."""
         return None
 
@@ -74,7 +75,7 @@ class DenseBordered(Bordered):
         if info != 0:
             raise SingularBorderedError("The bordered matrix is singular.")
 
-    def _back_substitute(self, f: Array, g: float, transposed: int) -> tuple[Array, float]:
+    def _back_substitute(self, f: Array, g: float, transposed: int) -> Direction:
         n = self._n
         rhs = np.empty(n + 1)
         rhs[:n] = f
@@ -82,11 +83,11 @@ class DenseBordered(Bordered):
         solution, _ = dgetrs(self._lu, self._pivots, rhs, trans=transposed, overwrite_b=1)
         return solution[:n], float(solution[n])
 
-    def solve(self, f: Array, g: float) -> tuple[Array, float]:
+    def solve(self, f: Array, g: float) -> Direction:
         """Return (u, a) for the right-hand side (f, g)."""
         return self._back_substitute(f, g, 1)
 
-    def solve_transposed(self, f: Array, g: float) -> tuple[Array, float] | None:
+    def solve_transposed(self, f: Array, g: float) -> Direction | None:
         """Return the solution with the transposed matrix."""
         return self._back_substitute(f, g, 0)
 
@@ -114,17 +115,17 @@ class SparseBordered(Bordered):
         except RuntimeError as error:
             raise SingularBorderedError("The bordered matrix is singular.") from error
 
-    def _back_substitute(self, f: Array, g: float, transposed: Literal["N", "T"]) -> tuple[Array, float]:
+    def _back_substitute(self, f: Array, g: float, transposed: Literal["N", "T"]) -> Direction:
         solved = self._lu.solve(np.append(f[self._order], g), transposed)
         u = np.empty(self._n)
         u[self._order] = solved[:-1]
         return u, float(solved[-1])
 
-    def solve(self, f: Array, g: float) -> tuple[Array, float]:
+    def solve(self, f: Array, g: float) -> Direction:
         """Return (u, a) for the right-hand side (f, g)."""
         return self._back_substitute(f, g, "N")
 
-    def solve_transposed(self, f: Array, g: float) -> tuple[Array, float] | None:
+    def solve_transposed(self, f: Array, g: float) -> Direction | None:
         """Return the solution with the transposed matrix."""
         return self._back_substitute(f, g, "T")
 
@@ -194,7 +195,7 @@ class MatrixFreeBordered(Bordered):
                 (n + 1, n + 1), matvec=approximate, dtype=np.float64
             )
 
-    def solve(self, f: Array, g: float) -> tuple[Array, float]:
+    def solve(self, f: Array, g: float) -> Direction:
         """Return (u, a) for the right-hand side (f, g)."""
         rhs = np.append(f, g)
         size = float(np.linalg.norm(rhs))

@@ -12,7 +12,7 @@ from contbranch.continuation.bordered import Bordered, SingularBorderedError, bo
 from contbranch.continuation.curve import BranchPoint, Outcome, Point
 from contbranch.continuation.folds import second_derivative
 from contbranch.continuation.newton import ROUNDING, CorrectionError, border, linearise, solve
-from contbranch.continuation.problem import Array, size_of
+from contbranch.continuation.problem import Array, Direction, size_of
 from contbranch.continuation.segment import Segment
 
 __all__ = ["locate_branch_point", "unresolved_branch_point"]
@@ -25,7 +25,6 @@ FLAT = 1e-4
 # Below this length a change of the determinant's sign is reported as a branch point even if no simple one is found.
 UNRESOLVED = 1e-5
 
-Direction = tuple[Array, float]
 Kind = Literal["pitchfork", "transcritical", "branch point"]
 
 

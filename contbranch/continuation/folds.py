@@ -9,7 +9,7 @@ import numpy as np
 from contbranch.continuation.curve import Fold, Outcome, Point
 from contbranch.continuation.metric import Metric
 from contbranch.continuation.newton import ROUNDING, CorrectionError, border, linearise, residual, solve
-from contbranch.continuation.problem import Array, Problem, size_of
+from contbranch.continuation.problem import Array, Direction, Problem, size_of
 
 __all__ = ["locate_fold", "second_derivative"]
 
@@ -17,9 +17,7 @@ ITERATIONS = 40
 _FOURTH_ROOT_OF_ROUNDING = ROUNDING**0.25
 
 
-def second_derivative(
-    problem: Problem, x: Array, p: float, along: tuple[Array, float], metric: Metric, here: Array
-) -> Array:
+def second_derivative(problem: Problem, x: Array, p: float, along: Direction, metric: Metric, here: Array) -> Array:
     """Return d²F(x + s u, p + s a)/ds² at s = 0: the problem's own, else a second difference of residuals."""
     u, a = along
     own = problem.second_derivative(x, p, u, a)
@@ -36,7 +34,7 @@ def locate_fold(
     problem: Problem,
     x: Array,
     p: float,
-    direction: tuple[Array, float],
+    direction: Direction,
     metric: Metric,
     reach: float,
 ) -> Fold:

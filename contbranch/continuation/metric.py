@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from contbranch.continuation.problem import Array, Problem
+from contbranch.continuation.problem import Array, Direction, Problem
 
 __all__ = ["Balance", "Metric"]
 
@@ -31,12 +31,12 @@ class Metric:
         """Return the length of a direction."""
         return math.sqrt(max(self.dot(problem, u, a, u, a), 0.0))
 
-    def unit(self, problem: Problem, u: Array, a: float) -> tuple[Array, float]:
+    def unit(self, problem: Problem, u: Array, a: float) -> Direction:
         """Return the direction with the length one."""
         size = self.norm(problem, u, a)
         return u / size, a / size
 
-    def row(self, problem: Problem, u: Array, a: float) -> tuple[Array, float]:
+    def row(self, problem: Problem, u: Array, a: float) -> Direction:
         """Return the border (c, d) with c @ v + d b = <(u, a), (v, b)>."""
         return problem.dual(u) / self.state_scale**2, a / self.parameter_scale**2
 

@@ -14,7 +14,7 @@ from contbranch.continuation.bordered import Bordered, SingularBorderedError, fa
 from contbranch.continuation.curve import Outcome
 from contbranch.continuation.metric import Metric
 from contbranch.continuation.options import Options
-from contbranch.continuation.problem import Array, Linearisation, Problem, size_of
+from contbranch.continuation.problem import Array, Direction, Linearisation, Problem, size_of
 from contbranch.watch import check
 
 __all__ = [
@@ -97,7 +97,7 @@ def _finite(value: Array, p: float, what: str = "Residual") -> None:
         raise CorrectionError(Outcome.NOT_FINITE, f"({what} at parameter {p:.6g}.)")
 
 
-def border(problem: Problem, x: Array, p: float, at: Linearisation, row: tuple[Array, float]) -> Bordered:
+def border(problem: Problem, x: Array, p: float, at: Linearisation, row: Direction) -> Bordered:
     """Factorise [J Fp; row] at a point, or raise CorrectionError."""
     try:
         return factorise(at[1], at[2], row[0], row[1], problem.preconditioner(x, p))
@@ -105,7 +105,7 @@ def border(problem: Problem, x: Array, p: float, at: Linearisation, row: tuple[A
         raise CorrectionError(Outcome.STEP_TOO_SMALL, f"({error})") from error
 
 
-def solve(bordered: Bordered, f: Array, g: float, p: float) -> tuple[Array, float]:
+def solve(bordered: Bordered, f: Array, g: float, p: float) -> Direction:
     """Solve a bordered system, or raise CorrectionError if that fails or the solution is not finite."""
     try:
         u, a = bordered.solve(f, g)
@@ -117,8 +117,8 @@ def solve(bordered: Bordered, f: Array, g: float, p: float) -> tuple[Array, floa
 
 def correct(
     problem: Problem,
-    near: tuple[Array, float],
-    row: tuple[Array, float],
+    near: Direction,
+    row: Direction,
     metric: Metric,
     options: Options,
     precise: bool = False,
@@ -177,7 +177,7 @@ def correct(
     raise CorrectionError(Outcome.STEP_TOO_SMALL, f"(The last correction was {previous:.2g} of the step's scale.)")
 
 
-def _at_fixed_parameter(bordered: Bordered, tangent: tuple[Array, float], f: Array) -> Array:
+def _at_fixed_parameter(bordered: Bordered, tangent: Direction, f: Array) -> Array:
     """Solve J v = f with a bordered matrix and its tangent, J u = −a Fp."""
     v, b = bordered.solve(f, 0.0)
     return v - b / tangent[1] * tangent[0]

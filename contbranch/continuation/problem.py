@@ -11,8 +11,11 @@ import numpy as np
 
 from contbranch.arrays import Array
 
-__all__ = ["Adaptation", "Array", "Linearisation", "Problem", "Solution", "size_of"]
+__all__ = ["Adaptation", "Array", "Direction", "Linearisation", "Problem", "Solution", "size_of"]
 
+
+# A state and a parameter, or their rates.
+Direction = tuple[Array, float]
 
 _CUBE_ROOT_OF_ROUNDING = float(np.finfo(float).eps ** (1 / 3))
 
@@ -139,7 +142,7 @@ class Problem(ABC):
         """Return a function that applies an approximate inverse of dF/dx; only for Jacobians without matrix."""
         return None
 
-    def in_plane(self, x: Array, p: float, row: tuple[Array, float], precise: bool) -> Solution | None:
+    def in_plane(self, x: Array, p: float, row: Direction, precise: bool) -> Solution | None:
         """Return the solution near (x, p) where `row` has the value that it has there, by means of the problem's own.
 
         Default: None, and the engine takes Newton's method with `linearise`. For problems that are not smooth, and for

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from contbranch.continuation.curve import Point
 from contbranch.continuation.metric import Metric
-from contbranch.continuation.problem import Array
+from contbranch.continuation.problem import Array, Direction
 
 __all__ = ["Segment"]
 
@@ -23,7 +23,7 @@ class Segment:
         self.scale_begin = self.length / metric.norm(begin.problem, begin.tangent_x, begin.tangent_parameter)
         self.scale_end = self.length / metric.norm(end.problem, end.tangent_x, end.tangent_parameter)
 
-    def at(self, theta: float) -> tuple[Array, float]:
+    def at(self, theta: float) -> Direction:
         """Return the cubic's state and parameter at θ (θ > 1 extrapolates)."""
         a, b = self.begin, self.end
         one = 1 - theta
@@ -34,7 +34,7 @@ class Segment:
         p = h00 * a.parameter + h01 * b.parameter + h10 * a.tangent_parameter + h11 * b.tangent_parameter
         return x, p
 
-    def direction(self, theta: float) -> tuple[Array, float]:
+    def direction(self, theta: float) -> Direction:
         """Return the cubic's derivative with respect to θ."""
         a, b, (chord_x, chord_p) = self.begin, self.end, self.chord
         d01 = 6 * theta * (1 - theta)

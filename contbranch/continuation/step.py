@@ -13,7 +13,7 @@ from contbranch.continuation.curve import Point
 from contbranch.continuation.metric import Metric
 from contbranch.continuation.newton import Corrected
 from contbranch.continuation.options import Options
-from contbranch.continuation.problem import Array
+from contbranch.continuation.problem import Array, Direction
 
 __all__ = ["AFTER_FAILURE", "AIM", "POINTS", "Hermite", "Judgement", "Predictor", "judge"]
 
@@ -100,12 +100,12 @@ class Predictor:
             slopes.append(np.append(point.tangent_x, point.tangent_parameter) / along)
         self._hermite = Hermite(self.places, moved, slopes)
 
-    def at(self, s: float) -> list[tuple[Array, float]]:
+    def at(self, s: float) -> list[Direction]:
         """Return the states and parameters foretold for the place s by one, two, ... points."""
         here = self.here
         return [(here.x + moved[:-1], here.parameter + float(moved[-1])) for moved, _ in self._hermite.at(s)]
 
-    def chosen(self, foretold: Sequence[tuple[Array, float]], count: int, reach: float) -> tuple[Array, float]:
+    def chosen(self, foretold: Sequence[Direction], count: int, reach: float) -> Direction:
         """Return the prediction from `count` points, or from fewer where it strays too far from the tangent."""
         x, p = foretold[0]
         for there, at in foretold[min(count, len(foretold)) - 1 : 0 : -1]:
@@ -114,7 +114,7 @@ class Predictor:
         return x, p
 
     def longest(
-        self, s: float, foretold: Sequence[tuple[Array, float]], end: Point, growth: float, largest: float = math.inf
+        self, s: float, foretold: Sequence[Direction], end: Point, growth: float, largest: float = math.inf
     ) -> tuple[float, int]:
         """Return the factor from a step s to the next, and the number of points to foretell that from.
 

@@ -12,7 +12,7 @@ from contbranch.continuation.follow import Branch, follow
 from contbranch.continuation.metric import Balance, Metric
 from contbranch.continuation.newton import CorrectionError
 from contbranch.continuation.options import Options, StopAt
-from contbranch.continuation.problem import Array
+from contbranch.continuation.problem import Direction
 from contbranch.continuation.trace import interval_around, joined
 from contbranch.continuation.walk import annotated, corrected_point
 from contbranch.errors import InputError
@@ -23,8 +23,6 @@ __all__ = ["switch_branch"]
 LEAVING = (1e-2, 1e-3, 1e-4)
 # The point reached must be this much closer to the crossing curve's tangent than the curve given is.
 NEARER = 0.3
-
-Direction = tuple[Array, float]
 
 
 def switch_branch(

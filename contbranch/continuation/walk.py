@@ -11,12 +11,10 @@ from contbranch.continuation.curve import Outcome, Point
 from contbranch.continuation.metric import Metric
 from contbranch.continuation.newton import Corrected, CorrectionError, correct, evaluating, tangent_at
 from contbranch.continuation.options import Options
-from contbranch.continuation.problem import Adaptation, Array, Problem, size_of
+from contbranch.continuation.problem import Adaptation, Array, Direction, Problem, size_of
 from contbranch.continuation.segment import Segment
 
 __all__ = ["adapted", "annotated", "corrected_point", "point_on", "to_point"]
-
-Direction = tuple[Array, float]
 
 
 def to_point(problem: Problem, corrected: Corrected, metric: Metric, sign: bool = True) -> Point:
@@ -50,7 +48,7 @@ def annotated(point: Point, label: str | None = None) -> Point:
 
 
 def corrected_point(
-    problem: Problem, x: Array, p: float, direction: tuple[Array, float], metric: Metric, options: Options
+    problem: Problem, x: Array, p: float, direction: Direction, metric: Metric, options: Options
 ) -> tuple[Point, Bordered]:
     """Correct (x, p) precisely in the plane normal to a direction; return the point and its bordered matrix."""
     return _in_plane(problem, (x, p), direction, metric, options, True)
@@ -118,7 +116,7 @@ def _carry(offer: Adaptation) -> Callable[[Point], Point] | None:
     return carry
 
 
-def _direction(point: Point, offer: Adaptation, metric: Metric) -> tuple[Array, float]:
+def _direction(point: Point, offer: Adaptation, metric: Metric) -> Direction:
     """Return the old tangent on the new discretisation, or a new tangent oriented like the old one."""
     if offer.transfer is not None:
         return offer.transfer(point.tangent_x), point.tangent_parameter

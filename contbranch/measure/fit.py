@@ -19,6 +19,7 @@ from contbranch.contact.interaction_law import terms_of
 from contbranch.contact.interactions import INTERACTIONS
 from contbranch.contact.parameters import parameters_of
 from contbranch.contact.tips import Parabola
+from contbranch.contact.units import Quantity
 from contbranch.control import Spring
 from contbranch.errors import InputError, ModelError, look_up
 from contbranch.measure.comparison import Comparison, Leg, legs
@@ -76,7 +77,7 @@ def fit(
     free: Sequence[str] = ("work_of_adhesion", "modulus"),
     *,
     fixed: Sequence[str] = (),
-    spring: float | str | None = None,
+    spring: Quantity = None,
     law: str | None = None,
     progress: Progress | None = None,
     time_limit: float | None = None,

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from contbranch.arrays import AnyArray, Array, Flags, Indices
-from contbranch.contact.units import parse, positive_number
+from contbranch.contact.units import Quantity, parse, positive_number
 from contbranch.errors import InputError
 
 __all__ = ["COLUMNS", "ForceCurve"]
@@ -71,7 +71,7 @@ class ForceCurve:
         self,
         piezo: ArrayLike | None = None,
         force: ArrayLike | None = None,
-        spring: float | str | None = None,
+        spring: Quantity = None,
         segment: Sequence[Any] | AnyArray | None = None,
         **others: Any,
     ) -> None:
@@ -114,7 +114,7 @@ class ForceCurve:
     def __len__(self) -> int:
         return self.piezo.size
 
-    def with_spring(self, spring: float | str | None) -> Self:
+    def with_spring(self, spring: Quantity) -> Self:
         """The curve with another spring, if one is given; a force made of a deflection changes with it.
 
         Raises

@@ -11,13 +11,14 @@ from typing import Any
 import numpy as np
 
 from contbranch.contact.contact import Contact
-from contbranch.contact.units import positive_number
+from contbranch.contact.units import Quantity, positive_number
 from contbranch.errors import InputError, refuse_unknown
 from contbranch.measure.fit import fit, named
 from contbranch.measure.force_curve import ForceCurve
 from contbranch.measure.reading import Unread, curves_in
 from contbranch.results.fit import Fit, unit_of_value
 from contbranch.results.fit_map import FitMap, places_of
+from contbranch.results.record import UnitNames
 from contbranch.sweeps.design import Listed
 from contbranch.sweeps.sweep import sweep
 from contbranch.sweeps.tasks import Outcome
@@ -47,13 +48,13 @@ class Fitting:
     contact: Contact
     free: tuple[str, ...]
     fixed: tuple[str, ...] = ()
-    spring: float | str | None = None
+    spring: Quantity = None
     law: str | None = None
     time_limit: float | None = None
     kind = FitMap
 
     @property
-    def unit_names(self) -> Mapping[str, str]:
+    def unit_names(self) -> UnitNames:
         """Units of places and values."""
         names = (*self.free, "contact_point", "baseline", "tilt")
         units = {f"{name}{end}": unit_of_value(name) for name in names for end in ("", "_error")}

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from contbranch.contact.units import parse
+from contbranch.contact.units import Quantity, parse
 from contbranch.errors import InputError
 from contbranch.measure.force_curve import COLUMNS, ForceCurve
 
@@ -42,7 +42,7 @@ class Unread:
         return {**self.place, "error": str(self.error)}
 
 
-def read_force_curve(path: str | Path, spring: float | str | None = None, number: int = 0) -> ForceCurve:
+def read_force_curve(path: str | Path, spring: Quantity = None, number: int = 0) -> ForceCurve:
     """Read a force curve.
 
     Parameters
@@ -66,7 +66,7 @@ def read_force_curve(path: str | Path, spring: float | str | None = None, number
     return found[number]
 
 
-def read_force_curves(path: str | Path, spring: float | str | None = None) -> list[ForceCurve]:
+def read_force_curves(path: str | Path, spring: Quantity = None) -> list[ForceCurve]:
     """Read all force curves of a file, such as a map's, or of the files in a folder; see `read_force_curve`."""
     found = []
     for one in curves_in(path, spring):
@@ -76,7 +76,7 @@ def read_force_curves(path: str | Path, spring: float | str | None = None) -> li
     return found
 
 
-def curves_in(path: str | Path, spring: float | str | None = None) -> Iterator[ForceCurve | Unread]:
+def curves_in(path: str | Path, spring: Quantity = None) -> Iterator[ForceCurve | Unread]:
     """The curves of a file or folder, those that are none among them; files in the order of the numbers in their names.
 
     Raises
@@ -107,7 +107,7 @@ def _named(stem: str) -> dict[str, float]:
     return {}
 
 
-def _in_file(path: Path, spring: float | str | None, place: dict[str, float]) -> Iterator[ForceCurve | Unread]:
+def _in_file(path: Path, spring: Quantity, place: dict[str, float]) -> Iterator[ForceCurve | Unread]:
     try:
         makers = (_of_table if path.suffix.lower() in _TEXTS else _of_instrument)(path, spring)
     except InputError as error:
@@ -120,7 +120,7 @@ def _in_file(path: Path, spring: float | str | None, place: dict[str, float]) ->
             yield Unread(error, place | own)
 
 
-def _of_table(path: Path, spring: float | str | None) -> list[tuple[dict[str, float], Callable[..., ForceCurve]]]:
+def _of_table(path: Path, spring: Quantity) -> list[tuple[dict[str, float], Callable[..., ForceCurve]]]:
     try:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
@@ -167,7 +167,7 @@ def _numbers(cells: list[str], name: str, path: Path, decimal: str) -> list[floa
     return found
 
 
-def _of_instrument(path: Path, spring: float | str | None) -> list[tuple[dict[str, float], Callable[..., ForceCurve]]]:
+def _of_instrument(path: Path, spring: Quantity) -> list[tuple[dict[str, float], Callable[..., ForceCurve]]]:
     """Curves that afmformats reads: SI units, heights that fall towards the surface; split at the turn of the piezo."""
     try:
         import afmformats
@@ -182,7 +182,7 @@ def _of_instrument(path: Path, spring: float | str | None) -> list[tuple[dict[st
     return [(_position(data.metadata), partial(_of_data, data, path, spring)) for data in groups]
 
 
-def _of_data(data: Any, path: Path, spring: float | str | None, place: dict[str, float]) -> ForceCurve:
+def _of_data(data: Any, path: Path, spring: Quantity, place: dict[str, float]) -> ForceCurve:
     heights = [name for name in ("height (measured)", "height (piezo)") if name in data.columns]
     if not heights or "force" not in data.columns:
         raise InputError(f"curve: '{path}' has {', '.join(data.columns)}; needs a force and a height of the piezo")

@@ -42,7 +42,7 @@ from contbranch.results.followed import Followed, Special
 from contbranch.results.loop import Hysteresis, Jump
 from contbranch.results.loop import Path as LoopPath
 from contbranch.results.profile import CellFields, ModeShape, Profile
-from contbranch.results.record import Record, Result, columns, key_of, kind_of, same, unit_of
+from contbranch.results.record import Record, Result, UnitNames, columns, key_of, kind_of, same, unit_of
 
 if TYPE_CHECKING:
     import h5py
@@ -278,7 +278,7 @@ def _write_diagram(file: h5py.File, diagram: Diagram) -> None:
     _write(file, "mode_shapes", shapes, names)
 
 
-def _write(group: h5py.Group, name: str, value: Any, names: Mapping[str, str], quantity: str = "") -> None:
+def _write(group: h5py.Group, name: str, value: Any, names: UnitNames, quantity: str = "") -> None:
     """Write a value: an array as dataset with its unit, numbers and texts as attributes, everything else as groups."""
     if value is None or (name in ("profiles", "cells") and not value):
         return

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import io
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -37,6 +37,7 @@ from contbranch.output.plot_view import (
     view,
 )
 from contbranch.results.diagram import Diagram, Solution
+from contbranch.results.record import UnitNames
 from contbranch.results.table import with_unit
 
 if TYPE_CHECKING:
@@ -156,7 +157,7 @@ def _nothing_to_draw(diagram: Diagram) -> Figure:
     return figure
 
 
-def profiles(state: State, unit_names: Mapping[str, str] | None = None) -> Figure:
+def profiles(state: State, unit_names: UnitNames | None = None) -> Figure:
     """Draw gap and pressure of a state against the radius; `unit_names` as in ``contact.units.names``.
 
     Raises

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +16,7 @@ from contbranch.errors import look_up
 from contbranch.output.plot_labels import place_labels
 from contbranch.output.plot_view import BLUE, DASHES, GREY, ORANGE, axis_label, handle, has_natural_units, new_figure
 from contbranch.output.smooth import smooth_path
-from contbranch.results.record import OBSERVABLES
+from contbranch.results.record import OBSERVABLES, UnitNames
 from contbranch.results.table import with_unit
 
 if TYPE_CHECKING:
@@ -189,7 +189,7 @@ def is_logarithmic(values: Array) -> bool:
     return bool(values.size and values.min() > 0 and values.max() > _LOGARITHMIC * values.min())
 
 
-def parameter_label(parameter: str, units: Mapping[str, str]) -> str:
+def parameter_label(parameter: str, units: UnitNames) -> str:
     """Words, symbol and unit of a parameter."""
     parameter = parameter.removeprefix("material.")
     words, unit = _NAMES.get(parameter, parameter), ""

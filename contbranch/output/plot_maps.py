@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,6 +10,7 @@ from matplotlib.colors import CenteredNorm, ListedColormap, Normalize
 from contbranch.errors import InputError
 from contbranch.output.plot_view import WIDTH, axis_label, new_figure
 from contbranch.results.diagram import State
+from contbranch.results.record import UnitNames
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -20,7 +20,7 @@ __all__ = ["cell_maps"]
 CONTACT = ListedColormap(["#F2F2F2", "#404040"])
 
 
-def cell_maps(state: State, unit_names: Mapping[str, str] | None = None) -> Figure:
+def cell_maps(state: State, unit_names: UnitNames | None = None) -> Figure:
     """Draw gap, pressure and contact of a state on a cell as maps, as far as there is pressure.
 
     Parameters

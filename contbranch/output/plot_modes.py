@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +10,7 @@ from scipy.interpolate import Akima1DInterpolator
 
 from contbranch.arrays import Array
 from contbranch.output.plot_view import BLUE, GREY, ORANGE, axis_label, new_figure
+from contbranch.results.record import UnitNames
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,7 +28,7 @@ _ACROSS = 241  # and radii
 _RIM = 0.97  # pressures nearer to the rim, in units of its radius, do not set the scale: they have no bound
 
 
-def mode_figure(shape: ModeShape, contact_radius: float = 0.0, unit_names: Mapping[str, str] | None = None) -> Figure:
+def mode_figure(shape: ModeShape, contact_radius: float = 0.0, unit_names: UnitNames | None = None) -> Figure:
     """Draw a mode: its gap ``η(r) cos mθ`` from above, and η and its pressure against the radius.
 
     Parameters

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from io import BytesIO
 from itertools import pairwise
@@ -19,6 +19,7 @@ from matplotlib.ticker import MaxNLocator, ScalarFormatter
 from contbranch.arrays import Flags
 from contbranch.errors import InputError, look_up
 from contbranch.output.plot_curve import COORDINATES, OF_SPRINGS, Line, coordinate
+from contbranch.results.record import UnitNames
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -137,7 +138,7 @@ def handle(label: str, **style: Any) -> Line2D:
     return Line2D([], [], label=label, **style)
 
 
-def axis_label(name: str, unit_names: Mapping[str, str], natural: bool) -> str:
+def axis_label(name: str, unit_names: UnitNames, natural: bool) -> str:
     """Return words, symbol and unit of an observable; `natural`: the unit is made of R, E and |Δγ|."""
     words, symbol, reduced_unit = _AXES[name]
     quantity = {"r": "radius", **dict.fromkeys(OF_SPRINGS, "displacement")}.get(name, name)

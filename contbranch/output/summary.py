@@ -16,7 +16,7 @@ from contbranch.results.fit import Fit, unit_of_value
 from contbranch.results.fit_map import FitMap
 from contbranch.results.followed import Followed
 from contbranch.results.loop import Hysteresis
-from contbranch.results.record import OBSERVABLES, Result
+from contbranch.results.record import OBSERVABLES, Result, UnitNames
 from contbranch.results.sweep import Sweep, quantity
 from contbranch.results.table import with_unit
 
@@ -80,7 +80,7 @@ def parts(result: Result) -> Parts:
         yield str(told.message)
 
 
-def _diagram(diagram: Diagram, units: Mapping[str, str]) -> Parts:
+def _diagram(diagram: Diagram, units: UnitNames) -> Parts:
     if diagram.events:
         rows = [[_title(event), event.control or "", *_cells(event)] for event in diagram.events]
         yield Cells(["event", "control", *_headings(units)], rows)
@@ -99,7 +99,7 @@ def _diagram(diagram: Diagram, units: Mapping[str, str]) -> Parts:
         yield Cells(["threshold", "value", *(["uncertainty"] if spread else []), *(["unit"] if units else [])], rows)
 
 
-def _states(states: Sequence[State], units: Mapping[str, str]) -> Cells:
+def _states(states: Sequence[State], units: UnitNames) -> Cells:
     rows = []
     for state in states:
         known = ("load", "displacement", *(() if state.unstable_spring is None else ("spring",)))
@@ -108,7 +108,7 @@ def _states(states: Sequence[State], units: Mapping[str, str]) -> Cells:
     return Cells([*_headings(units, (*OBSERVABLES, "energy")), "stable under"], rows)
 
 
-def _loop(loop: Hysteresis, units: Mapping[str, str]) -> Parts:
+def _loop(loop: Hysteresis, units: UnitNames) -> Parts:
     shown = OBSERVABLES[:3]
     if loop.jumps:
         unit = units.get("load" if loop.control == "load" else "displacement", "")
@@ -125,7 +125,7 @@ def _loop(loop: Hysteresis, units: Mapping[str, str]) -> Parts:
         yield f"Dissipated in the loop: {with_error(loop.dissipated, loop.error)} {units.get('energy', '')}".rstrip()
 
 
-def _followed(followed: Followed, units: Mapping[str, str]) -> Parts:
+def _followed(followed: Followed, units: UnitNames) -> Parts:
     name, curve, error = followed.parameter, followed.curve, followed.error
     count = len(curve["load"])
     rows = []
@@ -143,7 +143,7 @@ def _followed(followed: Followed, units: Mapping[str, str]) -> Parts:
         yield from dict.fromkeys(one.message for one in followed.special if one.message)
 
 
-def _advice(advice: Advice, units: Mapping[str, str]) -> Parts:
+def _advice(advice: Advice, units: UnitNames) -> Parts:
     names = [name.replace("_", " ") for name in advice.thresholds]
     rows = []
     for one in advice.candidates:
@@ -154,7 +154,7 @@ def _advice(advice: Advice, units: Mapping[str, str]) -> Parts:
     yield f"Take {advice.chosen}. {advice.why}"
 
 
-def _sweep(sweep: Sweep, units: Mapping[str, str]) -> Parts:
+def _sweep(sweep: Sweep, units: UnitNames) -> Parts:
     yield f"{sweep.told()}; {sweep.computed} computed, {sweep.reused} known before"
     table = sweep.table()
     if sweep.names and len(sweep.tasks) <= _ROWS:
@@ -166,7 +166,7 @@ def _sweep(sweep: Sweep, units: Mapping[str, str]) -> Parts:
         yield f"Task {task.index} failed: {task.message}"
 
 
-def _fit(fit: Fit, _: Mapping[str, str]) -> Parts:
+def _fit(fit: Fit, _: UnitNames) -> Parts:
     rows = []
     for name, value in fit.values.items():
         known = "" if name in fit.identifiable else "not determined"
@@ -185,7 +185,7 @@ def _fit(fit: Fit, _: Mapping[str, str]) -> Parts:
     yield f"Residuals: rms {fit.rms:.4g} nN; noise {fit.noise:.3g} nN. Law: {fit.law}."
 
 
-_SHOWN: Mapping[type, Callable[[Any, Mapping[str, str]], Parts]] = {
+_SHOWN: Mapping[type, Callable[[Any, UnitNames], Parts]] = {
     Advice: _advice,
     Diagram: _diagram,
     Fit: _fit,
@@ -260,7 +260,7 @@ def _cells(source: Any, names: Iterable[str] = OBSERVABLES) -> list[str]:
     return [with_error(getattr(source, name), source.error.get(name)) for name in names]
 
 
-def _headings(units: Mapping[str, str], names: Iterable[str] = OBSERVABLES) -> list[str]:
+def _headings(units: UnitNames, names: Iterable[str] = OBSERVABLES) -> list[str]:
     return [with_unit(name.replace("_", " "), units.get(name, "")) for name in names]
 
 

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Literal
 
 from contbranch.contact.contact import Contact
 from contbranch.results.diagram import Cost, ModelChoice
-from contbranch.results.record import Record, Result, described, record
+from contbranch.results.record import Record, Result, Status, UnitNames, described, record
 from contbranch.results.table import Table, of_records
 
 __all__ = ["Advice", "Candidate"]
@@ -74,9 +73,9 @@ class Advice(Result):
     cost: Cost
     accuracy: float
     control: str = "load"
-    status: Literal["complete", "incomplete"] = "complete"
+    status: Status = "complete"
     message: str = ""
-    unit_names: Mapping[str, str] = described(default_factory=dict)
+    unit_names: UnitNames = described(default_factory=dict)
 
     def told(self) -> str:
         """The choice."""

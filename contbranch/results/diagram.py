@@ -16,7 +16,7 @@ from contbranch.contact.contact import Contact
 from contbranch.control import Control
 from contbranch.errors import InputError, ModelError
 from contbranch.results.profile import CellFields, ModeShape, Profile
-from contbranch.results.record import OBSERVABLES, Record, Result, described, given, late, record
+from contbranch.results.record import OBSERVABLES, Record, Result, Status, UnitNames, described, given, late, record
 from contbranch.results.table import Table, joined, of_columns, of_records
 
 if TYPE_CHECKING:
@@ -444,10 +444,10 @@ class Diagram(Result):
     cost: Cost
     control: str = "load"
     accuracy: float = 1e-6
-    status: Literal["complete", "incomplete"] = "complete"
+    status: Status = "complete"
     message: str = ""
     description: Mapping[str, Any] = described(default_factory=dict)
-    unit_names: Mapping[str, str] = described(default_factory=dict)
+    unit_names: UnitNames = described(default_factory=dict)
     local_exponents: Callable[[Event], LocalExponent] | Mapping[int, LocalExponent] | None = described(
         written=False, computed=lambda diagram: diagram.known_exponents(), default=None
     )
@@ -591,7 +591,7 @@ class Solution(State, Result):
     format = "contbranch-solution"
     model: ModelChoice = described(written=False, default_factory=lambda: ModelChoice("axisymmetric", "", 0))
     cost: Cost = described(written=False, default_factory=lambda: Cost(0.0, 0))
-    status: Literal["complete", "incomplete"] = described(written=False, default="complete")
+    status: Status = described(written=False, default="complete")
     message: str = described(written=False, default="")
     states: tuple[State, ...] = described(written=False, default=())
     contact: Contact | None = None

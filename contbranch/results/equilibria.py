@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from contbranch.contact.contact import Contact
 from contbranch.results.diagram import Cost, ModelChoice, State
-from contbranch.results.record import Result, described, record
+from contbranch.results.record import Result, Status, described, record
 from contbranch.results.table import Table, of_records
 
 __all__ = ["Barrier", "Equilibria"]
@@ -64,7 +64,7 @@ class Equilibria(Result):
     model: ModelChoice
     cost: Cost
     stiffness: float | None = described(written="if known", default=None)
-    status: Literal["complete", "incomplete"] = "complete"
+    status: Status = "complete"
     message: str = ""
     contact: Contact | None = None
 

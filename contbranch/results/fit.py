@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from contbranch.contact.contact import Contact
 from contbranch.errors import InputError
 from contbranch.results.diagram import Cost
 from contbranch.results.loop import Hysteresis
-from contbranch.results.record import Record, Result, described, given, record
+from contbranch.results.record import Record, Result, Status, described, given, record
 from contbranch.results.table import Table
 
 if TYPE_CHECKING:
@@ -111,7 +111,7 @@ class Fit(Result):
     noise: float
     contact: Contact
     law: str
-    status: Literal["complete", "incomplete"]
+    status: Status
     message: str
     cost: Cost
     laws: tuple[LawFit, ...] = described(written="if known", default=())

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 from contbranch.arrays import Array
 from contbranch.contact.contact import Contact
 from contbranch.contact.family import dimension_of
 from contbranch.errors import InputError
 from contbranch.results.diagram import Cost, Event, ModelChoice
-from contbranch.results.record import Record, Result, described, record
+from contbranch.results.record import Record, Result, Status, UnitNames, described, record
 from contbranch.results.table import Table, of_columns
 
 if TYPE_CHECKING:
@@ -103,9 +103,9 @@ class Followed(Result):
     model: ModelChoice
     cost: Cost
     accuracy: float
-    status: Literal["complete", "incomplete"] = "complete"
+    status: Status = "complete"
     message: str = ""
-    unit_names: Mapping[str, str] = described(default_factory=dict)
+    unit_names: UnitNames = described(default_factory=dict)
     solver: Callable[[float], tuple[FollowedPoint, ...]] | None = described(
         written=False, computed=lambda followed: None, default=None
     )

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 from contbranch.arrays import AnyArray, Array, Integers
 from contbranch.contact.contact import Contact
 from contbranch.results.diagram import Cost, ModelChoice, State
-from contbranch.results.record import Record, Result, described, given, record
+from contbranch.results.record import Record, Result, Status, described, given, record
 from contbranch.results.table import Table, of_columns
 
 if TYPE_CHECKING:
@@ -130,7 +130,7 @@ class Hysteresis(Result):
     cost: Cost
     control: str
     stiffness: float | None = described(written="if known", default=None)
-    status: Literal["complete", "incomplete"] = "complete"
+    status: Status = "complete"
     message: str = ""
     contact: Contact | None = None
     _area: float | Callable[[], float] | None = described(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -11,7 +10,7 @@ from contbranch.arrays import Array, Integers
 from contbranch.contact.contact import Contact
 from contbranch.results.diagram import Cost
 from contbranch.results.followed import Followed
-from contbranch.results.record import Record, Result, described, record
+from contbranch.results.record import Record, Result, Status, UnitNames, described, record
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -77,9 +76,9 @@ class PhaseDiagram(Result):
     contact: Contact
     cost: Cost
     logarithmic: bool = False
-    status: Literal["complete", "incomplete"] = "complete"
+    status: Status = "complete"
     message: str = ""
-    unit_names: Mapping[str, str] = described(default_factory=dict)
+    unit_names: UnitNames = described(default_factory=dict)
 
     @property
     def counts(self) -> dict[str, Integers]:

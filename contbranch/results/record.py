@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import Field, dataclass, field, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self, TypeVar, dataclass_transform
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, Self, TypeVar, dataclass_transform
 
 import numpy as np
 
@@ -26,6 +26,8 @@ __all__ = [
     "Column",
     "Record",
     "Result",
+    "Status",
+    "UnitNames",
     "columns",
     "described",
     "given",
@@ -39,6 +41,9 @@ __all__ = [
 ]
 
 Kind = TypeVar("Kind")
+Status = Literal["complete", "incomplete"]
+# Units by the quantities that are in them.
+UnitNames = Mapping[str, str]
 
 OBSERVABLES = ("load", "displacement", "contact_radius", "central_gap")
 # Quantities of fields that have another name; a field NAME_error is in the unit of NAME.
@@ -200,7 +205,7 @@ class Result(Record):
         return ""
 
     @property
-    def units(self) -> Mapping[str, str]:
+    def units(self) -> UnitNames:
         """Units of its numbers by quantity; none where they are reduced."""
         about: Any = self
         return getattr(self, "unit_names", {}) if about.contact is None else about.contact.units.names

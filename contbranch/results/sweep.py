@@ -11,7 +11,7 @@ import numpy as np
 from contbranch.contact.contact import Contact
 from contbranch.errors import InputError
 from contbranch.results.diagram import Cost, Diagram
-from contbranch.results.record import Record, Result, described, record
+from contbranch.results.record import Record, Result, Status, UnitNames, described, record
 from contbranch.results.table import Table, of_columns
 
 if TYPE_CHECKING:
@@ -83,8 +83,8 @@ class Sweep(Result):
     path: Path = described(written=False)
     contact: Contact | None = None
     description: Mapping[str, Any] = described(default_factory=dict)
-    unit_names: Mapping[str, str] = described(default_factory=dict)
-    status: Literal["complete", "incomplete"] = "complete"
+    unit_names: UnitNames = described(default_factory=dict)
+    status: Status = "complete"
     message: str = ""
 
     def __len__(self) -> int:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from contbranch.arrays import AnyArray, Columns
-from contbranch.results.record import Record, columns, quantity_of
+from contbranch.results.record import Record, UnitNames, columns, quantity_of
 
 __all__ = ["Table", "joined", "of_columns", "of_records", "with_unit"]
 
@@ -34,7 +34,7 @@ class Table(NamedTuple):
     """
 
     columns: Columns
-    units: Mapping[str, str]
+    units: UnitNames
 
     @property
     def headings(self) -> list[str]:
@@ -42,13 +42,13 @@ class Table(NamedTuple):
         return [f"{name} [{self.units[name]}]" if name in self.units else name for name in self.columns]
 
 
-def of_columns(columns: Columns, unit_names: Mapping[str, str], **other: str) -> Table:
+def of_columns(columns: Columns, unit_names: UnitNames, **other: str) -> Table:
     """Return a table of arrays; their names tell their units, save those of `other`, which are in that quantity's."""
     units = {name: unit_names.get(other.get(name, quantity_of(name)), "") for name in columns}
     return Table(columns, {name: unit for name, unit in units.items() if unit})
 
 
-def of_records(kind: type[Record], records: Sequence[Record], unit_names: Mapping[str, str]) -> Table:
+def of_records(kind: type[Record], records: Sequence[Record], unit_names: UnitNames) -> Table:
     """Return a table of records, without the columns that none of them has a value for."""
     found, units = {}, {}
     for column in columns(kind):

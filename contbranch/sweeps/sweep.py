@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
@@ -17,6 +17,7 @@ from contbranch.errors import InputError, refuse_unknown
 from contbranch.output.files import reserved
 from contbranch.output.sweep_file import load_sweep, records_of, write_sweep
 from contbranch.results.diagram import Cost
+from contbranch.results.record import UnitNames
 from contbranch.results.sweep import Sweep, SweepTask
 from contbranch.sweeps.design import Design, Listed, listed
 from contbranch.sweeps.journal import Journal, decoded, encoded
@@ -162,7 +163,7 @@ def _result(design: Design | Listed, task: Task, keys: Sequence[str], journal: J
             tasks.append(SweepTask(index, design.parameters(index), **about, key=key, computed=count))
     missing = len(keys) - len(tasks)
     contact: Any = getattr(task, "contact", design.contact)
-    units: Mapping[str, str] = getattr(task, "unit_names", {})
+    units: UnitNames = getattr(task, "unit_names", {})
     if isinstance(contact, Contact) and not units:
         units = {name: contact.units.name(dimension_of(contact, name)) for name in design.axes}
         units = {**contact.units.names, **{name: unit for name, unit in units.items() if unit}}
