@@ -74,31 +74,27 @@ def make_request(asked: Values) -> Request:
     name = chosen.get("model", "auto")
     if name not in MODELS:
         raise InputError(f"--model: {name!r} is not available; choose {', '.join(MODELS[:-1])} or {MODELS[-1]}")
+    for key in ("cell", "grid"):
+        option = getattr(asked, key) is not None
+        if asked.model is not None and not option and name not in GRID_MODELS:
+            chosen.pop(key, None)  # the option puts the file's model aside, with its cell
+        if name not in GRID_MODELS and (option or key in chosen):
+            field, remedy = (f"--{key}", "add --model") if option else (f"trace.{key}", "write model =")
+            remedy = f"{remedy} {' or '.join(GRID_MODELS)}, or leave it out"
+            raise InputError(f"{field}: the model {name} has none; {remedy}")
     if asked.cell is not None:
-        _needs_grid(name, "--cell", "add --model")
         chosen["cell"] = positive_number(contact.units.read(_bare(asked.cell), "length", "--cell"), "--cell")
     if asked.grid is not None:
-        _needs_grid(name, "--grid", "add --model")
         chosen["grid"] = grid_points(asked.grid, "--grid")
-    if asked.model is not None and name not in GRID_MODELS:  # the option puts the file's model aside, with its cell
-        chosen = {key: value for key, value in chosen.items() if key not in ("cell", "grid")}
-    for key in ("cell", "grid"):
-        if key in chosen:
-            _needs_grid(name, f"trace.{key}", "write model =")
     return Request(
         contact=contact,
         control=as_control(chosen.get("control", "load"), contact.units, "--control"),
-        accuracy=positive_number(_number(chosen.get("accuracy", 1e-6), "--accuracy"), "--accuracy"),
+        accuracy=positive_number(chosen.get("accuracy", 1e-6), "--accuracy"),
         model=named_model(name, chosen.get("cell"), chosen.get("grid")),
         max_load=settings.get("max_load"),
         controlled="control" in chosen,
         notes=asked.notes,
     )
-
-
-def _needs_grid(model: str, field: str, remedy: str) -> None:
-    if model not in GRID_MODELS:
-        raise InputError(f"{field}: the model {model} has none; {remedy} {' or '.join(GRID_MODELS)}, or leave it out")
 
 
 def _contact(asked: Values) -> tuple[Contact, dict[str, Any]]:
@@ -114,7 +110,7 @@ def _contact(asked: Values) -> tuple[Contact, dict[str, Any]]:
         raise InputError("CONTACT: missing; give a contact file, or --interaction NAME --tabor X")
     if asked.tabor is None:
         raise InputError("--tabor: missing; give the Tabor coefficient of the interaction, a number above zero")
-    value = positive_number(_number(_bare(asked.tabor), "--tabor"), "--tabor")
+    value = positive_number(_bare(asked.tabor), "--tabor")
     try:
         return Contact.reduced(asked.interaction, tabor=value, sign=-1 if asked.repulsive else 1), {}
     except InputError as error:
@@ -123,7 +119,7 @@ def _contact(asked: Values) -> tuple[Contact, dict[str, Any]]:
 
 def seconds(text: str) -> float:
     """Return the value of --time-limit."""
-    return positive_number(_number(_bare(text), "--time-limit"), "--time-limit")
+    return positive_number(_bare(text), "--time-limit")
 
 
 def whole_number(text: str, option: str) -> int:
@@ -139,12 +135,6 @@ def _bare(text: str) -> float | str:
         return float(text)
     except ValueError:
         return text
-
-
-def _number(value: object, option: str) -> object:
-    if isinstance(value, str):
-        raise InputError(f"{option}: {value!r}; must be a number")
-    return value
 
 
 def names_of(text: str | None) -> tuple[str, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -14,7 +14,17 @@ from contbranch.results.diagram import Profile
 if TYPE_CHECKING:
     from contbranch.results.diagram import Branch, Diagram, Event
 
-__all__ = ["COORDINATES", "OF_SPRINGS", "Line", "Piece", "coordinate", "fine_profile", "pieces", "smooth_line"]
+__all__ = [
+    "COORDINATES",
+    "OF_SPRINGS",
+    "Line",
+    "Piece",
+    "coordinate",
+    "fine_profile",
+    "observable",
+    "pieces",
+    "smooth_line",
+]
 
 Columns = dict[str, Array]
 
@@ -87,13 +97,18 @@ def smooth_line(diagram: Diagram, number: int) -> Line:
     return Line(columns, step, np.interp(fine, np.arange(len(position)), position), _stability(unstable))
 
 
+def observable(source: Any, name: str, stiffness: float | None) -> Any:
+    """An observable of an event, a state or a path."""
+    if name in OF_SPRINGS:
+        deflection = source.load / (stiffness or np.inf)
+        return deflection if name == "deflection" else source.displacement + deflection
+    return getattr(source, name)
+
+
 def coordinate(diagram: Diagram, event: Event, name: str) -> float:
     """An observable at an event: its energy, too, by dV = F dd from the points beside it."""
-    if name in OF_SPRINGS:
-        deflection = event.load / (diagram.stiffness or np.inf)
-        return deflection if name == "deflection" else event.displacement + deflection
     if name != "energy":
-        return float(getattr(event, name))
+        return float(observable(event, name, diagram.stiffness))
     branch = diagram.branches[event.branch]
     beside = np.clip([int(event.position), int(event.position) + 1], 0, len(branch) - 1)
     work = 0.5 * (event.load + branch.load[beside]) * (event.displacement - branch.displacement[beside])

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib import rcParams
 
 from contbranch.arrays import Array
+from contbranch.output.plot_curve import observable
 from contbranch.output.plot_view import (
     BLUE,
     GREY,
@@ -26,8 +27,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from contbranch.results.diagram import State
-    from contbranch.results.loop import Hysteresis, Path
+    from contbranch.results.loop import Hysteresis
 
 __all__ = ["loop_figure"]
 
@@ -88,14 +88,6 @@ def loop_figure(loop: Hysteresis, x: str | None = None, y: str | None = None, *,
     return figure
 
 
-def _seen(source: State | Path, name: str, stiffness: float | None) -> Any:
-    """An observable of a state or a path."""
-    if name in ("piezo", "deflection"):
-        deflection = source.load / (stiffness or np.inf)
-        return deflection if name == "deflection" else source.displacement + deflection
-    return getattr(source, name)
-
-
 def _draw(axes: Axes, loop: Hysteresis, across: str, name: str) -> None:
     path, stiffness = loop.path, loop.stiffness
     natural = loop.contact is not None and has_natural_units(loop.contact)
@@ -107,7 +99,7 @@ def _draw(axes: Axes, loop: Hysteresis, across: str, name: str) -> None:
         here = path.leg == number
         if np.count_nonzero(here) < 2:
             continue
-        columns = (path.position[here], *(_seen(path, one, stiffness)[here] for one in (across, name)))
+        columns = (path.position[here], *(observable(path, one, stiffness)[here] for one in (across, name)))
         folded = any(jump.position == columns[0][-1] for jump in loop.jumps)
         position, x, y = smooth_path(*columns, flat=folded)
         up = path.direction[here][0] > 0
@@ -117,7 +109,9 @@ def _draw(axes: Axes, loop: Hysteresis, across: str, name: str) -> None:
         _arrow(axes, x[inside], y[inside], _UP if up else _DOWN)
     for jump in loop.jumps:
         ends = [
-            (_seen(s, across, stiffness), _seen(s, name, stiffness)) for s in (jump.start, jump.to) if s is not None
+            (observable(s, across, stiffness), observable(s, name, stiffness))
+            for s in (jump.start, jump.to)
+            if s is not None
         ]
         shown.append(np.array(ends).T)
         _draw_jump(axes, ends)
