@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import math
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from contbranch.arrays import AnyArray
 from contbranch.contact.units import Quantity, parse
 from contbranch.errors import InputError
 from contbranch.measure.force_curve import COLUMNS, ForceCurve
@@ -28,6 +29,9 @@ _NAMED = (
     (re.compile(r"(?:^|[^a-z])x[-_ ]?(\d+).*?y[-_ ]?(\d+)", re.IGNORECASE), ("column", "row")),
     (re.compile(r"(?:^|[^a-z])r(?:ow)?[-_ ]?(\d+).*?c(?:ol(?:umn)?)?[-_ ]?(\d+)", re.IGNORECASE), ("row", "column")),
 )
+
+# Places in a map, and what makes the curves there.
+_Makers = list[tuple[dict[str, float], Callable[..., ForceCurve]]]
 
 
 @dataclass(frozen=True)
@@ -120,7 +124,7 @@ def _in_file(path: Path, spring: Quantity, place: dict[str, float]) -> Iterator[
             yield Unread(error, place | own)
 
 
-def _of_table(path: Path, spring: Quantity) -> list[tuple[dict[str, float], Callable[..., ForceCurve]]]:
+def _of_table(path: Path, spring: Quantity) -> _Makers:
     try:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
@@ -129,35 +133,37 @@ def _of_table(path: Path, spring: Quantity) -> list[tuple[dict[str, float], Call
     if len(lines) < 2:
         raise InputError(f"curve: '{path}' is empty; must have a header such as piezo [nm],force [nN] and rows")
     delimiter = max(",;\t", key=lines[0].count)
-    headings = [_HEADING.fullmatch(cell) for cell in next(csv.reader(lines[:1], delimiter=delimiter))]
+    heading, *rows = csv.reader(lines, delimiter=delimiter)
+    headings = [_HEADING.fullmatch(cell) for cell in heading]
     names = [match[1].lower() if match else "" for match in headings]
-    wanted = [k for k, name in enumerate(names) if name in (*COLUMNS, *_POSITION, "segment", "curve")]
     if not {"piezo", "tip"} & set(names) or not {"force", "deflection"} & set(names):
         raise InputError(
             f"curve: '{path}' has the columns {', '.join(filter(None, names))}; needs piezo (or tip) and force"
         )
-    rows = list(csv.reader(lines[1:], delimiter=delimiter))
     for number, row in enumerate(rows, start=2):
         if len(row) < len(names):
             raise InputError(f"curve: '{path}', row {number}: {len(row)} values; must be {len(names)}")
-    columns: dict[str, list[Any]] = {names[k]: [row[k] for row in rows] for k in wanted}
-    units = {names[k]: match[2] for k in wanted if (match := headings[k]) and match[2]}
-    for name in set(columns) & {*COLUMNS, *_POSITION}:
-        columns[name] = _numbers(columns[name], name, path, decimal="." if delimiter == "," else ",")
-    maps = np.array(columns.pop("curve", ["0"] * len(rows)))
-    where = {name: np.array(columns.pop(name)) for name in _POSITION if name in columns}
+    units = {name: match[2] for name, match in zip(names, headings, strict=True) if match and match[2]}
+    columns: dict[str, AnyArray] = {}
+    for name, cells in zip(names, zip(*rows, strict=False), strict=False):
+        if name in (*COLUMNS, *_POSITION):
+            columns[name] = np.array(_numbers(cells, name, path, decimal="." if delimiter == "," else ","))
+        elif name in ("segment", "curve"):
+            columns[name] = np.array(cells)
+    maps = columns.pop("curve", np.zeros(len(rows)))
+    where = {name: columns.pop(name) for name in _POSITION if name in columns}
     for name, values in where.items():
-        values *= parse(f"1 {units.pop(name, 'nm')}", "length", f"curve: unit of {name}")
+        values *= parse(f"1 {units.get(name, 'nm')}", "length", f"curve: unit of {name}")
     units = {name: unit for name, unit in units.items() if name in COLUMNS}
-    found: list[tuple[dict[str, float], Callable[..., ForceCurve]]] = []
+    found: _Makers = []
     for part in (np.flatnonzero(maps == one) for one in dict.fromkeys(maps.tolist())):
-        own = {name: np.array(values)[part] for name, values in columns.items()}
+        own = {name: values[part] for name, values in columns.items()}
         place = {name: float(values[part[0]]) for name, values in where.items()}
         found.append((place, partial(ForceCurve, spring=spring, units=units, source=str(path), **own)))
     return found
 
 
-def _numbers(cells: list[str], name: str, path: Path, decimal: str) -> list[float]:
+def _numbers(cells: Sequence[str], name: str, path: Path, decimal: str) -> list[float]:
     found = []
     for number, cell in enumerate(cells, start=2):
         try:
@@ -167,7 +173,7 @@ def _numbers(cells: list[str], name: str, path: Path, decimal: str) -> list[floa
     return found
 
 
-def _of_instrument(path: Path, spring: Quantity) -> list[tuple[dict[str, float], Callable[..., ForceCurve]]]:
+def _of_instrument(path: Path, spring: Quantity) -> _Makers:
     """Curves that afmformats reads: SI units, heights that fall towards the surface; split at the turn of the piezo."""
     try:
         import afmformats
