@@ -115,13 +115,7 @@ def bifurcation_diagram(
             figure.draw_without_rendering()  # what is placed last must know where everything else is
             _place_labels(ax, diagram, x, y)
         return figure
-    if not _drawable(diagram):
-        return _nothing_to_draw(diagram)
-    with new_figure(2.7, None) as figure:
-        axes = figure.subplots()
-        _draw_curve(axes, diagram, _lines(diagram), (x, y), line)
-        _finish(figure, [axes], diagram, [(x, y)] if labels else [])
-    return figure
+    return _figure(diagram, [(x, y)], 2.7, labels, line)
 
 
 def _curves(axes: Axes) -> int:
@@ -131,29 +125,25 @@ def _curves(axes: Axes) -> int:
 
 def overview(diagram: Diagram) -> Figure:
     """Draw contact radius against load above load against displacement, as `bifurcation_diagram` draws one of them."""
-    if not _drawable(diagram):
-        return _nothing_to_draw(diagram)
-    panels = [("load", "contact_radius"), ("displacement", "load")]
-    with new_figure(4.9, None) as figure:
-        both = list(figure.subplots(2, 1))
-        lines = _lines(diagram)
-        for axes, (x, y), letter in zip(both, panels, "ab", strict=True):
-            _draw_curve(axes, diagram, lines, (x, y), {})
-            panel_title(axes, letter)
-        _finish(figure, both, diagram, panels)
-    return figure
+    return _figure(diagram, [("load", "contact_radius"), ("displacement", "load")], 4.9, True, {})
 
 
-def _drawable(diagram: Diagram) -> bool:
-    """Whether there is a line to draw: two points at least on every branch."""
-    return bool(diagram.branches) and all(len(branch) > 1 for branch in diagram.branches)
-
-
-def _nothing_to_draw(diagram: Diagram) -> Figure:
-    """Return a figure that says why there is no curve."""
-    with new_figure(1.2) as figure:
-        words = textwrap.fill(f"No curve could be traced. {diagram.message}", 60)
-        figure.text(0.5, 0.5, words, ha="center", va="center")
+def _figure(
+    diagram: Diagram, panels: Sequence[tuple[str, str]], height: float, labels: bool, line: dict[str, Any]
+) -> Figure:
+    """Draw panels one above the other; where a branch has no line, of two points at least, say why there is none."""
+    if not diagram.branches or any(len(branch) < 2 for branch in diagram.branches):
+        with new_figure(1.2) as figure:
+            words = textwrap.fill(f"No curve could be traced. {diagram.message}", 60)
+            figure.text(0.5, 0.5, words, ha="center", va="center")
+        return figure
+    with new_figure(height, None) as figure:
+        every, lines = np.atleast_1d(figure.subplots(len(panels), 1)).tolist(), _lines(diagram)
+        for axes, shown, letter in zip(every, panels, "ab", strict=False):
+            _draw_curve(axes, diagram, lines, shown, line)
+            if len(panels) > 1:
+                panel_title(axes, letter)
+        _finish(figure, every, diagram, panels if labels else [])
     return figure
 
 
