@@ -59,6 +59,8 @@ from contbranch.grid_size import MODELS, grid_points
 
 __all__ = ["parsed", "read_contact"]
 
+# A table of a TOML file.
+_Table = dict[str, Any]
 _TABLES = ("tip", "material", "interaction", "trace", "sweep")
 # The dimension of a table's unit, by its key.
 _UNITS = {
@@ -78,7 +80,7 @@ _HEIGHT_MAP_KINDS = (
 )
 
 
-def read_contact(path: str | Path) -> tuple[Contact, dict[str, Any]]:
+def read_contact(path: str | Path) -> tuple[Contact, _Table]:
     """Return the contact that a TOML file describes, and its options for the trace.
 
     Parameters
@@ -118,7 +120,7 @@ def read_contact(path: str | Path) -> tuple[Contact, dict[str, Any]]:
     return Contact(tip, sum(terms) or None, modulus, reader.units), options
 
 
-def parsed(path: Path) -> dict[str, Any]:
+def parsed(path: Path) -> _Table:
     """Return the tables of a TOML file; InputError if it is none."""
     try:
         return tomllib.loads(read_text(path))
@@ -126,7 +128,7 @@ def parsed(path: Path) -> dict[str, Any]:
         raise InputError(f"{path}: {' '.join(str(error).split())}; must be TOML, as in the documentation") from None
 
 
-def _table(value: object, name: str) -> dict[str, Any]:
+def _table(value: object, name: str) -> _Table:
     if not isinstance(value, dict):
         raise InputError(f"{name}: {value!r}; must be a table [{name}]")
     return value
@@ -162,7 +164,7 @@ class _Reader:
             self._note(has_unit, field, "drop the unit" if has_unit else "add the unit")
         return number
 
-    def tip(self, table: dict[str, Any]) -> TipShape:
+    def tip(self, table: _Table) -> TipShape:
         """Return the tip of the table [tip]."""
         if "shape" not in table:
             raise InputError(f"tip.shape: missing; must be one of {', '.join(TIPS)}")
@@ -176,7 +178,7 @@ class _Reader:
         profile: TipShape = make(Profile, values | {name: table[name] for name in ("apex",) if name in table}, "tip.")
         return profile
 
-    def _height_map(self, table: dict[str, Any]) -> HeightMap:
+    def _height_map(self, table: _Table) -> HeightMap:
         """Return the height map of the table [tip]."""
         refuse_unknown(table, _HEIGHT_MAP, "tip.")
         for name in ("file", "cell"):
@@ -185,7 +187,7 @@ class _Reader:
         for name, kind, example in _HEIGHT_MAP_KINDS:
             if name in table and not isinstance(table[name], kind):
                 raise InputError(f"tip.{name}: {table[name]!r}; write for example {name} = {example}")
-        keywords: dict[str, Any] = {name: table[name] for name, *_ in _HEIGHT_MAP_KINDS[1:] if name in table}
+        keywords: _Table = {name: table[name] for name, *_ in _HEIGHT_MAP_KINDS[1:] if name in table}
         for name in ("cell", "radius"):
             if name in table:
                 keywords[name] = self.number(table[name], "length", f"tip.{name}")
@@ -195,7 +197,7 @@ class _Reader:
         except InputError as error:
             raise InputError(f"tip.{error}") from None
 
-    def law(self, table: dict[str, Any], field: str) -> Interaction:
+    def law(self, table: _Table, field: str) -> Interaction:
         """Return the law of a table [[interaction]]."""
         if "law" not in table:
             raise InputError(f"{field}.law: missing; must be one of {', '.join(INTERACTIONS)}")
@@ -210,7 +212,7 @@ class _Reader:
         tabulated: Interaction = make(Tabulated, self._lists(table, field, columns), prefix)
         return tabulated
 
-    def options(self, table: dict[str, Any]) -> dict[str, Any]:
+    def options(self, table: _Table) -> _Table:
         """Return the options of the table [trace]."""
         readers: dict[str, Callable[[Any, str], object]] = {
             "control": lambda value, field: as_control(value, self.units, field),
@@ -223,17 +225,13 @@ class _Reader:
         refuse_unknown(table, readers, "trace.")
         return {name: read(table[name], f"trace.{name}") for name, read in readers.items() if name in table}
 
-    def _parameters(
-        self, kind: type[TipShape] | type[Interaction], table: dict[str, Any], prefix: str
-    ) -> dict[str, Any]:
+    def _parameters(self, kind: type[TipShape] | type[Interaction], table: _Table, prefix: str) -> _Table:
         """Return the values of a table whose keys are parameters of `kind`; others are left to `make` to refuse."""
         known = dimensions(kind)
         refuse_unknown(table, known, prefix)
         return {name: self.number(value, known[name], f"{prefix}{name}") for name, value in table.items()}
 
-    def _lists(
-        self, table: dict[str, Any], field: str, units: Mapping[str, str], others: Iterable[str] = ()
-    ) -> dict[str, Any]:
+    def _lists(self, table: _Table, field: str, units: Mapping[str, str], others: Iterable[str] = ()) -> _Table:
         """Return two lists of numbers in the file's units, from a file if `table` names one.
 
         `units` has the lists' names and the keys of their units; `others` may be in the table, too.
@@ -252,7 +250,7 @@ class _Reader:
         factors = {name: self._unit(table, field, name, key) for name, key in units.items()}
         return {name: _multiplied(table[name], factors[name], f"{field}.{name}") for name in units}
 
-    def _unit(self, table: dict[str, Any], field: str, name: str, key: str) -> float:
+    def _unit(self, table: _Table, field: str, name: str, key: str) -> float:
         """Return what a number called `name` is worth: of the unit that the table has under `key`, or 1 without."""
         unit = table.get(key)
         if unit is None:

@@ -18,7 +18,7 @@ from contbranch.measure.force_curve import ForceCurve
 from contbranch.measure.reading import Unread, curves_in
 from contbranch.results.fit import Fit, unit_of_value
 from contbranch.results.fit_map import FitMap, places_of
-from contbranch.results.record import UnitNames
+from contbranch.results.record import UnitNames, Values
 from contbranch.sweeps.design import Listed
 from contbranch.sweeps.sweep import sweep
 from contbranch.sweeps.tasks import Outcome
@@ -61,7 +61,7 @@ class Fitting:
         units |= dict.fromkeys(("x", "y"), "nm") | dict.fromkeys(("rms", "noise", "pull_off_force"), "nN")
         return {name: unit for name, unit in units.items() if unit}
 
-    def describe(self) -> dict[str, Any]:
+    def describe(self) -> Values:
         """The contact and every setting but the time allowed."""
         settings = {name: getattr(self, name) for name in ("free", *_FITTING)}
         return {"task": "fit", "contact": self.contact.describe(), **settings}
@@ -70,7 +70,7 @@ class Fitting:
         """What a curve determines."""
         if isinstance(given, Unread):
             raise given.error
-        settings: dict[str, Any] = {name: getattr(self, name) for name in _FITTING}
+        settings: Values = {name: getattr(self, name) for name in _FITTING}
         found = fit(given, self.contact, self.free, **settings, time_limit=self.time_limit)
         about = {"status": found.status, "message": found.message, "thresholds": _values(found), "law": found.law}
         every = {name: dict(getattr(found, name)) for name in ("values", "errors")}
@@ -124,7 +124,7 @@ def fit_map(
     if not listed:
         raise InputError("curves: none; give at least one")
     executor: Executor | None = settings.get("executor")
-    chosen: dict[str, Any] = {name: settings[name] for name in _FITTING if name in settings}
+    chosen: Values = {name: settings[name] for name in _FITTING if name in settings}
     chosen["fixed"] = tuple(chosen.get("fixed", ()))
     limit = positive_number(settings.get("task_limit", 600.0), "task_limit")
     task = Fitting(contact, named(free), **chosen, time_limit=limit)

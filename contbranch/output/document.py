@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from contbranch.results.record import Record, Result
+from contbranch.results.record import Record, Result, Values
 
 __all__ = ["VERSION", "document", "head"]
 
 VERSION = 1
 
 
-def document(result: Result) -> dict[str, Any]:
+def document(result: Result) -> Values:
     """Return a result as a JSON-able dictionary: format and version, contact, units, and what the result describes.
 
     Numbers are in the contact's units (`units`, `unit_names`); NaN and infinity become None.
@@ -23,7 +23,7 @@ def document(result: Result) -> dict[str, Any]:
     return {**head(result), **plain(result.body())}
 
 
-def head(result: Result) -> dict[str, Any]:
+def head(result: Result) -> Values:
     """What every document begins with: its format, the contact, and the unit of every quantity if it is physical."""
     contact: Any = getattr(result, "contact", None)
     described = getattr(result, "description", None) or ({} if contact is None else contact.describe())

@@ -42,7 +42,7 @@ from contbranch.results.followed import Followed, Special
 from contbranch.results.loop import Hysteresis, Jump
 from contbranch.results.loop import Path as LoopPath
 from contbranch.results.profile import CellFields, ModeShape, Profile
-from contbranch.results.record import Record, Result, UnitNames, columns, key_of, kind_of, same, unit_of
+from contbranch.results.record import Record, Result, UnitNames, Values, columns, key_of, kind_of, same, unit_of
 
 if TYPE_CHECKING:
     import h5py
@@ -59,7 +59,7 @@ _HEAD = ("control", "stiffness", "accuracy", "status", "message")
 # What stands in a column of a table where there is no value: modes are counted from 1.
 _BLANK = {float: math.nan, int: 0, str: ""}
 # Records within documents.
-_PARTS: dict[str, Any] = {
+_PARTS: Values = {
     one.__name__: one for one in (LoopPath, Jump, State, ModelChoice, Cost, Event, Special, Exponent, Window)
 }
 # The block before what HDF5 reads: the least size that it allows, and what is written there.
@@ -169,7 +169,7 @@ def _as_diagram(solution: Solution) -> Diagram:
 
 def _point(state: State) -> Branch:
     """Return a branch of one point."""
-    known: dict[str, Any] = {item.name: getattr(state, item.name, None) for item in fields(Branch)}
+    known: Values = {item.name: getattr(state, item.name, None) for item in fields(Branch)}
     known |= {f"{name}_error": state.error.get(name, math.nan) for name in ("load", "displacement")}
     found = {name: np.array([value]) for name, value in known.items() if value is not None}
     cells = () if state.in_cell is None else (state.cell,)
@@ -353,7 +353,7 @@ def _python(value: Any) -> Any:
 
 def _made(kind: type[Kind], content: Mapping[str, Any]) -> Kind:
     """The record of an object of a document; KeyError where something is missing that has no default."""
-    found: dict[str, Any] = {}
+    found: Values = {}
     for item in fields(kind):
         name, said = key_of(item), str(item.type)
         inner = next((_PARTS[word] for word in re.findall(r"\w+", said) if word in _PARTS), None)
@@ -393,7 +393,7 @@ def _read_events(group: h5py.Group, shapes: Mapping[str, h5py.Group]) -> tuple[E
 
 def _assembled(kind: type[Kind], cells: Mapping[tuple[str, ...], Any], path: tuple[str, ...] = ()) -> Kind:
     """The record of a row of a table, whose cells are found by their path in it."""
-    found: dict[str, Any] = {}
+    found: Values = {}
     for item in fields(kind):
         held, within = kind_of(item), (*path, item.name)
         inside = {other: cell for other, cell in cells.items() if other[: len(within)] == within}

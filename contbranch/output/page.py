@@ -29,6 +29,8 @@ from contbranch.results.sweep import Sweep
 
 __all__ = ["page"]
 
+# What the page holds as JSON.
+_Json = dict[str, Any]
 _RANGES = 8.0  # of the interaction: the largest gap that is shown
 _BUDGET = 4_000_000  # numbers in the profiles of a page, which take some three bytes each
 _STEPS = (3, 8)  # of 24 points drawn for each step of a trace: taken of a single one, and of many
@@ -57,7 +59,7 @@ def page(result: Result, curve: Diagram | None = None) -> str:
         raise InputError("result: a map of fits has no curves to show; draw it with contbranch show --plot")
     if isinstance(result, Sweep):
         title = f"{title.partition(', μ_T')[0]} over {' × '.join(result.parameters) or 'contacts'}"
-    known: dict[str, Any] = {"title": title, "parameters": [], "axes": {}}
+    known: _Json = {"title": title, "parameters": [], "axes": {}}
     if isinstance(result, Diagram):
         known |= {"items": [packed.diagram(result, result.contact, {})], "units": result.unit_names}
     elif isinstance(result, Hysteresis):
@@ -99,7 +101,7 @@ class _Packed:
         planes = whole.astype("<f4").view(np.uint8).reshape(-1, 4).T
         return base64.b64encode(gzip.compress(planes.tobytes(), 6, mtime=0)).decode()
 
-    def diagram(self, diagram: Diagram, contact: Contact | None, about: Mapping[str, Any]) -> dict[str, Any]:
+    def diagram(self, diagram: Diagram, contact: Contact | None, about: Mapping[str, Any]) -> _Json:
         """What the page needs of a diagram."""
         controls = ["load", "displacement", *(["spring"] if diagram.stiffness else [])]
         ranges = [law.get("range", 0.0) for law in diagram.description.get("interaction", [])]
@@ -119,7 +121,7 @@ class _Packed:
                 found["tip"] = {"r": self.put(r), "z": self.put(contact.axisymmetric_tip.height(r))}
         return {**found, "model": diagram.model.kind, "controls": controls, "limit": limit}
 
-    def _branch(self, diagram: Diagram, number: int, controls: list[str], limit: float) -> dict[str, Any]:
+    def _branch(self, diagram: Diagram, number: int, controls: list[str], limit: float) -> _Json:
         branch = diagram.branches[number]
         every = _STEPS[self.count > _MANY]
         lines = [smooth_line(replace(diagram, control=control), number) for control in controls]
@@ -136,7 +138,7 @@ class _Packed:
         found = {"fine": fine, "position": self.put(line.position[taken]), "stable": stable, "rows": rows}
         return {**found, "unstable": unstable, **self._profiles(branch, limit), **self._maps(branch)}
 
-    def _maps(self, branch: Branch) -> dict[str, Any]:
+    def _maps(self, branch: Branch) -> _Json:
         """Gap (zero in contact alone) and pressure of every row of a grid model, on a page of few curves."""
         if not len(branch.cells) or self.count > _MANY:
             return {}
@@ -147,7 +149,7 @@ class _Packed:
         found = {name: self.put(np.concatenate([field.T.ravel() for field in of])) for name, of in joined.items()}
         return {"maps": {**found, "edges": self.put(edges)}}
 
-    def _profiles(self, branch: Branch, limit: float) -> dict[str, Any]:
+    def _profiles(self, branch: Branch, limit: float) -> _Json:
         """Gap and pressure of every row as far as they are shown: computed nodes, fewer of them on a page of many."""
         if not len(branch.profiles):
             return {}
@@ -173,7 +175,7 @@ class _Packed:
         }
 
 
-def _of_sweep(sweep: Sweep, packed: _Packed) -> Iterator[dict[str, Any]]:
+def _of_sweep(sweep: Sweep, packed: _Packed) -> Iterator[_Json]:
     from contbranch.output.sweep_file import diagram_of, records_of
 
     packed.count = max(1, len(sweep.tasks) - len(sweep.failed))
@@ -191,11 +193,11 @@ def _of_sweep(sweep: Sweep, packed: _Packed) -> Iterator[dict[str, Any]]:
             yield packed.diagram(replace(diagram, description=described), contact, about)
 
 
-def _of_loop(loop: Hysteresis, curve: Diagram | None, packed: _Packed) -> dict[str, Any]:
+def _of_loop(loop: Hysteresis, curve: Diagram | None, packed: _Packed) -> _Json:
     """A loop, and behind it the curve of its contact."""
     path = loop.path
     about = {name: getattr(loop, name) for name in ("status", "message", "control", "stiffness")}
-    item: dict[str, Any] = {"branches": [], "events": [], "controls": [loop.control], "thresholds": {}}
+    item: _Json = {"branches": [], "events": [], "controls": [loop.control], "thresholds": {}}
     if curve is not None:
         item = packed.diagram(curve, loop.contact, {})
     found = {name: packed.put(getattr(path, name)) for name in (*COORDINATES, "leg", "direction")}

@@ -27,6 +27,7 @@ from contbranch.output.plot_view import (
     DASHES,
     GREY,
     SERIES,
+    Style,
     arrange_panels,
     axis_label,
     check_observables,
@@ -128,9 +129,7 @@ def overview(diagram: Diagram) -> Figure:
     return _figure(diagram, [("load", "contact_radius"), ("displacement", "load")], 4.9, True, {})
 
 
-def _figure(
-    diagram: Diagram, panels: Sequence[tuple[str, str]], height: float, labels: bool, line: dict[str, Any]
-) -> Figure:
+def _figure(diagram: Diagram, panels: Sequence[tuple[str, str]], height: float, labels: bool, line: Style) -> Figure:
     """Draw panels one above the other; where a branch has no line, of two points at least, say why there is none."""
     if not diagram.branches or any(len(branch) < 2 for branch in diagram.branches):
         with new_figure(1.2) as figure:
@@ -264,9 +263,7 @@ def _interesting_radius(state: State) -> float:
 # One curve
 
 
-def _draw_curve(
-    axes: Axes, diagram: Diagram, lines: Sequence[Line], shown: tuple[str, str], style: dict[str, Any]
-) -> None:
+def _draw_curve(axes: Axes, diagram: Diagram, lines: Sequence[Line], shown: tuple[str, str], style: Style) -> None:
     """Draw the branches with their stability, mark the events and set limits and axis labels."""
     x, y = shown
     contact = diagram.contact
@@ -296,7 +293,7 @@ def _lines(diagram: Diagram) -> list[Line]:
     return [smooth_line(diagram, number) for number in range(len(diagram.branches))]
 
 
-def _draw_piece(axes: Axes, piece: Piece, style: dict[str, Any]) -> None:
+def _draw_piece(axes: Axes, piece: Piece, style: Style) -> None:
     if piece.stable:
         known = {"color": _STABLE, "solid_capstyle": "round", "solid_joinstyle": "round", "zorder": 3}
     else:
@@ -310,7 +307,7 @@ def _marked(diagram: Diagram) -> list[Event]:
     return [e for e in diagram.events if (e.kind == "fold" and e.name) or e.kind in ("touch", "symmetry")]
 
 
-def _marker(diagram: Diagram, event: Event) -> dict[str, Any]:
+def _marker(diagram: Diagram, event: Event) -> Style:
     """Return the style of an event's marker: full for folds under the diagram's control, empty for the other's."""
     if event.kind == "touch":
         return {"marker": "D", "markersize": 4.0, "markerfacecolor": _TOUCH, "markeredgecolor": "white"}

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.colors import CenteredNorm, ListedColormap, Normalize
 
 from contbranch.errors import InputError
-from contbranch.output.plot_view import WIDTH, axis_label, new_figure
+from contbranch.output.plot_view import WIDTH, Style, axis_label, new_figure
 from contbranch.results.diagram import State
 from contbranch.results.record import UnitNames
 
@@ -40,7 +40,7 @@ def cell_maps(state: State, unit_names: UnitNames | None = None) -> Figure:
     x, y = cell.x, cell.y
     if len(x) < 2 or len(y) < 2:
         raise InputError("state: its cell has fewer than two nodes a side to be shown")
-    fields: list[tuple[str, Any, dict[str, Any]]] = [
+    fields: list[tuple[str, Any, Style]] = [
         (axis_label("gap", names, False), cell.gap, {"cmap": "viridis", "norm": Normalize(0.0)}),
         (axis_label("pressure", names, False), cell.pressure, _pressure_colours(cell.pressure)),
         (f"contact: {share:.3g} of the cell", contact, {"cmap": CONTACT, "vmin": 0, "vmax": 1}),
@@ -63,7 +63,7 @@ def cell_maps(state: State, unit_names: UnitNames | None = None) -> Figure:
     return figure
 
 
-def _pressure_colours(pressure: np.ndarray[Any, Any]) -> dict[str, Any]:
+def _pressure_colours(pressure: np.ndarray[Any, Any]) -> Style:
     """A scale with white at zero where attraction and repulsion are both there."""
     if pressure.min() < 0.0 < pressure.max():
         return {"cmap": "RdBu_r", "norm": CenteredNorm()}

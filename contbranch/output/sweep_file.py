@@ -22,7 +22,7 @@ from contbranch.output.document import VERSION
 from contbranch.results.diagram import Branch, Cost, Diagram, Event, ModelChoice
 from contbranch.results.fit_map import FitMap
 from contbranch.results.profile import Profile
-from contbranch.results.record import OBSERVABLES
+from contbranch.results.record import OBSERVABLES, Values
 from contbranch.results.sweep import Sweep, SweepTask, quantity
 
 if TYPE_CHECKING:
@@ -30,14 +30,14 @@ if TYPE_CHECKING:
 
 __all__ = ["diagram_of", "is_sweep", "load_sweep", "read_diagram", "rebuilt", "records_of", "write_sweep"]
 
-Record = tuple[dict[str, Any], Columns]
+Record = tuple[Values, Columns]
 
 _BLOCK = 512
 _LABEL = b"contbranch: an HDF5 file before this block of %d bytes\nsha256 %s\n"
 _PIECE = 1 << 20  # values held before they are written
 _LENGTH = "This is a netCDF dimension but not a netCDF variable. %10d"
 _GROUP = "tasks"
-_PACKED: dict[str, Any] = {"chunks": (1 << 14,), "maxshape": (None,), "compression": 1, "shuffle": True}
+_PACKED: Values = {"chunks": (1 << 14,), "maxshape": (None,), "compression": 1, "shuffle": True}
 _ABOUT = ("status", "message", "wall_s", "key", "computed")
 _TIMES = ("key", "run", "wall_s")
 
@@ -86,7 +86,7 @@ def _write_tasks(file: h5py.File, sweep: Sweep) -> None:
     if not grid and sweep.axes:
         file.attrs["coordinates"] = " ".join(sweep.axes)
     text = h5py.string_dtype()
-    columns: dict[str, Any] = {name: [getattr(task, name) for task in sweep.tasks] for name in _ABOUT}
+    columns: Values = {name: [getattr(task, name) for task in sweep.tasks] for name in _ABOUT}
     for name in sweep.names:
         columns[name] = [task.thresholds.get(name, np.nan) for task in sweep.tasks]
     for name, values in columns.items():
@@ -203,7 +203,7 @@ def _sweep(file: h5py.File, path: Path) -> Sweep:
         values = {name: found[name][index] for name in thresholds if found[name][index] == found[name][index]}
         parameters = {name: axes[name][k] for name, k in zip(names, at, strict=True)}
         tasks.append(SweepTask(index=index, parameters=parameters, thresholds=values, **about))
-    described: dict[str, Any] = {name: json.loads(file[name][()]) for name in ("description", "unit_names")}
+    described: Values = {name: json.loads(file[name][()]) for name in ("description", "unit_names")}
     kind = FitMap if file.attrs["format"] == FitMap.format else Sweep
     return kind(
         parameters=tuple(names),
@@ -257,7 +257,7 @@ def diagram_of(sweep: Sweep, index: int, record: Record) -> Diagram:
     for number in range(int(which.max(initial=-1)) + 1):
         here = np.flatnonzero(which == number)
         profiles = () if ends is None else tuple(_profile(arrays, ends[k], ends[k + 1]) for k in here)
-        known: dict[str, Any] = {name: values[here] for name, values in points.items()}
+        known: Values = {name: values[here] for name, values in points.items()}
         known |= dict.fromkeys(("load_error", "displacement_error"), np.full(len(here), np.nan))
         branches.append(Branch(**known, profiles=profiles))
     events = tuple(_event(said) for said in about.get("events", ()))

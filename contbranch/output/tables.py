@@ -6,11 +6,12 @@ import csv
 import io
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from contbranch.errors import InputError
 from contbranch.output.document import head
 from contbranch.output.files import write
+from contbranch.results.record import Values
 from contbranch.results.table import Table
 
 if TYPE_CHECKING:
@@ -72,10 +73,10 @@ def as_xarray(result: Result) -> xr.Dataset:
         import xarray as xr
     except ModuleNotFoundError:
         raise InputError("to_xarray: xarray is not installed; install contbranch[tables]") from None
-    found: dict[str, Any] = {}
+    found: Values = {}
     for number, (row, table) in enumerate(result.tables().items()):
         for name, values in table.columns.items():
             units = {"units": table.units[name]} if name in table.units else {}
             found[f"{row}_{name}" if number else name] = (row, values, units)
-    about: dict[str, Any] = {**head(result), **{key: getattr(result, key) for key in ("status", "message")}}
+    about: Values = {**head(result), **{key: getattr(result, key) for key in ("status", "message")}}
     return xr.Dataset(found, attrs={key: json.dumps(v) if isinstance(v, dict) else v for key, v in about.items()})

@@ -16,7 +16,18 @@ from contbranch.contact.contact import Contact
 from contbranch.control import Control
 from contbranch.errors import InputError, ModelError
 from contbranch.results.profile import CellFields, ModeShape, Profile
-from contbranch.results.record import OBSERVABLES, Record, Result, Status, UnitNames, described, given, late, record
+from contbranch.results.record import (
+    OBSERVABLES,
+    Record,
+    Result,
+    Status,
+    UnitNames,
+    Values,
+    described,
+    given,
+    late,
+    record,
+)
 from contbranch.results.table import Table, joined, of_columns, of_records
 
 if TYPE_CHECKING:
@@ -347,7 +358,7 @@ class Branch(Record):
     def state(self, i: int) -> State:
         """Point `i` with its profile: r, gap, pressure and wall_pressure."""
         names = (*OBSERVABLES, "energy", "unstable_load", "unstable_displacement")
-        known: dict[str, Any] = {name: getattr(self, name)[i].item() for name in names}
+        known: Values = {name: getattr(self, name)[i].item() for name in names}
         for name in ("unstable_spring", "unstable_azimuthal"):
             if getattr(self, name) is not None:
                 known[name] = int(getattr(self, name)[i])
@@ -615,7 +626,7 @@ class Solution(State, Result):
         """The states found, this one first."""
         return {"state": of_records(State, self.known, self.units)}
 
-    def body(self) -> dict[str, Any]:
+    def body(self) -> Values:
         """All states found, or this one."""
         told = {name: getattr(self, name) for name in ("model", "cost", "status", "message")}
         return {"states": [state.items() for state in self.known], **told}

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from contbranch.arrays import Array
 from contbranch.contact.contact import Contact
 from contbranch.contact.family import dimension_of
 from contbranch.errors import InputError
 from contbranch.results.diagram import Cost, Event, ModelChoice
-from contbranch.results.record import Record, Result, Status, UnitNames, described, record
+from contbranch.results.record import Record, Result, Status, UnitNames, Values, described, record
 from contbranch.results.table import Table, of_columns
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ class FollowedPoint(Record):
     central_gap: float
     error: Mapping[str, float]
 
-    def items(self) -> dict[str, Any]:
+    def items(self) -> Values:
         """What documents hold: the parameter under its own name, too."""
         return {**super().items(), self.parameter: self.value}
 
@@ -110,7 +110,7 @@ class Followed(Result):
         written=False, computed=lambda followed: None, default=None
     )
 
-    def body(self) -> dict[str, Any]:
+    def body(self) -> Values:
         """All but the exponent of what was followed, which changes along the curve and takes long."""
         event = replace(self.event, critical=None).items()
         del event["exponent"]

@@ -28,6 +28,7 @@ __all__ = [
     "Result",
     "Status",
     "UnitNames",
+    "Values",
     "columns",
     "described",
     "given",
@@ -42,6 +43,8 @@ __all__ = [
 
 Kind = TypeVar("Kind")
 Status = Literal["complete", "incomplete"]
+# Values by name: what documents hold, and what records are made of.
+Values = dict[str, Any]
 # Units by the quantities that are in them.
 UnitNames = Mapping[str, str]
 
@@ -152,7 +155,7 @@ class Record:
         computed = self.__dataclass_fields__[name].metadata.get("computed")
         return getattr(self, name) if computed is None else computed(self)
 
-    def items(self) -> dict[str, Any]:
+    def items(self) -> Values:
         """What documents hold, by its name there."""
         found = {}
         for item in fields(self):
@@ -178,7 +181,7 @@ class Record:
         listed = ", ".join(f"{name}={_brief(value)}" for name, value in shown if not _nothing(value))
         return shorten(f"{type(self).__name__}({listed})", 3)
 
-    def __getstate__(self) -> dict[str, Any]:
+    def __getstate__(self) -> Values:
         return {item.name: self.held(item.name) for item in fields(self)}
 
     def __copy__(self) -> Self:
@@ -238,7 +241,7 @@ class Result(Record):
         """What its document holds besides format, contact and units."""
         return self.items()
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> Values:
         """Return the JSON document: a dictionary of plain values, with None for what JSON cannot hold."""
         from contbranch.output.document import document
 

@@ -11,7 +11,7 @@ import numpy as np
 from contbranch.contact.contact import Contact
 from contbranch.errors import InputError
 from contbranch.results.diagram import Cost, Diagram
-from contbranch.results.record import Record, Result, Status, UnitNames, described, record
+from contbranch.results.record import Record, Result, Status, UnitNames, Values, described, record
 from contbranch.results.table import Table, of_columns
 
 if TYPE_CHECKING:
@@ -130,7 +130,7 @@ class Sweep(Result):
     def tables(self) -> dict[str, Table]:
         """A row a task: its parameters, thresholds and status."""
         blank = float("nan")
-        found: dict[str, Any] = {"index": np.array([task.index for task in self.tasks])}
+        found: Values = {"index": np.array([task.index for task in self.tasks])}
         for name in self.parameters:
             found[name] = np.array([task.parameters[name] for task in self.tasks])
         for name in self.names:

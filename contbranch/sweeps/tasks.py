@@ -17,7 +17,7 @@ from contbranch.errors import look_up
 from contbranch.output.document import plain
 from contbranch.results.diagram import Branch, Diagram, Event
 from contbranch.results.profile import Profile
-from contbranch.results.record import columns, given
+from contbranch.results.record import Values, columns, given
 from contbranch.results.table import joined
 
 __all__ = ["KEEP", "Outcome", "Task", "Tracing", "key_of"]
@@ -40,7 +40,7 @@ class Outcome(NamedTuple):
         Columns named ``dimension.name``; those of one dimension have one length.
     """
 
-    about: dict[str, Any]
+    about: Values
     arrays: Columns
 
 
@@ -54,7 +54,7 @@ class Task(Protocol):
     def time_limit(self) -> float | None:
         """Seconds after which its worker is given up."""
 
-    def describe(self) -> dict[str, Any]:
+    def describe(self) -> Values:
         """What makes results of two tasks comparable, as JSON holds it."""
 
     def __call__(self, given: Any) -> Outcome:
@@ -86,7 +86,7 @@ class Tracing:
         as_control(self.control)
         look_up(self.keep, dict.fromkeys(KEEP), "keep")
 
-    def describe(self) -> dict[str, Any]:
+    def describe(self) -> Values:
         """Every setting but the time allowed."""
         settings = {"control": str(as_control(self.control)), "accuracy": self.accuracy, "max_load": self.max_load}
         return {"task": "trace", **settings, "model": repr(self.model), "keep": self.keep}
