@@ -14,6 +14,7 @@ import pytest
 
 import contbranch
 from contbranch.cli import main
+from contbranch.control import DISPLACEMENT, LOAD
 from contbranch.errors import InputError, ModelError
 from contbranch.output import summary
 from contbranch.output.hdf5 import load
@@ -74,7 +75,7 @@ def test_json_alone_goes_to_standard_output(calls: list, capsys: Capture) -> Non
     contact = calls[0]["contact"]
     assert (contact.interaction.name, contact.interaction.work_of_adhesion, contact.tabor) == ("gauss", -1.0, 1.0)
     assert {name: calls[0][name] for name in ("control", "accuracy", "model", "max_load")} == {
-        "control": "load",
+        "control": LOAD,
         "accuracy": 1e-6,
         "model": "auto",
         "max_load": None,
@@ -117,7 +118,7 @@ def test_quantities_and_bare_numbers(calls: list, contact: str) -> None:
     assert main(["solve", contact, "--load", "-0.1 uN"]) == 0
     assert main(["solve", contact, "--displacement", "-2"]) == 0
     assert [call.get("max_load") for call in calls[:2]] == [500.0, 500.0]
-    assert [calls[0][name] for name in ("control", "accuracy", "model")] == ["displacement", 1e-8, "exact"]
+    assert [calls[0][name] for name in ("control", "accuracy", "model")] == [DISPLACEMENT, 1e-8, "exact"]
     assert calls[2]["load"] == pytest.approx(-100.0, rel=1e-14)
     assert "displacement" not in calls[2]
     assert calls[3]["displacement"] == -2.0
@@ -161,7 +162,7 @@ def test_options_win_over_the_contact_file(calls: list, contact: str) -> None:
     assert main(["trace", contact]) == 0
     assert main(["trace", contact, "--control", "load", "--accuracy", "1e-5", "--max-load", "60"]) == 0
     wanted = [("displacement", 1e-7, 30.0), ("load", 1e-5, 60.0)]
-    assert [(call["control"], call["accuracy"], call["max_load"]) for call in calls] == wanted
+    assert [(str(call["control"]), call["accuracy"], call["max_load"]) for call in calls] == wanted
 
 
 def test_solve_reports_one_state_or_all(calls: list, contact: str, tmp_path: Path, capsys: Capture) -> None:
