@@ -245,7 +245,7 @@ def _doubtful(track: Track, events: list[RawEvent]) -> None:
                 break
             pair = own[place : place + 2]
             del own[place : place + 2]
-            ripple = np.abs(np.subtract(*(events[k].values for k in pair)))
+            ripple = np.abs(np.subtract(events[pair[0]].values, events[pair[1]].values))
             for k in sorted(own[max(place - 1, 0) : place + 1], key=lambda k: abs(at[k] - at[pair[0]]))[:1]:
                 events[k] = replace(events[k], error=tuple(np.maximum(events[k].error, ripple).tolist()))
             for k in pair:

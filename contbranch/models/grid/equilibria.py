@@ -479,8 +479,8 @@ class LatticeProblem(EquilibriumProblem):
     @cached_property
     def touch_error(self) -> Array:
         """Of load and displacement at first touch."""
-        touch = self.touch
-        return np.array(touch.problem.stated(touch, Margin("touch"))[:2]) if touch else np.zeros(2)
+        stated = equilibrium(self.touch).stated(self.touch, Margin("touch")) if self.touch else None
+        return np.zeros(2) if stated is None else np.array(stated[:2])
 
     def _moved(self, point: Point, event: Event) -> Array:
         """By how much, and a little more, an event of the film lies elsewhere on twice the nodes a side."""
