@@ -66,7 +66,7 @@ _SLOPES = np.stack([4 * _NODES - 3, 4 - 8 * _NODES, 4 * _NODES - 1])
 # What a contact of few nodes may be off, in units of what changes from its beginning.
 BEGINNING = 1.1
 # Error of the contact radius itself, in rows of nodes, and arcs that what is fitted takes off the scatter.
-MEASURED, FITTED = 0.03, 2.0
+MEASURED, FITTED = 0.03, 3.0
 
 
 def half_width(radius: float, spacing: float) -> float:
