@@ -502,7 +502,7 @@ class LatticeProblem(EquilibriumProblem):
             found = []
             for step in (0.0, ahead):
                 x, p = there.x + step * there.tangent_x, there.parameter + step * there.tangent_parameter
-                one = Point(fine, *fine.in_plane(x, p, row, True))
+                one = Point(fine, *fine.in_plane(x, p, row, isinstance(event, FoldEvent)))
                 found.append((event.value(one), np.array(fine.values(one.x, one.parameter)[:4])))
         except CorrectionError:
             return self.difference(point)
