@@ -118,7 +118,7 @@ class Crossings:
             last = count[fit] - 1
             scale = np.maximum(y[line, last], 1e-300) / x[line, last]
             # What is of too high a degree has the coefficient zero.
-            high = (POWERS > degree[:, None])[fit]
+            high = (degree[:, None] < POWERS)[fit]
             right = np.where(high, 0.0, normal[..., 4] / scale[:, None])
             own_terms = np.where(high[:, None] | high[..., None], np.eye(4), normal[..., :4])
             zeros[fit, line] = _zeros(np.linalg.solve(own_terms, right[..., None])[..., 0])
