@@ -278,11 +278,6 @@ class Stability:
                 spectra[sector] = self.spectrum(equilibrium, sector, count=1 if all_sectors else 0)
         return Morse(spectra, slope, self.problem.counter.stability - before, self.swapped)
 
-    def verify(self, equilibrium: Equilibrium, expected: int, slope: float | None = None) -> bool:
-        """Whether the index at fixed load is `expected`, for certain; starts where the last one ended."""
-        found = self.morse(equilibrium, slope)
-        return found.load == expected and not found.uncertain
-
 
 def morse(problem: GridProblem, equilibrium: Equilibrium, slope: float | None = None) -> Morse:
     """Numbers of unstable modes of an equilibrium, see `Stability.morse`."""
