@@ -14,7 +14,7 @@ import contbranch as cb
 from contbranch.models.grid import observables
 from contbranch.models.grid.contact_area import contact_area
 from contbranch.models.grid.lattice import IMAGE_SUM, Lattice
-from studies.paper.fig04 import far_field
+from studies.paper import fig04
 
 
 def screened(exponent, x, y, terms=8):
@@ -49,9 +49,9 @@ def test_sums_over_images():
     assert corner == pytest.approx((math.sqrt(2.0) - 1.0) * -IMAGE_SUM, abs=1e-12)
     root = math.sqrt(2.0)
     assert (3.0 + 2.0 * root) * corner - (2.0 + 2.0 * root) * edge == pytest.approx(-IMAGE_SUM, abs=1e-11)
-    assert screened(3, 0.0, 0.0) == pytest.approx(observables._CUBES, abs=1e-12)
-    assert screened(3, 0.5, 0.5) == pytest.approx(observables._AT_CORNER, abs=1e-11)
-    assert screened(3, 0.5, 0.0) == pytest.approx(observables._AT_EDGE, abs=1e-11)
+    assert screened(3, 0.0, 0.0) == pytest.approx(observables.CUBES, abs=1e-12)
+    assert screened(3, 0.5, 0.5) == pytest.approx(fig04.AT_CORNER, abs=1e-11)
+    assert screened(3, 0.5, 0.0) == pytest.approx(fig04.AT_EDGE, abs=1e-11)
 
 
 def test_elasticity_is_positive_in_free_space():
@@ -122,7 +122,7 @@ def test_far_field_in_cells_of_any_size(law, tabor, sign, load, smallest):
         else:
             problem, equilibrium, state = from_axisymmetric("periodic", edge, 128, law, tabor, sign, load)
             exact = state.displacement
-        found = far_field(problem, equilibrium)
+        found = fig04.far_field(problem, equilibrium)
         assert found.displacement == equilibrium.displacement
         pairs = (
             (found.displacement, found.error),
