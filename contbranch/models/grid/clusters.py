@@ -57,25 +57,28 @@ class Influence:
     _tables: dict[tuple[int, int], Array] = field(default_factory=dict)
 
     def _table(self, rows: int, columns: int) -> Array:
-        """Mean displacement of a square for unit pressure on another, by the offset of their first nodes."""
+        """Mean displacement of a square for unit pressure on one no larger, by the offset of their first nodes.
+
+        Offsets are in units of the smaller size, of which squares' places are multiples.
+        """
         if (rows, columns) not in self._tables:
             # Of twice a size: the mean (rows) or the sum (columns) of that of four squares, one size apart.
-            if rows > 1:
-                part, step, share = self._table(rows // 2, columns), -rows // 2, 0.5
+            if rows > columns:
+                part, step, share = self._table(rows // 2, columns), -rows // 2 // columns, 0.5
             elif columns > 1:
-                part, step, share = self._table(1, columns // 2), columns // 2, 1.0
+                part, step, share = self._table(rows, columns // 2), 1, 1.0
             else:
                 part, step, share = self._response(), 0, 0.5
             for axis in (0, 1):
                 part = share * (part + np.roll(part, step, axis))
-            self._tables[rows, columns] = part
+            self._tables[rows, columns] = part[::2, ::2].copy() if rows == columns > 1 else part
         return self._tables[rows, columns]
 
     def _response(self) -> Array:
-        """Displacement by unit pressure on one node, as far as is needed."""
+        """Displacement by unit pressure on one node, as far as is needed; in half the digits, for what is approximate."""
         m = self.lattice.whole().size
         offsets = np.arange(self._width) - self._reach
-        response = np.fft.irfft2(1.0 / self.lattice.whole().held_symbol(None), s=(m, m))
+        response = np.fft.irfft2(1.0 / self.lattice.whole().held_symbol(None), s=(m, m)).astype(np.float32)
         return np.asarray(response.take(offsets, 0, mode="wrap").take(offsets, 1, mode="wrap"))
 
     @property
@@ -86,24 +89,28 @@ class Influence:
     def matrix(self, squares: Squares) -> Array:
         """Mean displacements of all squares (rows) for unit pressures on each (columns)."""
         sizes, x, y, _ = squares
+        largest = int(sizes.max(initial=1))
         # Tables of large squares are wrong at their borders, by the sizes of both.
-        m, reach = sizes.size, int(max(x.max(initial=0), y.max(initial=0)) + 3 * sizes.max(initial=0))
-        if reach > self._reach:
-            self._reach = -(-reach // SLACK) * SLACK
+        m, reach = sizes.size, int(max(x.max(initial=0), y.max(initial=0)) + 3 * largest)
+        if reach > self._reach or self._reach % largest:
+            unit = max(SLACK, largest)
+            self._reach = -(-reach // unit) * unit
             self._tables.clear()
-        width = self._width
-        rows = width * (x + self._reach) + y + self._reach
-        sources = [width * x + y]
+        sources = [(x, y)]
         if self.lattice.quarter:
-            sources += [width * x - y - sizes, width * (-x - sizes) + y, width * (-x - sizes) - y - sizes]
+            sources += [(x, -y - sizes), (-x - sizes, y), (-x - sizes, -y - sizes)]
         found = np.empty((m, m))
         edges = np.flatnonzero(np.diff(sizes, prepend=0, append=0))
         groups = [slice(int(begin), int(end)) for begin, end in pairwise(edges)]
-        for k, a in enumerate(groups):
-            for b in groups[k:]:
-                table = self._table(int(sizes[a.start]), int(sizes[b.start]))
-                found[a, b] = sum(table.take(rows[a][:, None] - source[b]) for source in sources)
-                ratio = (sizes[a.start] / sizes[b.start]) ** 2
+        for k, b in enumerate(groups):
+            size = int(sizes[b.start])
+            width = self._width // size
+            places = [(width * own[b] + other[b]) // size for own, other in sources]
+            for a in groups[: k + 1]:
+                table = self._table(int(sizes[a.start]), size)
+                rows = (width * (x[a] + self._reach) + y[a] + self._reach) // size
+                found[a, b] = sum(table.take(rows[:, None] - source) for source in places)
+                ratio = (sizes[a.start] / size) ** 2
                 np.multiply(found[a, b].T, ratio, out=found[b, a])
         return found
 
