@@ -310,7 +310,7 @@ def _work(diagram: cb.Diagram, load: Array, d: Array, energy: Array, error: Arra
         allowed += 1e-6 * np.maximum(np.abs(energy[own][1:]), 1.0)
         change = np.diff(energy[own])
         off = np.abs(change - work[1])
-        for worst in np.argsort(off / allowed)[::-1]:
+        for worst in np.argsort(off / allowed)[::-1] if diagram.status == "complete" else ():
             if off[worst] <= allowed[worst]:
                 break
             off[worst] = abs(change[worst] - _followed(diagram, first + worst, load, d))
