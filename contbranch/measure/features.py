@@ -21,6 +21,8 @@ SAMPLES, ABOVE_NOISE, ABOVE_STEPS = 3, 8.0, 5.0
 BESIDE: Final = 12
 # Adhesion and contact are seen where the force leaves the baseline by so many times the noise.
 SEEN: Final = 6.0
+# The retraction is back at the baseline where it ends within this share of all forces, and of the pull-off, from it.
+DRIFT, UNBROKEN = 0.05, 0.3
 # Noise is taken to be at least this share of the range of forces: numbers in files are rounded.
 QUIET: Final = 2e-5
 
@@ -125,7 +127,8 @@ def features(curve: ForceCurve, adhesive: bool) -> Features:
         )
     far = np.argsort(curve.piezo[retract])[: max(3, retract.size // 50)]
     end = float(np.median(force[retract][far])) if retract.size else math.nan
-    returned = bool(retract.size) and abs(end) < max(2 * allowed, 0.05 * (largest - lowest))
+    drift = min(DRIFT * (largest - lowest), -UNBROKEN * lowest if adhesive else math.inf)
+    returned = bool(retract.size) and abs(end) < max(2 * allowed, drift)
     parts = np.array_split(force[approach][: max(9, approach.size // 8)], 3)
     first, second, third = map(float, map(np.median, parts))
     sure, flat = 6 * noise / math.sqrt(len(parts[0])), 0.03 * (largest - lowest)
