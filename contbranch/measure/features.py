@@ -19,6 +19,8 @@ __all__ = ["Features", "MeasuredJump", "features"]
 SAMPLES, ABOVE_NOISE, ABOVE_STEPS = 3, 8.0, 5.0
 # Steps beside a jump are those this near to it.
 BESIDE: Final = 12
+# A detector at its end gives one number so often.
+PLATEAU: Final = 5
 # Adhesion and contact are seen where the force leaves the baseline by so many times the noise.
 SEEN: Final = 6.0
 # The retraction is back at the baseline where it ends within this share of all forces, and of the pull-off, from it.
@@ -105,6 +107,7 @@ def features(curve: ForceCurve, adhesive: bool) -> Features:
         raise InputError("curve: the force is a straight ramp; are columns swapped, or is there no contact in it?")
     deep = approach[np.argsort(curve.piezo[approach])[-max(5, approach.size // 20) :]]
     lowest, largest = float(np.min(force)), float(np.max(force))
+    _cut_off(curve, noise)
     if max(-lowest, largest) < allowed:
         raise InputError(
             f"curve: nothing but noise, of {noise:.3g} nN: the force leaves its baseline by "
@@ -139,6 +142,22 @@ def features(curve: ForceCurve, adhesive: bool) -> Features:
     jump_in = _jump(curve, force, approach, sign, noise)
     pull_off = _jump(curve, force, retract, -sign, noise) if retract.size else None
     return Features(noise, baseline, tilt, jump_in, pull_off, lowest, largest, begun, returned)
+
+
+def _cut_off(curve: ForceCurve, noise: float) -> None:
+    """Raise InputError where the extreme force is that of many samples one after another, and beside them it changes."""
+    for word, extreme in (("largest", curve.force.max()), ("least", curve.force.min())):
+        same = np.flatnonzero(curve.force == extreme)
+        runs = np.split(same, np.flatnonzero(np.diff(same) > 1) + 1)
+        run = max(runs, key=len)
+        if run.size < PLATEAU or not np.ptp(curve.piezo[run]):
+            continue
+        beside = [curve.force[max(run[0] - run.size, 0)], curve.force[min(run[-1] + run.size, len(curve) - 1)]]
+        if np.abs(np.array(beside) - extreme).min() > ABOVE_NOISE * noise:
+            raise InputError(
+                f"curve: the {word} force, {extreme:.4g} nN, is that of {run.size} samples in a row: the detector was at "
+                "its end; leave them out"
+            )
 
 
 def _gains(curve: ForceCurve, force: Array, allowed: float) -> bool:
