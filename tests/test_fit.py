@@ -11,7 +11,6 @@ import contbranch as cb
 from contbranch.cli import main
 from contbranch.measure.comparison import legs
 from contbranch.measure.features import features
-from contbranch.measure.features import features
 from contbranch.measure.reduced import curve_of
 
 SIN = Path(__file__).parents[1] / "studies" / "sin_force_curve.csv"

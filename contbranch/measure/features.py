@@ -145,7 +145,7 @@ def features(curve: ForceCurve, adhesive: bool) -> Features:
 
 
 def _cut_off(curve: ForceCurve, noise: float) -> None:
-    """Raise InputError where the extreme force is that of many samples one after another, and beside them it changes."""
+    """Raise InputError where the extreme force is that of many samples in a row, and changes beside them."""
     for word, extreme in (("largest", curve.force.max()), ("least", curve.force.min())):
         same = np.flatnonzero(curve.force == extreme)
         runs = np.split(same, np.flatnonzero(np.diff(same) > 1) + 1)
@@ -155,8 +155,8 @@ def _cut_off(curve: ForceCurve, noise: float) -> None:
         beside = [curve.force[max(run[0] - run.size, 0)], curve.force[min(run[-1] + run.size, len(curve) - 1)]]
         if np.abs(np.array(beside) - extreme).min() > ABOVE_NOISE * noise:
             raise InputError(
-                f"curve: the {word} force, {extreme:.4g} nN, is that of {run.size} samples in a row: the detector was at "
-                "its end; leave them out"
+                f"curve: the {word} force, {extreme:.4g} nN, is that of {run.size} samples in a row: the detector was "
+                "at its end; leave them out"
             )
 
 
