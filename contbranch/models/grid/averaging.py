@@ -54,9 +54,8 @@ CENTRES, ROWS_A_ROW = 4, 1
 STATES = 3
 # Weight of first touch, up to where windows begin that hold it, and radius of the first row, in rows of nodes.
 TOUCH, FROM_TOUCH, FIRST = 5.0, 0.5, 0.1
-# Rows of nodes at most by which an average begins later than the row before it, and those before the row that told of
-# a fold from which on it is sought.
-JOINT, BEFORE = 1.5, 1.5
+# Rows of nodes at most by which an average begins later than the row before it.
+JOINT = 1.5
 # Arcs at most of one average, and rows of nodes for which they are followed where steps lead nowhere.
 MOST_ARCS, STUCK = 3000, 2.0
 # Gauss-Legendre rule for the product of two parabolas.
@@ -425,11 +424,10 @@ def averaged(
         if row == 0 and lattice.touch is not None:
             samples.begin(Reading(*lattice.values(lattice.touch.x, lattice.touch.parameter)), spacing)
     wanted, known = centre + (STUCK * spacing if stuck else 0.0), len(samples.ends)
-    # The fold lies before the row that told of it.
-    reach, fit = wanted if stuck else wanted - BEFORE * spacing, None
+    reach, fit = wanted, None
     for arc in arcs(setup.problem, setup.length, way, lattice.settings):
         end_radius = samples.add(setup, arc)
-        if len(samples.radius) > 3 * DEGREE and end_radius > max(reach + 1.1 * half_width(reach, spacing), wanted):
+        if end_radius >= reach + 1.3 * half_width(reach, spacing):
             fit = _ironed(samples, spacing, controls)
             reach = max([reach, *(float(radius) for one in controls for radius in fit.turns(one)[0])])
             if reach + 1.1 * half_width(reach, spacing) < end_radius:
