@@ -36,7 +36,6 @@ from contbranch.watch import Progress, Watch, kept, of_users, over, told, watche
 if TYPE_CHECKING:
     from contbranch.results.phase import PhaseDiagram
 
-__all__ = ["best_of", "find_all", "hysteresis", "phase_diagram", "solve", "trace"]
 
 Answer = TypeVar("Answer", RawCurve, Coexisting, Route)
 

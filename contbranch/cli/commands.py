@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from contbranch.cli.request import Request
     from contbranch.results.record import Result
 
-__all__ = ["run"]
 
 COMPLETE = 0
 INCOMPLETE = 1

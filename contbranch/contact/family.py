@@ -21,8 +21,6 @@ from contbranch.contact.units import Scales, finite_number, positive_number
 from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.errors import InputError, nearest
 
-__all__ = ["Family", "Vary", "dimension_of", "family_of", "member"]
-
 Vary = str | Callable[[float], Contact]
 
 # In contact files the modulus stands in a table of that name.

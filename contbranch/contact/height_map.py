@@ -20,8 +20,6 @@ from contbranch.contact.tip_shape import TipShape
 from contbranch.contact.units import Quantity, positive_number
 from contbranch.errors import InputError
 
-__all__ = ["HeightMap"]
-
 _ROUNDING = 8.0 * np.finfo(float).eps
 _SAME_CELL = 1e-9  # relative
 

@@ -16,21 +16,6 @@ from typing import Any, TypeVar
 from contbranch.arrays import Array
 from contbranch.errors import InputError, look_up
 
-__all__ = [
-    "PHYSICAL",
-    "REDUCED",
-    "Quantity",
-    "Scales",
-    "Units",
-    "finite_number",
-    "is_unit",
-    "make_positive",
-    "maugis_to_reduced",
-    "parse",
-    "positive_number",
-    "reduced_to_maugis",
-]
-
 Value = TypeVar("Value", float, Array)
 # A number in the contact's units, a text with a unit, or nothing.
 Quantity = float | str | None

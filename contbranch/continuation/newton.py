@@ -17,17 +17,6 @@ from contbranch.continuation.options import Options
 from contbranch.continuation.problem import Array, Direction, Linearisation, Problem, size_of
 from contbranch.watch import check
 
-__all__ = [
-    "Corrected",
-    "CorrectionError",
-    "correct",
-    "correct_start",
-    "evaluating",
-    "linearise",
-    "residual",
-    "tangent_at",
-]
-
 ROUNDING = float(np.finfo(float).eps)
 # A tangent comes from the last Jacobian evaluated; this bounds its distance from the corrected point (in the metric).
 TANGENT_DISTANCE = 1e-4

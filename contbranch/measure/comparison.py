@@ -19,8 +19,6 @@ from contbranch.measure.features import Features, MeasuredJump
 from contbranch.measure.force_curve import ForceCurve
 from contbranch.measure.reduced import Curve
 
-__all__ = ["Comparison", "Leg", "ModelJump", "legs"]
-
 # Samples just before a jump that are left out: the slope is all but infinite there, and the jump has its place.
 STEEP = 2
 # Jumps below this multiple of the noise have no place in a curve.

@@ -32,8 +32,6 @@ from contbranch.results.fit import Correlations, Fit, FitJump, LawFit
 from contbranch.threads import one_thread
 from contbranch.watch import INTERRUPTIONS, Progress, caught, check, finishing, over, part, tell, told, watched
 
-__all__ = ["COMPARED", "fit", "named"]
-
 # Laws that are compared.
 COMPARED = ("maugis-dugdale", "exponential", "van-der-waals", *LIMITS)
 # Tabor coefficients from which fits start, where the range is free; and factors of the modulus otherwise.

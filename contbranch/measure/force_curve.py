@@ -14,8 +14,6 @@ from contbranch.arrays import AnyArray, Array, Flags, Indices
 from contbranch.contact.units import Quantity, parse, positive_number
 from contbranch.errors import InputError
 
-__all__ = ["COLUMNS", "ForceCurve"]
-
 # What a curve can be made of, and its dimension.
 COLUMNS = {"piezo": "length", "tip": "length", "force": "force", "deflection": "length"}
 # Legs with fewer samples than this say nothing.

@@ -10,8 +10,6 @@ from pathlib import Path
 
 from contbranch.errors import InputError
 
-__all__ = ["Place", "reserved", "write"]
-
 
 @dataclass(frozen=True)
 class Place:

@@ -50,7 +50,6 @@ if TYPE_CHECKING:
     from contbranch.contact.contact import Contact
     from contbranch.results.sweep import Sweep
 
-__all__ = ["content", "load", "save", "save_document"]
 
 Kind = TypeVar("Kind", bound=Record)
 Kept = TypeVar("Kept")

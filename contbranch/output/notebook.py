@@ -17,7 +17,6 @@ from contbranch.output.summary import Cells, parts
 if TYPE_CHECKING:
     from contbranch.results.record import Result
 
-__all__ = ["as_html", "as_png", "progress_bar"]
 
 # Seconds before a progress bar is worth its room.
 PATIENCE = 1.0

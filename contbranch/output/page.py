@@ -27,8 +27,6 @@ from contbranch.results.loop import Hysteresis
 from contbranch.results.record import Result, given
 from contbranch.results.sweep import Sweep
 
-__all__ = ["page"]
-
 # What the page holds as JSON.
 _Json = dict[str, Any]
 _RANGES = 8.0  # of the interaction: the largest gap that is shown

@@ -14,17 +14,6 @@ from contbranch.results.diagram import Profile
 if TYPE_CHECKING:
     from contbranch.results.diagram import Branch, Diagram, Event
 
-__all__ = [
-    "COORDINATES",
-    "OF_SPRINGS",
-    "Line",
-    "Piece",
-    "coordinate",
-    "fine_profile",
-    "observable",
-    "pieces",
-    "smooth_line",
-]
 
 Columns = dict[str, Array]
 

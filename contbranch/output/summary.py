@@ -20,8 +20,6 @@ from contbranch.results.record import OBSERVABLES, Result, UnitNames
 from contbranch.results.sweep import Sweep, quantity
 from contbranch.results.table import with_unit
 
-__all__ = ["Cells", "as_text", "parts", "progress_bar", "progress_lines", "with_error"]
-
 _DIGITS = 15  # what a double can hold
 _SILENCE = 10.0  # seconds between two lines of progress
 _ROWS = 12  # of a followed curve; all of it is in the JSON document

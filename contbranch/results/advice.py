@@ -9,8 +9,6 @@ from contbranch.results.diagram import Cost, ModelChoice
 from contbranch.results.record import Record, Result, Status, UnitNames, described, record
 from contbranch.results.table import Table, of_records
 
-__all__ = ["Advice", "Candidate"]
-
 
 @record
 class Candidate(Record):

@@ -12,8 +12,6 @@ from contbranch.results.diagram import Cost, ModelChoice, State
 from contbranch.results.record import Result, Status, described, record
 from contbranch.results.table import Table, of_records
 
-__all__ = ["Barrier", "Equilibria"]
-
 
 class Barrier(NamedTuple):
     """What separates two neighbouring stable states: the unstable one between them on the curve.

@@ -19,8 +19,6 @@ from contbranch.results.table import Table
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Correlations", "Fit", "FitJump", "LawFit", "unit_of_value"]
-
 
 @record
 class Correlations(Record):

@@ -17,8 +17,6 @@ from contbranch.results.table import Table, of_columns
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Followed", "FollowedPoint", "Special"]
-
 
 @record
 class FollowedPoint(Record):

@@ -15,8 +15,6 @@ from contbranch.results.table import Table, of_columns
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Hysteresis", "Jump", "Path"]
-
 
 @record
 class Path(Record):

@@ -21,25 +21,6 @@ if TYPE_CHECKING:
 
     from contbranch.results.table import Table
 
-__all__ = [
-    "OBSERVABLES",
-    "Column",
-    "Record",
-    "Result",
-    "Status",
-    "UnitNames",
-    "Values",
-    "columns",
-    "described",
-    "given",
-    "key_of",
-    "kind_of",
-    "late",
-    "quantity_of",
-    "record",
-    "same",
-    "unit_of",
-]
 
 Kind = TypeVar("Kind")
 Status = Literal["complete", "incomplete"]

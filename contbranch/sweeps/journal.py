@@ -20,8 +20,6 @@ import numpy as np
 
 from contbranch.arrays import AnyArray, Columns
 
-__all__ = ["Entry", "Journal", "Records", "decoded", "encoded", "lock"]
-
 _MARK = b"contbranch"
 _LOST = 1.0  # seconds of work that are lost when the power fails; when the program is killed, none
 # What is held in memory of a record; the rest is read when the sweep's file is written.
