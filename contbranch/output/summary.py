@@ -9,6 +9,8 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from contbranch.results.advice import Advice
 from contbranch.results.diagram import Diagram, Event, Solution, State
 from contbranch.results.equilibria import Equilibria
@@ -127,7 +129,7 @@ def _followed(followed: Followed, units: UnitNames) -> Parts:
     name, curve, error = followed.parameter, followed.curve, followed.error
     count = len(curve["load"])
     rows = []
-    for i in sorted({round(i * (count - 1) / max(1, min(count, _ROWS) - 1)) for i in range(min(count, _ROWS))}):
+    for i in np.linspace(0, count - 1, min(count, _ROWS)).round().astype(int).tolist():
         cells = (with_error(float(curve[key][i]), float(error[key][i])) for key in OBSERVABLES)
         rows.append([str(i), f"{curve[name][i]:.9g}", *cells])
     yield Cells(["", name, *_headings(units)], rows)

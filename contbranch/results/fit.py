@@ -14,7 +14,7 @@ from contbranch.errors import InputError
 from contbranch.results.diagram import Cost
 from contbranch.results.loop import Hysteresis
 from contbranch.results.record import Record, Result, Status, described, given, record
-from contbranch.results.table import Table
+from contbranch.results.table import Table, Tables
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -141,7 +141,7 @@ class Fit(Result):
         """The values that the data determine."""
         return ", ".join(f"{name} {self.values[name]:.4g} ± {self.errors[name]:.2g}" for name in self.identifiable)
 
-    def tables(self) -> dict[str, Table]:
+    def tables(self) -> Tables:
         """The samples with what was fitted to them; a CSV file of them is a force curve again."""
         measured = {"piezo": self.piezo, "force": self.force, "fitted": self.fitted, "residual": self.residuals}
         segment = np.where(self.retract, "retract", "approach")

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
-    from contbranch.results.table import Table
+    from contbranch.results.table import Table, Tables
 
 
 Kind = TypeVar("Kind")
@@ -240,7 +240,7 @@ class Result(Record):
 
         save(self, path)
 
-    def tables(self) -> dict[str, Table]:
+    def tables(self) -> Tables:
         """Its tables, by what a row is: the one of `to_csv` and `to_dataframe` first."""
         raise NotImplementedError(f"{type(self).__name__} has no table")
 

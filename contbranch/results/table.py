@@ -40,6 +40,10 @@ class Table(NamedTuple):
         return [f"{name} [{self.units[name]}]" if name in self.units else name for name in self.columns]
 
 
+# Tables by what a row is.
+Tables = dict[str, Table]
+
+
 def of_columns(columns: Columns, unit_names: UnitNames, **other: str) -> Table:
     """Return a table of arrays; their names tell their units, save those of `other`, which are in that quantity's."""
     units = {name: unit_names.get(other.get(name, quantity_of(name)), "") for name in columns}
