@@ -35,6 +35,11 @@ class ModelJump(NamedTuple):
     before: float
     after: float
 
+    @property
+    def step(self) -> float:
+        """Change of the force."""
+        return self.after - self.before
+
 
 class Leg(NamedTuple):
     """Force over growing piezo position, vertical at jumps; and its largest jump, if there is one."""
@@ -94,7 +99,7 @@ def _leg(piezo: Array, force: Array, kept: Indices, direction: int) -> Leg:
     for place, at, pair in reversed(inserts):
         places[0] = np.insert(places[0], place, [at, at])
         values[0] = np.insert(values[0], place, pair)
-    largest = max(jumps, key=lambda jump: abs(jump.after - jump.before), default=None)
+    largest = max(jumps, key=lambda jump: abs(jump.step), default=None)
     return Leg(np.maximum.accumulate(places[0]), values[0], largest)
 
 
@@ -162,11 +167,9 @@ class Comparison:
         piezo = self.curve.piezo - contact_point
         found: dict[str, Any] = {}
         for back, name, leg in ((False, "jump_in", approach), (True, "pull_off", retract)):
-            if getattr(self.seen, name) is not None or leg.jump is None:
-                continue
-            if not (self.seen.returned if back else self.seen.begun):
-                continue
-            if abs(leg.jump.after - leg.jump.before) < SMALL * self.seen.noise:
+            step = 0.0 if leg.jump is None else leg.jump.step
+            whole = self.seen.returned if back else self.seen.begun
+            if getattr(self.seen, name) is not None or not whole or abs(step) < SMALL * self.seen.noise:
                 continue
             own = self.curve.leg(back)
             apart = [((recorded[own] - _between(piezo[own], *branch)) / self.seen.noise) ** 2 for branch in branches]
@@ -180,7 +183,6 @@ class Comparison:
             k = int(np.argmin(score))
             width = math.hypot(float(abs(np.diff(self.curve.piezo[own[k : k + 2]])[0])), math.sqrt(12.0) * spread)
             before, after = int(own[k]), int(own[k + 1])
-            step = leg.jump.after - leg.jump.before
             found[name] = MeasuredJump(before, after, place, float(self.curve.force[before]), step, width)
         return Comparison.of(self.curve, replace(self.seen, **found), most) if found else self
 

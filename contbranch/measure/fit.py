@@ -600,9 +600,9 @@ class _Fitting:
                 measured = {"piezo": jump.piezo, "force": jump.force - baseline - tilt * jump.piezo, "step": jump.step}
                 measured["uncertainty"] = 4 * seen.noise + (_change(leg, jump.width) if leg is retract else 0.0)
             own = leg.jump  # which is one if it was seen, or should have been
-            if own is not None and (jump is not None or abs(own.after - own.before) > 8 * self.seen.noise):
-                before, after = (self._gain(state) * force for force in own[1:])
-                fitted = {"piezo": own.piezo + place, "force": before, "step": after - before}
+            if own is not None and (jump is not None or abs(own.step) > 8 * self.seen.noise):
+                gain = self._gain(state)
+                fitted = {"piezo": own.piezo + place, "force": gain * own.before, "step": gain * own.step}
             if measured or fitted:
                 found.append(FitJump(name, measured, fitted))
         return tuple(found)
