@@ -21,6 +21,7 @@ from contbranch.results.loop import Hysteresis
 from contbranch.results.record import OBSERVABLES, Result, UnitNames
 from contbranch.results.sweep import Sweep, quantity
 from contbranch.results.table import with_unit
+from contbranch.watch import Progress
 
 _DIGITS = 15  # what a double can hold
 _SILENCE = 10.0  # seconds between two lines of progress
@@ -199,7 +200,7 @@ _SHOWN: Mapping[type, Callable[[Any, UnitNames], Parts]] = {
 
 
 @contextmanager
-def progress_bar() -> Iterator[Callable[[float, str], None]]:
+def progress_bar() -> Iterator[Progress]:
     """Show a progress bar on standard error; yields what takes the fraction done and a text."""
     began, width = time.monotonic(), 0
 
@@ -217,7 +218,7 @@ def progress_bar() -> Iterator[Callable[[float, str], None]]:
         print(f"\r{'':{width}s}\r", end="", file=sys.stderr, flush=True)
 
 
-def progress_lines() -> Callable[[float, str], None]:
+def progress_lines() -> Progress:
     """What prints, for those who read no terminal, a line on standard error every ten seconds."""
     began = last = time.monotonic()
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -71,6 +71,10 @@ class LawFit(Record):
     values: Mapping[str, float]
 
 
+def _samples(kind: type = float) -> Any:
+    return described(written=False, default_factory=lambda: np.empty(0, kind), repr=False)
+
+
 @record
 class Fit(Result):
     """A fitted force curve, in nm, nN, nN/nm (work of adhesion, spring, tilt) and nN/nm² (modulus).
@@ -114,11 +118,11 @@ class Fit(Result):
     cost: Cost
     laws: tuple[LawFit, ...] = described(written="if known", default=())
     spring: float = described(written=False, default=float("inf"))
-    piezo: Array = described(written=False, default_factory=lambda: np.empty(0), repr=False)
-    force: Array = described(written=False, default_factory=lambda: np.empty(0), repr=False)
-    fitted: Array = described(written=False, default_factory=lambda: np.empty(0), repr=False)
-    residuals: Array = described(written=False, default_factory=lambda: np.empty(0), repr=False)
-    retract: Flags = described(written=False, default_factory=lambda: np.empty(0, bool), repr=False)
+    piezo: Array = _samples()
+    force: Array = _samples()
+    fitted: Array = _samples()
+    residuals: Array = _samples()
+    retract: Flags = _samples(bool)
     traced: Hysteresis | Callable[[], Hysteresis] | None = described(
         written=False, computed=lambda fit: None, default=None
     )
