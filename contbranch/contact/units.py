@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import re
+import reprlib
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, TypeVar
@@ -109,7 +110,8 @@ def finite_number(value: object, field: str) -> float:
     try:
         number = float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError, OverflowError):
-        raise InputError(f"{field}: {_shown(value)}; must be a finite number") from None
+        shown = " ".join(reprlib.repr(value).split())
+        raise InputError(f"{field}: {shown}; must be a finite number") from None
     if not math.isfinite(number):
         raise InputError(f"{field}: {number}; must be a finite number")
     return number
@@ -166,12 +168,6 @@ def parse(value: object, dimension: str, field: str) -> float:
         if isinstance(error, InputError):
             raise
         raise InputError(f"{field}: {value!r}: {error}; write for example {example}") from None
-
-
-def _shown(value: object) -> str:
-    """Return a short one-line representation for a message."""
-    text = " ".join(repr(value).split())
-    return text if len(text) <= 60 else text[:57] + "..."
 
 
 @dataclass(frozen=True)
