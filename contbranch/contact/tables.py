@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 import scipy
@@ -10,15 +10,17 @@ import scipy
 from contbranch.arrays import Array
 from contbranch.errors import InputError
 
-_LEAST_ROWS = 4
-_QUINTIC_ROWS = 8
+__all__ = ["Table", "columns", "energy_of_table", "increasing_from_zero"]
+
+_LEAST_ROWS: Final = 4
+_QUINTIC_ROWS: Final = 8
 # A table scatters where fourth differences change sign more often than this, as those of smooth numbers do not, by more
 # than this share of its largest entry; in that many rows at least.
-_ALTERNATING = 0.5
-_SCATTERED = 1e-7
-_SCATTER_ROWS = 12
-_SEEN = 3.0  # standard deviations by which values of such a table differ from nothing
-_DECAYED = 0.01  # a law whose table ends below this part of its maximum is taken to zero
+_ALTERNATING: Final = 0.5
+_SCATTERED: Final = 1e-7
+_SCATTER_ROWS: Final = 12
+_SEEN: Final = 3.0  # standard deviations by which values of such a table differ from nothing
+_DECAYED: Final = 0.01  # a law whose table ends below this part of its maximum is taken to zero
 
 
 def numbers(values: object, field: str) -> Array:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache, cached_property
-from typing import ClassVar, Literal
+from typing import ClassVar, Final, Literal
 
 import numpy as np
 import scipy
@@ -17,10 +17,12 @@ from contbranch.contact.tables import columns, increasing_from_zero
 from contbranch.contact.tip_shape import Tip, gauss_rule
 from contbranch.errors import InputError
 
+__all__ = ["Profile"]
+
 End = Literal["not-a-knot", "clamped", "natural"]
 
-_MOST_ROWS = 1000  # the fit solves a dense system of that order
-_QUARTER = 0.5 * math.pi
+_MOST_ROWS: Final = 1000  # the fit solves a dense system of that order
+_QUARTER: Final = 0.5 * math.pi
 
 
 def _fit(radii: Array, heights: Array, sharp: bool, end: End) -> scipy.interpolate.PPoly:

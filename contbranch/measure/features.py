@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
@@ -11,14 +12,16 @@ from contbranch.arrays import Array, Indices
 from contbranch.errors import InputError
 from contbranch.measure.force_curve import ForceCurve
 
+__all__ = ["Features", "MeasuredJump", "features"]
+
 # A jump takes so many samples at most, is so many times larger than noise, and than steps beside it.
 SAMPLES, ABOVE_NOISE, ABOVE_STEPS = 3, 8.0, 5.0
 # Steps beside a jump are those this near to it.
-BESIDE = 12
+BESIDE: Final = 12
 # Adhesion and contact are seen where the force leaves the baseline by so many times the noise.
-SEEN = 6.0
+SEEN: Final = 6.0
 # Noise is taken to be at least this share of the range of forces: numbers in files are rounded.
-QUIET = 2e-5
+QUIET: Final = 2e-5
 
 
 @dataclass(frozen=True)
