@@ -13,7 +13,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,18 +25,34 @@ from contbranch.models.axisymmetric.equations import ContactCoordinate, Equation
 from contbranch.models.axisymmetric.mesh import mesh_on
 from contbranch.models.grid.newton import Equilibrium, Hold, control_held
 from contbranch.models.grid.problem import GridProblem
-from contbranch.models.grid.relaxation import LatticeMotion, Method, relax
+from contbranch.models.grid.relaxation import LatticeMotion, equilibrium
 from contbranch.models.grid.setup import Setup
 from contbranch.models.grid.size import chosen_size
-from contbranch.models.grid.solvers.motion import Ending, MotionSettings
+from contbranch.models.grid.solvers.motion import DEFAULT, Ending, Motion, MotionSettings, Place, System
 
-__all__ = ["MINIMISERS", "Failure", "Lost", "Passed", "Radial", "Seen", "jump", "lattice", "lbfgs", "pressed", "ramp"]
+__all__ = [
+    "MINIMISERS",
+    "Failure",
+    "Fire",
+    "Lost",
+    "Passed",
+    "Radial",
+    "Seen",
+    "jump",
+    "lattice",
+    "lbfgs",
+    "pressed",
+    "ramp",
+    "relax",
+]
 
 Array = NDArray[np.float64]
 Held = Literal["load", "displacement"]
 
 # A minimiser has converged where the forces left over are this part of the pressures.
 TOLERANCE, ITERATIONS = 1e-6, 3000
+# Of FIRE: steps with the force before the steps grow, factors of the steps, α at first, and its factor.
+DELAY, GROWTH, SHRINKING, STEERING, FADING = 5, 1.1, 0.5, 0.1, 0.99
 # A tip is lost where the smallest gap exceeds so many ranges.
 AWAY = 8.0
 
@@ -116,8 +132,57 @@ def motion_length(problem: GridProblem) -> float:
     return 1.0 if problem.law is None else min(term.range for term in problem.law.terms)
 
 
-def dynamics(method: Method) -> Callable[[GridProblem, Array, float, Hold], Equilibrium]:
-    """Relax by damped dynamics."""
+class Fire(Motion[Place]):
+    """FIRE, the fast inertial relaxation engine, with the mobility as metric.
+
+    Momentum is steered towards the force at constant length as long as it works with the force, in steps that grow;
+    when it works against it, half of the last change is taken back, momentum is dropped, and steps are halved:
+
+        π' = (1 - α)(π + τ f) + α |π + τ f| f/|f|,      u' = u + τ W π'.
+
+    References: Bitzek, Koskinen, Gähler, Moseler & Gumbsch, Phys. Rev. Lett. 97, 170201 (2006); Guénolé et al., Comput.
+    Mater. Sci. 175, 109584 (2020) (semi-implicit steps, half a step back). The constants are theirs, but that steps are
+    bounded by the limit of stability.
+    """
+
+    steering, along = STEERING, 0
+
+    def __init__(self, system: System[Place], place: Place, settings: MotionSettings = DEFAULT) -> None:
+        super().__init__(system, place, settings)
+        self.time *= 0.5
+
+    def steer(self, against: bool) -> None:
+        """Steer, or take back half of what worked against the force."""
+        self.along += 1
+        if against:
+            # What is held stays: taken back, it would be held again at once, and nothing would have moved.
+            self.place = self.system.move(self.place, None, self.system.confine(self.place, self.change), -0.5)
+            self.force = self.system.force(self.place)
+            self.momentum = np.zeros_like(self.force)
+            self.time, self.steering, self.along = max(SHRINKING * self.time, 0.02 * self.longest), STEERING, 0
+        elif self.along > DELAY:
+            self.time, self.steering = min(GROWTH * self.time, self.longest), FADING * self.steering
+        momentum = self.momentum + self.time * self.force
+        towards = np.linalg.norm(momentum) / (np.linalg.norm(self.force) or 1.0)
+        self.momentum = (1.0 - self.steering) * momentum + (self.steering * towards) * self.force
+
+
+def relax(
+    problem: GridProblem,
+    u: Array,
+    load: float,
+    hold: Hold,
+    method: type[Motion[Any]] = Motion,
+    settings: MotionSettings = DEFAULT,
+) -> Equilibrium:
+    """Relax a trial field from rest by damped dynamics; what overlaps with the wall is moved out of it."""
+    before, motion = problem.counter.equilibrium, LatticeMotion(problem, hold)
+    place, steps, ending = method(motion, motion.place(u), settings).run()
+    return equilibrium(motion, place, steps, problem.counter.equilibrium - before, ending)
+
+
+def dynamics(method: type[Motion[Any]]) -> Callable[[GridProblem, Array, float, Hold], Equilibrium]:
+    """Damped dynamics as a minimiser."""
 
     def relaxed(problem: GridProblem, u: Array, load: float, hold: Hold) -> Equilibrium:
         found = relax(problem, u, load, hold, method, MotionSettings(TOLERANCE, ITERATIONS))
@@ -128,7 +193,7 @@ def dynamics(method: Method) -> Callable[[GridProblem, Array, float, Hold], Equi
     return relaxed
 
 
-MINIMISERS = {"L-BFGS-B": lbfgs, "FIRE": dynamics("fire"), "GFMD": dynamics("gfmd")}
+MINIMISERS = {"L-BFGS-B": lbfgs, "FIRE": dynamics(Fire), "GFMD": dynamics(Motion)}
 Minimiser = Callable[[GridProblem, Array, float, Hold], Equilibrium]
 
 

@@ -107,9 +107,11 @@ def test_units_columns_and_maps(tmp_path, curve):
         (lambda z, f: (z, f * 1e-9), r"such as N\?.*'N'"),
         (lambda z, f: (z * 1e-3, f), "stiffer than its spring"),
         (lambda z, f: (z, 0.0 * f), "the same everywhere"),
+        (lambda z, f: (z, np.minimum(f, np.quantile(f, 0.9))), "largest force.*leave them out"),
+        (lambda z, f: (z, np.maximum(f, np.quantile(f, 0.1))), "least force.*leave them out"),
     ],
     ids=["nan", "piezo reversed", "swapped", "force reversed", "noise", "no adhesion", "time reversed", "metres",
-         "newtons", "micrometres", "constant"],
+         "newtons", "micrometres", "constant", "saturated", "saturated below"],
 )  # fmt: skip
 def test_what_cannot_be_fitted_ends_in_a_sentence(curve, change, words):
     piezo, force = change(curve.piezo, curve.force)
@@ -144,6 +146,17 @@ def test_values_come_back_within_their_errors(law, curve):
     assert [jump.name for jump in fit.jumps] == ["jump-in", "pull-off"]
     for jump in fit.jumps:
         assert jump.fitted["piezo"] == pytest.approx(jump.measured["piezo"], abs=1.0)
+
+
+def test_a_retraction_cut_in_contact_has_no_pull_off(curve):
+    """Forces are large, and the last ones only a few hundredths of them: the contact is not broken there."""
+    kept = ~curve.retract | (curve.piezo > curve.piezo[np.argmin(curve.force)] + 40.0)
+    pressed = curve.force + np.where(curve.piezo > 60.0, 40.0 * (curve.piezo - 60.0), 0.0)
+    cut = cb.ForceCurve(piezo=curve.piezo[kept], force=pressed[kept], segment=curve.retract[kept], spring=50.0)
+    seen = features(cut, adhesive=True)
+    assert abs(cut.force[-1] - 5.0) < 0.05 * np.ptp(cut.force)
+    assert not seen.returned
+    assert seen.pull_off is None
 
 
 @pytest.mark.parametrize("factor", [0.1, 10.0])

@@ -284,7 +284,7 @@ class TestProfile:
     @pytest.mark.parametrize("a", [0.0, 0.4, 5.0, 11.0])
     def test_gap_by_its_definition(self, a):
         tip = Profile(self.radii, np.sqrt(1.0 + self.radii**2) - 1.0)
-        rho = np.array([0.3, 2.0, 12.0])
+        rho = np.array([0.3, 2.0, 12.0, 40.0])  # the last far beyond the table
         gap, slope = tip.shape_gap(rho, a)
         step = 1e-4
         above, below = tip.shape_gap(rho, a + step)[0], tip.shape_gap(rho, abs(a - step))[0]
@@ -316,6 +316,8 @@ class TestProfile:
         slopes = tip.transform_derivative([9.5, 20.0, 90.0])
         assert np.all(slopes > 0.0)
         np.testing.assert_allclose(slopes, slopes[0], rtol=1e-12)
+        r = np.geomspace(1e3, 1e15, 40)  # nothing cancels out there
+        np.testing.assert_allclose(np.diff(tip.height(r)), np.diff(r) * slopes[0] * 2 / math.pi, rtol=1e-3)
 
     def test_scaled(self):
         tip = Profile(self.radii, np.sqrt(1.0 + self.radii**2) - 1.0)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Final, NamedTuple
+import math
+from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -12,15 +13,17 @@ from contbranch.errors import InputError
 
 __all__ = ["Table", "columns", "energy_of_table", "increasing_from_zero"]
 
-_LEAST_ROWS: Final = 4
-_QUINTIC_ROWS: Final = 8
+_LEAST_ROWS = 4
+_QUINTIC_ROWS = 8
 # A table scatters where fourth differences change sign more often than this, as those of smooth numbers do not, by more
 # than this share of its largest entry; in that many rows at least.
-_ALTERNATING: Final = 0.5
-_SCATTERED: Final = 1e-7
-_SCATTER_ROWS: Final = 12
-_SEEN: Final = 3.0  # standard deviations by which values of such a table differ from nothing
-_DECAYED: Final = 0.01  # a law whose table ends below this part of its maximum is taken to zero
+_ALTERNATING = 0.5
+_SCATTERED = 1e-7
+_SCATTER_ROWS = 12
+_SEEN = 3.0  # standard deviations by which values of such a table differ from nothing
+_FADING = 5  # order with which it vanishes
+_TAIL = 10.0  # weight of what is beyond such a table
+_DECAYED = 0.01  # a law whose table ends below this part of its maximum is taken to zero
 
 
 def numbers(values: object, field: str) -> Array:
@@ -81,11 +84,11 @@ class Table(NamedTuple):
     scatter: float
 
 
-def smoothed(places: Array, values: Array) -> tuple[Array, float]:
-    """Return values without their scatter, and its standard deviation; as they are, and 0, where they are smooth."""
+def scatter_of(places: Array, values: Array) -> float:
+    """Return the standard deviation of what makes values scatter; 0 where they are smooth."""
     count = values.size - 4
     if values.size < _SCATTER_ROWS:
-        return values, 0.0
+        return 0.0
     differences = np.empty(count)
     for row in range(count):  # the fourth divided difference, as a sum with weights of square sum 1
         x = places[row : row + 5]
@@ -93,10 +96,36 @@ def smoothed(places: Array, values: Array) -> tuple[Array, float]:
         differences[row] = weights @ values[row : row + 5] / np.linalg.norm(weights)
     scatter = float(np.median(np.abs(differences))) / 0.6745
     alternating = np.mean(differences[1:] * differences[:-1] < 0.0)
-    if alternating < _ALTERNATING or scatter < _SCATTERED * np.max(np.abs(values)):
-        return values, 0.0
-    spline = scipy.interpolate.UnivariateSpline(places, values, k=5, s=values.size * scatter**2)
-    return np.asarray(spline(places)), scatter
+    smooth = alternating < _ALTERNATING or scatter < _SCATTERED * np.max(np.abs(values))
+    return 0.0 if smooth else scatter
+
+
+def _smoothing(
+    places: Array, values: Array, allowed: float, weights: Array, end: float = math.inf
+) -> scipy.interpolate.BSpline:
+    """Return a spline s with as few knots as a sum of squares allows, such that s (1 - g/end)^m has the values."""
+    fading = (1.0 - places / end) ** _FADING
+    tck = scipy.interpolate.splrep(places, values / fading, fading * weights, k=5, s=allowed)
+    return scipy.interpolate.BSpline(*tck)
+
+
+def _fading(gaps: Array, values: Array, scatter: float, tail: scipy.interpolate.PPoly) -> scipy.interpolate.PPoly:
+    """Return a smooth law through scattered values and a tail that ends with zero, as pieces without kinks."""
+    end, spaces = float(tail.x[-1]), gaps.size
+    places = np.concatenate([gaps, np.linspace(gaps[-1], end, spaces, endpoint=False)[1:]])
+    wanted = np.append(values, tail(places[spaces:]))
+    weights = np.repeat([1.0, _TAIL], [spaces, spaces - 1])
+    pieces = _pieces(_smoothing(places, wanted, spaces * scatter**2, weights, end))
+    knots = np.append(pieces.x[:-1], end)
+    powers = [np.polynomial.Polynomial([1.0 - knot / end, -1.0 / end]) ** _FADING for knot in knots[:-1]]
+    products = [np.convolve(own, np.float64(power.coef[::-1])) for own, power in zip(pieces.c.T, powers, strict=True)]
+    return scipy.interpolate.PPoly(np.array(products, dtype=np.float64).T, knots)
+
+
+def _pieces(spline: scipy.interpolate.BSpline) -> scipy.interpolate.PPoly:
+    """Return a spline as pieces, each of a length."""
+    pieces = scipy.interpolate.PPoly.from_spline((spline.t, spline.c, spline.k))
+    return scipy.interpolate.PPoly(pieces.c[:, np.diff(pieces.x) > 0], np.unique(pieces.x))
 
 
 def energy_of_table(gaps: Array, values: Array, kind: str) -> Table:
@@ -111,23 +140,23 @@ def energy_of_table(gaps: Array, values: Array, kind: str) -> Table:
     kind
         Which of the two.
     """
-    values, scatter = smoothed(gaps, values)
-    ends = np.flatnonzero(np.abs(values) > _SEEN * scatter)
-    if scatter and _LEAST_ROWS <= ends[-1] + 1 < gaps.size:  # beyond, there is nothing but scatter
-        gaps, values = gaps[: ends[-1] + 1], values[: ends[-1] + 1]
-    # Energies are differentiated once more: both give a pressure with continuous curvature, whose kinks cost digits.
-    spline = scipy.interpolate.make_interp_spline(
-        gaps, values, k=5 if kind == "energies" and gaps.size >= _QUINTIC_ROWS else 3
-    )
-    pieces = scipy.interpolate.PPoly.from_spline((spline.t, spline.c, spline.k))
-    pieces = scipy.interpolate.PPoly(pieces.c[:, np.diff(pieces.x) > 0], np.unique(pieces.x))
+    if scatter := scatter_of(gaps, values):
+        spline = _smoothing(gaps, values, gaps.size * scatter**2, np.ones_like(gaps))
+        ends = int(np.flatnonzero(np.abs(spline(gaps)) > _SEEN * scatter)[-1]) + 1
+        if _LEAST_ROWS <= ends < gaps.size:  # beyond, there is nothing but scatter
+            gaps, values = gaps[:ends], values[:ends]
+    else:
+        # Energies are differentiated once more: both give pressures with continuous curvature, whose kinks cost digits.
+        degree = 5 if kind == "energies" and gaps.size >= _QUINTIC_ROWS else 3
+        spline = scipy.interpolate.make_interp_spline(gaps, values, k=degree)
     level, slope, *higher = (float(spline(gaps[-1], order)) for order in range(spline.k))
     decayed = abs(level) <= _DECAYED * np.max(np.abs(values))
     if kind == "energies":  # a constant tail has no force, so the force must have decayed as well
         decayed = decayed and abs(slope) <= _DECAYED * np.max(np.abs(spline(gaps, 1)))
     decayed = decayed or abs(level) <= 2.0 * _SEEN * scatter
     derivatives = (level, slope, *higher)[: 3 if scatter else spline.k]
-    pieces = _joined(pieces, _to_zero(float(gaps[-1]), float(gaps[-2]), derivatives))
+    tail = _to_zero(float(gaps[-1]), float(gaps[-2]), derivatives)
+    pieces = _fading(gaps, values, scatter, tail) if scatter else _joined(_pieces(spline), tail)
     if kind == "pressures":
         integral = pieces.antiderivative()
         pieces = scipy.interpolate.PPoly(-integral.c, integral.x)

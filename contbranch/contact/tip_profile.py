@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache, cached_property
-from typing import ClassVar, Final, Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 import scipy
@@ -21,8 +21,9 @@ __all__ = ["Profile"]
 
 End = Literal["not-a-knot", "clamped", "natural"]
 
-_MOST_ROWS: Final = 1000  # the fit solves a dense system of that order
-_QUARTER: Final = 0.5 * math.pi
+_MOST_ROWS = 1000  # the fit solves a dense system of that order
+_QUARTER = 0.5 * math.pi
+_FAR = 3.0  # beyond this multiple of the table's last radius
 
 
 def _fit(radii: Array, heights: Array, sharp: bool, end: End) -> scipy.interpolate.PPoly:
@@ -63,9 +64,10 @@ def _third_derivatives(pieces: scipy.interpolate.PPoly) -> Array:
 
 
 def _continued(pieces: scipy.interpolate.PPoly) -> scipy.interpolate.PPoly:
-    """Return the pieces with a last one of second degree that goes on with value, slope and curvature."""
+    """Return the pieces with a last one of second degree that goes on with value, slope and curvature but rounding."""
     end = float(pieces.x[-1])
-    last = np.array([[0.0], [0.5 * float(pieces(end, 2))], [float(pieces(end, 1))], [float(pieces(end))]])
+    level, slope, bend = (float(pieces(end, order)) for order in range(3))
+    last = np.array([[0.0], [0.5 * bend * (bend * end > 1e-12 * slope)], [slope], [level]])
     return scipy.interpolate.PPoly(np.concatenate([pieces.c, last], axis=1), np.append(pieces.x, 2.0 * end))
 
 
@@ -198,21 +200,37 @@ class Profile(Tip):
         """Return ∫_a^r (ζ - ζ(a))/√(r²-t²) dt, ∫_a^r ζ' t/√(r²-t²) dt, r² and arccos(a/r).
 
         With I_m(b) = ∫_b^r (t-b)^m/√(r²-t²) dt = r^m K_m(arccos(b/r)), the cubic at `a` and every knot b between `a`
-        and r add their multiples of the I_m.
+        and r add their multiples of the I_m; far beyond the table, where they would cancel, the root is smooth in it.
         """
         r2 = rho * rho + a * a
-        r = np.sqrt(r2)
+        r, end = np.sqrt(r2), float(self._spline.x[-2])
         angle = np.where(r2 > 0.0, np.arctan2(rho, a), _QUARTER)
-        c = [float(self._spline(a, order)) / math.factorial(order) for order in range(4)]
-        first, second, third = (r**m * _moment(m, angle) for m in (1, 2, 3))
-        gap = c[1] * first + c[2] * second + c[3] * third
-        moment = c[1] * (first + a * angle) + 2.0 * c[2] * (second + a * first) + 3.0 * c[3] * (third + a * second)
+        gap, moment = self._piece(r, a, angle)
         outside = self._spline.x[1:-1] > a
         knots, jumps = self._spline.x[1:-1][outside], self._jumps[outside] / 6.0
         height = np.maximum((r[..., None] - knots) * (r[..., None] + knots), 0.0)
         angles = np.arctan2(np.sqrt(height), knots)
         second, third = r2[..., None] * _moment(2, angles), (r2 * r)[..., None] * _moment(3, angles)
-        return gap + third @ jumps, moment + 3.0 * (third @ jumps + second @ (jumps * knots)), r2, angle
+        gap = np.asarray(gap + third @ jumps)
+        moment = np.asarray(moment + 3.0 * (third @ jumps + second @ (jumps * knots)))
+        far = np.asarray(r > _FAR * end)
+        if a < end and far.any():
+            x, w = gauss_rule()
+            begins = np.append(a, knots[:-1])[:, None]
+            t, weights = (begins + (knots[:, None] - begins) * x).ravel(), ((knots[:, None] - begins) * w).ravel()
+            root, beyond = 1.0 / np.sqrt(r2[far, None] - t * t), angles[far, -1]
+            rise, level = self.transform(t), float(self._spline(a))
+            own, own_moment = self._piece(r[far], end, beyond)
+            gap[far] = own + (float(self._spline(end)) - level) * beyond + root @ ((rise - level) * weights)
+            moment[far] = own_moment + root @ (self.transform_derivative(t) * t * weights)
+        return gap, moment, r2, angle
+
+    def _piece(self, r: Array, b: float, angle: Array) -> tuple[Array, Array]:
+        """Return the integrals of `_moments` from b to r = b/cos(angle) of the polynomial that the spline is at b."""
+        c = [float(self._spline(b, order)) / math.factorial(order) for order in range(4)]
+        first, second, third = (r**m * _moment(m, angle) for m in (1, 2, 3))
+        moment = c[1] * (first + b * angle) + 2.0 * c[2] * (second + b * first) + 3.0 * c[3] * (third + b * second)
+        return c[1] * first + c[2] * second + c[3] * third, moment
 
     def scaled(self, in_plane: float, normal: float) -> Profile:
         """Return the table in other units."""

@@ -197,7 +197,7 @@ class Margin(Event):
     name: str
     terminal: bool = True
     hidden_pairs: ClassVar[bool] = False
-    relative_resolution: ClassVar[float] = 1e-6  # what goes on behind it begins next to it
+    relative_resolution: ClassVar[float] = 1e-10
 
     def value(self, point: Point) -> float:
         """The margin."""

@@ -230,21 +230,27 @@ def _event(track: Track, mark: Mark, found: Found) -> RawEvent:
 def _doubtful(track: Track, events: list[RawEvent]) -> None:
     """Mark folds next to each other that differ by less than the errors of both, or that cannot both be.
 
-    Smallest differences come first. Maxima and minima of a control alternate; of two of a kind the less sure is marked.
+    Smallest differences come first, and belong to the error of what is left next to them. Maxima and minima of a
+    control alternate; of two of a kind the less sure is marked.
     """
     for control in track.controls:
         own = [k for k, event in enumerate(events) if (event.kind, event.control) == ("fold", control.kind)]
         while len(own) > 1:
-            heights = np.array([control.weighted(*events[k].values[:2]) for k in own])
+            at = {k: control.weighted(*events[k].values[:2]) for k in own}
+            heights = np.array(list(at.values()))
             errors = np.array([control.weighted(*events[k].error[:2]) for k in own])
             apart = np.abs(np.diff(heights)) / np.minimum(errors[1:], errors[:-1])
             place = int(np.argmin(apart))
             if not apart[place] < 1.0:
                 break
-            for k in own[place : place + 2]:
+            pair = own[place : place + 2]
+            del own[place : place + 2]
+            ripple = np.abs(np.subtract(events[pair[0]].values, events[pair[1]].values))
+            for k in sorted(own[max(place - 1, 0) : place + 1], key=lambda k: abs(at[k] - at[pair[0]]))[:1]:
+                events[k] = replace(events[k], error=tuple(np.maximum(events[k].error, ripple).tolist()))
+            for k in pair:
                 message = "It differs from the fold next to it by less than the lattice's error."
                 events[k] = replace(events[k], verdict="unresolved", message=message)
-            del own[place : place + 2]
         for a, b in pairwise(own):
             if events[a].verdict and events[b].verdict and events[a].maximum == events[b].maximum:
                 worse = max(a, b, key=lambda k: control.weighted(*events[k].error[:2]))

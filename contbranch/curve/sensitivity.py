@@ -22,6 +22,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -44,9 +45,12 @@ __all__ = ["Sensitivities"]
 
 # Steps: of parameters relative to themselves (or of those that are zero), along the curve relative to its metric, and
 # relative to the distance of an edge of its parameter.
-STEP, ALONG, ASIDE = 3e-5, 3e-4, 1e-3
-# The second derivative along the curve has larger ones, and a formula of fourth order in them.
-CURVED, FOURTH = 3.0, (1 / 12, -4 / 3, 5 / 2, -4 / 3, 1 / 12)
+STEP, ALONG, ASIDE = 3e-5, 3e-4, 2e-3
+# ... those of parameters the larger the shorter the one along the curve is, by which their differences are divided.
+WIDE = 1e-4
+# The second derivative along the curve has larger ones, as often shortened as there is need: those from both distances
+# agree to such a share, and to rounding.
+CURVED, SHORTER, SMOOTH, ROUNDING = 3.0, 6, 0.01, 1e-13
 # Corrections on the finer discretisation by one matrix, and the largest for which it serves.
 CORRECTIONS, CLOSE = 2, 1e-7
 # Powers with which load, displacement, contact radius and central gap grow with the units of lengths in the plane, of
@@ -75,7 +79,8 @@ class Sensitivities:
         self.values = {name: one.value for name, one in known.items()}
         self.powers = _powers(contact, self.values)
         self.implied = _implied(self.powers)
-        self.changes = {name: _change(one, self.scales) for name, one in known.items() if name not in self.implied}
+        free = {name: one for name, one in known.items() if name not in self.implied}
+        self.changes = cache(lambda step: {name: _change(one, self.scales, step) for name, one in free.items()})
 
     def at(
         self, point: Point, control: Control | None, margin: str = "", wanted: Collection[str] = OBSERVABLES
@@ -98,7 +103,7 @@ class Sensitivities:
         event = _Event(point, None if control is None else control.scaled(self.scales.stiffness), margin)
         if control is not None and set(wanted) == {control.kind}:
             event.control = None
-        found, stiffer = event.rates(self.changes)
+        found, stiffer = event.rates(self.changes(event.step))
         units = units / event.smooth  # of rates; a contact radius is a root of what is smooth
         rates = {name: (values[name] or 1.0) * units * rate for name, rate in found.items()}
         rows = np.array([[powers[name][k] for name in implied] for k in range(3)])
@@ -139,7 +144,7 @@ def _implied(powers: Mapping[str, Array]) -> list[str]:
     return [names[k] for k, size in zip(order, np.abs(np.diag(triangle)), strict=False) if size > SHARE]
 
 
-def _change(parameter: Parameter, scales: Scales) -> _Change:
+def _change(parameter: Parameter, scales: Scales, step: float) -> _Change:
     """Members on both sides; on one where a parameter ends, such as the exponent 1 of a cone."""
 
     def member(step: float) -> Contact:
@@ -148,7 +153,7 @@ def _change(parameter: Parameter, scales: Scales) -> _Change:
         scaled = None if law is None else law.scaled(scales.normal, scales.energy_per_area)
         return Contact(other.axisymmetric_tip.scaled(scales.in_plane, scales.normal), scaled)
 
-    step = STEP * (abs(parameter.value) or 1.0)
+    step *= abs(parameter.value) or 1.0
     try:
         return _Change(member(step), member(-step), 2 * step)
     except InputError:
@@ -186,10 +191,11 @@ class _Event:
         self.state, self.tangent = np.append(x, p), self.solve(np.zeros_like(x), 1.0)
         self.values = np.array(problem.values(x, p)[:4])
         self.smooth = np.array([1.0, 1.0, 2 * self.values[2] or 1.0, 1.0])
-        self.length = ALONG / metric.norm(problem, self.tangent[:-1], self.tangent[-1])
+        self.step, self.length = STEP, ALONG / metric.norm(problem, self.tangent[:-1], self.tangent[-1])
         if not held:
             rate = max(abs(self.tangent[-1]), 1e-300)  # not beyond an edge of the parameter
-            self.length = min(self.length, *(ASIDE * abs(edge - p) / rate for edge in problem.parameter_range))
+            near = min(ASIDE * abs(edge - p) / rate for edge in problem.parameter_range)
+            self.length, self.step = min(self.length, near), STEP if near > self.length else WIDE
 
     def rates(self, changes: Mapping[str, _Change]) -> tuple[dict[str, Array], Array]:
         """Derivatives of the four observables by parameter, and by the logarithm of a spring's stiffness."""
@@ -217,6 +223,18 @@ class _Event:
         """Rates of the observables along the curve, next to the event."""
         return self.smooth * self.problem.rates(state[:-1], state[-1], tangent[:-1], tangent[-1])
 
+    def _bent(self) -> tuple[float, Array]:
+        """A step along the curve short enough for the residual to be smooth on both sides, and minus its second
+        derivative along the tangent; nodes that pass the edge of a tip end that."""
+        step, middle = CURVED * self.length, _residual(self.problem, self.state)
+        for _ in range(SHORTER):
+            sides = [_residual(self.problem, self.state + k * step * self.tangent) for k in (-2, -1, 1, 2)]
+            near, far = sides[1] + sides[2] - 2 * middle, (sides[0] + sides[3] - 2 * middle) / 4
+            if np.abs(near - far).max() <= SMOOTH * np.abs(near).max() + ROUNDING:
+                break
+            step /= CURVED
+        return step / CURVED, (far - 4 * near) / (3 * step**2)
+
     def _at_fold(
         self,
         control: Control,
@@ -226,9 +244,9 @@ class _Event:
         moved: Mapping[str, Array],
     ) -> tuple[dict[str, Array], Array]:
         """Derivatives at a fold; that of the discretisation lies a little aside of the point."""
-        weights, h, tangent = np.array([*control.weights, 0.0, 0.0]), self.length, self.tangent
-        around = [_residual(self.problem, self.state + k * CURVED * h * tangent) for k in range(-2, 3)]
-        curved = self.solve(np.array(FOURTH) @ np.array(around) / (CURVED * h) ** 2, 0.0)
+        weights, tangent = np.array([*control.weights, 0.0, 0.0]), self.tangent
+        h, bent = self._bent()
+        curved = self.solve(bent, 0.0)
         sides = [(s, self.state + s * tangent + 0.5 * s * s * curved) for s in (-h, h)]
         before, behind = (self._along(state, tangent + s * curved) for s, state in sides)
         bend = (behind - before) / (2 * h)

@@ -25,6 +25,8 @@ __all__ = ["Request", "follow_from", "trace"]
 END_FACTOR, LEAST_END = 1.4, 10.0
 # Changes of the problem after which a trace gives up.
 PIECES = 80
+# Share of the first step that is taken where that leads to the end of the curve at once.
+SHORTER = 1e-3
 EDGE = "edge"
 # The margin where the contact has grown to the edge of the tip, where its description ends.
 TIP_EDGE = "tip-edge"
@@ -179,7 +181,7 @@ class _Tracing:
     def _leaving(self, joint: Succession) -> Branch:
         """The piece from the first start from which the curve leaves."""
         branch = None
-        for start in joint.tried():
+        for start, share in ((start, share) for start in joint.tried() for share in (1.0, SHORTER)):
             if joint.same and len(self.points) > 1:
                 self.onward[len(self.points) - 1] = start
             problem = equilibrium(start)
@@ -189,7 +191,10 @@ class _Tracing:
                 margins = [Margin(name) for name in problem.margins(start.x, start.parameter)]
                 interval = Range(*problem.parameter_range)
                 balance = problem.balance(start, joint.step)
-                branch = follow(start, balance, interval, problem.steps(start), [folds, *margins, self.end], stop)
+                leaving = replace(
+                    start, tangent_x=share * start.tangent_x, tangent_parameter=share * start.tangent_parameter
+                )
+                branch = follow(leaving, balance, interval, problem.steps(start), [folds, *margins, self.end], stop)
             if len(branch.points) > 1 or (branch.points and _stopped(branch) not in ("", self.end.name)):
                 break
         if branch is None:

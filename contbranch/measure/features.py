@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 
@@ -17,11 +16,15 @@ __all__ = ["Features", "MeasuredJump", "features"]
 # A jump takes so many samples at most, is so many times larger than noise, and than steps beside it.
 SAMPLES, ABOVE_NOISE, ABOVE_STEPS = 3, 8.0, 5.0
 # Steps beside a jump are those this near to it.
-BESIDE: Final = 12
+BESIDE = 12
+# A detector at its end gives one number so often.
+PLATEAU = 5
 # Adhesion and contact are seen where the force leaves the baseline by so many times the noise.
-SEEN: Final = 6.0
+SEEN = 6.0
+# The retraction is back at the baseline where it ends within this share of all forces, and of the pull-off, from it.
+DRIFT, UNBROKEN = 0.05, 0.3
 # Noise is taken to be at least this share of the range of forces: numbers in files are rounded.
-QUIET: Final = 2e-5
+QUIET = 2e-5
 
 
 @dataclass(frozen=True)
@@ -102,6 +105,7 @@ def features(curve: ForceCurve, adhesive: bool) -> Features:
         raise InputError("curve: the force is a straight ramp; are columns swapped, or is there no contact in it?")
     deep = approach[np.argsort(curve.piezo[approach])[-max(5, approach.size // 20) :]]
     lowest, largest = float(np.min(force)), float(np.max(force))
+    _cut_off(curve, noise)
     if max(-lowest, largest) < allowed:
         raise InputError(
             f"curve: nothing but noise, of {noise:.3g} nN: the force leaves its baseline by "
@@ -124,7 +128,8 @@ def features(curve: ForceCurve, adhesive: bool) -> Features:
         )
     far = np.argsort(curve.piezo[retract])[: max(3, retract.size // 50)]
     end = float(np.median(force[retract][far])) if retract.size else math.nan
-    returned = bool(retract.size) and abs(end) < max(2 * allowed, 0.05 * (largest - lowest))
+    drift = min(DRIFT * (largest - lowest), -UNBROKEN * lowest if adhesive else math.inf)
+    returned = bool(retract.size) and abs(end) < max(2 * allowed, drift)
     parts = np.array_split(force[approach][: max(9, approach.size // 8)], 3)
     first, second, third = map(float, map(np.median, parts))
     sure, flat = 6 * noise / math.sqrt(len(parts[0])), 0.03 * (largest - lowest)
@@ -135,6 +140,22 @@ def features(curve: ForceCurve, adhesive: bool) -> Features:
     jump_in = _jump(curve, force, approach, sign, noise)
     pull_off = _jump(curve, force, retract, -sign, noise) if retract.size else None
     return Features(noise, baseline, tilt, jump_in, pull_off, lowest, largest, begun, returned)
+
+
+def _cut_off(curve: ForceCurve, noise: float) -> None:
+    """Raise InputError where the extreme force is that of many samples in a row, and changes beside them."""
+    for word, extreme in (("largest", curve.force.max()), ("least", curve.force.min())):
+        same = np.flatnonzero(curve.force == extreme)
+        runs = np.split(same, np.flatnonzero(np.diff(same) > 1) + 1)
+        run = max(runs, key=len)
+        if run.size < PLATEAU or not np.ptp(curve.piezo[run]):
+            continue
+        beside = [curve.force[max(run[0] - run.size, 0)], curve.force[min(run[-1] + run.size, len(curve) - 1)]]
+        if np.abs(np.array(beside) - extreme).min() > ABOVE_NOISE * noise:
+            raise InputError(
+                f"curve: the {word} force, {extreme:.4g} nN, is that of {run.size} samples in a row: the detector was "
+                "at its end; leave them out"
+            )
 
 
 def _gains(curve: ForceCurve, force: Array, allowed: float) -> bool:

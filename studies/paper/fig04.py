@@ -20,7 +20,9 @@ from scipy.interpolate import CubicSpline
 
 import contbranch as cb
 from contbranch.models.grid.contact_area import contact_area
-from contbranch.models.grid.observables import FarField, far_field, interpolate
+from contbranch.models.grid.newton import Equilibrium
+from contbranch.models.grid.observables import CUBES, far_field_error, images, interpolate
+from contbranch.models.grid.problem import GridProblem
 from contbranch.output.plot_view import BLUE, GREY, ORANGE
 
 if __name__ == "__main__":
@@ -32,6 +34,49 @@ GREEN = "#009E73"
 EDGE = 9.8825
 FACTORS = (1.0, 2.0 ** (1.0 / 3.0), 2.0 ** (2.0 / 3.0))
 CONTACT, PRESSED = cb.Contact.reduced(cb.Exponential, tabor=1.0), 1.5625
+# Σ 1/R³ over the square lattice about the middle of the cells, and about the middle of their edges, by the parity of
+# the coordinates; factors of the displacements at corner and edge that take the point force of every image away, (30).
+AT_CORNER, AT_EDGE = (2.0 * np.sqrt(2.0) - 1.0) * CUBES, (4.0 - np.sqrt(2.0)) * CUBES
+EXACT, ROUNDED = (3.0 + 2.0 * np.sqrt(2.0), -2.0 - 2.0 * np.sqrt(2.0)), (6.0, -5.0)
+
+
+@dataclass(frozen=True)
+class FarField:
+    """Displacement of the far field of a single contact, three ways, with what the periodic cell leaves in each.
+
+    Attributes
+    ----------
+    displacement, error : float
+        From the mean of u and the finite-size shift, d = C F - mean(u).
+    from_points, from_points_error : float
+        d = (3+2√2) u_X - (2+2√2) u_M with the paper's displacement u = -(w - d) at the cell's corner X and the middle M
+        of its edge: (30) in the form that is exact for a point force.
+    rounded, rounded_error : float
+        (30) as printed, 6 u_X - 5 u_M.
+    """
+
+    displacement: float
+    error: float
+    from_points: float
+    from_points_error: float
+    rounded: float
+    rounded_error: float
+
+
+def far_field(problem: GridProblem, equilibrium: Equilibrium) -> FarField:
+    """Displacement of the far field in three ways.
+
+    At the points X and M the spread of the pressure adds Q/(4π E L³) times the sums of 1/R³ about them.
+    """
+    lattice, half = problem.lattice, 0.5 * problem.lattice.edge
+    at = partial(interpolate, lattice, equilibrium.u)
+    corner, edge = -at(half, half), -0.5 * (at(half, 0.0) + at(0.0, half))
+    error = far_field_error(problem, equilibrium)
+    spread = error + abs(EXACT[0] * AT_CORNER + EXACT[1] * AT_EDGE) * images(problem, equilibrium)
+    ways = [one * corner + other * edge for one, other in (EXACT, ROUNDED)]
+    # The point forces that the rounded factors leave.
+    rounding = abs((ROUNDED[0] - EXACT[0]) * (corner - edge))
+    return FarField(equilibrium.displacement, error, ways[0], spread, ways[1], spread + rounding)
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,10 @@ from scipy.linalg import eigh
 from scipy.optimize import nnls
 
 from contbranch.models.grid.solvers.lowest import lowest
-from contbranch.models.grid.solvers.motion import Ending, MotionSettings, curvature, fire, gfmd
+from contbranch.models.grid.solvers.motion import Ending, Motion, MotionSettings, curvature
+from studies.elsewhere import Fire
 
-METHODS = [gfmd, fire]
+METHODS = [Motion, Fire]
 
 
 class Place(NamedTuple):
@@ -82,7 +83,7 @@ def test_obstacle_problem(method):
     exact, _ = nnls(factor.T, np.linalg.solve(factor, load))
     assert 5 < np.count_nonzero(exact) < 55  # some are held, some are free
     system = Obstacle(stiffness, load, masses)
-    end = method(system, system.place(np.ones(60)), MotionSettings(1e-10, 3000))
+    end = method(system, system.place(np.ones(60)), MotionSettings(1e-10, 3000)).run()
     assert end.ending is Ending.CONVERGED
     np.testing.assert_allclose(end.place.u, exact, atol=1e-7 * exact.max())
 
@@ -92,7 +93,7 @@ def test_an_underestimate_of_the_stiffest_mode_is_corrected(method):
     # A time step four times that of marginal stability without the correction.
     stiffness, load, masses = a_spring_chain()
     system = Obstacle(stiffness, load + 5.0, masses, stiffest=1.0 / 16.0)
-    end = method(system, system.place(np.ones(60)), MotionSettings(1e-8, 3000))
+    end = method(system, system.place(np.ones(60)), MotionSettings(1e-8, 3000)).run()
     assert end.ending is Ending.CONVERGED
 
 
@@ -101,11 +102,11 @@ def test_endings(method):
     stiffness, load, masses = a_spring_chain()
     system = Obstacle(stiffness, load, masses)
     start = system.place(np.ones(60))
-    few = method(system, start, MotionSettings(1e-10, 7))
+    few = method(system, start, MotionSettings(1e-10, 7)).run()
     assert (few.ending, few.steps) == (Ending.STEPS, 7)
-    nothing = method(system, system.place(np.full(60, math.nan)), MotionSettings(1e-10, 7))
+    nothing = method(system, system.place(np.full(60, math.nan)), MotionSettings(1e-10, 7)).run()
     assert (nothing.ending, nothing.steps) == (Ending.DIVERGED, 0)
-    stopped = method(Obstacle(stiffness, load, masses, end=4), start)
+    stopped = method(Obstacle(stiffness, load, masses, end=4), start).run()
     assert stopped.ending is Ending.INTERRUPTED
 
 

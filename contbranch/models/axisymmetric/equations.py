@@ -137,7 +137,9 @@ class _Tail:
         node = math.hypot(float(mesh.nodes[-1]), radius)
         nodes, weights = gauss(TAIL_NODES)
         x = (nodes + 1) / 2
-        exponent = float(self.ends * tip.height_derivative(self.ends) / tip.height(self.ends))
+        exponent = 2.0
+        if self.ends < WITHIN * tip.extent:
+            exponent = float(self.ends * tip.height_derivative(self.ends) / tip.height(self.ends))
         power = min(1 / max(2 * exponent - 2, 1 / SLOWEST), SLOWEST) if 1.0 < exponent < 1.5 else 1.0
         r = self.ends / x**power
         self.last, self.height, self.fading = float(tip.height(node)), tip.height(r), node / r

@@ -406,7 +406,8 @@ class ContactProblem(EquilibriumProblem):
         from contbranch.models.rings.handover import taken_over
 
         failure = ModelError("no admissible state was left")
-        right = [k for k, point in enumerate(points) if k and _margin(point) > 0.0]
+        # A fold is left to one of the two.
+        right = [k for k, point in enumerate(points) if k and not point.label and _margin(point) > 0.0]
         for k in reversed(right[-TRIES:]):
             try:
                 start = taken_over(

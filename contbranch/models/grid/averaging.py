@@ -65,8 +65,8 @@ _LAGRANGE = np.stack([(1 - _NODES) * (1 - 2 * _NODES), 4 * _NODES * (1 - _NODES)
 _SLOPES = np.stack([4 * _NODES - 3, 4 - 8 * _NODES, 4 * _NODES - 1])
 # What a contact of few nodes may be off, in units of what changes from its beginning.
 BEGINNING = 1.1
-# Error of the contact radius itself, in rows of nodes.
-MEASURED = 0.03
+# Error of the contact radius itself, in rows of nodes, and arcs that what is fitted takes off the scatter.
+MEASURED, FITTED = 0.03, 3.0
 
 
 def half_width(radius: float, spacing: float) -> float:
@@ -206,7 +206,8 @@ class Fit:
         weight = np.sqrt(self.weight[near] * share[near])[:, None]
         found = np.linalg.lstsq(basis * weight, values * weight, rcond=None)[0]
         left = np.sqrt(((weight * (values - basis @ found)) ** 2).sum(axis=0) / (weight**2).sum())
-        return ((radius - origin) / unit) ** powers @ found, left / np.sqrt(max(len(values) // 3, 1))
+        arcs = max(len(values) / 3.0, 1.0)  # few of them are fitted better than they should be
+        return ((radius - origin) / unit) ** powers @ found, left * (1.0 + FITTED / arcs) / np.sqrt(arcs)
 
     @cached_property
     def other(self) -> Fit:
@@ -320,13 +321,17 @@ class AveragedProblem(EquilibriumProblem):
         return self.lattice.beside(self.nearest(place), control, value)
 
     def left_out(self, x: Vector, p: float) -> tuple[float, float, float, float]:
-        """What the scatter of the arcs leaves open, and what the cell does."""
-        load, displacement, _ = np.array([np.interp(p, self.fit.centres, own) for own in self.fit.scatter.T]).tolist()
-        if self.fit.first > 0.0 and p < LEAST * self.fit.spacing:  # where the contact begins is not in the window
-            first = self.fit.values[np.argmin(self.fit.radius)]
-            load, displacement = (BEGINNING * np.abs(self.fit.curve(p) - first)[:2] + (load, displacement)).tolist()
-        cell = read(self.setup, self.nearest(p)).errors
-        return load + cell[0], displacement + cell[1], MEASURED * self.fit.spacing + cell[2], 0.0
+        """What the scatter of the arcs, the radius, and the beginning of the contact leave open, and the cell does."""
+        fit, spacing = self.fit, self.fit.spacing
+        error = np.array([np.interp(p, fit.centres, own) for own in fit.scatter[:, :2].T])
+        error += MEASURED * spacing * np.abs(fit.curve(p, 1)[:2])
+        error *= max(1.0, self.lattice.resolution.ratio)
+        if fit.first == 0.0:  # what is wrong with the film at first touch is felt over some rows
+            error += np.nan_to_num(self.lattice.touch_error / (1.0 + (p / spacing) ** 2), posinf=0.0)
+        elif p < LEAST * spacing:  # where the contact begins is not in the window
+            error += BEGINNING * np.abs(fit.curve(p) - fit.values[np.argmin(fit.radius)])[:2]
+        load, displacement, radius, _ = read(self.setup, self.nearest(p)).errors
+        return float(error[0]) + load, float(error[1]) + displacement, MEASURED * spacing + radius, 0.0
 
     def defect(self, point: Point) -> Defect:
         """By the other windows."""

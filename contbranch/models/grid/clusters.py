@@ -28,8 +28,8 @@ NEAR, RESOLVED = 2, 2.0
 # Squares at most, for every node along one side of what is transformed (a half of it without mirrors) and at all: with
 # more the factorisation takes longer than what it saves. Fewer are found by making them larger, at the rim last.
 PER_SIDE, MOST = 8, 2000
-# Relative change of v'' up to which a factorisation serves on.
-STALE = 0.1
+# Relative change of v'' up to which a factorisation serves on, and number of nodes at the rim that join or leave.
+STALE, CHANGES = 0.1, 24
 # Nodes by which tables of influence reach farther at least than they did.
 SLACK = 64
 
@@ -57,25 +57,28 @@ class Influence:
     _tables: dict[tuple[int, int], Array] = field(default_factory=dict)
 
     def _table(self, rows: int, columns: int) -> Array:
-        """Mean displacement of a square for unit pressure on another, by the offset of their first nodes."""
+        """Mean displacement of a square for unit pressure on one no larger, by the offset of their first nodes.
+
+        Offsets are in units of the smaller size, of which squares' places are multiples.
+        """
         if (rows, columns) not in self._tables:
             # Of twice a size: the mean (rows) or the sum (columns) of that of four squares, one size apart.
-            if rows > 1:
-                part, step, share = self._table(rows // 2, columns), -rows // 2, 0.5
+            if rows > columns:
+                part, step, share = self._table(rows // 2, columns), -rows // 2 // columns, 0.5
             elif columns > 1:
-                part, step, share = self._table(1, columns // 2), columns // 2, 1.0
+                part, step, share = self._table(rows, columns // 2), 1, 1.0
             else:
                 part, step, share = self._response(), 0, 0.5
             for axis in (0, 1):
                 part = share * (part + np.roll(part, step, axis))
-            self._tables[rows, columns] = part
+            self._tables[rows, columns] = part[::2, ::2].copy() if rows == columns > 1 else part
         return self._tables[rows, columns]
 
     def _response(self) -> Array:
-        """Displacement by unit pressure on one node, as far as is needed."""
+        """Displacement by unit pressure on one node, as far as is needed; in half the digits: it approximates."""
         m = self.lattice.whole().size
         offsets = np.arange(self._width) - self._reach
-        response = np.fft.irfft2(1.0 / self.lattice.whole().held_symbol(None), s=(m, m))
+        response = np.fft.irfft2(1.0 / self.lattice.whole().held_symbol(None), s=(m, m)).astype(np.float32)
         return np.asarray(response.take(offsets, 0, mode="wrap").take(offsets, 1, mode="wrap"))
 
     @property
@@ -86,24 +89,28 @@ class Influence:
     def matrix(self, squares: Squares) -> Array:
         """Mean displacements of all squares (rows) for unit pressures on each (columns)."""
         sizes, x, y, _ = squares
+        largest = int(sizes.max(initial=1))
         # Tables of large squares are wrong at their borders, by the sizes of both.
-        m, reach = sizes.size, int(max(x.max(initial=0), y.max(initial=0)) + 3 * sizes.max(initial=0))
-        if reach > self._reach:
-            self._reach = -(-reach // SLACK) * SLACK
+        m, reach = sizes.size, int(max(x.max(initial=0), y.max(initial=0)) + 3 * largest)
+        if reach > self._reach or self._reach % largest:
+            unit = max(SLACK, largest)
+            self._reach = -(-reach // unit) * unit
             self._tables.clear()
-        width = self._width
-        rows = width * (x + self._reach) + y + self._reach
-        sources = [width * x + y]
+        sources = [(x, y)]
         if self.lattice.quarter:
-            sources += [width * x - y - sizes, width * (-x - sizes) + y, width * (-x - sizes) - y - sizes]
+            sources += [(x, -y - sizes), (-x - sizes, y), (-x - sizes, -y - sizes)]
         found = np.empty((m, m))
         edges = np.flatnonzero(np.diff(sizes, prepend=0, append=0))
         groups = [slice(int(begin), int(end)) for begin, end in pairwise(edges)]
-        for k, a in enumerate(groups):
-            for b in groups[k:]:
-                table = self._table(int(sizes[a.start]), int(sizes[b.start]))
-                found[a, b] = sum(table.take(rows[a][:, None] - source[b]) for source in sources)
-                ratio = (sizes[a.start] / sizes[b.start]) ** 2
+        for k, b in enumerate(groups):
+            size = int(sizes[b.start])
+            width = self._width // size
+            places = [(width * own[b] + other[b]) // size for own, other in sources]
+            for a in groups[: k + 1]:
+                table = self._table(int(sizes[a.start]), size)
+                rows = (width * (x[a] + self._reach) + y[a] + self._reach) // size
+                found[a, b] = sum(table.take(rows[:, None] - source) for source in places)
+                ratio = (sizes[a.start] / size) ** 2
                 np.multiply(found[a, b].T, ratio, out=found[b, a])
         return found
 
@@ -244,46 +251,74 @@ class Clusters:
         squares = gathered(self.influence.lattice, self.contact, whole, self.zone)
         self.square, m = squares.of_node, squares.sizes.size
         self.nodes = np.bincount(self.square, minlength=m)
-        self.held = self.contact[self.zone]
-        self.touching = np.bincount(self.square, self.held, m) > 0.5 * self.nodes
-        # Where contact and free nodes are in one square, the square is what most of them are.
-        self.kept = self.held == self.touching[self.square]
         self.single = squares.sizes[self.square] == 1
         # Within a square the pressure answers its own short waves, half of whose length is its edge.
         self.wave = np.pi / (squares.sizes[self.square] * h)
         self.influences = self.influence.matrix(squares)
+        self.held = self.contact[self.zone]
         self._factorise()
 
     def _factorise(self) -> None:
-        m = self.nodes.size
-        own = np.where(self.held, self.weight, self.stiffness)
-        scale = np.bincount(self.square, own * self.kept, m) / np.bincount(self.square, self.kept, m)
+        m, held, self._first = self.nodes.size, self.held, self.held
+        self.touching = np.bincount(self.square, held, m) > 0.5 * self.nodes
+        # Where contact and free nodes are in one square, the square is what most of them are.
+        kept = held == self.touching[self.square]
+        own = np.where(held, self.weight, self.stiffness)
+        self._scale = np.bincount(self.square, own * kept, m) / np.bincount(self.square, kept, m)
         lattice = self.influence.lattice
         matrix = np.empty((m + 1, m + 1))
-        np.multiply(scale[:, None], self.influences, out=matrix[:m, :m])
+        np.multiply(self._scale[:, None], self.influences, out=matrix[:m, :m])
         matrix[np.arange(m), np.arange(m)] += ~self.touching
-        matrix[:m, m] = -scale
+        matrix[:m, m] = -self._scale
         # Any border will do that makes the matrix regular at folds.
         matrix[m, :m] = lattice.compliance * lattice.node_area * self.nodes
         matrix[m, m] = 1.0
         self._factors = scipy.linalg.lu_factor(matrix.T, overwrite_a=True, check_finite=False)
-        self.aside = self._back(np.eye(1, m + 1, m)[0])
-        rest = np.where(self.held, 0.75 * self.wave / self.weight, 1.0 / (1.0 + np.maximum(own, 0.0) / self.wave))
+        rest = np.where(held, 0.75 * self.wave / self.weight, 1.0 / (1.0 + np.maximum(own, 0.0) / self.wave))
         self.rest = np.where(self.single, 0.0, rest)
+        self._columns: dict[int, Array] = {}
+        self._change()
+
+    def _change(self) -> None:
+        """The rows of nodes that have changed since: A⁻¹ - Z (1 + R Z)⁻¹ R A⁻¹ with these rows' change R, Z = A⁻¹."""
+        changed = np.flatnonzero(self.held != self._first)
+        places, m = self.square[changed], self.nodes.size
+        rows = np.hstack([self.influences[places], np.full((places.size, 1), -1.0)])
+        rows *= (np.where(self.held, self.weight, self.stiffness)[changed] - self._scale[places])[:, None]
+        rows[np.arange(places.size), places] += np.where(self.held[changed], -1.0, 1.0)
+        for place in places.tolist():
+            if place not in self._columns:
+                self._columns[place] = self._back(np.eye(1, m + 1, place)[0])
+        columns = np.array([self._columns[place] for place in places.tolist()]).reshape(-1, m + 1).T
+        self._low = columns, np.linalg.solve(np.eye(places.size) + rows @ columns, rows)
+        self.aside = self._inverse(np.eye(1, m + 1, m)[0])
 
     def _back(self, vector: Array) -> Array:
         return np.asarray(scipy.linalg.lu_solve(self._factors, vector, trans=1, check_finite=False))
 
-    def serves(self, contact: Mask, zone: Mask) -> bool:
-        """Whether these are the clusters for a contact and a zone."""
-        return bool((contact == self.contact).all()) and not bool((zone & ~self.zone).any())
+    def _inverse(self, vector: Array) -> Array:
+        found, (columns, rows) = self._back(vector), self._low
+        return found - columns @ (rows @ found)
 
-    def renew(self, stiffness: Array) -> None:
-        """Go over to another v″, given on all nodes, where it differs by more than matters."""
-        now = stiffness[self.zone]
-        if (np.abs(now - self.stiffness) > STALE * np.maximum(np.abs(now), self.wave)).any():
+    def serves(self, contact: Mask, zone: Mask) -> bool:
+        """Whether these are the clusters for a contact and a zone, or are but for few nodes at its rim."""
+        if (zone & ~self.zone).any():
+            return False
+        changed = self._first != contact[self.zone]
+        return int(changed.sum()) <= CHANGES and bool(self.single[changed].all())
+
+    def renew(self, contact: Mask, stiffness: Array) -> None:
+        """Go over to another contact, and another v″, given on all nodes, where it differs by more than matters."""
+        held, now = contact[self.zone], stiffness[self.zone]
+        same = held == self.held
+        self.held = held
+        stale = same & (np.abs(now - self.stiffness) > STALE * np.maximum(np.abs(now), self.wave))
+        if stale.any():
             self.stiffness = now
             self._factorise()
+        elif not same.all():
+            self.stiffness = np.where(same, self.stiffness, now)
+            self._change()
 
     def border(self, row: Array) -> Array:
         """A row of the equations on the zone's nodes, and on δd, as one of those on clusters."""
@@ -292,7 +327,7 @@ class Clusters:
     def solve(self, vector: Array, border: Array) -> Array:
         """An approximate solution (y on the zone's nodes, δd) with a border."""
         mean = np.bincount(self.square, vector[:-1], self.nodes.size) / self.nodes
-        found = self._back(np.append(mean, 0.0))
+        found = self._inverse(np.append(mean, 0.0))
         # A border may be empty, where there is no way from one state to another.
         found += (vector[-1] - border @ found) / (border @ self.aside or np.inf) * self.aside
         return np.append(found[self.square] + self.rest * (vector[:-1] - mean[self.square]), found[-1])

@@ -157,11 +157,13 @@ def _measured(crossings: Crossings, multiplicity: int) -> ContactArea:
 def _fitted(crossings: Crossings, side: Side, strip: float, noise: float) -> tuple[float, float]:
     """Shift of the rim by the fits of one profile, in spacings, and its error; infinite where there is no fit."""
     found: list[tuple[float, float]] = []
-    for count, degree, level in _FITS[side]:
-        enlarged, share = crossings.shift(side, count, degree)
+    rough, fits = _ROUGH[side], _FITS[side]
+    enlarged, shares = crossings.shifts(side, [fit[:2] for fit in (*fits, rough)])
+    shifts = (enlarged / strip).tolist()
+    for (*_, level), shift, share in zip(fits, shifts, shares, strict=False):
         if share < _SHARE:
             continue
-        shift, uncertain = enlarged / strip, level * noise
+        uncertain = level * noise
         if any(abs(shift - other) > 2.0 * math.hypot(uncertain, error) for other, error in found):
             break
         found.append((shift, uncertain))
@@ -170,5 +172,4 @@ def _fitted(crossings: Crossings, side: Side, strip: float, noise: float) -> tup
     shift, uncertain = found[-1]
     if len(found) > 1:
         return shift, math.hypot(uncertain, 0.5 * (shift - found[-2][0]))
-    count, degree, part = _ROUGH[side]
-    return shift, math.hypot(uncertain, part * (crossings.shift(side, count, degree)[0] / strip - shift))
+    return shift, math.hypot(uncertain, rough[2] * (shifts[-1] - shift))

@@ -15,6 +15,7 @@ over the nodes nearest to the rim: its zero is where the profile of the wall pre
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -30,6 +31,8 @@ Side = Literal["pressure", "gap"]
 REACH = 12
 """Nodes kept on either side of the rim."""
 
+# Of the distance in polynomials.
+POWERS = np.arange(4)
 # Smoothings of the contact's indicator whose gradient is the normal of the rim: a width of about two nodes.
 _SMOOTHINGS = 3
 
@@ -85,36 +88,43 @@ class Crossings:
         """Length of a rim halfway between the pairs: lines along x and y count a piece of it |cos| and |sin| times."""
         return self.node_area / self.spacing * float(self.cosine.sum())
 
-    def shift(self, side: Side, count: int, degree: int) -> tuple[float, float]:
-        """How much a fit of the profile enlarges the area against `area`, and for which share of the rim it exists.
+    def shifts(self, side: Side, fits: Sequence[tuple[int, int]]) -> tuple[Array, Array]:
+        """How much fits of the profile enlarge the area against `area`, and for which share of the rim they exist.
 
         Parameters
         ----------
         side : {"pressure", "gap"}
             p_c² in contact, or g^(2/3) outside.
-        count, degree : int
-            Nodes along each line and degree of the polynomial in the distance.
+        fits : sequence of (int, int)
+            Nodes along each line and degree of the polynomial in the distance, 3 at most.
         """
-        own, values = (self.inside, self.wall_pressure**2) if side == "pressure" else (self.outside, self.gap)
-        good = own[:, :count].all(axis=1) & (self.weight > 0.0)
-        if not good.any():
-            return 0.0, 0.0
-        weight, cosine = self.weight[good], self.cosine[good, None]
-        y = values[good, :count]
-        steps = np.arange(count)
+        steps, (count, degree) = np.arange(REACH), np.array(fits).T
         if side == "pressure":
-            x = steps + self.fraction[good, None]
-            noise = 0.05 / (0.5 + np.maximum(x * cosine, 0.3)) ** 1.3
+            own, y, x = self.inside, self.wall_pressure**2, steps + self.fraction[:, None]
+            noise = 0.05 / (0.5 + np.maximum(x * self.cosine[:, None], 0.3)) ** 1.3
         else:
-            y = np.maximum(y, 0.0) ** (2.0 / 3.0)
-            x = steps + 1.0 - self.fraction[good, None]
-            noise = 0.03 / (0.3 + np.maximum(x * cosine, 0.3)) ** 1.6 + 1e-3
-        coefficients = _polynomials(x, y, noise, degree)
-        zero = _zeros(coefficients)
-        outwards = -zero if side == "pressure" else zero
-        share = weight.sum() / self.weight.sum()
+            own, x = self.outside, steps + 1.0 - self.fraction[:, None]
+            y = np.maximum(np.where(own, self.gap, 0.0), 0.0) ** (2.0 / 3.0)
+            noise = 0.03 / (0.3 + np.maximum(x * self.cosine[:, None], 0.3)) ** 1.6 + 1e-3
+        used = steps < count[:, None]
+        good = (own | ~used[:, None]).all(axis=-1) & (self.weight > 0.0)
+        share = good @ self.weight / max(float(self.weight.sum()), 1e-300)
+        zeros = np.zeros(good.shape)
+        fit, line = np.nonzero(good)
+        if fit.size:
+            basis = x[..., None] ** POWERS / noise[..., None]
+            terms = np.concatenate([basis, (y / noise)[..., None]], axis=-1)
+            normal = np.tensordot(used, basis[..., None] * terms[..., None, :], (1, 1))[fit, line]
+            last = count[fit] - 1
+            scale = np.maximum(y[line, last], 1e-300) / x[line, last]
+            # What is of too high a degree has the coefficient zero.
+            high = (degree[:, None] < POWERS)[fit]
+            right = np.where(high, 0.0, normal[..., 4] / scale[:, None])
+            own_terms = np.where(high[:, None] | high[..., None], np.eye(4), normal[..., :4])
+            zeros[fit, line] = _zeros(np.linalg.solve(own_terms, right[..., None])[..., 0])
+        outwards = -zeros if side == "pressure" else zeros
         # Crossings without a fit move as the others do.
-        return self.node_area * (weight @ outwards) / share, share
+        return self.node_area * (outwards @ self.weight) / np.where(share > 0.0, share, 1.0), share
 
 
 def find_crossings(lattice: Lattice, contact: Mask, wall_pressure: Array, gap: Array) -> Crossings:
@@ -206,15 +216,6 @@ def _fractions(pressure: Array, gap: Array, distance: Array) -> Array:
     for _ in range(12):
         y = y - (a * y**3 + b * y - d) / (3.0 * a * y * y + b)
     return np.where(known, np.clip(a * y**3 / d, 0.0, 1.0), 0.5)
-
-
-def _polynomials(x: Array, y: Array, noise: Array, degree: int) -> Array:
-    """Weighted least squares for every row, coefficients from the constant upwards, (M, degree + 1)."""
-    basis = x[..., None] ** np.arange(degree + 1) / noise[..., None]
-    normal = np.einsum("nki,nkj->nij", basis, basis)
-    scale = np.maximum(y[:, -1:], 1e-300) / x[:, -1:]
-    right = np.einsum("nki,nk->ni", basis, y / scale / noise)
-    return np.linalg.solve(normal, right[..., None])[..., 0]
 
 
 def _zeros(coefficients: Array) -> Array:

@@ -108,6 +108,7 @@ class LatticeProblem(EquilibriumProblem):
         self.nodes, self.scale, self.work = setup.problem, setup.length, setup.counter
         self.work.unknowns = self.size
         self._recent: deque[tuple[Array, Equilibrium]] = deque(maxlen=RECENT)
+        self._known: deque[tuple[Array, Event, Array]] = deque(maxlen=RECENT)
 
     @property
     def size(self) -> int:
@@ -475,8 +476,21 @@ class LatticeProblem(EquilibriumProblem):
             return unknown
         return np.abs(np.subtract(here[:4], read(coarse.setup, found, cell=False)[:4]))
 
+    @cached_property
+    def touch_error(self) -> Array:
+        """Of load and displacement at first touch."""
+        stated = equilibrium(self.touch).stated(self.touch, Margin("touch")) if self.touch else None
+        return np.zeros(2) if stated is None else np.array(stated[:2])
+
     def _moved(self, point: Point, event: Event) -> Array:
         """By how much, and a little more, an event of the film lies elsewhere on twice the nodes a side."""
+        known = next((error for x, one, error in self._known if x is point.x and one == event), None)
+        if known is None:
+            known = self._move(point, event)
+            self._known.append((point.x, event, known))
+        return known.copy()
+
+    def _move(self, point: Point, event: Event) -> Array:
         fine = self._finer
         if self.resolution.fails(self.at(point)):
             return np.full(4, np.inf)
@@ -488,7 +502,7 @@ class LatticeProblem(EquilibriumProblem):
             found = []
             for step in (0.0, ahead):
                 x, p = there.x + step * there.tangent_x, there.parameter + step * there.tangent_parameter
-                one = Point(fine, *fine.in_plane(x, p, row, True))
+                one = Point(fine, *fine.in_plane(x, p, row, isinstance(event, FoldEvent)))
                 found.append((event.value(one), np.array(fine.values(one.x, one.parameter)[:4])))
         except CorrectionError:
             return self.difference(point)
@@ -510,7 +524,9 @@ class LatticeProblem(EquilibriumProblem):
             error = self._moved(point, event)
         else:
             error = self.difference(point, event.control if isinstance(event, Reached) else None)
-            error *= SAFETY if isinstance(event, FoldEvent) else 1.0
+            if isinstance(event, FoldEvent):
+                error *= SAFETY
+                error[2] += self.setup.lattice.spacing * max(1.0, self.resolution.ratio)  # nodes join by chance
         seen = np.abs(self.reading(point.x, point.parameter)[:4])
         floor = self.settings.tolerance if isinstance(event, Reached) else FLOOR
         error += floor * np.maximum(1.0, seen) + self.left_out(point.x, point.parameter)

@@ -15,12 +15,12 @@ from typing import NamedTuple
 import numpy as np
 
 from contbranch.models.grid.solvers.lowest import Lowest, lowest
-from contbranch.models.grid.solvers.motion import Ending, MotionSettings
+from contbranch.models.grid.solvers.motion import Ending, Motion, MotionSettings
 
 from .arrays import Array, Mask
 from .newton import Equilibrium, Hold, Settings, newton
 from .problem import GridProblem
-from .relaxation import LatticeMotion, Method, Place, equilibrium, minimisers
+from .relaxation import LatticeMotion, Place, equilibrium
 from .stability import as_stability
 
 __all__ = ["land", "settle", "softest"]
@@ -81,7 +81,6 @@ def land(
     load: float,
     hold: Hold,
     tolerance: float = 1e-8,
-    method: Method = "gfmd",
     steps: int = 5000,
     pace: Pace = CAREFUL,
 ) -> Equilibrium:
@@ -96,7 +95,6 @@ def land(
         Load, displacement or spring after the jump.
     tolerance : float
         Residual to reach.
-    method : {"gfmd", "fire"}
     steps : int
         Steps of the dynamics at most, in all.
     pace : Pace
@@ -117,7 +115,7 @@ def land(
     goal, used, kicks = pace.first, 0, 0
     while True:
         motion.until = _Near(goal) if goal > tolerance else None
-        place, more, ending = minimisers[method](motion, place, MotionSettings(tolerance, steps - used))
+        place, more, ending = Motion(motion, place, MotionSettings(tolerance, steps - used)).run()
         used += more
         if ending is Ending.INTERRUPTED:
             state = newton(

@@ -34,9 +34,9 @@ __all__ = ["Border", "Change", "Linear"]
 # they serve on as the film spreads: on a quarter, as more squares need not have the symmetry of a state on the whole.
 NOTHING, SPARE = 1e-7, 1e-9
 # Memory for the directions of one matrix.
-BASIS_BYTES = 5e8
+BASIS_BYTES = 2e8
 # Memory for their displacements on all nodes.
-FIELD_BYTES = 2e8
+FIELD_BYTES = 1e8
 # Part of the residual by which a direction lowers it at least: otherwise the next one does not begin from it.
 STAGNANT = 0.1
 
@@ -129,7 +129,7 @@ class Linear:
         size = self.border.size
         self.most = int(max(10, min(200, BASIS_BYTES / (16 * size))))
         self.count = 0
-        self.directions, self.images = np.empty((2, 8, size))
+        self.directions, self.images = np.empty((2, self.most, size))  # what is not used takes no memory
         self.triangle = np.zeros((self.most, self.most))
         # S y on all nodes for every direction, as long as there is room.
         self.moved: list[Array] = []
@@ -233,10 +233,6 @@ class Linear:
     def _extend(self, vector: Array) -> bool:
         """One more direction, preconditioned; False if it adds nothing."""
         k = self.count
-        if k == len(self.images):
-            self.directions, self.images = (
-                np.concatenate([a, np.empty_like(a)]) for a in (self.directions, self.images)
-            )
         if k == self.alone:
             self._gather()
         direction = self._approximate(vector)

@@ -111,10 +111,9 @@ class Modes:
         """
         if self.convex or unstable == 0 or self.blunt:
             return Count()
-        slope = 1.0 if self.setup.kind == "free" else -1.0
-        morse = self.stability.morse(state, slope, sectors=self.sectors)
+        spectra = self.stability.spectra(state, self.sectors, ordered=self.setup.kind == "free")
         found = Counter(
-            m for one in morse.spectra.values() if one.index for m in self._periods(state, one)[: one.index] if m > 0
+            m for one in spectra.values() if one.index for m in self._periods(state, one)[: one.index] if m > 0
         )
         return Count(tuple(found[m] for m in range(1, max(found, default=0) + 1)))
 

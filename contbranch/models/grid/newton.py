@@ -221,7 +221,7 @@ def newton(
     if hold.row is None:
         load = hold.value / hold.load_weight
     trial = _Trial.at(problem, problem.fields(u, load, contact), contact, settings.frozen)
-    border = Border(problem, hold.row, hold.load_weight)
+    border: Border | None = None
     best = trial.merit
     steady, waited, step = False, 0, 0
     while True:
@@ -234,7 +234,7 @@ def newton(
             displacement = problem.displacement(touching.u, fields.load)
             pairs = problem.counter.equilibrium - before
             return Equilibrium(touching, trial.contact, trial.residual, displacement, done, step, pairs)
-        older, kept = trial, trial.kept
+        older, kept, border = trial, trial.kept, border or Border(problem, hold.row, hold.load_weight)
         linear = Linear(problem, fields.stiffness, kept, border, settings.alone)
         right = np.where(kept, -(problem.heights + fields.u), -fields.excess)
         change = linear.solve(right, -held, _forcing(trial.merit, steady, settings), settings.inner)

@@ -19,13 +19,13 @@ from .newton import Equilibrium
 from .problem import GridProblem
 
 __all__ = [
+    "CUBES",
     "CellFields",
     "CentralGap",
-    "FarField",
     "cell_fields",
     "central_gap",
-    "far_field",
-    "image_curvature",
+    "far_field_error",
+    "images",
     "interpolate",
     "mean_gap",
     "profile",
@@ -34,13 +34,8 @@ __all__ = [
 ]
 
 
-# Σ 1/R³ over the square lattice without its origin, 4 ζ(3/2) β(3/2) (Lorenz-Hardy); by the parity of the coordinates it
-# is 2√2 - 1 times that about the middle of the cells, and 4 - √2 times about the middle of their edges.
-_CUBES = 9.033621683100950
-_AT_CORNER, _AT_EDGE = (2.0 * math.sqrt(2.0) - 1.0) * _CUBES, (4.0 - math.sqrt(2.0)) * _CUBES
-# The combination of the displacements at corner and edge that takes the point force of every image away, and (30).
-_CORNER, _EDGE = 3.0 + 2.0 * math.sqrt(2.0), -2.0 - 2.0 * math.sqrt(2.0)
-_CORNER_ROUNDED, _EDGE_ROUNDED = 6.0, -5.0
+# Σ 1/R³ over the square lattice without its origin, 4 ζ(3/2) β(3/2) (Lorenz-Hardy).
+CUBES = 9.033621683100950
 # What a curvature of the images' field changes at fixed load: d(FQ)/dF = 8/3 Q for a contact without interaction.
 _GROWTH = 8.0 / 3.0
 # What higher orders add: relative to the mean of r²/L², measured for contacts without interaction.
@@ -55,29 +50,6 @@ class CentralGap:
 
     value: float
     error: float
-
-
-@dataclass(frozen=True)
-class FarField:
-    """Displacement of the far field of a single contact, three ways, with what the finite cell leaves in each.
-
-    Attributes
-    ----------
-    displacement, error : float
-        From the mean of u and the finite-size shift, d = C F - mean(u). In free space the cell leaves no error.
-    from_points, from_points_error : float or None
-        d = (3+2√2) u_X - (2+2√2) u_M with the paper's displacement u = -(w - d) at the cell's corner X and the middle M
-        of its edge: (30) in the form that is exact for a point force. None in free space.
-    rounded, rounded_error : float or None
-        (30) as printed, 6 u_X - 5 u_M.
-    """
-
-    displacement: float
-    error: float
-    from_points: float | None = None
-    from_points_error: float | None = None
-    rounded: float | None = None
-    rounded_error: float | None = None
 
 
 def interpolate(lattice: Lattice, values: Array, x: float, y: float) -> float:
@@ -110,48 +82,33 @@ def mean_gap(problem: GridProblem, equilibrium: Equilibrium) -> float:
     return float(gap[np.isfinite(gap)].mean())
 
 
-def far_field(problem: GridProblem, equilibrium: Equilibrium) -> FarField:
-    """Displacement of the far field in three ways.
+def images(problem: GridProblem, equilibrium: Equilibrium) -> float:
+    """Q/(4π E L³) with what higher orders add: the unit of what a periodic cell's images leave open; 0 in free space.
 
     Over the contact, the images of a pressure with F and Q = ∫ p r² d²r in a cell of edge L add
 
         (-3.9003 F/L + 9.0336 (F r² + Q)/(4 L³))/(πE)
 
-    to the displacement: the first term is the finite-size shift. The second acts as a change of the tip's height and
-    lowers V - F d by 9.0336 F Q/(4π E L³), hence raises d by the derivative of that by F; what is not known of it is
-    taken from the contact without interaction, with ∫ |p| r² for Q. At the points X and M the spread of the pressure
-    adds Q/(4π E L³) times the sums of 1/R³ about them.
+    to the displacement: the first term is the finite-size shift. The second acts as a change of the tip's height.
     """
     lattice = problem.lattice
-    d = equilibrium.displacement
     if lattice.kind == "free":
-        return FarField(d, 0.0)
+        return 0.0
     square = lattice.axis**2
     pressure = np.abs(equilibrium.fields.elastic)
     moment = lattice.node_area * (square @ pressure.sum(axis=1) + pressure.sum(axis=0) @ square)
-    unit = moment / (4.0 * math.pi * lattice.edge**3)
     total = lattice.node_area * pressure.sum()
-    unit *= _LEADING + _HIGHER * moment / (total * lattice.edge**2) if total > 0.0 else _LEADING
-    error = _GROWTH * _CUBES * unit
-    half = 0.5 * lattice.edge
-    corner = -interpolate(lattice, equilibrium.u, half, half)
-    edge = -0.5 * (interpolate(lattice, equilibrium.u, half, 0.0) + interpolate(lattice, equilibrium.u, 0.0, half))
-    points_error = error + abs(_CORNER * _AT_CORNER + _EDGE * _AT_EDGE) * unit
-    from_points = _CORNER * corner + _EDGE * edge
-    rounded = _CORNER_ROUNDED * corner + _EDGE_ROUNDED * edge
-    # The point forces that the rounded factors leave.
-    rounding = abs((_CORNER_ROUNDED - _CORNER) * (corner - edge))
-    return FarField(d, error, from_points, points_error, rounded, points_error + rounding)
+    higher = _HIGHER * moment / (total * lattice.edge**2) if total > 0.0 else 0.0
+    return float(moment / (4.0 * math.pi * lattice.edge**3) * (_LEADING + higher))
 
 
-def image_curvature(problem: GridProblem, equilibrium: Equilibrium) -> float:
-    """How much the images in a periodic cell add to the curvature of a tip, κ of r²/2 → (1 + κ) r²/2, to leading order.
+def far_field_error(problem: GridProblem, equilibrium: Equilibrium) -> float:
+    """What the images leave in the displacement of the far field of a single contact, d = C F - mean(u).
 
-    κ = 9.0336 F/(2π E L³) (see `far_field`): without interaction the contact radius is smaller by κ/3 than that of a
-    single contact at the same load, 0.125 % at a = L/8. Zero in free space.
+    The change of the tip's height lowers V - F d by 9.0336 F Q/(4π E L³), hence raises d by the derivative of that by
+    F; what is not known of it is taken from the contact without interaction, with ∫ |p| r² for Q.
     """
-    lattice = problem.lattice
-    return _CUBES * equilibrium.load / (2.0 * math.pi * lattice.edge**3) if lattice.kind == "periodic" else 0.0
+    return _GROWTH * CUBES * images(problem, equilibrium)
 
 
 def cell_fields(problem: GridProblem, equilibrium: Equilibrium) -> CellFields:

@@ -124,7 +124,7 @@ class GridProblem:
             The zone of those that are made where none serve; None: contact and free nodes by themselves.
         """
         if self._clusters is not None and self._clusters.serves(contact, zone):
-            self._clusters.renew(stiffness)
+            self._clusters.renew(contact, stiffness)
             return self._clusters
         weight = 0.5 / self.lattice.spacing
         if made is None:

@@ -9,7 +9,7 @@ from contbranch.contact.height_map import HeightMap
 
 from .contact_area import contact_area
 from .newton import Equilibrium
-from .observables import central_gap, far_field, interpolate, smallest_gap
+from .observables import central_gap, far_field_error, interpolate, smallest_gap
 from .resolution import tail_force
 from .setup import Setup
 
@@ -55,7 +55,7 @@ def read(setup: Setup, state: Equilibrium, cell: bool = True) -> Reading:
         # A ring of force at the border moves what is inside by as much as a point force there, twice over to be safe.
         displacement_error = 4.0 * load_error / (math.pi * setup.edge)
     elif cell and not setup.crowded:
-        displacement_error = far_field(problem, state).error
+        displacement_error = far_field_error(problem, state)
     radius = gap = radius_error = gap_error = perimeter = 0.0
     if state.contact.any():
         area = contact_area(problem, state)

@@ -17,22 +17,18 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final, Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from contbranch.errors import InputError
-from contbranch.models.grid.solvers.motion import DEFAULT, Ending, MotionSettings, fire, gfmd
+from contbranch.models.grid.solvers.motion import Ending
 
 from .arrays import Array, Mask
 from .newton import Equilibrium, Hold
 from .problem import Fields, GridProblem
 
-__all__ = ["LatticeMotion", "Method", "Place", "equilibrium", "minimisers", "relax", "stiffest_interaction"]
-
-Method = Literal["gfmd", "fire"]
-
-minimisers: Final = {"gfmd": gfmd, "fire": fire}
+__all__ = ["LatticeMotion", "Place", "equilibrium", "stiffest_interaction"]
 
 # Steps after which K u, kept up to date without transforms, is computed anew.
 _RENEW = 50
@@ -247,44 +243,6 @@ def _length(problem: GridProblem) -> float:
     if problem.law is None:
         return problem.lattice.edge
     return min(min(term.range for term in problem.law.terms), 0.25 * problem.law.wave)
-
-
-def relax(
-    problem: GridProblem,
-    u: Array,
-    load: float,
-    hold: Hold,
-    method: Method = "gfmd",
-    settings: MotionSettings = DEFAULT,
-) -> Equilibrium:
-    """Relax a trial state from rest, to the residual asked for.
-
-    Parameters
-    ----------
-    problem : GridProblem
-    u : array
-        Trial field; what overlaps with the wall is moved out of it.
-    load : float
-        Not used, as it follows from the field and what is held.
-    hold : Hold
-        Load, displacement or spring (`hold_control`).
-    method : {"gfmd", "fire"}
-    settings : MotionSettings
-
-    Returns
-    -------
-    Equilibrium
-        With ``converged`` False and a reason if the residual was not reached.
-
-    Raises
-    ------
-    InputError
-        If what is held is something else.
-    """
-    before = problem.counter.equilibrium
-    motion = LatticeMotion(problem, hold)
-    place, steps, ending = minimisers[method](motion, motion.place(u), settings)
-    return equilibrium(motion, place, steps, problem.counter.equilibrium - before, ending)
 
 
 def equilibrium(motion: LatticeMotion, place: Place, steps: int, pairs: int, ending: Ending) -> Equilibrium:

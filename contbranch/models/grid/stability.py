@@ -23,20 +23,19 @@ in free space κ are the eigenvalues of the operators T_m of the axisymmetric mo
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from .arrays import Array
-from .linear import Border, Linear
-from .newton import ALONE, Equilibrium, hold_control
+from .newton import Equilibrium
 from .problem import GridProblem
 from .transforms import EVEN, Parity, Transform
 from .variation import Precision, Variation, lowest
 
-__all__ = ["SECTORS", "Morse", "Sector", "Spectrum", "Stability", "as_stability", "morse"]
+__all__ = ["SECTORS", "Sector", "Spectrum", "Stability", "as_stability"]
 
 Sector = tuple[Parity, Parity]
 
@@ -65,9 +64,6 @@ class Spectrum:
         Whether the sector is stable because one before it in the order is, or because nothing softens.
     complete : bool
         Whether all pairs reached the precision asked for.
-    exchange : array (k,)
-        In the sectors that it leaves alone, what an exchange of x and y does to a vector: 1 or -1, or in between where
-        it is no symmetry of the state. Empty in the others.
     """
 
     sector: Sector | None
@@ -76,7 +72,6 @@ class Spectrum:
     vectors: Array
     settled: bool = False
     complete: bool = True
-    exchange: Array = field(default_factory=lambda: np.zeros(0))
 
     @property
     def index(self) -> int:
@@ -92,61 +87,6 @@ class Spectrum:
     def uncertain(self) -> bool:
         """Whether the sign of an eigenvalue is within its error, or precision was not reached."""
         return not self.complete or bool((np.abs(self.eigenvalues) <= self.errors + ZERO).any())
-
-
-@dataclass(frozen=True)
-class Morse:
-    """Numbers of unstable modes of one equilibrium.
-
-    Attributes
-    ----------
-    spectra : mapping
-        `Spectrum` of each sector.
-    slope : float
-        dF/dd along the curve.
-    pairs : int
-        Pairs of transforms spent.
-    swapped : bool
-        Whether the state is the same with x and y exchanged.
-    """
-
-    spectra: Mapping[Sector | None, Spectrum]
-    slope: float
-    pairs: int = 0
-    swapped: bool = False
-
-    @property
-    def displacement(self) -> int:
-        """Index at fixed displacement, all sectors."""
-        return sum(spectrum.index for spectrum in self.spectra.values())
-
-    @property
-    def load(self) -> int:
-        """Index at fixed load, all sectors."""
-        return self.spring(0.0)
-
-    def spring(self, stiffness: float) -> int:
-        """Index under the control of a spring of that stiffness: 0 is a load."""
-        return self.displacement + int(self.slope + stiffness < 0.0)
-
-    @property
-    def breaking(self) -> int:
-        """Unstable modes that lack a symmetry of the state: one of the mirrors, or the exchange of x and y."""
-        odd = sum(found.index for sector, found in self.spectra.items() if sector not in (EVEN, None))
-        even = self.spectra.get(EVEN)
-        if even is None or not self.swapped:
-            return odd
-        return odd + int(((even.eigenvalues < 0.0) & (even.exchange < 0.0)).sum())
-
-    @property
-    def symmetric(self) -> int:
-        """Index at fixed displacement of variations with the symmetry of the state."""
-        return self.displacement - self.breaking
-
-    @property
-    def uncertain(self) -> bool:
-        """Whether a sign is within its error."""
-        return any(spectrum.uncertain for spectrum in self.spectra.values())
 
 
 @dataclass
@@ -218,10 +158,7 @@ class Stability:
         vectors /= np.sqrt(self.problem.lattice.node_area)
         vectors = vectors.reshape(-1, *variation.shape)
         self.previous[sector] = vectors
-        exchange = np.zeros(0)
-        if sector is None or sector[0] == sector[1]:
-            exchange = np.einsum("kij,kji->k", vectors, vectors) / np.einsum("kij,kij->k", vectors, vectors)
-        return Spectrum(sector, values, errors, vectors, complete=complete, exchange=exchange)
+        return Spectrum(sector, values, errors, vectors, complete=complete)
 
     def _seeds(self, equilibrium: Equilibrium, sector: Sector | None) -> list[Array]:
         """The softening, of one sign in the quarter, with the signs of all sectors; and random numbers."""
@@ -233,60 +170,33 @@ class Stability:
         random = np.random.default_rng(softening.size)
         return [*seeds, softening * random.standard_normal(softening.shape)]
 
-    def slope(self, equilibrium: Equilibrium, tolerance: float = 1e-8) -> float:
-        """dF/dd along the curve, from one linear solve; infinite at a fold of the displacement."""
-        hold = hold_control(self.problem, 0.0, 1.0, 0.0)
-        border = Border(self.problem, hold.row, hold.load_weight)
-        with as_stability(self.problem):
-            linear = Linear(self.problem, equilibrium.fields.stiffness, equilibrium.contact, border, ALONE)
-            return linear.solve(np.zeros(self.problem.shape), 1.0, tolerance).load
-
-    def morse(
-        self,
-        equilibrium: Equilibrium,
-        slope: float | None = None,
-        all_sectors: bool = False,
-        sectors: Sequence[Sector | None] | None = None,
-    ) -> Morse:
-        """Index of a state.
+    def spectra(
+        self, equilibrium: Equilibrium, sectors: Sequence[Sector], ordered: bool, count: int = 0
+    ) -> dict[Sector, Spectrum]:
+        """The spectra of some sectors, in the order of their lowest eigenvalues.
 
         Parameters
         ----------
         equilibrium : Equilibrium
-        slope : float, optional
-            dF/dd; default: from one linear solve.
-        all_sectors : bool
-            Whether eigenvalues are found even in sectors that are known to be stable.
-        sectors : sequence, optional
-            Only these, in the order of `sectors`; the index is then that of their variations alone.
+        sectors : sequence
+        ordered : bool
+            Whether what is stable in one sector is so in those after it. The images in a periodic cell feel a mean
+            displacement: there the order is that of the forms at fixed load.
+        count : int
+            Eigenvalues wanted even of stable sectors.
         """
-        before = self.problem.counter.stability
-        slope = self.slope(equilibrium) if slope is None else slope
-        # The images in a periodic cell feel a mean displacement: there the order is that of the forms at fixed load.
-        ordered = self.problem.lattice.kind == "free" or slope >= 0.0
-        spectra: dict[Sector | None, Spectrum] = {}
-        for sector in sectors or self.sectors:
-            lower = [spectra[other] for other in _before(sector) if other in spectra]
-            if not all_sectors and ordered and any(_stable(spectrum) for spectrum in lower):
-                spectra[sector] = _settled(sector)
-            elif sector == ("even", "odd") and self.swapped and ("odd", "even") in spectra:
+        found: dict[Sector, Spectrum] = {}
+        for sector in sectors:
+            if ordered and any(_stable(found[other]) for other in _before(sector) if other in found):
+                found[sector] = _settled(sector)
+            elif sector == ("even", "odd") and self.swapped and ("odd", "even") in found:
                 # The first sector with x and y exchanged.
-                found = spectra["odd", "even"]
-                vectors = np.ascontiguousarray(found.vectors.transpose(0, 2, 1))
-                spectra[sector] = replace(found, sector=sector, vectors=vectors)
+                other = found["odd", "even"]
+                vectors = np.ascontiguousarray(other.vectors.transpose(0, 2, 1))
+                found[sector] = replace(other, sector=sector, vectors=vectors)
             else:
-                spectra[sector] = self.spectrum(equilibrium, sector, count=1 if all_sectors else 0)
-        return Morse(spectra, slope, self.problem.counter.stability - before, self.swapped)
-
-    def verify(self, equilibrium: Equilibrium, expected: int, slope: float | None = None) -> bool:
-        """Whether the index at fixed load is `expected`, for certain; starts where the last one ended."""
-        found = self.morse(equilibrium, slope)
-        return found.load == expected and not found.uncertain
-
-
-def morse(problem: GridProblem, equilibrium: Equilibrium, slope: float | None = None) -> Morse:
-    """Numbers of unstable modes of an equilibrium, see `Stability.morse`."""
-    return Stability(problem).morse(equilibrium, slope)
+                found[sector] = self.spectrum(equilibrium, sector, count=count)
+        return found
 
 
 def _settled(sector: Sector | None) -> Spectrum:
@@ -299,9 +209,9 @@ def _stable(spectrum: Spectrum) -> bool:
     return spectrum.index == 0 and not spectrum.uncertain
 
 
-def _before(sector: Sector | None) -> list[Sector]:
+def _before(sector: Sector) -> list[Sector]:
     """Sectors whose lowest eigenvalue lies below that of another."""
-    if sector is None or sector == EVEN:
+    if sector == EVEN:
         return []
     return [EVEN] if "even" in sector else [EVEN, ("odd", "even"), ("even", "odd")]
 

@@ -320,7 +320,7 @@ class Walker:
         if not turned:
             return
         change = after.state.u - before.state.u, after.state.load - before.state.load
-        way = Direction.along(Measure.at(middle.state, 1.0), *change)
+        way = Direction.along(Measure.at(middle.state, self.setup.length), *change)
         known = [place.state for place in self.places[-4:] if place.arc >= 0.0]
         if self._chained and self.hops:  # a step passes few corners
             known = [*self._corners(before.state, middle.state, after.state, way), *known]

@@ -29,6 +29,8 @@ __all__ = ["born", "vanished"]
 # Half-widths with which a region is born, as shares of the room there is for it; the first that succeeds counts, unless
 # an inequality fails there by more than this.
 SEEDS, FAILS = (0.02, 0.05, 0.01, 0.1, 0.004, 0.2), 1e-3
+# Radii of a disc that takes the place of a ring, in units of the ring's.
+FILLED = (1.5, 3.0, 10.0)
 # Breaks taken over from other panels are at least this share of the outermost one apart.
 APART = 0.02
 # First steps behind a change as a share of the narrowest region, or behind a jump of the outermost edge; no shorter.
@@ -147,7 +149,6 @@ def seeded(point: Point, breach: Breach) -> Point:
     grid = fields.grid
     edges = grid.edges
     centre = breach.radius == 0.0
-    layout = problem.layout.born(breach.region, breach.new, centre)
     before = edges[breach.region - 1] if breach.region else 0.0
     after = edges[breach.region] if breach.region < len(edges) else math.inf
     room = min(
@@ -155,26 +156,30 @@ def seeded(point: Point, breach: Breach) -> Point:
         after - breach.radius,
         max(edges[-1] if len(edges) else 0.0, math.sqrt(problem.setting.scale)),
     )
-    for share in SEEDS:
-        half = share * room
-        if centre:
-            new = np.concatenate([[half], edges])
+    seeds = [(centre, share * room) for share in SEEDS]
+    if breach.region == 0 and not centre:  # where the ring is too small to be told, the disc that it soon fills
+        seeds += [(True, share * breach.radius) for share in FILLED]
+    doubtful: list[Point] = []
+    for inside, half in seeds:
+        if inside:
+            new, held = np.concatenate([[half], edges]), np.eye(len(edges) + 1)[0]
         else:
-            at = breach.radius + half * np.array([-1.0, 1.0])
-            new = np.insert(edges, breach.region, at)
-        trial, x = carried(problem, fields, layout, new)
-        held = np.zeros(len(new))
-        held[breach.region] = 1.0
-        if not centre:
+            new = np.insert(edges, breach.region, breach.radius + half * np.array([-1.0, 1.0]))
+            held = np.zeros(len(new))
             held[breach.region : breach.region + 2] = -1.0, 1.0
+        trial, x = carried(problem, fields, problem.layout.born(breach.region, breach.new, inside), new)
         row = np.concatenate([np.zeros(x.size - len(new)), held]), 0.0
         try:
             found = resolved(oriented(trial, *solved(trial, x, point.parameter, row), row), (held, 0.0))
         except CorrectionError:
             continue
-        if margin(found) >= -FAILS:
+        if margin(found) > 0:
             return found
-    raise ModelError("no state was found beyond the change of the contact set")
+        if margin(found) >= -FAILS:
+            doubtful.append(found)
+    if not doubtful:
+        raise ModelError("no state was found beyond the change of the contact set")
+    return doubtful[0]
 
 
 def passed(point: Point) -> tuple[Point, bool]:

@@ -15,7 +15,8 @@ from contbranch.models.grid.contact_area import contact_area
 from contbranch.models.grid.crossings import find_crossings
 from contbranch.models.grid.lattice import Lattice
 from contbranch.models.grid.newton import Equilibrium
-from contbranch.models.grid.observables import central_gap, image_curvature
+from contbranch.models.grid.observables import central_gap
+from studies.hertz_radius import image_curvature
 
 
 def hertz(spacings, grid, kind="free"):

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from grid_indices import morse
 from grid_states import Row, traced
 
 import contbranch as cb
@@ -151,9 +152,9 @@ def test_the_branch_is_a_pitchfork(found, switched):
     assert switched.curvature_error < 0.1 * abs(switched.curvature)
     assert switched.curvature < 0.0
     assert found.states[1].load < event.equilibrium.load < found.states[0].load
-    above, below = (Stability(found.nodes).morse(state) for state in found.states[:2])
+    above, below = (morse(found.nodes, state) for state in found.states[:2])
     assert (above.breaking, below.breaking) == (0, 2)
-    spectrum = Stability(switched.problem).morse(switched.states[1]).spectra[None]
+    spectrum = Stability(switched.problem).spectrum(switched.states[1], None)
     turn = int(np.abs(spectrum.eigenvalues).argmin())
     assert abs(spectrum.eigenvalues[turn]) < 1e-4
     others = np.delete(spectrum.eigenvalues, turn)
@@ -189,7 +190,7 @@ def test_the_branch_can_be_followed(switched):
         asymmetry.append(np.abs(last.u - mirrored(lattice, last.u, ODD)).max())
         assert np.abs(last.u - mirrored(lattice, last.u, ("even", "odd"))).max() < 1e-6
         assert last.load < first.load
-        index = stability.morse(last)
+        index = morse(stability, last)
         assert index.slope > 0.0
         assert (index.spectra[None].eigenvalues < -1e-4).sum() == 1
     assert (np.diff(asymmetry) > 0).all()

@@ -12,8 +12,6 @@ from contbranch.models.grid.newton import Hold, Settings, hold_control, newton
 from contbranch.models.grid.problem import GridProblem
 from contbranch.models.grid.solvers.motion import Ending
 
-METHODS = ["gfmd", "fire"]
-
 
 def parabola(kind, edge, grid, law, quarter=True):
     lattice = Lattice(kind, edge, grid, quarter)
@@ -39,15 +37,14 @@ def attraction():
     return parabola("free", 8.0, 96, cb.Exponential(1.0, 1.0))
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_landing_in_contact_after_squeeze_out_and_in_the_film_after_wetting(repulsion, method):
+def test_landing_in_contact_after_squeeze_out_and_in_the_film_after_wetting(repulsion):
     """Where there is one state in the axisymmetric model; the film to 1e-5, contact to a node's area."""
     problem, film = repulsion
     contact = cb.Contact.reduced("gauss", 1.0, -1)
     before = settle(problem, film.u, 8.36, Hold(8.36))
     assert before.converged
     assert not before.contact.any()
-    after = land(problem, before.u, before.load, Hold(8.397), method=method)
+    after = land(problem, before.u, before.load, Hold(8.397))
     (exact,) = cb.find_all(contact, load=8.397).states
     assert after.converged
     assert after.displacement == pytest.approx(exact.displacement, abs=2e-3)
@@ -55,15 +52,14 @@ def test_landing_in_contact_after_squeeze_out_and_in_the_film_after_wetting(repu
 
     before = settle(problem, after.u, 8.03, Hold(8.03))
     assert before.contact.any()
-    after = land(problem, before.u, before.load, Hold(7.986), method=method)
+    after = land(problem, before.u, before.load, Hold(7.986))
     (exact,) = cb.find_all(contact, load=7.986).states
     assert after.converged
     assert not after.contact.any()
     assert after.displacement == pytest.approx(exact.displacement, abs=2e-5)
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_landing_after_jump_in_and_pull_off(attraction, method):
+def test_landing_after_jump_in_and_pull_off(attraction):
     problem = attraction
     contact = cb.Contact.reduced("exponential", 1.0, 1)
 
@@ -74,19 +70,18 @@ def test_landing_after_jump_in_and_pull_off(attraction, method):
     apart = settle(problem, apart.u, 0.0, at(-1.705))
     assert not apart.contact.any()
     (exact,) = cb.find_all(contact, displacement=-1.68).states
-    touching = land(problem, apart.u, apart.load, at(-1.68), method=method)
+    touching = land(problem, apart.u, apart.load, at(-1.68))
     assert touching.contact.any()
     assert touching.load == pytest.approx(exact.load, rel=0.01)
     touching = settle(problem, touching.u, touching.load, at(-1.72))
     assert touching.contact.any()
     (exact,) = cb.find_all(contact, displacement=-1.75).states
-    apart = land(problem, touching.u, touching.load, at(-1.75), method=method)
+    apart = land(problem, touching.u, touching.load, at(-1.75))
     assert not apart.contact.any()
     assert apart.load == pytest.approx(exact.load, rel=1e-3)
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_coexisting_states_are_kept(method):
+def test_coexisting_states_are_kept():
     """μ_T = 4, F = 60: film and contact are both stable in the axisymmetric model; a start near one gives that one."""
     problem = parabola("free", 11.0, 96, cb.Gauss(-1.0, 0.25))
     hold = Hold(60.0)
@@ -102,7 +97,7 @@ def test_coexisting_states_are_kept(method):
     noise *= 0.05 / np.abs(noise).max()
     for state in (film, contact):
         for solver in (settle, land):
-            again = solver(problem, state.u + noise, 60.0, hold, method=method)
+            again = solver(problem, state.u + noise, 60.0, hold)
             assert again.converged
             assert again.contact.any() == state.contact.any()
             assert again.displacement == pytest.approx(state.displacement, abs=2e-3)

@@ -1,12 +1,11 @@
-"""Damped dynamics, by `gfmd` and `fire`: what they need to know of a problem, and what they answer.
+"""Damped dynamics: what they need to know of a problem, and what they answer.
 
 Minimise an energy of u under inequalities. With the force f = -∂energy/∂u on what is free to move (0 elsewhere), a
 momentum π and a mobility W (symmetric, positive on what is free to move, the inverse of the masses), motion is
 
     dπ/dt = f - (damping),      du/dt = W π.
 
-A mobility that resembles the inverse of the energy's second variation makes all modes equally fast. The two differ in
-how the momentum is steered before each step.
+A mobility that resembles the inverse of the energy's second variation makes all modes equally fast.
 """
 
 from __future__ import annotations
@@ -20,12 +19,9 @@ import numpy as np
 
 from contbranch.models.grid.arrays import Array
 
-__all__ = ["DEFAULT", "Ending", "MotionSettings", "Relaxed", "System", "curvature", "fire", "gfmd"]
+__all__ = ["DEFAULT", "Ending", "Motion", "MotionSettings", "Relaxed", "System", "curvature"]
 
 Place = TypeVar("Place")
-
-# Of FIRE: steps with the force before the steps grow, factors of the steps, α at first, and its factor.
-DELAY, GROWTH, SHRINKING, STEERING, FADING = 5, 1.1, 0.5, 0.1, 0.99
 
 
 class Ending(enum.StrEnum):
@@ -123,10 +119,24 @@ def curvature(before: Array, after: Array, change: Array, momentum: Array, veloc
     return float(np.vdot(change, (before - after) * moved)) / (time * time * kinetic)
 
 
-class _Motion(Generic[Place]):
-    """Leapfrog from rest, in steps at the limit of stability, which is corrected as stiffer modes show up."""
+class Motion(Generic[Place]):
+    """Green's-function molecular dynamics: damped motion of modes whose masses are weighted with their stiffness.
 
-    def __init__(self, system: System[Place], place: Place, settings: MotionSettings) -> None:
+    Damped leapfrog, with the damping of the slowest mode that still moves, critical for it:
+
+        (1 + γτ/2) π' = (1 - γτ/2) π + τ f,      u' = u + τ W π',      γ = 2ω,   ω² = v·Hv / v·π,
+
+    H the second variation, Hv from the change of the force in the last step. Momentum that works against the force is
+    dropped.
+
+    References: Campañá & Müser, Phys. Rev. B 74, 075420 (2006) (dynamics of the modes); Underwood, in Computational
+    Methods for Transient Analysis (1983), 245 (damping from Rayleigh's quotient); O'Donoghue & Candès, Found. Comput.
+    Math. 15, 715 (2015) (restarts).
+
+    The motion begins at rest; steps are at the limit of stability, which is corrected as stiffer modes show up.
+    """
+
+    def __init__(self, system: System[Place], place: Place, settings: MotionSettings = DEFAULT) -> None:
         self.system, self.place, self.settings = system, place, settings
         self.force = system.force(place)
         self.momentum = self.change = np.zeros_like(self.force)
@@ -140,7 +150,9 @@ class _Motion(Generic[Place]):
 
     def steer(self, against: bool) -> None:
         """Change the momentum before a step; whether the last one worked against the force."""
-        raise NotImplementedError
+        damping = min(math.sqrt(max(self.steep, 0.0)) * self.time, 1.0)
+        kept = 0.0 if against else 1.0 - damping
+        self.momentum = (kept * self.momentum + self.time * self.force) / (1.0 + damping)
 
     def ended(self, step: int, velocity: Array) -> Ending | None:
         """Whether the motion ends here, and why."""
@@ -169,64 +181,3 @@ class _Motion(Generic[Place]):
             self.time = min(self.time, self.longest)
             step += 1
         return Relaxed(self.place, step, ending)
-
-
-class _Gfmd(_Motion[Place]):
-    def steer(self, against: bool) -> None:
-        damping = min(math.sqrt(max(self.steep, 0.0)) * self.time, 1.0)
-        kept = 0.0 if against else 1.0 - damping
-        self.momentum = (kept * self.momentum + self.time * self.force) / (1.0 + damping)
-
-
-class _Fire(_Motion[Place]):
-    steering, along = STEERING, 0
-
-    def __init__(self, system: System[Place], place: Place, settings: MotionSettings) -> None:
-        super().__init__(system, place, settings)
-        self.time *= 0.5
-
-    def steer(self, against: bool) -> None:
-        self.along += 1
-        if against:
-            # What is held stays: taken back, it would be held again at once, and nothing would have moved.
-            self.place = self.system.move(self.place, None, self.system.confine(self.place, self.change), -0.5)
-            self.force = self.system.force(self.place)
-            self.momentum = np.zeros_like(self.force)
-            self.time, self.steering, self.along = max(SHRINKING * self.time, 0.02 * self.longest), STEERING, 0
-        elif self.along > DELAY:
-            self.time, self.steering = min(GROWTH * self.time, self.longest), FADING * self.steering
-        momentum = self.momentum + self.time * self.force
-        towards = np.linalg.norm(momentum) / (np.linalg.norm(self.force) or 1.0)
-        self.momentum = (1.0 - self.steering) * momentum + (self.steering * towards) * self.force
-
-
-def gfmd(system: System[Place], place: Place, settings: MotionSettings = DEFAULT) -> Relaxed[Place]:
-    """Green's-function molecular dynamics: damped motion of modes whose masses are weighted with their stiffness.
-
-    Damped leapfrog, with the damping of the slowest mode that still moves, critical for it:
-
-        (1 + γτ/2) π' = (1 - γτ/2) π + τ f,      u' = u + τ W π',      γ = 2ω,   ω² = v·Hv / v·π,
-
-    H the second variation, Hv from the change of the force in the last step. Momentum that works against the force is
-    dropped.
-
-    References: Campañá & Müser, Phys. Rev. B 74, 075420 (2006) (dynamics of the modes); Underwood, in Computational
-    Methods for Transient Analysis (1983), 245 (damping from Rayleigh's quotient); O'Donoghue & Candès, Found. Comput.
-    Math. 15, 715 (2015) (restarts).
-    """
-    return _Gfmd(system, place, settings).run()
-
-
-def fire(system: System[Place], place: Place, settings: MotionSettings = DEFAULT) -> Relaxed[Place]:
-    """FIRE, the fast inertial relaxation engine, with the mobility as metric.
-
-    Momentum is steered towards the force at constant length as long as it works with the force, in steps that grow;
-    when it works against it, half of the last change is taken back, momentum is dropped, and steps are halved:
-
-        π' = (1 - α)(π + τ f) + α |π + τ f| f/|f|,      u' = u + τ W π'.
-
-    References: Bitzek, Koskinen, Gähler, Moseler & Gumbsch, Phys. Rev. Lett. 97, 170201 (2006); Guénolé et al., Comput.
-    Mater. Sci. 175, 109584 (2020) (semi-implicit steps, half a step back). The constants are theirs, but that steps are
-    bounded by the limit of stability.
-    """
-    return _Fire(system, place, settings).run()
