@@ -80,9 +80,9 @@ def page(result: Result, curve: Diagram | None = None) -> str:
 class _Packed:
     """Arrays of a page, one behind the other as numbers of four bytes; what refers to one is [start, length]."""
 
-    def __init__(self, count: int = 1) -> None:
+    def __init__(self) -> None:
         self._parts: list[NDArray[np.float32]] = []
-        self._length, self.count = 0, count
+        self._length, self.count = 0, 1
 
     def put(self, values: ArrayLike) -> list[int]:
         """Take an array."""
