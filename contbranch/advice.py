@@ -25,8 +25,6 @@ from contbranch.theory import dmt, jkr, maugis
 from contbranch.theory._power_law import PowerLaw as Transformed
 from contbranch.threads import one_thread
 
-__all__ = ["advise", "regime"]
-
 FINEST, COARSEST = 1e-13, 0.5
 # The trace that tells the truth: a tenth of what is asked, within limits that keep it short, and seconds at most.
 SHARE, COARSE, FINE, PATIENCE = 0.1, 1e-4, 1e-7, 1.5

@@ -36,7 +36,6 @@ from contbranch.watch import Progress, Watch, kept, of_users, over, told, watche
 if TYPE_CHECKING:
     from contbranch.results.phase import PhaseDiagram
 
-__all__ = ["best_of", "find_all", "hysteresis", "phase_diagram", "solve", "trace"]
 
 Answer = TypeVar("Answer", RawCurve, Coexisting, Route)
 
@@ -528,13 +527,9 @@ def _apart(state: State, near: State) -> float:
 def _barriers(states: Sequence[State], connected: Sequence[bool], control: Control) -> tuple[Barrier, ...]:
     """Barriers between consecutive stable states of the curve with one saddle between them."""
     on_curve = [k for k, joined in enumerate(connected) if joined]
-    indices = np.array([states[k].unstable(control) for k in on_curve])
     found = []
-    for place in range(1, len(on_curve) - 1):
-        if indices[place] != 1 or indices[place - 1] != 0 or indices[place + 1] != 0:
-            continue
-        before, saddle, after = on_curve[place - 1 : place + 2]
-        top = _height(states[saddle], control)
-        heights = top - _height(states[before], control), top - _height(states[after], control)
-        found.append(Barrier((before, after), saddle, heights))
+    for own in zip(on_curve, on_curve[1:], on_curve[2:], strict=False):
+        if [states[k].unstable(control) for k in own] == [0, 1, 0]:
+            first, top, last = (_height(states[k], control) for k in own)
+            found.append(Barrier((own[0], own[2]), own[1], (top - first, top - last)))
     return tuple(found)

@@ -8,8 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["AnyArray", "Array", "Columns", "Flags", "Indices", "Integers"]
-
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Indices = NDArray[np.intp]

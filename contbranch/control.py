@@ -14,8 +14,6 @@ from typing import Any, Literal
 from contbranch.contact.units import PHYSICAL, Units, parse, positive_number
 from contbranch.errors import InputError, nearest
 
-__all__ = ["DISPLACEMENT", "LOAD", "Control", "Spring", "as_control"]
-
 Kind = Literal["load", "displacement", "spring"]
 
 

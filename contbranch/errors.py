@@ -7,8 +7,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
     from typing import Any
 
-__all__ = ["InputError", "ModelError", "Stop", "look_up", "nearest", "refuse_unknown"]
-
 
 class InputError(ValueError):
     """A value given by the user cannot be used; the message names the field, the value and the remedy in one line."""

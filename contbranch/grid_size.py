@@ -8,8 +8,6 @@ import numpy as np
 
 from contbranch.errors import InputError
 
-__all__ = ["GRID_MODELS", "LEAST_GRID", "MODELS", "grid_points", "named_model", "nearest_fast"]
-
 LEAST_GRID = 8
 GRID_MODELS = ("periodic", "free")
 MODELS = ("auto", "exact", "axisymmetric", *GRID_MODELS)

@@ -8,8 +8,6 @@ from typing import ParamSpec, TypeVar
 
 from threadpoolctl import ThreadpoolController
 
-__all__ = ["one_thread"]
-
 Result = TypeVar("Result")
 Parameters = ParamSpec("Parameters")
 

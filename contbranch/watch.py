@@ -17,25 +17,6 @@ from typing import TypeVar
 
 from contbranch.errors import ModelError, Stop
 
-__all__ = [
-    "INTERRUPTIONS",
-    "Interruption",
-    "Progress",
-    "Watch",
-    "blame",
-    "caught",
-    "check",
-    "finishing",
-    "kept",
-    "of_users",
-    "over",
-    "part",
-    "patient",
-    "tell",
-    "told",
-    "watched",
-]
-
 Progress = Callable[[float, str], None]
 Kind = TypeVar("Kind")
 

@@ -25,8 +25,8 @@ from contbranch.output.files import Place, reserved
 if TYPE_CHECKING:
     from contbranch.cli.request import Request
     from contbranch.results.record import Result
+    from contbranch.watch import Progress
 
-__all__ = ["run"]
 
 COMPLETE = 0
 INCOMPLETE = 1
@@ -408,9 +408,9 @@ def _watched(command: Command, asked: Values) -> Any:
 
 
 @contextmanager
-def _reporting() -> Iterator[Callable[[float, str], None]]:
+def _reporting() -> Iterator[Progress]:
     """Show progress on standard error, heeding Ctrl-C; what shows it is imported with the first news."""
-    shown: list[Callable[[float, str], None]] = []
+    shown: list[Progress] = []
     with ExitStack() as stack:
 
         def report(fraction: float, text: str) -> None:

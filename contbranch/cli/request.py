@@ -18,16 +18,6 @@ from contbranch.grid_size import GRID_MODELS, MODELS, grid_points, named_model
 if TYPE_CHECKING:
     from contbranch.results.diagram import Diagram, Event
 
-__all__ = [
-    "Request",
-    "find_event",
-    "make_request",
-    "names_of",
-    "parse_uncertainties",
-    "parse_vary",
-    "seconds",
-    "whole_number",
-]
 
 _LOWEST = ("pull-off", "wetting")
 

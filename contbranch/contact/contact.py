@@ -22,8 +22,6 @@ from contbranch.errors import InputError, look_up, refuse_unknown
 # Bounds of what a reduced unit may be worth, so that no power of it overflows, and of ranges in reduced units.
 LARGEST, WIDEST = 1e60, 1e12
 
-__all__ = ["Contact", "dimensions", "make"]
-
 
 def dimensions(kind: type[TipShape] | type[Interaction]) -> dict[str, str]:
     """Return the dimension of every parameter of a tip or law, by name; dimensionless where the class says nothing."""

@@ -12,6 +12,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
+import numpy as np
+
 from contbranch.contact.contact import Contact
 from contbranch.contact.interaction_law import terms_of
 from contbranch.contact.interactions import Interaction
@@ -20,8 +22,6 @@ from contbranch.contact.tips import TipShape
 from contbranch.contact.units import Scales, finite_number, positive_number
 from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.errors import InputError, nearest
-
-__all__ = ["Family", "Vary", "dimension_of", "family_of", "member"]
 
 Vary = str | Callable[[float], Contact]
 
@@ -164,23 +164,12 @@ def _own(contact: Contact, vary: Callable[[float], Contact], start: float | None
 
     present = finite_number(start, "start")
     at_start = member(present)
-    if (at_start.tip, at_start.modulus, at_start.units) != (contact.tip, contact.modulus, contact.units) or not _alike(
-        at_start.interaction, contact.interaction
-    ):
+    kinds = [[type(law) for law in terms_of(one.interaction)] for one in (at_start, contact)]
+    first, second = ([number.value for number in numbers_of(one).values()] for one in (at_start, contact))
+    whole = (at_start.tip, at_start.units) == (contact.tip, contact.units) and kinds[0] == kinds[1]
+    if not (whole and np.allclose(first, second, rtol=1e-12, atol=1e-300)):
         raise InputError(f"start: {start:g}; the function does not return the event's own contact there")
     return Family("parameter", present, contact, member, "linear")
-
-
-def _alike(first: Interaction | None, second: Interaction | None) -> bool:
-    """Whether two laws are the same up to rounding of their numbers."""
-    if first is None or second is None:
-        return first is second
-    return [type(law) for law in first.terms] == [type(law) for law in second.terms] and all(
-        math.isclose(value, other, rel_tol=1e-12, abs_tol=1e-300)
-        for a, b in zip(first.terms, second.terms, strict=True)
-        for value, other in zip(a.parameters().values(), b.parameters().values(), strict=True)
-        if isinstance(value, float) and isinstance(other, float)
-    )
 
 
 def _stiffness(start: float | None, control: str | None) -> float:

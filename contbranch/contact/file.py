@@ -57,8 +57,6 @@ from contbranch.control import as_control
 from contbranch.errors import InputError, look_up, refuse_unknown
 from contbranch.grid_size import MODELS, grid_points
 
-__all__ = ["parsed", "read_contact"]
-
 # A table of a TOML file.
 _Table = dict[str, Any]
 _TABLES = ("tip", "material", "interaction", "trace", "sweep")

@@ -20,8 +20,6 @@ from contbranch.contact.tip_shape import TipShape
 from contbranch.contact.units import Quantity, positive_number
 from contbranch.errors import InputError
 
-__all__ = ["HeightMap"]
-
 _ROUNDING = 8.0 * np.finfo(float).eps
 _SAME_CELL = 1e-9  # relative
 
@@ -298,16 +296,14 @@ class HeightMap(TipShape):
             If there is neither, the file is gone, or it now holds something else; the message begins with `field`.
         """
         values: dict[str, Any] = {name: description.get(name) for name in ("cell", "radius")}
-        file = description.get("file")
+        file, how = description.get("file"), {name: description[name] for name in _READING if name in description}
         if "heights" in description:
             found = HeightMap(description["heights"], **values)
             if file is not None:
-                how = {key: description[key] for key in _READING if key in description}
                 object.__setattr__(found, "source", Source(file, **how))
         elif file is not None:
-            values |= {name: description[name] for name in _READING if name in description}
             try:
-                found = HeightMap(file, **values)
+                found = HeightMap(file, **values, **how)
             except InputError as error:
                 raise InputError(f"{field}: the heights cannot be read again: {error}") from None
         else:

@@ -14,8 +14,6 @@ from contbranch.arrays import Array
 from contbranch.contact.units import Quantity, finite_number, parse, positive_number
 from contbranch.errors import InputError, look_up
 
-__all__ = ["LEAST_POINTS", "Source"]
-
 LEAST_POINTS = 8
 _AGREE = 1e-9  # relative; edges that differ by no more are the same
 # Degree of the polynomial that is subtracted.

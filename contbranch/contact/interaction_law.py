@@ -16,8 +16,6 @@ from contbranch.contact.tip_shape import gauss_rule
 from contbranch.contact.units import finite_number, positive_number
 from contbranch.errors import InputError
 
-__all__ = ["Evaluated", "Interaction", "Response", "Sum", "places_of", "terms_of"]
-
 # Gaps beyond this many ranges (infinite ones too, outside a tip of finite extent) are taken as this many: every power
 # that the shapes form of it is still a finite number.
 _FAR = 1e50

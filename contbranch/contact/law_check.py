@@ -11,8 +11,6 @@ from contbranch.contact.interaction_law import Evaluated, Interaction, Response,
 from contbranch.contact.interactions import INTERACTIONS
 from contbranch.errors import InputError
 
-__all__ = ["check_laws"]
-
 # Gaps in ranges, and the distance over which differences are taken.
 GAPS = (0.0, 0.1, 0.2, 0.4, 0.7, 1.0, 1.5, 2.2, 3.3, 5.0)
 STEP = 1e-4

@@ -11,8 +11,6 @@ from contbranch.contact.contact import Contact, dimensions, make
 from contbranch.contact.interaction_law import terms_of
 from contbranch.errors import InputError, nearest
 
-__all__ = ["Parameter", "numbers_of", "parameters_of", "read_quantities", "with_number"]
-
 
 @dataclass(frozen=True)
 class Parameter:

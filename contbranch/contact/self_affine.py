@@ -11,8 +11,6 @@ from contbranch.contact.height_source import LEAST_POINTS
 from contbranch.contact.units import finite_number, positive_number
 from contbranch.errors import InputError
 
-__all__ = ["self_affine_heights"]
-
 
 def self_affine_heights(
     n: int,

@@ -6,8 +6,6 @@ from pathlib import Path
 
 from contbranch.errors import InputError
 
-__all__ = ["read_text"]
-
 
 def read_text(path: Path) -> str:
     """Return the text of a file; InputError, naming it, if it cannot be read."""

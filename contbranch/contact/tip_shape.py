@@ -18,8 +18,6 @@ from numpy.typing import ArrayLike
 
 from contbranch.arrays import Array
 
-__all__ = ["Tip", "TipShape", "inverse"]
-
 _ORDER = 24  # Gauss-Legendre nodes for the gap: the worst analytic integrand (a = rho) loses a factor 10 with each node
 
 

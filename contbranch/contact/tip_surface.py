@@ -17,8 +17,6 @@ from contbranch.contact.units import make_positive
 if TYPE_CHECKING:
     from contbranch.contact.tips import Parabola
 
-__all__ = ["EllipticParaboloid"]
-
 
 @dataclass(frozen=True)
 class EllipticParaboloid(TipShape):

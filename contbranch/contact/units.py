@@ -9,27 +9,13 @@ from __future__ import annotations
 
 import math
 import re
+import reprlib
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, TypeVar
 
 from contbranch.arrays import Array
 from contbranch.errors import InputError, look_up
-
-__all__ = [
-    "PHYSICAL",
-    "REDUCED",
-    "Quantity",
-    "Scales",
-    "Units",
-    "finite_number",
-    "is_unit",
-    "make_positive",
-    "maugis_to_reduced",
-    "parse",
-    "positive_number",
-    "reduced_to_maugis",
-]
 
 Value = TypeVar("Value", float, Array)
 # A number in the contact's units, a text with a unit, or nothing.
@@ -124,7 +110,8 @@ def finite_number(value: object, field: str) -> float:
     try:
         number = float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError, OverflowError):
-        raise InputError(f"{field}: {_shown(value)}; must be a finite number") from None
+        shown = " ".join(reprlib.repr(value).split())
+        raise InputError(f"{field}: {shown}; must be a finite number") from None
     if not math.isfinite(number):
         raise InputError(f"{field}: {number}; must be a finite number")
     return number
@@ -181,12 +168,6 @@ def parse(value: object, dimension: str, field: str) -> float:
         if isinstance(error, InputError):
             raise
         raise InputError(f"{field}: {value!r}: {error}; write for example {example}") from None
-
-
-def _shown(value: object) -> str:
-    """Return a short one-line representation for a message."""
-    text = " ".join(repr(value).split())
-    return text if len(text) <= 60 else text[:57] + "..."
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from contbranch.contact.interaction_law import Interaction
     from contbranch.contact.tip_shape import Tip
 
-__all__ = ["energy_pole", "notes", "warn_of_units"]
 
 # Slope of the tip at the rim of the contact, a/R of a parabola, beyond which strains are not small. A sphere bears
 # 3.8 % more than a parabola there: of what the theory neglects this is the part that is easily known.

@@ -23,17 +23,6 @@ from scipy.linalg.lapack import dgetrf, dgetrs
 from contbranch.arrays import Array, Indices
 from contbranch.continuation.problem import Direction
 
-__all__ = [
-    "Bordered",
-    "DenseBordered",
-    "MatrixFreeBordered",
-    "SingularBorderedError",
-    "SparseBordered",
-    "as_matrix",
-    "bordered_matrix",
-    "factorise",
-]
-
 # Below this size a dense factorisation costs less than setting up a sparse one (measured on tridiagonal matrices:
 # 40 µs against 60 µs at n = 100, 200 µs against 80 µs at n = 200).
 DENSE_UP_TO = 128

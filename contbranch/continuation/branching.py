@@ -15,8 +15,6 @@ from contbranch.continuation.newton import ROUNDING, CorrectionError, border, li
 from contbranch.continuation.problem import Array, Direction, size_of
 from contbranch.continuation.segment import Segment
 
-__all__ = ["locate_branch_point", "unresolved_branch_point"]
-
 # μ at the saddle, as a share of its change over the step. Of a true branch point it is rounding; where it is larger
 # the two curves pass each other, and a step that saw the determinant change sign has leapt from one to the other.
 CONFIRMED = 1e-9

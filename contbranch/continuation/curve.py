@@ -16,8 +16,6 @@ from contbranch.continuation.problem import Problem, size_of
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["BranchPoint", "Curve", "End", "EventPoint", "Fold", "IndexChange", "Located", "Outcome", "Point"]
-
 
 class Outcome(Enum):
     """Why a curve ends where it ends; the value is the sentence to show."""

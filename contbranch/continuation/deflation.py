@@ -15,8 +15,6 @@ import numpy as np
 from contbranch.continuation.problem import Array, Problem, size_of
 from contbranch.watch import check
 
-__all__ = ["deflated_newton", "search"]
-
 # Longest step, relative to the size of the state and the distance of the known solutions, and shortest damping.
 LONGEST = 0.5
 ITERATIONS = 30

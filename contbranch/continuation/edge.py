@@ -14,8 +14,6 @@ from contbranch.continuation.options import Options
 from contbranch.continuation.segment import Segment
 from contbranch.continuation.walk import corrected_point, point_on, to_point
 
-__all__ = ["Range", "closes", "land"]
-
 
 @dataclass(frozen=True, slots=True)
 class Range:

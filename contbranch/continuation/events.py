@@ -25,8 +25,6 @@ from contbranch.continuation.segment import Segment
 from contbranch.continuation.step import STEEPEST, Hermite
 from contbranch.continuation.walk import annotated, point_on
 
-__all__ = ["Bracket", "Crossing", "Event", "Extremum", "Happening", "Probe", "TangentCrossing", "division", "zeros"]
-
 Value = Callable[[Point], float]
 
 # The better of two polynomials is trusted within this multiple of their difference: eight times that has been seen.

@@ -11,8 +11,6 @@ from contbranch.continuation.metric import Metric
 from contbranch.continuation.newton import ROUNDING, CorrectionError, border, linearise, residual, solve
 from contbranch.continuation.problem import Array, Direction, Problem, size_of
 
-__all__ = ["locate_fold", "second_derivative"]
-
 ITERATIONS = 40
 _FOURTH_ROOT_OF_ROUNDING = ROUNDING**0.25
 

@@ -19,8 +19,6 @@ from contbranch.continuation.step import AFTER_FAILURE, CONTRACTS, POINTS, Predi
 from contbranch.continuation.walk import adapted, annotated, to_point
 from contbranch.watch import INTERRUPTIONS, caught
 
-__all__ = ["Branch", "follow"]
-
 
 @dataclass(frozen=True, slots=True)
 class Branch:

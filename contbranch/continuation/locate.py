@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-__all__ = ["Sample", "find_root"]
-
 Sample = tuple[float, float]
 
 # A position is good enough if the secant's estimate of its error is by this factor.

@@ -7,8 +7,6 @@ from dataclasses import dataclass
 
 from contbranch.continuation.problem import Array, Direction, Problem
 
-__all__ = ["Balance", "Metric"]
-
 # Share of the earlier path that still counts after one more step: a memory of about ten steps follows a curve over
 # many magnitudes, and is long enough that a fold, where the parameter rests for a few steps, does not upset it.
 MEMORY = 0.9

@@ -17,17 +17,6 @@ from contbranch.continuation.options import Options
 from contbranch.continuation.problem import Array, Direction, Linearisation, Problem, size_of
 from contbranch.watch import check
 
-__all__ = [
-    "Corrected",
-    "CorrectionError",
-    "correct",
-    "correct_start",
-    "evaluating",
-    "linearise",
-    "residual",
-    "tangent_at",
-]
-
 ROUNDING = float(np.finfo(float).eps)
 # A tangent comes from the last Jacobian evaluated; this bounds its distance from the corrected point (in the metric).
 TANGENT_DISTANCE = 1e-4
@@ -144,7 +133,7 @@ def correct(
         return Corrected(*own, Bordered(), 1, 0.0, 0.0)
     tolerance, noise = options.tolerance, options.noise
     close = PRECISE_TANGENT_DISTANCE if precise else TANGENT_DISTANCE
-    floor = 16 * ROUNDING * (size_of(problem, x) / metric.state_scale + abs(p) / metric.parameter_scale)
+    floor = _rounding_floor(problem, x, p, metric)
     first = previous = math.inf
     contraction = 0.0
     worst = 0.0
@@ -181,6 +170,10 @@ def _at_fixed_parameter(bordered: Bordered, tangent: Direction, f: Array) -> Arr
     """Solve J v = f with a bordered matrix and its tangent, J u = −a Fp."""
     v, b = bordered.solve(f, 0.0)
     return v - b / tangent[1] * tangent[0]
+
+
+def _rounding_floor(problem: Problem, x: Array, p: float, metric: Metric) -> float:
+    return 16 * ROUNDING * (size_of(problem, x) / metric.state_scale + abs(p) / metric.parameter_scale)
 
 
 def correct_start(problem: Problem, x: Array, p: float) -> Array:

@@ -9,8 +9,6 @@ from dataclasses import dataclass
 from contbranch.continuation.curve import Point
 from contbranch.errors import InputError
 
-__all__ = ["Options", "StopAt"]
-
 
 @dataclass(frozen=True)
 class Options:

@@ -17,8 +17,6 @@ from contbranch.continuation.problem import size_of
 from contbranch.continuation.segment import Segment
 from contbranch.continuation.walk import annotated, point_on
 
-__all__ = ["LeapError", "scan"]
-
 # A curve whose unit tangent has a parameter component below this (in the metric) is vertical up to rounding.
 VERTICAL = 1e-13
 # An extremum of the parameter closer to a branch point than this share of the step is the branch point itself. On the

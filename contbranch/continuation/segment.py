@@ -6,8 +6,6 @@ from contbranch.continuation.curve import Point
 from contbranch.continuation.metric import Metric
 from contbranch.continuation.problem import Array, Direction
 
-__all__ = ["Segment"]
-
 
 class Segment:
     """Two points of a curve on the same discretisation, joined by the cubic that fits both and their tangents.

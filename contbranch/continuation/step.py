@@ -15,8 +15,6 @@ from contbranch.continuation.newton import Corrected
 from contbranch.continuation.options import Options
 from contbranch.continuation.problem import Array, Direction
 
-__all__ = ["AFTER_FAILURE", "AIM", "POINTS", "Hermite", "Judgement", "Predictor", "judge"]
-
 
 class Hermite:
     """The polynomials through values and slopes at the first one, two, three ... of some places, in Newton's form.

@@ -17,8 +17,6 @@ from contbranch.continuation.trace import interval_around, joined
 from contbranch.continuation.walk import annotated, corrected_point
 from contbranch.errors import InputError
 
-__all__ = ["switch_branch"]
-
 # Lengths of the step off the branch point, as shares of the scales in use there.
 LEAVING = (1e-2, 1e-3, 1e-4)
 # The point reached must be this much closer to the crossing curve's tangent than the curve given is.

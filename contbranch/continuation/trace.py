@@ -20,8 +20,6 @@ from contbranch.continuation.problem import Array, Problem, size_of
 from contbranch.continuation.walk import annotated
 from contbranch.errors import InputError
 
-__all__ = ["interval_around", "joined", "trace_curve"]
-
 
 def trace_curve(
     problem: Problem,

@@ -17,8 +17,6 @@ from contbranch.continuation.problem import Adaptation, Array, Linearisation, Pr
 from contbranch.continuation.trace import trace_curve
 from contbranch.errors import InputError
 
-__all__ = ["Cusp", "FoldCurve", "trace_folds"]
-
 STEP = float(np.finfo(float).eps ** (1 / 3))
 # A border is replaced when the cosine between it and the null vector it stands for has fallen below this.
 ALIGNED = 0.5

@@ -14,8 +14,6 @@ from contbranch.continuation.options import Options
 from contbranch.continuation.problem import Adaptation, Array, Direction, Problem, size_of
 from contbranch.continuation.segment import Segment
 
-__all__ = ["adapted", "annotated", "corrected_point", "point_on", "to_point"]
-
 
 def to_point(problem: Problem, corrected: Corrected, metric: Metric, sign: bool = True) -> Point:
     """Return a corrected point with unit tangent and, if `sign`, the sign of the bordered determinant."""

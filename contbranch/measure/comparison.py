@@ -19,8 +19,6 @@ from contbranch.measure.features import Features, MeasuredJump
 from contbranch.measure.force_curve import ForceCurve
 from contbranch.measure.reduced import Curve
 
-__all__ = ["Comparison", "Leg", "ModelJump", "legs"]
-
 # Samples just before a jump that are left out: the slope is all but infinite there, and the jump has its place.
 STEEP = 2
 # Jumps below this multiple of the noise have no place in a curve.
@@ -36,6 +34,11 @@ class ModelJump(NamedTuple):
     piezo: float
     before: float
     after: float
+
+    @property
+    def step(self) -> float:
+        """Change of the force."""
+        return self.after - self.before
 
 
 class Leg(NamedTuple):
@@ -96,7 +99,7 @@ def _leg(piezo: Array, force: Array, kept: Indices, direction: int) -> Leg:
     for place, at, pair in reversed(inserts):
         places[0] = np.insert(places[0], place, [at, at])
         values[0] = np.insert(values[0], place, pair)
-    largest = max(jumps, key=lambda jump: abs(jump.after - jump.before), default=None)
+    largest = max(jumps, key=lambda jump: abs(jump.step), default=None)
     return Leg(np.maximum.accumulate(places[0]), values[0], largest)
 
 
@@ -164,11 +167,9 @@ class Comparison:
         piezo = self.curve.piezo - contact_point
         found: dict[str, Any] = {}
         for back, name, leg in ((False, "jump_in", approach), (True, "pull_off", retract)):
-            if getattr(self.seen, name) is not None or leg.jump is None:
-                continue
-            if not (self.seen.returned if back else self.seen.begun):
-                continue
-            if abs(leg.jump.after - leg.jump.before) < SMALL * self.seen.noise:
+            step = 0.0 if leg.jump is None else leg.jump.step
+            whole = self.seen.returned if back else self.seen.begun
+            if getattr(self.seen, name) is not None or not whole or abs(step) < SMALL * self.seen.noise:
                 continue
             own = self.curve.leg(back)
             apart = [((recorded[own] - _between(piezo[own], *branch)) / self.seen.noise) ** 2 for branch in branches]
@@ -182,7 +183,6 @@ class Comparison:
             k = int(np.argmin(score))
             width = math.hypot(float(abs(np.diff(self.curve.piezo[own[k : k + 2]])[0])), math.sqrt(12.0) * spread)
             before, after = int(own[k]), int(own[k + 1])
-            step = leg.jump.after - leg.jump.before
             found[name] = MeasuredJump(before, after, place, float(self.curve.force[before]), step, width)
         return Comparison.of(self.curve, replace(self.seen, **found), most) if found else self
 

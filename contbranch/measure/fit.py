@@ -32,8 +32,6 @@ from contbranch.results.fit import Correlations, Fit, FitJump, LawFit
 from contbranch.threads import one_thread
 from contbranch.watch import INTERRUPTIONS, Progress, caught, check, finishing, over, part, tell, told, watched
 
-__all__ = ["COMPARED", "fit", "named"]
-
 # Laws that are compared.
 COMPARED = ("maugis-dugdale", "exponential", "van-der-waals", *LIMITS)
 # Tabor coefficients from which fits start, where the range is free; and factors of the modulus otherwise.
@@ -256,12 +254,13 @@ class _Fitting:
         seen, state = self.seen, problem.start
         contact, known = state.contact, parameters_of(state.contact)
         pull = max(abs(seen.lowest), 6 * seen.noise)
-        radius = contact.tip.radius if isinstance(contact.tip, Parabola) else None
-        if radius is not None and "work_of_adhesion" in problem.free:
-            work = math.copysign(pull / (1.75 * math.pi * radius), known["work_of_adhesion"].value)
-            contact = parameters_of(contact)["work_of_adhesion"].contact(work)
-        if radius is not None and "modulus" in problem.free:
-            contact = parameters_of(contact)["modulus"].contact(self._modulus(radius, pull))
+        if isinstance(contact.tip, Parabola):
+            radius = contact.tip.radius
+            if "work_of_adhesion" in problem.free:
+                work = math.copysign(pull / (1.75 * math.pi * radius), known["work_of_adhesion"].value)
+                contact = known["work_of_adhesion"].contact(work)
+            if "modulus" in problem.free:
+                contact = replace(contact, modulus=self._modulus(radius, pull))
         return replace(state, contact=contact, line=(0.0, seen.baseline, seen.tilt))
 
     def _modulus(self, radius: float, pull: float) -> float:
@@ -281,21 +280,19 @@ class _Fitting:
 
     def _starts(self, problem: Problem) -> Iterator[Array]:
         """Vectors from which to start: around the guess, and the contact given."""
-        guess = problem.guess or problem.start
-        states = [replace(guess, contact=problem.start.contact)]
+        guess, given = problem.guess or problem.start, problem.start.contact
+        contact, normal = guess.contact, guess.contact.scales.normal
+        contacts = [given]
         if problem.by_tabor:
-            normal, known = guess.contact.scales.normal, parameters_of(guess.contact)
-            states += [replace(guess, contact=known["range"].contact(normal / tabor)) for tabor in STARTS]
+            contacts += [parameters_of(contact)["range"].contact(normal / tabor) for tabor in STARTS]
         else:
-            known = parameters_of(guess.contact)
-            factors = FACTORS if "modulus" in problem.free else (1.0,)
-            factors = factors if tabulated(problem.start.contact) or problem.limit else (1.0,)
-            states += [replace(guess, contact=known["modulus"].contact(known["modulus"].value * f)) for f in factors]
+            quick = "modulus" in problem.free and (tabulated(given) or problem.limit)
+            contacts += [replace(contact, modulus=contact.modulus * f) for f in (FACTORS if quick else (1.0,))]
         low, high = problem.bounds()
         inside = 1e-6 * np.minimum(high - low, 1.0)
         begun: list[Array] = []
-        for state in states:
-            vector = np.clip(problem.vector(state), low + inside, high - inside)
+        for one in contacts:
+            vector = np.clip(problem.vector(replace(guess, contact=one)), low + inside, high - inside)
             if not any(np.allclose(vector, other) for other in begun):
                 begun.append(vector)
                 yield self._placed(problem, vector)
@@ -603,9 +600,9 @@ class _Fitting:
                 measured = {"piezo": jump.piezo, "force": jump.force - baseline - tilt * jump.piezo, "step": jump.step}
                 measured["uncertainty"] = 4 * seen.noise + (_change(leg, jump.width) if leg is retract else 0.0)
             own = leg.jump  # which is one if it was seen, or should have been
-            if own is not None and (jump is not None or abs(own.after - own.before) > 8 * self.seen.noise):
-                before, after = (self._gain(state) * force for force in own[1:])
-                fitted = {"piezo": own.piezo + place, "force": before, "step": after - before}
+            if own is not None and (jump is not None or abs(own.step) > 8 * self.seen.noise):
+                gain = self._gain(state)
+                fitted = {"piezo": own.piezo + place, "force": gain * own.before, "step": gain * own.step}
             if measured or fitted:
                 found.append(FitJump(name, measured, fitted))
         return tuple(found)
@@ -623,14 +620,13 @@ class _Fitting:
                 f"{-self.seen.lowest:.3g} nN), and the values mean nothing."
             )
         words.append(f"The data determine {_listed(known)}." if known else "The data determine none of the values.")
-        open_ = [name for name in names if name not in known]
-        for name in open_:
+        for name in (name for name in names if name not in known):
             error = abs(errors[name] / values[name]) if values[name] else math.inf
             words.append(f"They do not determine {name}{f' (± {100 * error:.0f} %)' if 0.0 < error < 10 else ''}.")
         tied = [
-            f"{a} and {b} are {matrix[names.index(a), names.index(b)]:.2f} correlated"
-            for a, b in combinations((n for n in names if n not in ("baseline", "tilt")), 2)
-            if abs(matrix[names.index(a), names.index(b)]) > 0.9
+            f"{a} and {b} are {correlation:.2f} correlated"
+            for (i, a), (j, b) in combinations(enumerate(names), 2)
+            if abs(correlation := matrix[i, j]) > 0.9 and not {a, b} & {"baseline", "tilt"}
         ]
         if tied:
             listed = "; ".join(tied)

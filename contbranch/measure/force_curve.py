@@ -14,8 +14,6 @@ from contbranch.arrays import AnyArray, Array, Flags, Indices
 from contbranch.contact.units import Quantity, parse, positive_number
 from contbranch.errors import InputError
 
-__all__ = ["COLUMNS", "ForceCurve"]
-
 # What a curve can be made of, and its dimension.
 COLUMNS = {"piezo": "length", "tip": "length", "force": "force", "deflection": "length"}
 # Legs with fewer samples than this say nothing.
@@ -92,23 +90,21 @@ class ForceCurve:
             raise InputError(
                 f"curve: {' and '.join(f'{n} {name}' for name, n in sizes.items())} values; must be as many"
             )
-        stiffness = None if spring is None else positive_number(parse(spring, "stiffness", "spring"), "spring")
+        stiffness = None if spring is None else _stiffness(spring)
         if "deflection" in columns and stiffness is None:
             raise InputError("spring: missing; a deflection becomes a force with the stiffness of the cantilever")
         found = columns["force"] if "force" in columns else (stiffness or 0.0) * columns["deflection"]
         drive = columns["piezo"] if "piezo" in columns else columns["tip"] + (found / stiffness if stiffness else 0.0)
-        made = {
-            "piezo": drive,
-            "force": found,
-            "spring": stiffness,
-            "retract": _retract(segment, drive),
-            "source": source,
-            "place": dict(place),
-            "deflected": "deflection" in columns,
-            "rigid": "tip" in columns and stiffness is None,
-        }
-        for name, value in made.items():
-            object.__setattr__(self, name, value)
+        self.__dict__.update(
+            piezo=drive,
+            force=found,
+            spring=stiffness,
+            retract=_retract(segment, drive),
+            source=source,
+            place=dict(place),
+            deflected="deflection" in columns,
+            rigid="tip" in columns and stiffness is None,
+        )
         self._check()
 
     def __len__(self) -> int:
@@ -124,7 +120,7 @@ class ForceCurve:
         """
         if spring is None:
             return self
-        stiffness = positive_number(parse(spring, "stiffness", "spring"), "spring")
+        stiffness = _stiffness(spring)
         changed = object.__new__(type(self))
         changed.__dict__.update(self.__dict__ | {"spring": stiffness, "rigid": False})
         if self.rigid:
@@ -161,6 +157,10 @@ class ForceCurve:
                     f"curve: the piezo position does not {sense} steadily on {word}; are columns swapped, or does it "
                     "grow away from the surface (then give its negative)?"
                 )
+
+
+def _stiffness(spring: object) -> float:
+    return positive_number(parse(spring, "stiffness", "spring"), "spring")
 
 
 def _column(values: ArrayLike, name: str, unit: str | None) -> Array:

@@ -24,8 +24,6 @@ from contbranch.sweeps.sweep import sweep
 from contbranch.sweeps.tasks import Outcome
 from contbranch.watch import Progress
 
-__all__ = ["Fitting", "fit_map"]
-
 _FITTING = ("fixed", "spring", "law")
 _SWEEPING = ("workers", "retry", "time_limit")
 # What names a place: rows with columns, or a number alone.

@@ -14,8 +14,6 @@ from contbranch.contact.parameters import parameters_of
 from contbranch.errors import InputError, look_up
 from contbranch.measure.reduced import TABOR, tabulated
 
-__all__ = ["LINE", "NARROW", "Problem", "State"]
-
 LINE = ("contact_point", "baseline", "tilt")
 INSTRUMENT = ("spring", "sensitivity")
 # Factors from the first guess within which a positive number may lie.

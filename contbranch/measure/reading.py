@@ -18,8 +18,6 @@ from contbranch.contact.units import Quantity, parse
 from contbranch.errors import InputError
 from contbranch.measure.force_curve import COLUMNS, ForceCurve
 
-__all__ = ["Unread", "curves_in", "read_force_curve", "read_force_curves"]
-
 _POSITION: tuple[str, ...] = ("x", "y")
 _HEADING = re.compile(r"\s*(\w+)\s*(?:[\[(]\s*([^\])]*?)\s*[\])])?\s*")
 _TEXTS = (".csv", ".txt", ".tsv", ".dat")

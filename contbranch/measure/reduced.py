@@ -36,8 +36,6 @@ from contbranch.models.choice import choose
 from contbranch.theory import maugis
 from contbranch.theory._dugdale import Zone
 
-__all__ = ["LIMITS", "SHIPPED", "TABOR", "TOP", "Curve", "curve_of", "nodes", "tabulated", "traced_node"]
-
 # Tabor coefficients between which curves are tabulated, and their ratio from one to the next.
 TABOR = (0.0302, 24.5)
 RATIO = math.exp(0.2)

@@ -10,8 +10,6 @@ import numpy as np
 
 from contbranch.results.record import Record, Result, Values
 
-__all__ = ["VERSION", "document", "head"]
-
 VERSION = 1
 
 

@@ -10,8 +10,6 @@ from pathlib import Path
 
 from contbranch.errors import InputError
 
-__all__ = ["Place", "reserved", "write"]
-
 
 @dataclass(frozen=True)
 class Place:
@@ -104,16 +102,21 @@ def _opened(path: Path) -> int:
     while True:
         number = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
         try:
-            with suppress(ImportError):  # where there are no such locks, the last writer wins
-                import fcntl
-
-                fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            lock(number)
             if _same(number, path):  # otherwise its last writer has finished or removed it in between
                 return number
         except BaseException:
             os.close(number)
             raise
         os.close(number)
+
+
+def lock(number: int, wait: bool = False) -> None:
+    """Lock an open file; BlockingIOError if another process has, unless that is waited for."""
+    with suppress(ImportError):  # where there are no such locks, the last writer wins
+        import fcntl
+
+        fcntl.flock(number, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
 
 
 def _same(number: int, path: Path) -> bool:

@@ -50,7 +50,6 @@ if TYPE_CHECKING:
     from contbranch.contact.contact import Contact
     from contbranch.results.sweep import Sweep
 
-__all__ = ["content", "load", "save", "save_document"]
 
 Kind = TypeVar("Kind", bound=Record)
 Kept = TypeVar("Kept")
@@ -243,12 +242,10 @@ def _verified(path: Path) -> tuple[bytes, bool]:
     raise InputError(f"path: '{path}' is damaged (it is not what its checksum says); write it again")
 
 
-def _kind_of(file: h5py.File, path: Path) -> type[Diagram | Hysteresis | Followed]:
+def _kind_of(file: h5py.File, path: Path) -> Any:
     """What the file holds; InputError if it is nothing that can be read here, or of a later version."""
     found = file.attrs.get("format")
-    kinds: dict[str, type[Diagram | Hysteresis | Followed]] = {
-        kind.format: kind for kind in (Diagram, Hysteresis, Followed)
-    }
+    kinds: dict[str, Any] = {kind.format: kind for kind in (Diagram, Hysteresis, Followed)}
     if found not in kinds:
         raise InputError(f"path: '{path}' holds {found or 'something else'}; must hold one of {', '.join(kinds)}")
     version = int(file.attrs["version"])

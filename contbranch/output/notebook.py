@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from html import escape
 from importlib import import_module
@@ -16,8 +16,8 @@ from contbranch.output.summary import Cells, parts
 
 if TYPE_CHECKING:
     from contbranch.results.record import Result
+    from contbranch.watch import Progress
 
-__all__ = ["as_html", "as_png", "progress_bar"]
 
 # Seconds before a progress bar is worth its room.
 PATIENCE = 1.0
@@ -50,7 +50,7 @@ def _explored(result: Result) -> Iterator[str]:
 
 
 @contextmanager
-def progress_bar() -> Iterator[Callable[[float, str], None]]:
+def progress_bar() -> Iterator[Progress]:
     """Show a progress bar below the cell of what takes longer than a second; it leaves nothing behind."""
     page: Any = import_module("IPython.display")  # only where there is a notebook
 

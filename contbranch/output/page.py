@@ -27,8 +27,6 @@ from contbranch.results.loop import Hysteresis
 from contbranch.results.record import Result, given
 from contbranch.results.sweep import Sweep
 
-__all__ = ["page"]
-
 # What the page holds as JSON.
 _Json = dict[str, Any]
 _RANGES = 8.0  # of the interaction: the largest gap that is shown
@@ -82,9 +80,9 @@ def page(result: Result, curve: Diagram | None = None) -> str:
 class _Packed:
     """Arrays of a page, one behind the other as numbers of four bytes; what refers to one is [start, length]."""
 
-    def __init__(self, count: int = 1) -> None:
+    def __init__(self) -> None:
         self._parts: list[NDArray[np.float32]] = []
-        self._length, self.count = 0, count
+        self._length, self.count = 0, 1
 
     def put(self, values: ArrayLike) -> list[int]:
         """Take an array."""

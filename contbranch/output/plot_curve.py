@@ -2,29 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from contbranch.arrays import Array, Flags, Integers
+from contbranch.arrays import AnyArray, Array, Flags, Integers
 from contbranch.output.smooth import smooth
 from contbranch.results.diagram import Profile
 
 if TYPE_CHECKING:
     from contbranch.results.diagram import Branch, Diagram, Event
 
-__all__ = [
-    "COORDINATES",
-    "OF_SPRINGS",
-    "Line",
-    "Piece",
-    "coordinate",
-    "fine_profile",
-    "observable",
-    "pieces",
-    "smooth_line",
-]
 
 Columns = dict[str, Array]
 
@@ -150,23 +140,22 @@ def _knots(diagram: Diagram, branch: Branch, events: list[Event]) -> tuple[Colum
     Unstable modes are -1 at a fold of the diagram's control and -2 at other events. Points that are events themselves,
     and points that are not finite, are left out.
     """
-    position = np.arange(len(branch), dtype=np.float64)
-    keep = np.isfinite(branch.load) & np.isfinite(branch.displacement)
-    keep &= np.isfinite(branch.contact_radius) & np.isfinite(branch.central_gap)
+    rows = np.arange(len(branch), dtype=np.float64)
+    keep = np.isfinite([getattr(branch, name) for name in COORDINATES[:4]]).all(axis=0)
     for event in events:
-        keep &= np.abs(position - event.position) > 1e-6
+        keep &= np.abs(rows - event.position) > 1e-6
+    order = np.argsort(np.append(rows[keep], [event.position for event in events]), kind="stable")
+
+    def merged(of_rows: AnyArray, of_events: Sequence[float]) -> AnyArray:
+        return np.append(of_rows[keep], np.array(of_events, dtype=of_rows.dtype))[order]
+
     flags = [-1 if e.kind == "fold" and e.control == diagram.control else -2 for e in events]
-    unstable = np.asarray(branch.unstable(diagram.control), dtype=np.int64)
+    unstable = merged(np.asarray(branch.unstable(diagram.control), dtype=np.int64), flags)
     columns = {
-        name: np.concatenate([getattr(branch, name)[keep], [coordinate(diagram, e, name) for e in events]])
-        for name in COORDINATES
+        name: merged(getattr(branch, name), [coordinate(diagram, e, name) for e in events]) for name in COORDINATES
     }
-    position = np.concatenate([position[keep], [e.position for e in events]])
-    order = np.argsort(position, kind="stable")
-    unstable = np.concatenate([unstable[keep], np.array(flags, dtype=np.int64)])
-    is_touch = np.concatenate([np.zeros(np.count_nonzero(keep), dtype=bool), [e.kind == "touch" for e in events]])
-    ordered = {name: column[order] for name, column in columns.items()}
-    return ordered, position[order], unstable[order], np.flatnonzero(is_touch[order]).tolist()
+    touches = merged(np.zeros(len(branch)), [e.kind == "touch" for e in events])
+    return columns, merged(rows, [e.position for e in events]), unstable, np.flatnonzero(touches).tolist()
 
 
 def _arc_length(knots: Columns, events: list[Event]) -> Array:

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from contbranch.results.fit import Fit
     from contbranch.results.fit_map import FitMap
 
-__all__ = ["fit_figure", "map_figure"]
 
 # Units as one says them.
 PEOPLE = {"nN/nm²": ("MPa", 1e3), "nN/nm": ("mN/m", 1e3)}

@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from contbranch.results.followed import Followed, Special
     from contbranch.results.phase import PhaseDiagram
 
-__all__ = ["followed_curve", "is_logarithmic", "parameter_label", "phase_figure", "scale_axis"]
-
 
 _NAMES = {
     "tabor": r"Tabor coefficient $\mu_\mathrm{T}$",

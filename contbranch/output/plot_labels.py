@@ -14,8 +14,6 @@ from contbranch.arrays import Array, Integers
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["place_labels"]
-
 
 _CELL = 1.5  # points, of the map of what is in the way
 _PAD = 80  # cells around the frame

@@ -29,8 +29,6 @@ if TYPE_CHECKING:
 
     from contbranch.results.loop import Hysteresis
 
-__all__ = ["loop_figure"]
-
 
 _UP, _DOWN = BLUE, ORANGE
 _PAD = 0.6  # of the extent of the jumps, shown on either side of them

@@ -15,7 +15,6 @@ from contbranch.results.record import UnitNames
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["cell_maps"]
 
 CONTACT = ListedColormap(["#F2F2F2", "#404040"])
 

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
     from contbranch.results.diagram import ModeShape
 
-__all__ = ["mode_figure"]
-
 
 _FAINT = 0.03  # the mode is shown out to where its gap, or its pressure, falls below this part of its largest
 _NAMED = 0.1  # a contact of at least this part of what is shown has its radius named

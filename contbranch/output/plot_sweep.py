@@ -19,8 +19,6 @@ from contbranch.results.table import with_unit
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["sweep_figure"]
-
 
 _MOST = 4  # maps beside each other
 _NONE = "#E4E4E4"

@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from contbranch.contact.contact import Contact
     from contbranch.results.diagram import Diagram
 
-__all__ = ["BLUE", "DASHES", "GREY", "ORANGE", "SERIES", "WIDTH", "Limits", "Style", "arrange_panels", "axis_label"]
-__all__ += ["check_observables", "handle", "has_natural_units", "new_figure", "panel_title", "view"]
 
 # What matplotlib takes.
 Style = dict[str, Any]

@@ -7,9 +7,6 @@ from scipy.linalg import solve_banded
 
 from contbranch.arrays import Array
 
-__all__ = ["smooth", "smooth_path"]
-
-
 _FINE = 32  # points for each step of a path
 
 

@@ -9,6 +9,8 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from contbranch.results.advice import Advice
 from contbranch.results.diagram import Diagram, Event, Solution, State
 from contbranch.results.equilibria import Equilibria
@@ -19,8 +21,7 @@ from contbranch.results.loop import Hysteresis
 from contbranch.results.record import OBSERVABLES, Result, UnitNames
 from contbranch.results.sweep import Sweep, quantity
 from contbranch.results.table import with_unit
-
-__all__ = ["Cells", "as_text", "parts", "progress_bar", "progress_lines", "with_error"]
+from contbranch.watch import Progress
 
 _DIGITS = 15  # what a double can hold
 _SILENCE = 10.0  # seconds between two lines of progress
@@ -129,7 +130,7 @@ def _followed(followed: Followed, units: UnitNames) -> Parts:
     name, curve, error = followed.parameter, followed.curve, followed.error
     count = len(curve["load"])
     rows = []
-    for i in sorted({round(i * (count - 1) / max(1, min(count, _ROWS) - 1)) for i in range(min(count, _ROWS))}):
+    for i in np.linspace(0, count - 1, min(count, _ROWS)).round().astype(int).tolist():
         cells = (with_error(float(curve[key][i]), float(error[key][i])) for key in OBSERVABLES)
         rows.append([str(i), f"{curve[name][i]:.9g}", *cells])
     yield Cells(["", name, *_headings(units)], rows)
@@ -199,7 +200,7 @@ _SHOWN: Mapping[type, Callable[[Any, UnitNames], Parts]] = {
 
 
 @contextmanager
-def progress_bar() -> Iterator[Callable[[float, str], None]]:
+def progress_bar() -> Iterator[Progress]:
     """Show a progress bar on standard error; yields what takes the fraction done and a text."""
     began, width = time.monotonic(), 0
 
@@ -217,7 +218,7 @@ def progress_bar() -> Iterator[Callable[[float, str], None]]:
         print(f"\r{'':{width}s}\r", end="", file=sys.stderr, flush=True)
 
 
-def progress_lines() -> Callable[[float, str], None]:
+def progress_lines() -> Progress:
     """What prints, for those who read no terminal, a line on standard error every ten seconds."""
     began = last = time.monotonic()
 

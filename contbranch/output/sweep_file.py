@@ -28,7 +28,6 @@ from contbranch.results.sweep import Sweep, SweepTask, quantity
 if TYPE_CHECKING:
     import h5py
 
-__all__ = ["diagram_of", "is_sweep", "load_sweep", "read_diagram", "rebuilt", "records_of", "write_sweep"]
 
 Record = tuple[Values, Columns]
 

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
     from contbranch.results.record import Result
 
-__all__ = ["as_csv", "as_dataframe", "as_xarray", "write_csv"]
-
 
 def write_csv(table: Table, path: str | Path) -> None:
     """Write the table as `as_csv` has it.

@@ -7,9 +7,7 @@ from collections.abc import Mapping
 from contbranch.contact.contact import Contact
 from contbranch.results.diagram import Cost, ModelChoice
 from contbranch.results.record import Record, Result, Status, UnitNames, described, record
-from contbranch.results.table import Table, of_records
-
-__all__ = ["Advice", "Candidate"]
+from contbranch.results.table import Tables, of_records
 
 
 @record
@@ -81,6 +79,6 @@ class Advice(Result):
         """The choice."""
         return f"{self.chosen}: {self.why}"
 
-    def tables(self) -> dict[str, Table]:
+    def tables(self) -> Tables:
         """The candidates."""
         return {"candidate": of_records(Candidate, self.candidates, {})}

@@ -28,7 +28,7 @@ from contbranch.results.record import (
     late,
     record,
 )
-from contbranch.results.table import Table, joined, of_columns, of_records
+from contbranch.results.table import Tables, joined, of_columns, of_records
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -538,7 +538,7 @@ class Diagram(Result):
                 found[number] = self.local_exponent(event)
         return found
 
-    def tables(self) -> dict[str, Table]:
+    def tables(self) -> Tables:
         """The points of all branches, and the events."""
         points = joined("branch", [branch.columns for branch in self.branches])
         return {
@@ -622,7 +622,7 @@ class Solution(State, Result):
 
         return draw(self)
 
-    def tables(self) -> dict[str, Table]:
+    def tables(self) -> Tables:
         """The states found, this one first."""
         return {"state": of_records(State, self.known, self.units)}
 

@@ -10,9 +10,7 @@ import numpy as np
 from contbranch.contact.contact import Contact
 from contbranch.results.diagram import Cost, ModelChoice, State
 from contbranch.results.record import Result, Status, described, record
-from contbranch.results.table import Table, of_records
-
-__all__ = ["Barrier", "Equilibria"]
+from contbranch.results.table import Tables, of_records
 
 
 class Barrier(NamedTuple):
@@ -81,7 +79,7 @@ class Equilibria(Result):
         """How many states there are."""
         return f"{len(self)} states, {len(self.stable)} stable under {self.control} control"
 
-    def tables(self) -> dict[str, Table]:
+    def tables(self) -> Tables:
         """The states, and whether each lies on the traced curve."""
         listed = of_records(State, self.states, self.units)
         return {"state": listed._replace(columns={**listed.columns, "connected": np.array(self.connected)})}

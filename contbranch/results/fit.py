@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,12 +14,10 @@ from contbranch.errors import InputError
 from contbranch.results.diagram import Cost
 from contbranch.results.loop import Hysteresis
 from contbranch.results.record import Record, Result, Status, described, given, record
-from contbranch.results.table import Table
+from contbranch.results.table import Table, Tables
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-__all__ = ["Correlations", "Fit", "FitJump", "LawFit", "unit_of_value"]
 
 
 @record
@@ -73,6 +71,10 @@ class LawFit(Record):
     values: Mapping[str, float]
 
 
+def _samples(kind: type = float) -> Any:
+    return described(written=False, default_factory=lambda: np.empty(0, kind), repr=False)
+
+
 @record
 class Fit(Result):
     """A fitted force curve, in nm, nN, nN/nm (work of adhesion, spring, tilt) and nN/nm² (modulus).
@@ -116,11 +118,11 @@ class Fit(Result):
     cost: Cost
     laws: tuple[LawFit, ...] = described(written="if known", default=())
     spring: float = described(written=False, default=float("inf"))
-    piezo: Array = described(written=False, default_factory=lambda: np.empty(0), repr=False)
-    force: Array = described(written=False, default_factory=lambda: np.empty(0), repr=False)
-    fitted: Array = described(written=False, default_factory=lambda: np.empty(0), repr=False)
-    residuals: Array = described(written=False, default_factory=lambda: np.empty(0), repr=False)
-    retract: Flags = described(written=False, default_factory=lambda: np.empty(0, bool), repr=False)
+    piezo: Array = _samples()
+    force: Array = _samples()
+    fitted: Array = _samples()
+    residuals: Array = _samples()
+    retract: Flags = _samples(bool)
     traced: Hysteresis | Callable[[], Hysteresis] | None = described(
         written=False, computed=lambda fit: None, default=None
     )
@@ -143,7 +145,7 @@ class Fit(Result):
         """The values that the data determine."""
         return ", ".join(f"{name} {self.values[name]:.4g} ± {self.errors[name]:.2g}" for name in self.identifiable)
 
-    def tables(self) -> dict[str, Table]:
+    def tables(self) -> Tables:
         """The samples with what was fitted to them; a CSV file of them is a force curve again."""
         measured = {"piezo": self.piezo, "force": self.force, "fitted": self.fitted, "residual": self.residuals}
         segment = np.where(self.retract, "retract", "approach")

@@ -15,7 +15,6 @@ from contbranch.results.sweep import Sweep
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["FitMap", "Picture", "places_of"]
 
 # Places closer than this share of all of them are one row or column.
 SAME = 1e-3

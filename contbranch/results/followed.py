@@ -12,12 +12,10 @@ from contbranch.contact.family import dimension_of
 from contbranch.errors import InputError
 from contbranch.results.diagram import Cost, Event, ModelChoice
 from contbranch.results.record import Record, Result, Status, UnitNames, Values, described, record
-from contbranch.results.table import Table, of_columns
+from contbranch.results.table import Tables, of_columns
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-__all__ = ["Followed", "FollowedPoint", "Special"]
 
 
 @record
@@ -123,7 +121,7 @@ class Followed(Result):
             return ""
         return f"{self.event.name or self.event.kind} for {self.parameter} from {values[0]:.5g} to {values[-1]:.5g}"
 
-    def tables(self) -> dict[str, Table]:
+    def tables(self) -> Tables:
         """The points of the curve."""
         errors = {f"{name}_error": values for name, values in self.error.items()}
         names = {**self.unit_names, self.parameter: self.contact.units.name(dimension_of(self.contact, self.parameter))}

@@ -10,12 +10,10 @@ from contbranch.arrays import AnyArray, Array, Integers
 from contbranch.contact.contact import Contact
 from contbranch.results.diagram import Cost, ModelChoice, State
 from contbranch.results.record import Record, Result, Status, described, given, record
-from contbranch.results.table import Table, of_columns
+from contbranch.results.table import Tables, of_columns
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-__all__ = ["Hysteresis", "Jump", "Path"]
 
 
 @record
@@ -148,7 +146,7 @@ class Hysteresis(Result):
         jumps = ", ".join(f"{jump.name or 'jump'} at {jump.position:.7g}" for jump in self.jumps)
         return (jumps or "no jump") + ("" if self.dissipated is None else f"; dissipated {self.dissipated:.7g}")
 
-    def tables(self) -> dict[str, Table]:
+    def tables(self) -> Tables:
         """The points of the path."""
         position = "load" if self.control == "load" else "displacement"
         return {"point": of_columns(self.path.items(), self.units, position=position)}

@@ -15,7 +15,6 @@ from contbranch.results.record import Record, Result, Status, UnitNames, describ
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Part", "PhaseDiagram"]
 
 FINE = 320
 # Special points closer than this are one.

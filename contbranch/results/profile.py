@@ -9,8 +9,6 @@ import numpy as np
 from contbranch.arrays import Array, Flags
 from contbranch.results.record import Record, described, record
 
-__all__ = ["CellFields", "ModeShape", "Profile"]
-
 # Pressures below this share of the largest are not worth being shown, around a tip that stands alone.
 FAINT = 0.01
 

@@ -19,27 +19,8 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
-    from contbranch.results.table import Table
+    from contbranch.results.table import Table, Tables
 
-__all__ = [
-    "OBSERVABLES",
-    "Column",
-    "Record",
-    "Result",
-    "Status",
-    "UnitNames",
-    "Values",
-    "columns",
-    "described",
-    "given",
-    "key_of",
-    "kind_of",
-    "late",
-    "quantity_of",
-    "record",
-    "same",
-    "unit_of",
-]
 
 Kind = TypeVar("Kind")
 Status = Literal["complete", "incomplete"]
@@ -259,7 +240,7 @@ class Result(Record):
 
         save(self, path)
 
-    def tables(self) -> dict[str, Table]:
+    def tables(self) -> Tables:
         """Its tables, by what a row is: the one of `to_csv` and `to_dataframe` first."""
         raise NotImplementedError(f"{type(self).__name__} has no table")
 

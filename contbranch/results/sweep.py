@@ -12,12 +12,10 @@ from contbranch.contact.contact import Contact
 from contbranch.errors import InputError
 from contbranch.results.diagram import Cost, Diagram
 from contbranch.results.record import Record, Result, Status, UnitNames, Values, described, record
-from contbranch.results.table import Table, of_columns
+from contbranch.results.table import Tables, of_columns
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-__all__ = ["Sweep", "SweepTask"]
 
 
 @record
@@ -127,7 +125,7 @@ class Sweep(Result):
         listed = ", ".join(f"{count} {status}" for status, count in counts.items() if count)
         return f"{len(self.tasks)} tasks over {' × '.join(self.parameters) or 'contacts'}: {listed or 'none ended'}"
 
-    def tables(self) -> dict[str, Table]:
+    def tables(self) -> Tables:
         """A row a task: its parameters, thresholds and status."""
         blank = float("nan")
         found: Values = {"index": np.array([task.index for task in self.tasks])}

@@ -10,8 +10,6 @@ import numpy as np
 from contbranch.arrays import AnyArray, Columns
 from contbranch.results.record import Record, UnitNames, columns, quantity_of
 
-__all__ = ["Table", "joined", "of_columns", "of_records", "with_unit"]
-
 _LEAD = ("load", "displacement", "contact_radius", "central_gap", "energy")
 # What stands where there is no value, by the kind of the column; integers with gaps are written as floats.
 _BLANK = {float: np.nan, int: np.nan, str: ""}
@@ -40,6 +38,10 @@ class Table(NamedTuple):
     def headings(self) -> list[str]:
         """Names with units, ``load [nN]``."""
         return [f"{name} [{self.units[name]}]" if name in self.units else name for name in self.columns]
+
+
+# Tables by what a row is.
+Tables = dict[str, Table]
 
 
 def of_columns(columns: Columns, unit_names: UnitNames, **other: str) -> Table:

@@ -8,8 +8,6 @@ from contextlib import contextmanager
 
 from contbranch.errors import InputError
 
-__all__ = ["dask_executor"]
-
 
 @contextmanager
 def dask_executor(address: str) -> Iterator[tuple[Executor, int]]:

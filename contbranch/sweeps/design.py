@@ -17,8 +17,6 @@ from contbranch.contact.units import finite_number, positive_number
 from contbranch.errors import InputError, look_up, refuse_unknown
 from contbranch.grid_size import named_model
 
-__all__ = ["Design", "Listed", "listed", "read_sweep", "varied"]
-
 _RANGE = ("from", "to", "count", "spacing")
 _SWEEP = ("mode", "vary", "keep", "task_limit")
 

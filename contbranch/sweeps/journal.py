@@ -12,15 +12,13 @@ import json
 import os
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import suppress
 from pathlib import Path
 from typing import IO, Any, NamedTuple
 
 import numpy as np
 
 from contbranch.arrays import AnyArray, Columns
-
-__all__ = ["Entry", "Journal", "Records", "decoded", "encoded", "lock"]
+from contbranch.output.files import lock
 
 _MARK = b"contbranch"
 _LOST = 1.0  # seconds of work that are lost when the power fails; when the program is killed, none
@@ -111,14 +109,6 @@ class Records:
         if not self._file.closed:
             self.sync()
         self._file.close()
-
-
-def lock(number: int, wait: bool = False) -> None:
-    """Lock an open file; BlockingIOError if another process has, unless that is waited for."""
-    with suppress(ImportError):  # where there are no such locks
-        import fcntl
-
-        fcntl.flock(number, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
 
 
 class Journal:

@@ -29,8 +29,6 @@ from contbranch.sweeps.tasks import Task
 from contbranch.sweeps.worker import Batch, Job, here, patience, prepare, work
 from contbranch.watch import tell
 
-__all__ = ["Run"]
-
 Landing = Future[list[bytes]]
 
 _BATCH = 10.0  # seconds that a batch is to take: a scheduler needs some ms for each

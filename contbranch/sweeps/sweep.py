@@ -25,8 +25,6 @@ from contbranch.sweeps.run import Run
 from contbranch.sweeps.tasks import Task, Tracing, key_of
 from contbranch.watch import Progress, kept, told, watched
 
-__all__ = ["sweep"]
-
 _FEW = 1000  # contacts whose profiles are kept unless something else is asked for
 _TRACING = ("control", "accuracy", "max_load", "model", "keep", "task_limit")
 _RUNNING = ("workers", "retry", "time_limit")

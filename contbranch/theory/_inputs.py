@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from contbranch.arrays import Array
 from contbranch.errors import InputError
 
-__all__ = ["finite", "not_below", "positive"]
+__all__ = ["finite", "not_below", "not_negative", "positive"]
 
 
 def finite(field: str, value: ArrayLike) -> Array:
@@ -42,3 +42,8 @@ def not_below(field: str, value: ArrayLike, lowest: ArrayLike, why: str) -> Arra
     if np.any(low):
         raise InputError(f"{field} must be at least {bound[low].flat[0]:.12g} ({why}), not {array[low].flat[0]}")
     return np.asarray(np.maximum(array, bound))
+
+
+def not_negative(field: str, value: ArrayLike) -> Array:
+    """Return ``value`` as an array of floats, or raise `InputError` where it is negative."""
+    return not_below(field, value, 0.0, "it is a length")

@@ -20,7 +20,7 @@ from scipy.optimize import least_squares
 
 from contbranch.arrays import Array
 from contbranch.errors import InputError
-from contbranch.theory._inputs import finite, not_below, positive
+from contbranch.theory._inputs import finite, not_below, not_negative, positive
 
 __all__ = [
     "ASYMPTOTIC_DISPLACEMENT_C5",
@@ -102,7 +102,7 @@ def modified_offset(
     radius, modulus : array_like
         Radius of curvature R and effective modulus E, both > 0.
     """
-    a = not_below("pull_off_radius", pull_off_radius, 0.0, "it is a length")
+    a = not_negative("pull_off_radius", pull_off_radius)
     stiffness = 4.0 / 3.0 * positive("modulus", modulus) / positive("radius", radius)
     return np.asarray(positive("pull_off_load", pull_off_load) + stiffness * a**3)
 
@@ -265,7 +265,7 @@ class Fitted:
 
     def load(self, contact_radius: ArrayLike) -> Array:
         """Return the load at contact radii, also below that of pull-off, where it rises again."""
-        a = not_below("contact_radius", contact_radius, 0.0, "it is a length")
+        a = not_negative("contact_radius", contact_radius)
         if self.form == "cos":
             root = (1.0 + self.alpha) * (a / self.zero_load_radius) ** 1.5 - self.alpha
             return np.asarray(self.pull_off_load * (root**2 - 1.0))
@@ -282,7 +282,7 @@ class Fitted:
 
     def displacement(self, contact_radius: ArrayLike) -> Array:
         """Return the displacement at contact radii."""
-        a = not_below("contact_radius", contact_radius, 0.0, "it is a length")
+        a = not_negative("contact_radius", contact_radius)
         return np.asarray(a**2 / self.radius - np.sqrt(np.maximum(self.lift[0] + self.lift[1] * a, 0.0)))
 
     @property

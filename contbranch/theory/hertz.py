@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from contbranch.arrays import Array
-from contbranch.theory._inputs import not_below, positive
+from contbranch.theory._inputs import not_below, not_negative, positive
 from contbranch.theory._power_law import PowerLaw
 
 __all__ = [
@@ -31,7 +31,6 @@ __all__ = [
     "pressure",
 ]
 
-_LENGTH = "it is a length"
 _PRESSES = "without adhesion a contact only bears pressing loads"
 
 
@@ -50,13 +49,13 @@ def load(contact_radius: ArrayLike, *, radius: ArrayLike = 1.0, modulus: ArrayLi
     InputError
         If a length is negative or a constant not positive; so for every function here.
     """
-    a = not_below("contact_radius", contact_radius, 0.0, _LENGTH)
+    a = not_negative("contact_radius", contact_radius)
     return np.asarray(4.0 / 3.0 * positive("modulus", modulus) / positive("radius", radius) * a**3)
 
 
 def displacement(contact_radius: ArrayLike, *, radius: ArrayLike = 1.0) -> Array:
     """Return the displacement of a parabola, d = a^2 / R; parameters as in `load`."""
-    return np.asarray(not_below("contact_radius", contact_radius, 0.0, _LENGTH) ** 2 / positive("radius", radius))
+    return np.asarray(not_negative("contact_radius", contact_radius) ** 2 / positive("radius", radius))
 
 
 def contact_radius(load: ArrayLike, *, radius: ArrayLike = 1.0, modulus: ArrayLike = 1.0) -> Array:
@@ -73,16 +72,16 @@ def contact_radius_at_displacement(displacement: ArrayLike, *, radius: ArrayLike
 
 def pressure(r: ArrayLike, contact_radius: ArrayLike, *, radius: ArrayLike = 1.0, modulus: ArrayLike = 1.0) -> Array:
     """Return the pressure under a parabola, p = 2 E sqrt(a^2-r^2) / (pi R) for r < a and 0 outside."""
-    a = not_below("contact_radius", contact_radius, 0.0, _LENGTH)
-    distance = not_below("r", r, 0.0, _LENGTH)
+    a = not_negative("contact_radius", contact_radius)
+    distance = not_negative("r", r)
     y = np.sqrt(np.maximum((a - distance) * (a + distance), 0.0))
     return np.asarray(2.0 / np.pi * positive("modulus", modulus) / positive("radius", radius) * y)
 
 
 def gap(r: ArrayLike, contact_radius: ArrayLike, *, radius: ArrayLike = 1.0) -> Array:
     """Return the gap outside a parabola, g = (2/pi) [(r^2/2 - a^2) arccos(a/r) + (a/2) sqrt(r^2-a^2)] / R, 0 inside."""
-    a = not_below("contact_radius", contact_radius, 0.0, _LENGTH)
-    distance = not_below("r", r, 0.0, _LENGTH)
+    a = not_negative("contact_radius", contact_radius)
+    distance = not_negative("r", r)
     rho = np.sqrt(np.maximum((distance - a) * (distance + a), 0.0))
     bracket = (0.5 * distance**2 - a**2) * np.arctan2(rho, a) + 0.5 * a * rho
     return np.asarray(np.where(rho > 0.0, 2.0 / np.pi * bracket / positive("radius", radius), 0.0))
@@ -90,13 +89,13 @@ def gap(r: ArrayLike, contact_radius: ArrayLike, *, radius: ArrayLike = 1.0) -> 
 
 def cone_load(contact_radius: ArrayLike, *, slope: ArrayLike = 1.0, modulus: ArrayLike = 1.0) -> Array:
     """Return the load on a cone z = slope * r, F = (pi/2) E slope a^2 (Love, Sneddon)."""
-    a = not_below("contact_radius", contact_radius, 0.0, _LENGTH)
+    a = not_negative("contact_radius", contact_radius)
     return np.asarray(2.0 * positive("modulus", modulus) * PowerLaw.cone(slope).deficit(a))
 
 
 def cone_displacement(contact_radius: ArrayLike, *, slope: ArrayLike = 1.0) -> Array:
     """Return the displacement of a cone z = slope * r, d = (pi/2) slope a."""
-    return PowerLaw.cone(slope).transform(not_below("contact_radius", contact_radius, 0.0, _LENGTH))
+    return PowerLaw.cone(slope).transform(not_negative("contact_radius", contact_radius))
 
 
 def cone_pressure(
@@ -105,7 +104,7 @@ def cone_pressure(
     """Return the pressure under a cone, p = (E slope / 2) arcosh(a/r) for r < a and 0 outside; r > 0, as it diverges
     on the axis.
     """
-    a = not_below("contact_radius", contact_radius, 0.0, _LENGTH)
+    a = not_negative("contact_radius", contact_radius)
     ratio = np.maximum(a / positive("r", r), 1.0)
     return np.asarray(0.5 * positive("modulus", modulus) * positive("slope", slope) * np.arccosh(ratio))
 
@@ -124,7 +123,7 @@ def power_law_load(
     length, modulus : array_like
         Length L of the tip and effective modulus E, both > 0.
     """
-    a = not_below("contact_radius", contact_radius, 0.0, _LENGTH)
+    a = not_negative("contact_radius", contact_radius)
     return np.asarray(2.0 * positive("modulus", modulus) * PowerLaw.of(exponent, length).deficit(a))
 
 
@@ -132,7 +131,7 @@ def power_law_displacement(contact_radius: ArrayLike, *, exponent: ArrayLike, le
     """Return the displacement of a power-law tip, d = B(n/2,1/2) a^n / (2 L^(n-1)); parameters as in
     `power_law_load`.
     """
-    return PowerLaw.of(exponent, length).transform(not_below("contact_radius", contact_radius, 0.0, _LENGTH))
+    return PowerLaw.of(exponent, length).transform(not_negative("contact_radius", contact_radius))
 
 
 def power_law_contact_radius(
@@ -152,6 +151,6 @@ def power_law_pressure(
 
     The integral is n zeta(a)/a y 2F1(1, 1-n/2; 3/2; y^2) with y = sqrt(1-r^2/a^2); infinite on the axis for exponent 1.
     """
-    a = not_below("contact_radius", contact_radius, 0.0, _LENGTH)
-    stress = PowerLaw.of(exponent, length).stress(not_below("r", r, 0.0, _LENGTH), a)
+    a = not_negative("contact_radius", contact_radius)
+    stress = PowerLaw.of(exponent, length).stress(not_negative("r", r), a)
     return np.asarray(positive("modulus", modulus) * stress)

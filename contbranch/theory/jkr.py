@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from contbranch.arrays import Array
-from contbranch.theory._inputs import not_below, positive
+from contbranch.theory._inputs import not_below, not_negative, positive
 from contbranch.theory._power_law import PowerLaw
 
 __all__ = [
@@ -38,8 +38,6 @@ __all__ = [
     "power_law_load",
     "power_law_load_fold",
 ]
-
-_LENGTH = "it is a length"
 
 
 class Fold(NamedTuple):
@@ -241,13 +239,13 @@ def _neck(contact_radius: Array, modulus: Array, work_of_adhesion: Array) -> Arr
 
 
 def _load(tip: PowerLaw, contact_radius: ArrayLike, modulus: ArrayLike, work_of_adhesion: ArrayLike) -> Array:
-    a = not_below("contact_radius", contact_radius, 0.0, _LENGTH)
+    a = not_negative("contact_radius", contact_radius)
     e, w = positive("modulus", modulus), positive("work_of_adhesion", work_of_adhesion)
     return np.asarray(2.0 * e * (tip.deficit(a) - a * _neck(a, e, w)))
 
 
 def _displacement(tip: PowerLaw, contact_radius: ArrayLike, modulus: ArrayLike, work_of_adhesion: ArrayLike) -> Array:
-    a = not_below("contact_radius", contact_radius, 0.0, _LENGTH)
+    a = not_negative("contact_radius", contact_radius)
     neck = _neck(a, positive("modulus", modulus), positive("work_of_adhesion", work_of_adhesion))
     return np.asarray(tip.transform(a) - neck)
 

@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike
 from contbranch.arrays import Array
 from contbranch.errors import InputError
 from contbranch.theory._dugdale import Angle, Zone, opening_of_contact, opening_of_zone
-from contbranch.theory._inputs import finite, not_below
+from contbranch.theory._inputs import finite, not_negative
 
 __all__ = [
     "CRITICAL_TABOR",
@@ -129,7 +129,7 @@ def contact(
         If a constant is not positive (repulsion included) or a contact radius negative.
     """
     zone = _zone(radius=radius, modulus=modulus, work_of_adhesion=work_of_adhesion, interaction_range=interaction_range)
-    a = not_below("contact_radius", contact_radius, 0.0, "it is a length")
+    a = not_negative("contact_radius", contact_radius)
     found = in_contact(zone, zone.tangent_at(a))
     return found._replace(contact_radius=np.asarray(np.broadcast_to(a, np.shape(found.load))))
 
@@ -153,7 +153,7 @@ def separated(
         If c is negative or the surfaces would touch.
     """
     zone = _zone(**constants)
-    c = not_below("interaction_radius", interaction_radius, 0.0, "it is a length")
+    c = not_negative("interaction_radius", interaction_radius)
     beyond = c - zone.touch_radius()
     if np.any(beyond > 8.0 * np.finfo(float).eps * c):
         raise InputError(
@@ -218,7 +218,7 @@ def gap(
     """
     zone = _zone(**constants)
     r, a, c, s = np.broadcast_arrays(
-        not_below("r", r, 0.0, "it is a distance"),
+        not_negative("r", r),
         state.contact_radius,
         state.interaction_radius,
         state.interaction_radius * np.sin(state.rim_angle),
@@ -247,7 +247,7 @@ def pressure(
     `contact`.
     """
     zone = _zone(**constants)
-    r = not_below("r", r, 0.0, "it is a distance")
+    r = not_negative("r", r)
     a, c = state.contact_radius, state.interaction_radius
     y = np.sqrt(np.maximum((a - r) * (a + r), 0.0))
     wall = 2.0 / np.pi * (zone.modulus / zone.radius * y + zone.stress * np.arctan2(y, c * np.sin(state.rim_angle)))
@@ -298,8 +298,7 @@ def _zone(
 ) -> Zone:
     given = {"radius": radius, "modulus": modulus}
     given |= {"work_of_adhesion": work_of_adhesion, "interaction_range": interaction_range}
-    constants = np.broadcast_arrays(*(finite(name, value) for name, value in given.items()))
-    return Zone(*(np.asarray(x) for x in constants))
+    return Zone(*np.broadcast_arrays(*(finite(name, value) for name, value in given.items())))
 
 
 def _zone_integral(r: Array, rho: Array, a: Array, c: Array, s: Array) -> Array:
