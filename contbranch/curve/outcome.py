@@ -44,6 +44,8 @@ __all__ = [
     "state_in_units",
 ]
 
+# Tabor coefficient up to which curves are followed to their end.
+STIFFEST = 1000.0
 Kind = TypeVar("Kind", bound=Record)
 
 
@@ -285,12 +287,21 @@ def assemble(contact: Contact, curve: RawCurve, choice: ModelChoice, control: Co
         stiffness=control.spring_stiffness,
         accuracy=accuracy,
         status="complete" if curve.complete else "incomplete",
-        message=curve.message,
+        message=f"{curve.message}{'' if curve.complete else _stiffest(contact)}",
         description=contact.describe(),
         unit_names=contact.units.names,
         local_exponents=local_exponents,
         sensitivities=one_thread(lambda: _sensitivities(contact, told)),  # type: ignore[arg-type]
     )
+
+
+def _stiffest(contact: Contact) -> str:
+    """What holds in the limit of stiff interactions; empty for those that are followed."""
+    tabor, law = contact.tabor or 0.0, contact.interaction
+    if tabor <= STIFFEST or law is None:
+        return ""
+    limit = "JKR's (contbranch.theory.jkr)" if law.work_of_adhesion > 0 else "Hertz'"
+    return f" Stiffer than what is followed to its end (μ_T = {tabor:.3g}, over {STIFFEST:.0f}): take the limit, {limit}."
 
 
 def _sensitivities(contact: Contact, told: Mapping[str, tuple[Event, str]]) -> dict[str, dict[str, float]] | None:
