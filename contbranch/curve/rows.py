@@ -61,7 +61,8 @@ def raw_curve(track: Track, request: Request) -> RawCurve:
     if wrong:
         complete = False
         messages.append(_disagreement(track, wrong))
-    worst = float(np.max([one.relative_error() for one in found], initial=0.0)) / request.accuracy
+    broken = [Found(event.values, event.error, event.place) for event in breaking.events]
+    worst = float(np.max([one.relative_error() for one in (*found, *broken)], initial=0.0)) / request.accuracy
     if over():  # nothing more is computed of it, now or when it is asked for
         events = [replace(event, exponent=None, local_exponent=None) for event in events]
     elif not (worst <= 1.0 or given):
