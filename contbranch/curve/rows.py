@@ -61,12 +61,16 @@ def raw_curve(track: Track, request: Request) -> RawCurve:
     if wrong:
         complete = False
         messages.append(_disagreement(track, wrong))
-    worst = float(np.max([one.relative_error() for one in found], initial=0.0)) / request.accuracy
+    broken = [Found(event.values, event.error, event.place) for event in breaking.events]
+    worst = float(np.max([one.relative_error() for one in (*found, *broken)], initial=0.0)) / request.accuracy
     if over():  # nothing more is computed of it, now or when it is asked for
         events = [replace(event, exponent=None, local_exponent=None) for event in events]
     elif not (worst <= 1.0 or given):
         complete = False
-        much = f"is {worst:.3g} times the accuracy asked" if math.isfinite(worst) else "is not known"
+        much = "is not known; the law, or the tip, has kinks there"
+        if math.isfinite(worst):
+            reached = 10.0 ** math.ceil(math.log10(2.0 * worst * request.accuracy))
+            much = f"is {worst:.3g} times the accuracy asked; ask for {reached:.0e}"
         messages.append(f"An event's error estimate {much}.")
     load, displacement = track.column("load"), track.column("displacement")
     return RawCurve(
@@ -125,7 +129,10 @@ def _contradicted(track: Track) -> list[int]:
 
 def _disagreement(track: Track, rows: Sequence[int]) -> str:
     if not track.problem(0).given:
-        return "The inertia at the end disagrees with the folds counted: a fold was missed or doubled."
+        return (
+            "The inertia at the end disagrees with the folds counted: a fold was missed or doubled; "
+            "ask for a hundredth of the accuracy."
+        )
     own = track.points[rows[0]].observables
     return (
         f"In {len(rows)} parts of the curve eigenvalues find another number of unstable modes than the folds say, "

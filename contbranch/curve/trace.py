@@ -226,6 +226,8 @@ class _Tracing:
         row, last = len(self.points) - 1, self.points[-1]
         if margin == TIP_EDGE:
             self.complete = self.request.target is None
+            if not self.complete:
+                message += " What was asked lies beyond: ask for less, or describe the tip farther out."
             self.marks.append(Mark(row, "end", last, margin=margin, message=message, name=margin))
         elif margin != EDGE:
             self.marks.append(Mark(row, "inadmissible", last, margin=margin))

@@ -26,8 +26,9 @@ __all__ = ["Edge", "Front", "felt", "steepest"]
 # A front begins where the pressure changes by more than this multiple of its largest value over its distance from the
 # rim, ends where it changes by less than the second, and is moved where its own change is below this share.
 BEGINS, ENDS, FLATTER = 1.5, 1.0, 0.2
-# A mesh that ends beyond this share of the distance to the edge of the tip ends there.
-CLOSE_TO_EDGE = 0.8
+# A mesh that must reach beyond the first share of the distance to the edge of the tip ends there, and goes on to do so
+# down to the second.
+CLOSE_TO_EDGE, LEAVES = 0.8, 0.5
 # Radius over which the interaction is felt in units of the length on which elasticity answers it, from which on steps
 # are limited by fronts; and from which on by such as are flatter by this factor, like the edges of large films.
 STIFF, LARGE, OF_FILMS = 16.0, 1000.0, 0.2
@@ -132,12 +133,10 @@ class Edge:
         return math.log(_to_edge(equations, fields) / self.place)
 
     @staticmethod
-    def needed(equations: Equations, fields: Fields, reach: float) -> Edge | None:
-        """The edge, if a mesh of that length comes close to it."""
-        extent = equations.tip.extent
-        if not math.isfinite(extent) or reach < CLOSE_TO_EDGE * (distance := _to_edge(equations, fields)):
-            return None
-        return Edge(distance)
+    def needed(equations: Equations, fields: Fields, reach: float, present: bool) -> Edge | None:
+        """The edge, if a mesh of that length comes close to it; one that ends there goes on to do so for longer."""
+        distance = _to_edge(equations, fields)
+        return Edge(distance) if reach > (LEAVES if present else CLOSE_TO_EDGE) * distance else None
 
 
 def _to_edge(equations: Equations, fields: Fields) -> float:

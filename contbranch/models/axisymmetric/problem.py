@@ -656,26 +656,32 @@ class ContactProblem(EquilibriumProblem):
 
     def _fronted(self, x: Array, p: float) -> Front | Edge | None:
         """What the mesh is to move with at a state."""
-        if isinstance(self.front, Edge):
-            return self.front
         equations, fields = self.seen(x, p)
-        edge = Edge.needed(equations, fields, float(equations.mesh.edges[-1]))
-        if edge is not None or not self.resolution.moving:
-            return edge or self.front
-        return steepest((equations, fields), self.front, self.equations.mesh, self.resolution.moving)
+        present = self.front
+        if math.isfinite(equations.tip.extent):
+            allowed = self.resolution.tolerance * max(1.0, abs(equations.load(fields)))
+            edge = Edge.needed(equations, fields, needed_reach(equations, fields, allowed), isinstance(present, Edge))
+            if edge is not None:
+                return present if isinstance(present, Edge) else edge
+        if isinstance(present, Edge):
+            present = None
+        if not self.resolution.moving:
+            return present
+        return steepest((equations, fields), present, self.equations.mesh, self.resolution.moving)
 
     def anchored(self, front: Front | Edge | None, x: Array, p: float) -> tuple[ContactProblem, Array]:
         """The problem with another front, or with none, and the state."""
         still, h = self.still(x), x[: self.size]
-        if front is None:
-            return still, h
-        if isinstance(front, Edge):
-            edges = still.equations.mesh.edges
-            edges = np.append(edges[edges < INSIDE * front.place], front.place)
-            mesh = mesh_on(edges, self.resolution.order, bounded=True)
+        edges, ends = still.equations.mesh.edges, isinstance(front, Edge)
+        if ends or isinstance(self.front, Edge):
+            if isinstance(front, Edge):
+                edges = np.append(edges[edges < INSIDE * front.place], front.place)
+            mesh = mesh_on(edges, self.resolution.order, bounded=ends)
             h = still.equations.mesh.interpolate(h, mesh.nodes)
             still = still.on_mesh(mesh)
-        elif self.front is not None:
+        if front is None:
+            return still, h
+        if not ends and isinstance(self.front, Front):
             return ContactProblem(self.equations, self.scale, self.resolution, self.sharpness, front), x
         return ContactProblem(still.equations, self.scale, self.resolution, self.sharpness, front), np.append(h, 0.0)
 

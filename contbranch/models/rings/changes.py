@@ -29,8 +29,9 @@ __all__ = ["born", "vanished"]
 # Half-widths with which a region is born, as shares of the room there is for it; the first that succeeds counts, unless
 # an inequality fails there by more than this.
 SEEDS, FAILS = (0.02, 0.05, 0.01, 0.1, 0.004, 0.2), 1e-3
-# Radii of a disc that takes the place of a ring, in units of the ring's.
-FILLED = (1.5, 3.0, 10.0)
+# Radii of a disc that takes the place of a ring, in units of the ring's; the least radius of a ring over which a law is
+# felt.
+FILLED, TOLD = (1.5, 3.0, 10.0), 3e-3
 # Breaks taken over from other panels are at least this share of the outermost one apart.
 APART = 0.02
 # First steps behind a change as a share of the narrowest region, or behind a jump of the outermost edge; no shorter.
@@ -157,8 +158,9 @@ def seeded(point: Point, breach: Breach) -> Point:
         max(edges[-1] if len(edges) else 0.0, math.sqrt(problem.setting.scale)),
     )
     seeds = [(centre, share * room) for share in SEEDS]
-    if breach.region == 0 and not centre:  # where the ring is too small to be told, the disc that it soon fills
-        seeds += [(True, share * breach.radius) for share in FILLED]
+    if breach.region == 0 and not centre:  # the disc that fills a ring soon, at once where that is too small to be told
+        place = 0 if breach.radius < TOLD * math.sqrt(problem.setting.scale) else len(seeds)
+        seeds[place:place] = [(True, share * breach.radius) for share in FILLED]
     doubtful: list[Point] = []
     for inside, half in seeds:
         if inside:

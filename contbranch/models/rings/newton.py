@@ -22,7 +22,7 @@ Row = tuple[Array, float]
 # is accepted, and how often a step is halved to avoid more.
 APPROACHES, NEARLY, GROWS, HALVINGS = 30, 1e-3, 1.5, 6
 # ... and how far it goes then.
-PRECISE = Options(tolerance=1e-12, noise=1e6)
+PRECISE = Options(tolerance=1e-12, noise=1e8)
 # Rounds of meshing and solving for one state.
 ROUNDS = 6
 

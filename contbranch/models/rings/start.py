@@ -31,7 +31,7 @@ SMALL = 1e-2
 # Radii of the hole, in shares of the disc's, from which Newton's method is tried where the pressure at the apex would
 # exceed its bound: with a cone however small the disc. Shares of the disc that are tried before that.
 HOLES = (0.3, 0.1, 0.6, 0.03, 0.85, 0.01, 0.003, 0.001, 1e-4, 1e-5)
-DISCS = (1.0, 0.5, 0.2, 0.1)
+DISCS = (1.0, 0.5, 0.2, 0.1, 0.03, 0.01, 1e-3)
 
 
 def distance(setting: Setting, control: Control = LOAD) -> float:
