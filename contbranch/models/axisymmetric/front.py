@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -49,12 +50,16 @@ class Front:
         Over which the gap there changes by as much as it is.
     weight : float
         Of σ in the inner product of states: ∫ h² dξ where the front began.
+    power : float
+        n of a tip like rⁿ: films that differ in size have the same h/bⁿ. Gaps, far smaller than h, change little with
+        σ at fixed h e^(−nσ), and by far more than they are at fixed h.
     """
 
     place: float
     gap: float
     width: float
     weight: float
+    power: float
 
     def weights(self, mesh: Mesh) -> Array:
         """Weights of the inner product of states, (N + 1,): all lengths around the front count alike, down to its own.
@@ -113,6 +118,7 @@ class Edge:
     """
 
     place: float
+    power: ClassVar[float] = 0.0
 
     def weights(self, mesh: Mesh) -> Array:
         """Weights of the inner product of states, (N + 1,): σ follows from the rim."""
@@ -182,4 +188,6 @@ def steepest(seen: tuple[Equations, Fields], present: Front | None, unit: Mesh, 
         return present
     at, own = float(unit.nodes[place]), float(fields.gap[place])
     width = abs(own / float(mesh.derivative(fields.gap)[place])) * at / float(mesh.nodes[place])
-    return Front(at, own, width, float(unit.weights @ fields.h**2))
+    power = equations.tip.apex_exponent if present is None else present.power
+    growth = float(mesh.edges[-1] / unit.edges[-1]) ** power
+    return Front(at, own, width, float(unit.weights @ (fields.h / growth) ** 2), power)

@@ -165,7 +165,8 @@ class ContactProblem(EquilibriumProblem):
     sharpness : float
         Factor by which the panels' own error guide was found too optimistic here.
     front : Front, Edge or None
-        With it a state is (h, σ), and h belongs to the mesh of `equations` stretched by e^σ.
+        With it a state is (h e^(−nσ), σ), and h belongs to the mesh of `equations` stretched by e^σ; n is the front's
+        `power`.
     """
 
     def __init__(
@@ -212,31 +213,37 @@ class ContactProblem(EquilibriumProblem):
                 return equations, fields
         known = next((one[2] for one in self._seen if one[0][-1] == x[-1]), None)
         equations = known or self.equations.stretched(math.exp(min(max(float(x[-1]), -FARTHEST), FARTHEST)))
-        fields = equations.fields(x[:-1], y)
+        fields = equations.fields(self.growth(x) * x[:-1], y)
         self._seen = [(x, y, equations, fields), *self._seen[: RECENT - 1]]
         return equations, fields
+
+    def growth(self, x: Array) -> float:
+        """e^(nσ): what a state grows by where it keeps its shape as the front moves."""
+        return 1.0 if self.front is None else math.exp(self.front.power * min(max(float(x[-1]), -FARTHEST), FARTHEST))
 
     def fields(self, x: Array, u: float) -> Fields:
         """Everything that follows from a state."""
         return self.seen(x, u)[1]
 
     def residual(self, x: Array, p: float) -> Array:
-        """Residual R, (N,), and how far the front is from its place."""
+        """Residual R, (N,), and how far the front is from its place; both e^(−nσ) times."""
         equations, fields = self.seen(x, p)
         if self.front is None:
             return fields.residual
-        return np.append(fields.residual, self.front.off(self.equations.mesh, equations, fields, float(x[-1])))
+        off = self.front.off(self.equations.mesh, equations, fields, float(x[-1]))
+        return np.append(fields.residual, off) / self.growth(x)
 
     def jacobian(self, x: Array, p: float) -> Array:
         """dR/dx, (N, N); with a front bordered by the derivatives with respect to σ and those of its equation."""
         equations, fields = self.seen(x, p)
         if self.front is None:
             return equations.jacobian(fields)
-        n = equations.mesh.size
+        n, power = equations.mesh.size, self.front.power
         matrix = np.empty((n + 1, n + 1))
         matrix[:n, :n] = equations.jacobian(fields)
-        matrix[:n, n] = equations.spread(fields)[1]
-        matrix[n, :n], matrix[n, n], _ = self.front.derivatives(self.equations.mesh, equations, fields)
+        matrix[n, :n], spread, _ = self.front.derivatives(self.equations.mesh, equations, fields)
+        matrix[:, n] = np.append(equations.spread(fields)[1], spread) / self.growth(x)
+        matrix[:, n] += power * (matrix[:, :n] @ x[:n] - self.residual(x, p))
         return matrix
 
     def parameter_derivative(self, x: Array, p: float) -> Array:
@@ -244,7 +251,8 @@ class ContactProblem(EquilibriumProblem):
         equations, fields = self.seen(x, p)
         residual = equations.slopes(fields)[1]
         if self.front is not None:
-            residual = np.append(residual, self.front.derivatives(self.equations.mesh, equations, fields)[2])
+            off = self.front.derivatives(self.equations.mesh, equations, fields)[2]
+            residual = np.append(residual, off) / self.growth(x)
         return residual * (self.scale * math.cosh(p))
 
     def linearise(self, x: Array, p: float) -> Linearisation:
@@ -255,19 +263,20 @@ class ContactProblem(EquilibriumProblem):
             return Linearisation(fields.residual, np.empty((0, 0)), fields.residual)
         return Linearisation(self.residual(x, p), self.jacobian(x, p), self.parameter_derivative(x, p))
 
-    def moving(self, x_rate: Array, fields: Fields) -> Array:
+    def moving(self, x_rate: Array, x: Array) -> Array:
         """The rate of h where it is, (N,), of a direction of states: the mesh may move through it."""
         if self.front is None:
             return x_rate
-        mesh = self.equations.mesh
-        return np.asarray(x_rate[:-1] - mesh.nodes * mesh.derivative(fields.h) * x_rate[-1])
+        mesh, h = self.equations.mesh, x[:-1]
+        spread = self.front.power * h - mesh.nodes * mesh.derivative(h)
+        return self.growth(x) * np.asarray(x_rate[:-1] + spread * x_rate[-1])
 
-    def still(self, x: Array) -> ContactProblem:
-        """The problem on the mesh of a state, which stays as it is: its state there is `x[: size]`."""
+    def still(self, x: Array) -> tuple[ContactProblem, Array]:
+        """The problem on the mesh of a state, which stays as it is, and the state."""
         if self.front is None:
-            return self
+            return self, x
         equations = self.equations.on(self.equations.mesh.stretched(math.exp(float(x[-1]))))
-        return ContactProblem(equations, self.scale, self.resolution, self.sharpness)
+        return ContactProblem(equations, self.scale, self.resolution, self.sharpness), self.growth(x) * x[:-1]
 
     def inner(self, u: Array, v: Array) -> float:
         """∫ u v dtau, which does not know the mesh, and the front's share."""
@@ -374,8 +383,8 @@ class ContactProblem(EquilibriumProblem):
             return self._freed(points)
         if last.parameter != 0.0 or self.equations.contact:
             return None
-        still = self.still(last.x)
-        disc, h = still._behind(), last.x[: still.size]
+        still, h = self.still(last.x)
+        disc = still._behind()
         start = disc.touching(h)
         problem = start.problem
         kinked = isinstance(problem, ContactProblem) and (problem.flat or disc.resists(h))
@@ -395,8 +404,8 @@ class ContactProblem(EquilibriumProblem):
         """
         if p != 0.0:
             return ()
-        still = self.still(x)
-        other, h = still._behind(), x[: still.size]
+        still, h = self.still(x)
+        other = still._behind()
         if other.equations.contact:
             return other.touching(h), *other.graded(h)
         return (other.touching(other.solve_at(h, 0.0)),)
@@ -517,7 +526,7 @@ class ContactProblem(EquilibriumProblem):
         """Rates of load, displacement, contact radius and central gap along a direction."""
         equations, fields = self.seen(x, p)
         y_rate, ends = self.scale * math.cosh(p) * p_rate, isinstance(self.front, Edge)
-        h_rate = x_rate[:-1] if ends else self.moving(x_rate, fields)
+        h_rate = x_rate[:-1] if ends else self.moving(x_rate, x)
         load, displacement = equations.rates(fields, h_rate, y_rate)
         if ends:  # where h ends as a square root does, its rate at a place is infinite
             load += float(x_rate[-1]) * equations.load_per_stretch(fields)
@@ -639,7 +648,7 @@ class ContactProblem(EquilibriumProblem):
             trial, carried = problem.remeshed(start, p, solve=False)
             found = trial.solve_at(carried, p, enough=NEARLY)  # it is corrected by who asked
             change, told = found - carried, trial.told(problem)
-            moves = change[: trial.size], trial.moving(change, trial.fields(found, p))
+            moves = trial.growth(found) * change[: trial.size], trial.moving(change, found)
             moved = min(float(np.abs(by[told]).max(initial=0.0)) for by in moves)
             if not moved <= LEAP * expected + 1e-6 * self.scale or trial.lost(found, p):
                 break  # Newton's method has left for another solution
@@ -665,7 +674,7 @@ class ContactProblem(EquilibriumProblem):
 
     def anchored(self, front: Front | Edge | None, x: Array, p: float) -> tuple[ContactProblem, Array]:
         """The problem with another front, or with none, and the state."""
-        still, h = self.still(x), x[: self.size]
+        still, h = self.still(x)
         if front is None:
             return still, h
         if isinstance(front, Edge):
@@ -747,9 +756,11 @@ class ContactProblem(EquilibriumProblem):
             return np.append(mesh.interpolate(vector[:n], nodes), vector[n:])
         equations, fields = self.seen(x, p)
         shift = front.anchored(equations, fields) if front is not None else 0.0
-        function = fields.h if vector is x else self.moving(vector, fields)
+        function = fields.h if vector is x else self.moving(vector, x)
         found = equations.mesh.interpolate(function, math.exp(shift) * nodes)
-        return found if front is None else np.append(found, shift if vector is x else 0.0)
+        if front is None:
+            return found
+        return np.append(math.exp(-front.power * shift) * found, shift if vector is x else 0.0)
 
     def joins(self, other: EquilibriumProblem) -> bool:
         """Either side of first touch is a representation of its own."""
@@ -762,8 +773,8 @@ class ContactProblem(EquilibriumProblem):
         longer the radius of a fold has a relative error that further panels farther out do not cure.
         """
         if self.moves:
-            still = self.still(point.x)
-            return still.resolving(replace(point, problem=still, x=point.x[: still.size]), tolerance)
+            still, h = self.still(point.x)
+            return still.resolving(replace(point, problem=still, x=h), tolerance)
         x, u = point.x, point.parameter
         if self.relative_error(x, u) > tolerance:
             return self.remeshed(x, u, tolerance, solve=False)[0]
