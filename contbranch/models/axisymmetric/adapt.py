@@ -13,7 +13,7 @@ from contbranch.models.quadrature import gauss_between
 from .equations import Equations, Fields
 from .mesh import Mesh
 
-__all__ = ["Solver", "adapted_edges", "defect_error", "needed_reach", "panel_errors"]
+__all__ = ["Solver", "adapted_edges", "defect_error", "needed_reach", "panel_errors", "roughness"]
 
 Solver = Callable[[Array], Array]
 
@@ -27,6 +27,8 @@ SHORTEN = 0.9
 # Panels are merged when the joint panel's error stays below this part of what is allowed, so that it is not split
 # again soon.
 MERGE = 0.1
+# Share of its largest value up to which v'' may be unresolved at the centre of a film that moves with the mesh.
+SMOOTH = 1e-6
 
 
 def defect_error(equations: Equations, fields: Fields, solve: Solver | None = None) -> Defect:
@@ -51,6 +53,19 @@ def defect_error(equations: Equations, fields: Fields, solve: Solver | None = No
     longer = fine_equations.mesh.nodes > mesh.edges[-1]  # where h, carried over, is 0 and the residual all there is
     load -= 2 * float(fine.rim.weights[longer] @ fine.residual[longer])
     return Defect(load, displacement, float(np.abs(step).max()))
+
+
+def roughness(equations: Equations, fields: Fields, edges: Array | None = None) -> float:
+    """Tail of v'' on the innermost panel as a share of its largest value, in units of what a film at its limit bears.
+
+    Where a stiff film is about to be squeezed out, its centre decides on the branch, however little load it carries.
+    """
+    mesh, n = equations.mesh, equations.mesh.order
+    values = fields.stiffness[:n]
+    if edges is not None:
+        values = mesh.interpolate(fields.stiffness, gauss_between(np.zeros(1), edges[1:2], n)[0].ravel())
+    tail = float(np.abs(mesh.rule.to_legendre[-2:] @ values).max())
+    return tail / max(float(np.abs(fields.stiffness).max()), 1e-300) / SMOOTH
 
 
 def panel_errors(equations: Equations, fields: Fields, edges: Array | None = None) -> Array:
@@ -133,6 +148,8 @@ def adapted_edges(
     edges = equations.mesh.edges if unit is None else unit.edges
     reach *= edges[-1] / equations.mesh.edges[-1]
     errors = panel_errors(equations, fields)
+    if unit is not None and unit is not equations.mesh:
+        errors[0] = max(errors[0], share * roughness(equations, fields))
     if reach < SHORTEN * edges[-1]:
         keep = max(1, int(np.searchsorted(edges, reach)))
         edges, errors = edges[: keep + 1], errors[:keep]
@@ -162,6 +179,9 @@ def _mergeable(equations: Equations, fields: Fields, edges: Array, errors: Array
         return np.array([], dtype=np.intp)
     pairs = np.array(chosen)
     joined = np.delete(edges, pairs)
-    merged = panel_errors(equations, fields, joined * (equations.mesh.edges[-1] / edges[-1]))
+    stretch = equations.mesh.edges[-1] / edges[-1]
+    merged = panel_errors(equations, fields, joined * stretch)
+    if stretch != 1.0:
+        merged[0] = max(merged[0], share * roughness(equations, fields, joined * stretch) / MERGE)
     places = np.searchsorted(joined, edges[pairs - 1])
     return np.asarray(pairs[merged[places] < share])

@@ -69,6 +69,11 @@ class Front:
         own = self.place / (np.abs(mesh.nodes - self.place) + self.width)
         return np.append(mesh.weights * (1.0 + own / math.log(2.0 + self.place / self.width)), self.weight)
 
+    def steep(self, mesh: Mesh) -> Array:
+        own = self.place / (np.abs(mesh.nodes - self.place) + self.width) / math.log(2.0 + self.place / self.width)
+        inner = self.place / (mesh.nodes + mesh.innermost) / math.log(2.0 + self.place / mesh.innermost)
+        return mesh.weights * (own + inner) * self.place**2
+
     def off(self, unit: Mesh, equations: Equations, fields: Fields, sigma: float) -> float:
         """How far the gap at the front is from its own."""
         nodes, row = self._row(unit)

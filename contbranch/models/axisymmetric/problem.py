@@ -33,7 +33,7 @@ from contbranch.models.quadrature import start_edges
 from contbranch.results.diagram import ModeShape, Profile
 from contbranch.watch import check
 
-from .adapt import Solver, adapted_edges, defect_error, needed_reach, panel_errors
+from .adapt import Solver, adapted_edges, defect_error, needed_reach, panel_errors, roughness
 from .azimuthal import counted, eigenvalues, mode_shape
 from .equations import RECENT, ContactCoordinate, Equations, Fields
 from .front import Edge, Front, felt, steepest
@@ -187,6 +187,7 @@ class ContactProblem(EquilibriumProblem):
         layered = law is not None and math.isfinite(law.wave)
         self.ordered = not (layered or self.flat or isinstance(front, Edge))
         self._weights = mesh.weights if front is None else front.weights(mesh)
+        self._steep = None if not isinstance(front, Front) else front.steep(mesh)
         self._seen: list[tuple[Array, float, Equations, Fields]] = []
         self._corrected: tuple[Array, Solver] | None = None
         self._row = math.nan  # parameter of the last row
@@ -280,11 +281,20 @@ class ContactProblem(EquilibriumProblem):
 
     def inner(self, u: Array, v: Array) -> float:
         """∫ u v dtau, which does not know the mesh, and the front's share."""
-        return float((self._weights * u) @ v)
+        found = float((self._weights * u) @ v)
+        if self._steep is not None:
+            mesh = self.equations.mesh
+            found += float((self._steep * mesh.derivative(u[:-1])) @ mesh.derivative(v[:-1]))
+        return found
 
     def dual(self, u: Array) -> Array:
         """Vector whose product with v is inner(u, v)."""
-        return self._weights * u
+        found = self._weights * u
+        if self._steep is not None:
+            mesh = self.equations.mesh
+            own = (self._steep * mesh.derivative(u[:-1])).reshape(mesh.panels, mesh.order) / mesh.half[:, None]
+            found[:-1] += (own @ mesh.rule.derivative).ravel()
+        return found
 
     def direction(self, x: Array, p: float) -> tuple[Array, float]:
         """A tangent of the curve where the parameter is monotone: (dh/du, 1)."""
@@ -635,7 +645,8 @@ class ContactProblem(EquilibriumProblem):
         allowed = resolution.tolerance * max(1.0, abs(equations.load(fields)))
         reach = self._reach(equations, fields, 0.1 * allowed)
         error = self.relative_error(x, p)
-        if error <= resolution.tolerance and reach <= equations.mesh.edges[-1]:
+        rough = self.moves and roughness(equations, fields) > 1.0
+        if not rough and error <= resolution.tolerance and reach <= equations.mesh.edges[-1]:
             if error > 1e-3 * resolution.tolerance or mesh.panels <= 6:
                 return self, x
             edges = adapted_edges(equations, fields, SLACK * allowed / self.sharpness, reach, mesh)
@@ -653,7 +664,9 @@ class ContactProblem(EquilibriumProblem):
             if not moved <= LEAP * expected + 1e-6 * self.scale or trial.lost(found, p):
                 break  # Newton's method has left for another solution
             problem, start = trial, found
-            if problem.relative_error(start, p) <= resolution.tolerance:
+            if problem.relative_error(start, p) <= resolution.tolerance and not (
+                problem.moves and roughness(*problem.seen(start, p)) > 1.0
+            ):
                 break
         return problem, start
 
