@@ -18,11 +18,16 @@ _CUBE_ROOT_OF_ROUNDING = float(np.finfo(float).eps ** (1 / 3))
 
 
 class Linearisation(NamedTuple):
-    """Residual (n,), Jacobian (n, n) and derivative with respect to the parameter (n,) at one point."""
+    """Residual (n,), Jacobian (n, n) and derivative with respect to the parameter (n,) at one point.
+
+    `applied` gives the product of the Jacobian with a vector where that has smaller rounding errors than the matrix's
+    own, as of products of matrices: what is solved with the matrix is then refined.
+    """
 
     residual: Array
     jacobian: Any
     parameter_derivative: Array
+    applied: Callable[[Array], Array] | None = None
 
 
 class Solution(NamedTuple):

@@ -277,8 +277,8 @@ class Equations:
             _, shape_slope = self.tip.shape_gap(self.mesh.nodes, 1e-12)
         return np.asarray(fields.rim.plane_slope(fields.h - fields.rim_value) * dc + shape_slope * da)
 
-    def spread(self, fields: Fields) -> tuple[Array, Array]:
-        """Rates of gap and residual with ln of the stretch of the mesh at fixed nodal h, (N,) each.
+    def spread(self, fields: Fields, power: float) -> tuple[Array, Array]:
+        """Rates of gap and residual with ln of the stretch of the mesh, h growing with its power, (N,) each.
 
         The kernels are homogeneous: `abel` grows with the mesh, and `plane` depends on the rim's radius in its units.
         """
@@ -292,9 +292,10 @@ class Equations:
             gap[~np.isfinite(gap)] = 0.0  # beyond the end of a tip nothing moves
             if a > 0:
                 gap -= 2 * a * a * fields.rim.plane_slope(fields.h - fields.rim_value)
+            gap += power * fields.rim.bent(fields.h - fields.rim_value)
             answer = np.zeros_like(gap)
             np.multiply(fields.stiffness, gap, out=answer, where=fields.stiffness != 0.0)
-            fields.derived["spread"] = gap, self.mesh.abel @ (answer - fields.pressure)
+            fields.derived["spread"] = gap, power * fields.h + self.mesh.abel @ (answer - fields.pressure)
         gap_rate, residual_rate = fields.derived["spread"]
         return gap_rate, residual_rate
 

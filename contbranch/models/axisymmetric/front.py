@@ -84,7 +84,8 @@ class Front:
         nodes, row = self._row(unit)
         plane = row @ fields.rim.plane[nodes]
         plane -= plane.sum() * equations.rim_row
-        spread, slope = (row @ rates[0][nodes] for rates in (equations.spread(fields), equations.slopes(fields)))
+        rates = equations.spread(fields, self.power), equations.slopes(fields)
+        spread, slope = (row @ rate[0][nodes] for rate in rates)
         return plane, float(spread), float(slope)
 
     def _row(self, mesh: Mesh) -> tuple[slice, Array]:

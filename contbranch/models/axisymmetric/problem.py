@@ -243,8 +243,8 @@ class ContactProblem(EquilibriumProblem):
         matrix = np.empty((n + 1, n + 1))
         matrix[:n, :n] = equations.jacobian(fields)
         matrix[n, :n], spread, _ = self.front.derivatives(self.equations.mesh, equations, fields)
-        matrix[:, n] = np.append(equations.spread(fields)[1], spread) / self.growth(x)
-        matrix[:, n] += power * (matrix[:, :n] @ x[:n] - self.residual(x, p))
+        matrix[:, n] = np.append(equations.spread(fields, power)[1], spread) / self.growth(x)
+        matrix[:, n] -= power * self.residual(x, p)
         return matrix
 
     def parameter_derivative(self, x: Array, p: float) -> Array:
@@ -262,7 +262,16 @@ class ContactProblem(EquilibriumProblem):
         fields = self.fields(x, p)
         if not fields.finite:
             return Linearisation(fields.residual, np.empty((0, 0)), fields.residual)
-        return Linearisation(self.residual(x, p), self.jacobian(x, p), self.parameter_derivative(x, p))
+        linear = Linearisation(self.residual(x, p), self.jacobian(x, p), self.parameter_derivative(x, p))
+        if not self.moves:
+            return linear
+        equations, n = self.seen(x, p)[0], self.size
+
+        def applied(v: Array) -> Array:  # films bear large changes of h that hardly move the gap
+            own = v[:n] + equations.answered(fields, v[:n] - equations.rim_row @ v[:n])
+            return np.append(own, linear.jacobian[n, :n] @ v[:n]) + linear.jacobian[:, n] * v[n]
+
+        return linear._replace(applied=applied)
 
     def moving(self, x_rate: Array, x: Array) -> Array:
         """The rate of h where it is, (N,), of a direction of states: the mesh may move through it."""
