@@ -153,22 +153,16 @@ def correct(
             if size > max(SMALL, noise * floor):
                 worst = max(worst, contraction)
         if done:
-            u, a = _refined(bordered, at, row, solve(bordered, np.zeros_like(x), 1.0, p), p)
+            u, a = solve(bordered, np.zeros_like(x), 1.0, p)
+            if at.applied is not None:
+                rest = -at.applied(u) - a * at.parameter_derivative
+                du, da = solve(bordered, rest, 1.0 - float(row[0] @ u) - row[1] * a, p)
+                dx, dp = solve(bordered, -residual(problem, x, p), 0.0, p)
+                x, p, u, a = x + dx, p + dp, u + du, a + da
             problem.corrected(x, p, partial(_at_fixed_parameter, bordered, (u, a)))
             return Corrected(x, p, u, a, bordered, iteration, first, worst)
         previous = size
     raise CorrectionError(Outcome.STEP_TOO_SMALL, f"(The last correction was {previous:.2g} of the step's scale.)")
-
-
-def _refined(
-    bordered: Bordered, at: Linearisation, row: tuple[Array, float], tangent: tuple[Array, float], p: float
-) -> tuple[Array, float]:
-    """The tangent with the rounding errors of the Jacobian's own product only."""
-    if at.applied is None:
-        return tangent
-    u, a = tangent
-    du, da = solve(bordered, -at.applied(u) - a * at.parameter_derivative, 1.0 - float(row[0] @ u) - row[1] * a, p)
-    return u + du, a + da
 
 
 def _at_fixed_parameter(bordered: Bordered, tangent: tuple[Array, float], f: Array) -> Array:

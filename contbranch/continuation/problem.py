@@ -21,7 +21,7 @@ class Linearisation(NamedTuple):
     """Residual (n,), Jacobian (n, n) and derivative with respect to the parameter (n,) at one point.
 
     `applied` gives the product of the Jacobian with a vector where that has smaller rounding errors than the matrix's
-    own, as of products of matrices: what is solved with the matrix is then refined.
+    own, as of products of matrices: tangents and points are then refined with the factorised matrix.
     """
 
     residual: Array
