@@ -27,8 +27,8 @@ SHORTEN = 0.9
 # Panels are merged when the joint panel's error stays below this part of what is allowed, so that it is not split
 # again soon.
 MERGE = 0.1
-# Share of its largest value up to which v'' may be unresolved at the centre of a film that moves with the mesh.
-SMOOTH = 1e-6
+# Share of its largest value up to which v'' may be unresolved inside a film that moves with the mesh.
+SMOOTH = 1e-4
 
 
 def defect_error(equations: Equations, fields: Fields, solve: Solver | None = None) -> Defect:
@@ -55,17 +55,17 @@ def defect_error(equations: Equations, fields: Fields, solve: Solver | None = No
     return Defect(load, displacement, float(np.abs(step).max()))
 
 
-def roughness(equations: Equations, fields: Fields, edges: Array | None = None) -> float:
-    """Tail of v'' on the innermost panel as a share of its largest value, in units of what a film at its limit bears.
+def roughness(equations: Equations, fields: Fields, edges: Array, within: float) -> Array:
+    """Tails of v'' on panels as shares of its largest value, in units of what a film bears, (P,); 0 beyond a radius.
 
-    Where a stiff film is about to be squeezed out, its centre decides on the branch, however little load it carries.
+    Where a stiff film is about to be squeezed out, and around a contact that begins in it, what happens at its centre
+    decides on the branch, and on the load that goes with it, however little load it carries.
     """
     mesh, n = equations.mesh, equations.mesh.order
-    values = fields.stiffness[:n]
-    if edges is not None:
-        values = mesh.interpolate(fields.stiffness, gauss_between(np.zeros(1), edges[1:2], n)[0].ravel())
-    tail = float(np.abs(mesh.rule.to_legendre[-2:] @ values).max())
-    return tail / max(float(np.abs(fields.stiffness).max()), 1e-300) / SMOOTH
+    nodes = gauss_between(edges[:-1], edges[1:], n)[0].ravel()
+    tails = np.abs(mesh.interpolate(fields.stiffness, nodes).reshape(-1, n) @ mesh.rule.to_legendre[-2:].T).max(axis=1)
+    share = tails / (SMOOTH * max(float(np.abs(fields.stiffness).max()), 1e-300))
+    return np.where(edges[1:] < within, share, 0.0)
 
 
 def panel_errors(equations: Equations, fields: Fields, edges: Array | None = None) -> Array:
@@ -130,7 +130,7 @@ def needed_reach(equations: Equations, fields: Fields, tolerance: float) -> floa
 
 
 def adapted_edges(
-    equations: Equations, fields: Fields, tolerance: float, reach: float, unit: Mesh | None = None
+    equations: Equations, fields: Fields, tolerance: float, reach: float, unit: Mesh, within: float = 0.0
 ) -> Array:
     """Edges made from the mesh's own: panels with too large an error split, neighbours that one panel would serve
     merged.
@@ -141,15 +141,21 @@ def adapted_edges(
         Sum of `panel_errors` aimed at.
     reach : float
         Outer end wanted; panels beyond are dropped.
-    unit : Mesh, optional
+    unit : Mesh
         What the mesh was stretched from, whose edges are adapted.
+    within : float
+        Radius within which panels have to be smooth besides.
     """
     share = tolerance / 6
-    edges = equations.mesh.edges if unit is None else unit.edges
-    reach *= edges[-1] / equations.mesh.edges[-1]
-    errors = panel_errors(equations, fields)
-    if unit is not None and unit is not equations.mesh:
-        errors[0] = max(errors[0], share * roughness(equations, fields))
+    edges, stretch = unit.edges, equations.mesh.edges[-1] / unit.edges[-1]
+    reach /= stretch
+
+    def guide(edges: Array) -> Array:
+        return np.maximum(
+            panel_errors(equations, fields, edges), share * roughness(equations, fields, edges, within)
+        )
+
+    errors = guide(equations.mesh.edges)
     if reach < SHORTEN * edges[-1]:
         keep = max(1, int(np.searchsorted(edges, reach)))
         edges, errors = edges[: keep + 1], errors[:keep]
@@ -157,12 +163,12 @@ def adapted_edges(
     bad[1:] |= edges[2:] > GROWTH * edges[1:-1]
     cut = (edges[:-1] + edges[1:]) / 2
     cut[0] = GRADING * edges[1]
-    superfluous = _mergeable(equations, fields, edges, errors, MERGE * share)
+    superfluous = _mergeable(lambda edges: guide(stretch * edges), edges, errors, MERGE * share)
     kept = np.delete(edges, superfluous)
     return np.sort(np.concatenate([kept, cut[bad]]))
 
 
-def _mergeable(equations: Equations, fields: Fields, edges: Array, errors: Array, share: float) -> Indices:
+def _mergeable(guide: Callable[[Array], Array], edges: Array, errors: Array, share: float) -> Indices:
     """Inner edges, no two neighbouring, without which the panels' errors stay below `share`."""
     small = errors < share
     candidates = [k for k in range(1, len(edges) - 1) if small[k - 1] and small[k]]
@@ -179,9 +185,6 @@ def _mergeable(equations: Equations, fields: Fields, edges: Array, errors: Array
         return np.array([], dtype=np.intp)
     pairs = np.array(chosen)
     joined = np.delete(edges, pairs)
-    stretch = equations.mesh.edges[-1] / edges[-1]
-    merged = panel_errors(equations, fields, joined * stretch)
-    if stretch != 1.0:
-        merged[0] = max(merged[0], share * roughness(equations, fields, joined * stretch) / MERGE)
+    merged = guide(joined)
     places = np.searchsorted(joined, edges[pairs - 1])
     return np.asarray(pairs[merged[places] < share])

@@ -103,6 +103,8 @@ NOISE = 1e7
 INSIDE = 0.97
 # Share of a tip's extent up to which the contact may grow, and beyond which the gap closes at its edge.
 WHOLE, OUTERMOST = 0.999, 0.9
+# Share of the front's radius within which a film has to be smooth.
+CORE = 0.5
 # At first touch a mesh aims at this share of the tolerance, since tiny contacts ask for more than the touch itself.
 AHEAD = 0.1
 
@@ -654,11 +656,10 @@ class ContactProblem(EquilibriumProblem):
         allowed = resolution.tolerance * max(1.0, abs(equations.load(fields)))
         reach = self._reach(equations, fields, 0.1 * allowed)
         error = self.relative_error(x, p)
-        rough = self.moves and roughness(equations, fields) > 1.0
-        if not rough and error <= resolution.tolerance and reach <= equations.mesh.edges[-1]:
+        if not self.rough(x, p) and error <= resolution.tolerance and reach <= equations.mesh.edges[-1]:
             if error > 1e-3 * resolution.tolerance or mesh.panels <= 6:
                 return self, x
-            edges = adapted_edges(equations, fields, SLACK * allowed / self.sharpness, reach, mesh)
+            edges = adapted_edges(equations, fields, SLACK * allowed / self.sharpness, reach, mesh, self.within(x))
             if len(edges) > 0.75 * mesh.panels:
                 return self, x
         problem: ContactProblem = self
@@ -673,11 +674,18 @@ class ContactProblem(EquilibriumProblem):
             if not moved <= LEAP * expected + 1e-6 * self.scale or trial.lost(found, p):
                 break  # Newton's method has left for another solution
             problem, start = trial, found
-            if problem.relative_error(start, p) <= resolution.tolerance and not (
-                problem.moves and roughness(*problem.seen(start, p)) > 1.0
-            ):
+            if problem.relative_error(start, p) <= resolution.tolerance and not problem.rough(start, p):
                 break
         return problem, start
+
+    def within(self, x: Array) -> float:
+        """Radius within which a film has to be smooth."""
+        return CORE * self.front.place * math.exp(float(x[-1])) if isinstance(self.front, Front) else 0.0
+
+    def rough(self, x: Array, p: float) -> bool:
+        """Whether a film is not smooth."""
+        equations, fields = self.seen(x, p)
+        return self.moves and bool((roughness(equations, fields, equations.mesh.edges, self.within(x)) > 1.0).any())
 
     def told(self, coarse: ContactProblem) -> slice:
         """Nodes at which a coarser mesh's panels tell the solution: not next to an edge, where it ends like a root."""
@@ -728,7 +736,7 @@ class ContactProblem(EquilibriumProblem):
             if error > tolerance:
                 guide = float(panel_errors(equations, fields).sum()) / max(1.0, abs(equations.load(fields)))
                 sharpness = min(max(sharpness, 2 * error / max(guide, 1e-16)), 1e6)
-            edges = adapted_edges(equations, fields, SLACK * allowed / sharpness, reach, unit)
+            edges = adapted_edges(equations, fields, SLACK * allowed / sharpness, reach, unit, self.within(x))
         return self.on(mesh_on(edges, self.resolution.order, unit.bounded), x, p, sharpness, solve)
 
     def _reach(self, equations: Equations, fields: Fields, tolerance: float) -> float:
