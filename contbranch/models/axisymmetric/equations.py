@@ -496,14 +496,14 @@ class Equations:
         return least, math.hypot(float(nodes[lowest]), fields.rim.radius)
 
     # -- stability ----------------------------------------------------------------------------------------------------
-    def unstable_modes(self, fields: Fields, finely: bool = True) -> int:
+    def unstable_modes(self, fields: Fields, finely: bool = True, least: float = 0.0) -> int:
         """Morse index under displacement control (m = 0): negative eigenvalues of the second variation, by inertia.
 
         The second variation of the energy divided by 2E, ``W + π planeᵀ (rho v'' w) plane`` with ``W = w dt/dtau``: a
         sum of congruences, so that a stiff film (v'' > 0) can never look unstable, however coarse the mesh. The trial
         functions
         are this mesh's polynomials; their gap has half-order edges at the panels' ends, so it is integrated on the
-        finer one.
+        finer one. Eigenvalues above −`least` do not count.
         """
         mesh = self.mesh
         weights = mesh.weights * fields.rim.factor
@@ -516,7 +516,7 @@ class Equations:
         scaled = plane / np.sqrt(weights)
         stiffness = np.pi * fine_mesh.weights * fine_mesh.nodes * fine_fields.stiffness
         matrix = scaled.T @ (stiffness[:, None] * scaled)
-        matrix.flat[:: mesh.size + 1] += 1.0
+        matrix.flat[:: mesh.size + 1] += 1.0 + least
         return negative_eigenvalues(matrix)
 
 

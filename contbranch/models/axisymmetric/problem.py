@@ -103,6 +103,9 @@ NOISE = 1e7
 INSIDE = 0.97
 # Share of a tip's extent up to which the contact may grow, and beyond which the gap closes at its edge.
 WHOLE, OUTERMOST = 0.999, 0.9
+# The rim of a contact in a stiff film rests where it is all but indifferent: eigenvalues up to this (of the elastic
+# energy's) are the discretisation's.
+INDIFFERENT = 1e-6
 # Share of the front's radius within which a film has to be smooth.
 CORE = 0.5
 # At first touch a mesh aims at this share of the tolerance, since tiny contacts ask for more than the touch itself.
@@ -567,7 +570,8 @@ class ContactProblem(EquilibriumProblem):
         Deep in contact the rough answer is nearly always 0, which is what is expected; any other is checked finely.
         """
         equations, fields = self.seen(x, p)
-        return equations.unstable_modes(fields, finely=False) and equations.unstable_modes(fields)
+        least = INDIFFERENT if self.moves and equations.contact else 0.0
+        return equations.unstable_modes(fields, finely=False) and equations.unstable_modes(fields, least=least)
 
     def azimuthal(self, x: Array, p: float, unstable: int, limit: int = 32, near: int = 1) -> Count | None:
         """Numbers of unstable modes cos mθ; none where no axisymmetric one is (see `azimuthal`, order in m)."""
