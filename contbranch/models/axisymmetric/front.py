@@ -60,6 +60,7 @@ class Front:
     width: float
     weight: float
     power: float
+    pressed: bool
 
     def weights(self, mesh: Mesh) -> Array:
         """Weights of the inner product of states, (N + 1,): all lengths around the front count alike, down to its own.
@@ -196,4 +197,5 @@ def steepest(seen: tuple[Equations, Fields], present: Front | None, unit: Mesh, 
     width = abs(own / float(mesh.derivative(fields.gap)[place])) * at / float(mesh.nodes[place])
     power = equations.tip.apex_exponent if present is None else present.power
     growth = float(mesh.edges[-1] / unit.edges[-1]) ** power
-    return Front(at, own, width, float(unit.weights @ (fields.h / growth) ** 2), power)
+    pressed = bool(fields.pressure[0] > 0.0)
+    return Front(at, own, width, float(unit.weights @ (fields.h / growth) ** 2), power, pressed)

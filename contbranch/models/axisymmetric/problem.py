@@ -192,7 +192,7 @@ class ContactProblem(EquilibriumProblem):
         layered = law is not None and math.isfinite(law.wave)
         self.ordered = not (layered or self.flat or isinstance(front, Edge))
         self._weights = mesh.weights if front is None else front.weights(mesh)
-        self._steep = None if not isinstance(front, Front) else front.steep(mesh)
+        self._steep = front.steep(mesh) if isinstance(front, Front) and front.pressed else None
         self._seen: list[tuple[Array, float, Equations, Fields]] = []
         self._corrected: tuple[Array, Solver] | None = None
         self._row = math.nan  # parameter of the last row
@@ -683,13 +683,16 @@ class ContactProblem(EquilibriumProblem):
         return problem, start
 
     def within(self, x: Array) -> float:
-        """Radius within which a film has to be smooth."""
-        return CORE * self.front.place * math.exp(float(x[-1])) if isinstance(self.front, Front) else 0.0
+        """Radius within which a film that is pressed has to be smooth."""
+        if not (isinstance(self.front, Front) and self.front.pressed):
+            return 0.0
+        return CORE * self.front.place * math.exp(float(x[-1]))
 
     def rough(self, x: Array, p: float) -> bool:
-        """Whether a film is not smooth."""
+        """Whether a film that is pressed is not smooth."""
         equations, fields = self.seen(x, p)
-        return self.moves and bool((roughness(equations, fields, equations.mesh.edges, self.within(x)) > 1.0).any())
+        within = self.within(x)
+        return within > 0.0 and bool((roughness(equations, fields, equations.mesh.edges, within) > 1.0).any())
 
     def told(self, coarse: ContactProblem) -> slice:
         """Nodes at which a coarser mesh's panels tell the solution: not next to an edge, where it ends like a root."""
