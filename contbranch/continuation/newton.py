@@ -134,7 +134,7 @@ def correct(
     worst = 0.0
     slow = False
     for iteration in range(1, ITERATIONS + 1):
-        at = linearise(problem, x, p)
+        last, at = (x, p), linearise(problem, x, p)
         bordered = border(problem, x, p, at, row)
         dx, dp = solve(bordered, -at[0], 0.0, p)
         x = x + dx
@@ -155,8 +155,9 @@ def correct(
                 worst = max(worst, contraction)
         if done:
             u, a = solve(bordered, np.zeros_like(x), 1.0, p)
-            if at.applied is not None:
-                rest = -at.applied(u) - a * at.parameter_derivative
+            product = problem.product(*last, at[1])
+            if product is not None:
+                rest = -product(u) - a * at[2]
                 du, da = solve(bordered, rest, 1.0 - float(row[0] @ u) - row[1] * a, p)
                 dx, dp = solve(bordered, -residual(problem, x, p), 0.0, p)
                 x, p, u, a = x + dx, p + dp, u + du, a + da

@@ -18,16 +18,11 @@ _CUBE_ROOT_OF_ROUNDING = float(np.finfo(float).eps ** (1 / 3))
 
 
 class Linearisation(NamedTuple):
-    """Residual (n,), Jacobian (n, n) and derivative with respect to the parameter (n,) at one point.
-
-    `applied` gives the product of the Jacobian with a vector where that has smaller rounding errors than the matrix's
-    own, as of products of matrices: tangents and points are then refined with the factorised matrix.
-    """
+    """Residual (n,), Jacobian (n, n) and derivative with respect to the parameter (n,) at one point."""
 
     residual: Array
     jacobian: Any
     parameter_derivative: Array
-    applied: Callable[[Array], Array] | None = None
 
 
 class Solution(NamedTuple):
@@ -106,6 +101,13 @@ class Problem(ABC):
     def linearise(self, x: Array, p: float) -> Linearisation:
         """Return residual, Jacobian and parameter derivative together, for problems where they share work."""
         return Linearisation(self.residual(x, p), self.jacobian(x, p), self.parameter_derivative(x, p))
+
+    def product(self, x: Array, p: float, jacobian: Any) -> Callable[[Array], Array] | None:
+        """Return what multiplies a vector by dF/dx with smaller rounding errors than the matrix, given too, has.
+
+        Default: None. With it points and tangents are refined with the factorised matrix, at little cost.
+        """
+        return None
 
     def second_derivative(self, x: Array, p: float, u: Array, a: float) -> Array | None:
         """Return the second derivative of F along (u, a), d²F(x + s u, p + s a)/ds² at s = 0, shape (n,).

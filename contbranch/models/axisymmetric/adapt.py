@@ -151,9 +151,7 @@ def adapted_edges(
     reach /= stretch
 
     def guide(edges: Array) -> Array:
-        return np.maximum(
-            panel_errors(equations, fields, edges), share * roughness(equations, fields, edges, within)
-        )
+        return np.maximum(panel_errors(equations, fields, edges), share * roughness(equations, fields, edges, within))
 
     errors = guide(equations.mesh.edges)
     if reach < SHORTEN * edges[-1]:

@@ -51,8 +51,8 @@ class Front:
     weight : float
         Of σ in the inner product of states: ∫ h² dξ where the front began.
     power : float
-        n of a tip like rⁿ: films that differ in size have the same h/bⁿ. Gaps, far smaller than h, change little with
-        σ at fixed h e^(−nσ), and by far more than they are at fixed h.
+        n of a tip like rⁿ where a film is pressed: films that differ in size have the same h/bⁿ. Gaps, far smaller than
+        h, change little with σ at fixed h e^(−nσ), and by far more than they are at fixed h. 0 elsewhere.
     """
 
     place: float
@@ -60,7 +60,6 @@ class Front:
     width: float
     weight: float
     power: float
-    pressed: bool
 
     def weights(self, mesh: Mesh) -> Array:
         """Weights of the inner product of states, (N + 1,): all lengths around the front count alike, down to its own.
@@ -70,10 +69,16 @@ class Front:
         own = self.place / (np.abs(mesh.nodes - self.place) + self.width)
         return np.append(mesh.weights * (1.0 + own / math.log(2.0 + self.place / self.width)), self.weight)
 
-    def steep(self, mesh: Mesh) -> Array:
-        own = self.place / (np.abs(mesh.nodes - self.place) + self.width) / math.log(2.0 + self.place / self.width)
-        inner = self.place / (mesh.nodes + mesh.innermost) / math.log(2.0 + self.place / mesh.innermost)
-        return mesh.weights * (own + inner) * self.place**2
+    def slopes(self, mesh: Mesh) -> Array:
+        """Weights of dh/dξ in the inner product of states, (N,): so are all lengths around the centre, or the rim.
+
+        A film is squeezed out, and a contact grows in it, over lengths that h itself, which bears the whole load, does
+        not show.
+        """
+        found = np.zeros(mesh.size)
+        for away, least in ((np.abs(mesh.nodes - self.place), self.width), (mesh.nodes, mesh.innermost)):
+            found += self.place / (away + least) / math.log(2.0 + self.place / least)
+        return mesh.weights * found * self.place**2
 
     def off(self, unit: Mesh, equations: Equations, fields: Fields, sigma: float) -> float:
         """How far the gap at the front is from its own."""
@@ -195,7 +200,6 @@ def steepest(seen: tuple[Equations, Fields], present: Front | None, unit: Mesh, 
         return present
     at, own = float(unit.nodes[place]), float(fields.gap[place])
     width = abs(own / float(mesh.derivative(fields.gap)[place])) * at / float(mesh.nodes[place])
-    power = equations.tip.apex_exponent if present is None else present.power
+    power = present.power if present else equations.tip.apex_exponent * float(fields.pressure[0] > 0.0)
     growth = float(mesh.edges[-1] / unit.edges[-1]) ** power
-    pressed = bool(fields.pressure[0] > 0.0)
-    return Front(at, own, width, float(unit.weights @ (fields.h / growth) ** 2), power, pressed)
+    return Front(at, own, width, float(unit.weights @ (fields.h / growth) ** 2), power)

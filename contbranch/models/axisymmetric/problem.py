@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -192,7 +192,8 @@ class ContactProblem(EquilibriumProblem):
         layered = law is not None and math.isfinite(law.wave)
         self.ordered = not (layered or self.flat or isinstance(front, Edge))
         self._weights = mesh.weights if front is None else front.weights(mesh)
-        self._steep = front.steep(mesh) if isinstance(front, Front) and front.pressed else None
+        self.pressed = front is not None and front.power > 0.0
+        self._slopes = front.slopes(mesh) if isinstance(front, Front) and self.pressed else None
         self._seen: list[tuple[Array, float, Equations, Fields]] = []
         self._corrected: tuple[Array, Solver] | None = None
         self._row = math.nan  # parameter of the last row
@@ -267,16 +268,19 @@ class ContactProblem(EquilibriumProblem):
         fields = self.fields(x, p)
         if not fields.finite:
             return Linearisation(fields.residual, np.empty((0, 0)), fields.residual)
-        linear = Linearisation(self.residual(x, p), self.jacobian(x, p), self.parameter_derivative(x, p))
-        if not self.moves:
-            return linear
-        equations, n = self.seen(x, p)[0], self.size
+        return Linearisation(self.residual(x, p), self.jacobian(x, p), self.parameter_derivative(x, p))
 
-        def applied(v: Array) -> Array:  # films bear large changes of h that hardly move the gap
+    def product(self, x: Array, p: float, jacobian: Array) -> Callable[[Array], Array] | None:
+        """What multiplies by dR/dx in a pressed film, which bears large changes of h that hardly move the gap."""
+        if not self.pressed:
+            return None
+        (equations, fields), n = self.seen(x, p), self.size
+
+        def multiplied(v: Array) -> Array:
             own = v[:n] + equations.answered(fields, v[:n] - equations.rim_row @ v[:n])
-            return np.append(own, linear.jacobian[n, :n] @ v[:n]) + linear.jacobian[:, n] * v[n]
+            return np.asarray(np.append(own, jacobian[n, :n] @ v[:n]) + jacobian[:, n] * v[n])
 
-        return linear._replace(applied=applied)
+        return multiplied
 
     def moving(self, x_rate: Array, x: Array) -> Array:
         """The rate of h where it is, (N,), of a direction of states: the mesh may move through it."""
@@ -294,20 +298,15 @@ class ContactProblem(EquilibriumProblem):
         return ContactProblem(equations, self.scale, self.resolution, self.sharpness), self.growth(x) * x[:-1]
 
     def inner(self, u: Array, v: Array) -> float:
-        """∫ u v dtau, which does not know the mesh, and the front's share."""
-        found = float((self._weights * u) @ v)
-        if self._steep is not None:
-            mesh = self.equations.mesh
-            found += float((self._steep * mesh.derivative(u[:-1])) @ mesh.derivative(v[:-1]))
-        return found
+        """∫ u v dtau, which does not know the mesh, and the front's share; in a pressed film also of slopes."""
+        return float(self.dual(u) @ v)
 
     def dual(self, u: Array) -> Array:
         """Vector whose product with v is inner(u, v)."""
         found = self._weights * u
-        if self._steep is not None:
+        if self._slopes is not None:
             mesh = self.equations.mesh
-            own = (self._steep * mesh.derivative(u[:-1])).reshape(mesh.panels, mesh.order) / mesh.half[:, None]
-            found[:-1] += (own @ mesh.rule.derivative).ravel()
+            found[:-1] += mesh.derivative_dual(self._slopes * mesh.derivative(u[:-1]))
         return found
 
     def direction(self, x: Array, p: float) -> tuple[Array, float]:
@@ -570,7 +569,7 @@ class ContactProblem(EquilibriumProblem):
         Deep in contact the rough answer is nearly always 0, which is what is expected; any other is checked finely.
         """
         equations, fields = self.seen(x, p)
-        least = INDIFFERENT if self.moves and equations.contact else 0.0
+        least = INDIFFERENT if self.pressed and equations.contact else 0.0
         return equations.unstable_modes(fields, finely=False) and equations.unstable_modes(fields, least=least)
 
     def azimuthal(self, x: Array, p: float, unstable: int, limit: int = 32, near: int = 1) -> Count | None:
@@ -684,9 +683,8 @@ class ContactProblem(EquilibriumProblem):
 
     def within(self, x: Array) -> float:
         """Radius within which a film that is pressed has to be smooth."""
-        if not (isinstance(self.front, Front) and self.front.pressed):
-            return 0.0
-        return CORE * self.front.place * math.exp(float(x[-1]))
+        film = isinstance(self.front, Front) and self.pressed
+        return CORE * self.front.place * math.exp(float(x[-1])) if film else 0.0
 
     def rough(self, x: Array, p: float) -> bool:
         """Whether a film that is pressed is not smooth."""
