@@ -192,8 +192,8 @@ class ContactProblem(EquilibriumProblem):
         layered = law is not None and math.isfinite(law.wave)
         self.ordered = not (layered or self.flat or isinstance(front, Edge))
         self._weights = mesh.weights if front is None else front.weights(mesh)
-        self.pressed = front is not None and front.power > 0.0
-        self._slopes = front.slopes(mesh) if isinstance(front, Front) and self.pressed else None
+        self.film = front if isinstance(front, Front) and front.power > 0.0 else None  # that is pressed
+        self._slopes = self.film.slopes(mesh) if self.film else None
         self._seen: list[tuple[Array, float, Equations, Fields]] = []
         self._corrected: tuple[Array, Solver] | None = None
         self._row = math.nan  # parameter of the last row
@@ -272,7 +272,7 @@ class ContactProblem(EquilibriumProblem):
 
     def product(self, x: Array, p: float, jacobian: Array) -> Callable[[Array], Array] | None:
         """What multiplies by dR/dx in a pressed film, which bears large changes of h that hardly move the gap."""
-        if not self.pressed:
+        if not self.film:
             return None
         (equations, fields), n = self.seen(x, p), self.size
 
@@ -569,7 +569,7 @@ class ContactProblem(EquilibriumProblem):
         Deep in contact the rough answer is nearly always 0, which is what is expected; any other is checked finely.
         """
         equations, fields = self.seen(x, p)
-        least = INDIFFERENT if self.pressed and equations.contact else 0.0
+        least = INDIFFERENT if self.film and equations.contact else 0.0
         return equations.unstable_modes(fields, finely=False) and equations.unstable_modes(fields, least=least)
 
     def azimuthal(self, x: Array, p: float, unstable: int, limit: int = 32, near: int = 1) -> Count | None:
@@ -683,8 +683,7 @@ class ContactProblem(EquilibriumProblem):
 
     def within(self, x: Array) -> float:
         """Radius within which a film that is pressed has to be smooth."""
-        film = isinstance(self.front, Front) and self.pressed
-        return CORE * self.front.place * math.exp(float(x[-1])) if film else 0.0
+        return CORE * self.film.place * math.exp(float(x[-1])) if self.film else 0.0
 
     def rough(self, x: Array, p: float) -> bool:
         """Whether a film that is pressed is not smooth."""
