@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from scipy.linalg import lu_factor, lu_solve
 
 from contbranch.arrays import Array, Indices
 from contbranch.curve.problem import Defect
@@ -24,6 +25,8 @@ GRADING = 0.25
 GROWTH = 4.5
 # The mesh is shortened when this part of it would do.
 SHORTEN = 0.9
+# Length of the mesh in units of that on which elasticity answers the interaction, beyond which systems are refined.
+STIFF = 1e3
 # Panels are merged when the joint panel's error stays below this part of what is allowed, so that it is not split
 # again soon.
 MERGE = 0.1
@@ -45,7 +48,10 @@ def defect_error(equations: Equations, fields: Fields, solve: Solver | None = No
     mesh, fine_equations = equations.mesh, equations.finer
     fine = fine_equations.fields(mesh.to_finer @ fields.h, fields.y)
     residual = mesh.from_finer(fine.residual)
-    step = -solve(residual) if solve else -np.linalg.solve(equations.jacobian(fields), residual)
+    solve = solve or _factorised(equations.jacobian(fields))
+    step = -solve(residual)
+    if float(np.abs(fields.stiffness).max()) * mesh.edges[-1] > STIFF:  # rounding in the matrix would rule
+        step -= solve(residual + equations.multiplied(fields, step))
     shift = float(equations.rim_row @ step)
     displacement = fine_equations.displacement(fine) - equations.displacement(fields) + shift
     load = fine_equations.load(fine) - equations.load(fields)
@@ -66,6 +72,11 @@ def roughness(equations: Equations, fields: Fields, edges: Array, within: float)
     tails = np.abs(mesh.interpolate(fields.stiffness, nodes).reshape(-1, n) @ mesh.rule.to_legendre[-2:].T).max(axis=1)
     share = tails / (SMOOTH * max(float(np.abs(fields.stiffness).max()), 1e-300))
     return np.where(edges[1:] < within, share, 0.0)
+
+
+def _factorised(matrix: Array) -> Solver:
+    factors = lu_factor(matrix)
+    return lambda f: np.asarray(lu_solve(factors, f))
 
 
 def panel_errors(equations: Equations, fields: Fields, edges: Array | None = None) -> Array:

@@ -249,6 +249,10 @@ class Equations:
         """``response @ h``, without that matrix; (N,)."""
         return np.asarray(self.mesh.abel @ (fields.stiffness * fields.rim.bent(h)))
 
+    def multiplied(self, fields: Fields, h: Array) -> Array:
+        """``jacobian @ h``, without that matrix: the gap hardly moves where a stiff film bears large changes of h."""
+        return h + self.answered(fields, h - self.rim_row @ h)
+
     def jacobian(self, fields: Fields) -> Array:
         """dR/dh at fixed y, (N, N): I + response (I − 1 rimᵀ)."""
         matrix = self.response(fields)

@@ -106,6 +106,8 @@ WHOLE, OUTERMOST = 0.999, 0.9
 # The rim of a contact in a stiff film rests where it is all but indifferent: eigenvalues up to this (of the elastic
 # energy's) are the discretisation's.
 INDIFFERENT = 1e-6
+# Changes of the state are measured in at least this multiple of the rounding errors of its slopes.
+LOUD = 1e5
 # Share of the front's radius within which a film has to be smooth.
 CORE = 0.5
 # At first touch a mesh aims at this share of the tolerance, since tiny contacts ask for more than the touch itself.
@@ -271,13 +273,13 @@ class ContactProblem(EquilibriumProblem):
         return Linearisation(self.residual(x, p), self.jacobian(x, p), self.parameter_derivative(x, p))
 
     def product(self, x: Array, p: float, jacobian: Array) -> Callable[[Array], Array] | None:
-        """What multiplies by dR/dx in a pressed film, which bears large changes of h that hardly move the gap."""
+        """What multiplies by dR/dx in a pressed film."""
         if not self.film:
             return None
         (equations, fields), n = self.seen(x, p), self.size
 
         def multiplied(v: Array) -> Array:
-            own = v[:n] + equations.answered(fields, v[:n] - equations.rim_row @ v[:n])
+            own = equations.multiplied(fields, v[:n])
             return np.asarray(np.append(own, jacobian[n, :n] @ v[:n]) + jacobian[:, n] * v[n])
 
         return multiplied
@@ -371,7 +373,11 @@ class ContactProblem(EquilibriumProblem):
 
     def steps(self, start: Point) -> Options:
         """Far away a step may be long, since the elastic body answers little; not so long as to miss a layer."""
-        steps = replace(STEPS, state_floor=STATE_FLOOR * self.scale * (2 * self.scale) ** 0.25, noise=NOISE)
+        floor = STATE_FLOOR * self.scale * (2 * self.scale) ** 0.25
+        if self.film:
+            rough = start.x * (-1.0) ** np.arange(start.x.size)
+            floor = max(floor, LOUD * np.finfo(float).eps * math.sqrt(self.inner(rough, rough)))
+        steps = replace(STEPS, state_floor=floor, noise=NOISE)
         law, u = self.equations.interaction, start.parameter
         if law is None or not math.isfinite(law.wave) or u == 0.0:
             return steps
