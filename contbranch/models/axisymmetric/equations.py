@@ -456,6 +456,11 @@ class Equations:
         return self._touching[1]
 
     @cached_property
+    def softens(self) -> bool:
+        """Whether the interaction softens at contact, so that a film that is pressed is squeezed out at once."""
+        return self.interaction is not None and float(self.interaction.evaluate(np.zeros(1))[2][0]) < 0.0
+
+    @cached_property
     def _touching(self) -> tuple[float, float]:
         """Energy per area and pressure of the interaction where the surfaces touch."""
         if self.interaction is None:

@@ -194,7 +194,7 @@ class ContactProblem(EquilibriumProblem):
         layered = law is not None and math.isfinite(law.wave)
         self.ordered = not (layered or self.flat or isinstance(front, Edge))
         self._weights = mesh.weights if front is None else front.weights(mesh)
-        self.film = front if isinstance(front, Front) and front.power > 0.0 else None  # that is pressed
+        self.film = front if isinstance(front, Front) and front.power > 0.0 and equations.softens else None
         self._slopes = self.film.slopes(mesh) if self.film else None
         self._seen: list[tuple[Array, float, Equations, Fields]] = []
         self._corrected: tuple[Array, Solver] | None = None
