@@ -26,7 +26,7 @@ GROWTH = 4.5
 # The mesh is shortened when this part of it would do.
 SHORTEN = 0.9
 # Length of the mesh in units of that on which elasticity answers the interaction, beyond which systems are refined.
-STIFF = 1e3
+STIFF = 1e5
 # Panels are merged when the joint panel's error stays below this part of what is allowed, so that it is not split
 # again soon.
 MERGE = 0.1
