@@ -134,12 +134,13 @@ def correct(
     tolerance, noise = options.tolerance, options.noise
     close = PRECISE_TANGENT_DISTANCE if precise else TANGENT_DISTANCE
     floor = _rounding_floor(problem, x, p, metric)
+    noise = max(noise * floor, _rounding_floor(problem, x * (-1.0) ** np.arange(x.size), p, metric))  # as slopes see it
     first = previous = math.inf
     contraction = 0.0
     worst = 0.0
     slow = False
     for iteration in range(1, ITERATIONS + 1):
-        at = linearise(problem, x, p)
+        last, at = (x, p), linearise(problem, x, p)
         bordered = border(problem, x, p, at, row)
         dx, dp = solve(bordered, -at[0], 0.0, p)
         x = x + dx
@@ -152,14 +153,20 @@ def correct(
             contraction = size / previous if previous > 0 else 0.0
             done = size <= max(close, floor) and contraction**2 * size <= max(tolerance, floor)
             # What no longer contracts close to rounding is as good as it gets.
-            done = done or (size <= noise * floor and contraction > 0.1)
+            done = done or (size <= noise and contraction > 0.1)
             again, slow = slow or size > SMALL, contraction > 0.5
             if not done and ((slow and again) or not math.isfinite(size)):
                 raise CorrectionError(Outcome.STEP_TOO_SMALL, f"(Newton's corrections contract by {contraction:.2g}.)")
-            if size > max(SMALL, noise * floor):
+            if size > max(SMALL, noise):
                 worst = max(worst, contraction)
         if done:
             u, a = solve(bordered, np.zeros_like(x), 1.0, p)
+            product = problem.product(*last, at[1])
+            if product is not None:
+                rest = -product(u) - a * at[2]
+                du, da = solve(bordered, rest, 1.0 - float(row[0] @ u) - row[1] * a, p)
+                dx, dp = solve(bordered, -residual(problem, x, p), 0.0, p)
+                x, p, u, a = x + dx, p + dp, u + du, a + da
             problem.corrected(x, p, partial(_at_fixed_parameter, bordered, (u, a)))
             return Corrected(x, p, u, a, bordered, iteration, first, worst)
         previous = size

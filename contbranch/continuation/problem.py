@@ -110,6 +110,13 @@ class Problem(ABC):
         """Return residual, Jacobian and parameter derivative together, for problems where they share work."""
         return Linearisation(self.residual(x, p), self.jacobian(x, p), self.parameter_derivative(x, p))
 
+    def product(self, x: Array, p: float, jacobian: Any) -> Callable[[Array], Array] | None:
+        """Return what multiplies a vector by dF/dx with smaller rounding errors than the matrix, given too, has.
+
+        Default: None. With it points and tangents are refined with the factorised matrix, at little cost.
+        """
+        return None
+
     def second_derivative(self, x: Array, p: float, u: Array, a: float) -> Array | None:
         """Return the second derivative of F along (u, a), d²F(x + s u, p + s a)/ds² at s = 0, shape (n,).
 

@@ -301,7 +301,7 @@ def _stiffest(contact: Contact) -> str:
     if tabor <= STIFFEST or law is None:
         return ""
     limit = "JKR's (contbranch.theory.jkr)" if law.work_of_adhesion > 0 else "Hertz'"
-    return f" Stiffer than what is followed to its end (μ_T = {tabor:.3g}, over {STIFFEST:.0f}): take the limit, {limit}."
+    return f" Stiffer than what is followed to its end (μ_T = {tabor:.3g} > {STIFFEST:.0f}): take the limit, {limit}."
 
 
 def _sensitivities(contact: Contact, told: Mapping[str, tuple[Event, str]]) -> dict[str, dict[str, float]] | None:

@@ -35,8 +35,7 @@ def traced(request) -> Followed:
 
 def still(point):
     """The problem of a point on a mesh that does not move, the state there, and the parameter."""
-    problem = point.problem.still(point.x)
-    return problem, point.x[: problem.size], point.parameter
+    return *point.problem.still(point.x), point.parameter
 
 
 def parts(problem, x, u):

@@ -34,3 +34,20 @@ def test_published_touch():
     (touch,) = (event for event in events if event.kind == "touch")
     assert touch.load == pytest.approx(-4.195077187, abs=1e-6)
     assert touch.displacement == pytest.approx(-1.352008439, abs=3e-7)
+
+
+@pytest.mark.parametrize(
+    ("law", "strongest", "spreads"),
+    # The largest pressure that a film bears, and that at which contact spreads in it: p g + v(g) = v(0), times z0/|Δγ|.
+    [(cb.Gauss, math.exp(-0.5), 0.4512580), (cb.VanDerWaals, 3.0 * math.sqrt(3.0) / 8.0, 0.5)],
+)
+def test_limits_of_stiff_films(law, strongest, spreads):
+    """A stiff film hardly changes Hertz's pressure, F = π³ p³/6: it is squeezed out and wets by that at its centre."""
+    tabor = 40.0
+    diagram = cb.trace(cb.Contact.reduced(law, tabor=tabor, sign=-1))
+    assert diagram.status == "complete", diagram.message
+    assert len(diagram.branches[0].load) <= 130
+    found = {fold.name: float(fold.load) for fold in diagram.folds("load")}
+    for name, share, allowed in (("squeeze-out", strongest, 1.0), ("wetting", spreads, 12.0)):
+        excess = found[name] / (math.pi**3 / 6.0 * (share * tabor) ** 3) - 1.0
+        assert 0.0 < excess * tabor**2 < allowed

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from scipy.linalg import lu_factor, lu_solve
 
 from contbranch.arrays import Array, Indices
 from contbranch.curve.problem import Defect
@@ -13,7 +14,7 @@ from contbranch.models.quadrature import gauss_between
 from .equations import Equations, Fields
 from .mesh import Mesh
 
-__all__ = ["Solver", "adapted_edges", "defect_error", "needed_reach", "panel_errors"]
+__all__ = ["Solver", "adapted_edges", "defect_error", "needed_reach", "panel_errors", "roughness"]
 
 Solver = Callable[[Array], Array]
 
@@ -24,9 +25,13 @@ GRADING = 0.25
 GROWTH = 4.5
 # The mesh is shortened when this part of it would do.
 SHORTEN = 0.9
+# Length of the mesh in units of that on which elasticity answers the interaction, beyond which systems are refined.
+STIFF = 1e5
 # Panels are merged when the joint panel's error stays below this part of what is allowed, so that it is not split
 # again soon.
 MERGE = 0.1
+# Share of its largest value up to which v'' may be unresolved inside a film that moves with the mesh.
+SMOOTH = 1e-4
 
 
 def defect_error(equations: Equations, fields: Fields, solve: Solver | None = None) -> Defect:
@@ -43,7 +48,10 @@ def defect_error(equations: Equations, fields: Fields, solve: Solver | None = No
     mesh, fine_equations = equations.mesh, equations.finer
     fine = fine_equations.fields(mesh.to_finer @ fields.h, fields.y)
     residual = mesh.from_finer(fine.residual)
-    step = -solve(residual) if solve else -np.linalg.solve(equations.jacobian(fields), residual)
+    solve = solve or _factorised(equations.jacobian(fields))
+    step = -solve(residual)
+    if float(np.abs(fields.stiffness).max()) * mesh.edges[-1] > STIFF:  # rounding in the matrix would rule
+        step -= solve(residual + equations.multiplied(fields, step))
     shift = float(equations.rim_row @ step)
     displacement = fine_equations.displacement(fine) - equations.displacement(fields) + shift
     load = fine_equations.load(fine) - equations.load(fields)
@@ -51,6 +59,24 @@ def defect_error(equations: Equations, fields: Fields, solve: Solver | None = No
     longer = fine_equations.mesh.nodes > mesh.edges[-1]  # where h, carried over, is 0 and the residual all there is
     load -= 2 * float(fine.rim.weights[longer] @ fine.residual[longer])
     return Defect(load, displacement, float(np.abs(step).max()))
+
+
+def roughness(equations: Equations, fields: Fields, edges: Array, within: float) -> Array:
+    """Tails of v'' on panels as shares of its largest value, in units of what a film bears, (P,); 0 beyond a radius.
+
+    Where a stiff film is about to be squeezed out, and around a contact that begins in it, what happens at its centre
+    decides on the branch, and on the load that goes with it, however little load it carries.
+    """
+    mesh, n = equations.mesh, equations.mesh.order
+    nodes = gauss_between(edges[:-1], edges[1:], n)[0].ravel()
+    tails = np.abs(mesh.interpolate(fields.stiffness, nodes).reshape(-1, n) @ mesh.rule.to_legendre[-2:].T).max(axis=1)
+    share = tails / (SMOOTH * max(float(np.abs(fields.stiffness).max()), 1e-300))
+    return np.where(edges[1:] < within, share, 0.0)
+
+
+def _factorised(matrix: Array) -> Solver:
+    factors = lu_factor(matrix)
+    return lambda f: np.asarray(lu_solve(factors, f))
 
 
 def panel_errors(equations: Equations, fields: Fields, edges: Array | None = None) -> Array:
@@ -115,7 +141,7 @@ def needed_reach(equations: Equations, fields: Fields, tolerance: float) -> floa
 
 
 def adapted_edges(
-    equations: Equations, fields: Fields, tolerance: float, reach: float, unit: Mesh | None = None
+    equations: Equations, fields: Fields, tolerance: float, reach: float, unit: Mesh, within: float = 0.0
 ) -> Array:
     """Edges made from the mesh's own: panels with too large an error split, neighbours that one panel would serve
     merged.
@@ -126,13 +152,19 @@ def adapted_edges(
         Sum of `panel_errors` aimed at.
     reach : float
         Outer end wanted; panels beyond are dropped.
-    unit : Mesh, optional
+    unit : Mesh
         What the mesh was stretched from, whose edges are adapted.
+    within : float
+        Radius within which panels have to be smooth besides.
     """
     share = tolerance / 6
-    edges = equations.mesh.edges if unit is None else unit.edges
-    reach *= edges[-1] / equations.mesh.edges[-1]
-    errors = panel_errors(equations, fields)
+    edges, stretch = unit.edges, equations.mesh.edges[-1] / unit.edges[-1]
+    reach /= stretch
+
+    def guide(edges: Array) -> Array:
+        return np.maximum(panel_errors(equations, fields, edges), share * roughness(equations, fields, edges, within))
+
+    errors = guide(equations.mesh.edges)
     if reach < SHORTEN * edges[-1]:
         keep = max(1, int(np.searchsorted(edges, reach)))
         edges, errors = edges[: keep + 1], errors[:keep]
@@ -140,12 +172,12 @@ def adapted_edges(
     bad[1:] |= edges[2:] > GROWTH * edges[1:-1]
     cut = (edges[:-1] + edges[1:]) / 2
     cut[0] = GRADING * edges[1]
-    superfluous = _mergeable(equations, fields, edges, errors, MERGE * share)
+    superfluous = _mergeable(lambda edges: guide(stretch * edges), edges, errors, MERGE * share)
     kept = np.delete(edges, superfluous)
     return np.sort(np.concatenate([kept, cut[bad]]))
 
 
-def _mergeable(equations: Equations, fields: Fields, edges: Array, errors: Array, share: float) -> Indices:
+def _mergeable(guide: Callable[[Array], Array], edges: Array, errors: Array, share: float) -> Indices:
     """Inner edges, no two neighbouring, without which the panels' errors stay below `share`."""
     small = errors < share
     candidates = [k for k in range(1, len(edges) - 1) if small[k - 1] and small[k]]
@@ -162,6 +194,6 @@ def _mergeable(equations: Equations, fields: Fields, edges: Array, errors: Array
         return np.array([], dtype=np.intp)
     pairs = np.array(chosen)
     joined = np.delete(edges, pairs)
-    merged = panel_errors(equations, fields, joined * (equations.mesh.edges[-1] / edges[-1]))
+    merged = guide(joined)
     places = np.searchsorted(joined, edges[pairs - 1])
     return np.asarray(pairs[merged[places] < share])

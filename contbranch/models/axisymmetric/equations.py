@@ -251,6 +251,10 @@ class Equations:
         """``response @ h``, without that matrix; (N,)."""
         return np.asarray(self.mesh.abel @ (fields.stiffness * fields.rim.bent(h)))
 
+    def multiplied(self, fields: Fields, h: Array) -> Array:
+        """``jacobian @ h``, without that matrix: the gap hardly moves where a stiff film bears large changes of h."""
+        return h + self.answered(fields, h - self.rim_row @ h)
+
     def jacobian(self, fields: Fields) -> Array:
         """dR/dh at fixed y, (N, N): I + response (I − 1 rimᵀ)."""
         matrix = self.response(fields)
@@ -279,8 +283,8 @@ class Equations:
             _, shape_slope = self.tip.shape_gap(self.mesh.nodes, 1e-12)
         return np.asarray(fields.rim.plane_slope(fields.h - fields.rim_value) * dc + shape_slope * da)
 
-    def spread(self, fields: Fields) -> tuple[Array, Array]:
-        """Rates of gap and residual with ln of the stretch of the mesh at fixed nodal h, (N,) each.
+    def spread(self, fields: Fields, power: float) -> tuple[Array, Array]:
+        """Rates of gap and residual with ln of the stretch of the mesh, h growing with its power, (N,) each.
 
         The kernels are homogeneous: `abel` grows with the mesh, and `plane` depends on the rim's radius in its units.
         """
@@ -294,9 +298,10 @@ class Equations:
             gap[~np.isfinite(gap)] = 0.0  # beyond the end of a tip nothing moves
             if a > 0:
                 gap -= 2 * a * a * fields.rim.plane_slope(fields.h - fields.rim_value)
+            gap += power * fields.rim.bent(fields.h - fields.rim_value)
             answer = np.zeros_like(gap)
             np.multiply(fields.stiffness, gap, out=answer, where=fields.stiffness != 0.0)
-            fields.derived["spread"] = gap, self.mesh.abel @ (answer - fields.pressure)
+            fields.derived["spread"] = gap, power * fields.h + self.mesh.abel @ (answer - fields.pressure)
         gap_rate, residual_rate = fields.derived["spread"]
         return gap_rate, residual_rate
 
@@ -453,6 +458,11 @@ class Equations:
         return self._touching[1]
 
     @cached_property
+    def softens(self) -> bool:
+        """Whether the interaction softens at contact, so that a film that is pressed is squeezed out at once."""
+        return self.interaction is not None and float(self.interaction.evaluate(np.zeros(1))[2][0]) < 0.0
+
+    @cached_property
     def _touching(self) -> tuple[float, float]:
         """Energy per area and pressure of the interaction where the surfaces touch."""
         if self.interaction is None:
@@ -497,14 +507,14 @@ class Equations:
         return least, math.hypot(float(nodes[lowest]), fields.rim.radius)
 
     # -- stability ----------------------------------------------------------------------------------------------------
-    def unstable_modes(self, fields: Fields, finely: bool = True) -> int:
+    def unstable_modes(self, fields: Fields, finely: bool = True, least: float = 0.0) -> int:
         """Morse index under displacement control (m = 0): negative eigenvalues of the second variation, by inertia.
 
         The second variation of the energy divided by 2E, ``W + π planeᵀ (rho v'' w) plane`` with ``W = w dt/dtau``: a
         sum of congruences, so that a stiff film (v'' > 0) can never look unstable, however coarse the mesh. The trial
         functions
         are this mesh's polynomials; their gap has half-order edges at the panels' ends, so it is integrated on the
-        finer one.
+        finer one. Eigenvalues above −`least` do not count.
         """
         mesh = self.mesh
         weights = mesh.weights * fields.rim.factor
@@ -517,7 +527,7 @@ class Equations:
         scaled = plane / np.sqrt(weights)
         stiffness = np.pi * fine_mesh.weights * fine_mesh.nodes * fine_fields.stiffness
         matrix = scaled.T @ (stiffness[:, None] * scaled)
-        matrix.flat[:: mesh.size + 1] += 1.0
+        matrix.flat[:: mesh.size + 1] += 1.0 + least
         return negative_eigenvalues(matrix)
 
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -50,12 +51,16 @@ class Front:
         Over which the gap there changes by as much as it is.
     weight : float
         Of σ in the inner product of states: ∫ h² dξ where the front began.
+    power : float
+        n of a tip like rⁿ where a film is pressed: films that differ in size have the same h/bⁿ. Gaps, far smaller than
+        h, change little with σ at fixed h e^(−nσ), and by far more than they are at fixed h. 0 elsewhere.
     """
 
     place: float
     gap: float
     width: float
     weight: float
+    power: float
 
     def weights(self, mesh: Mesh) -> Array:
         """Weights of the inner product of states, (N + 1,): all lengths around the front count alike, down to its own.
@@ -64,6 +69,17 @@ class Front:
         """
         own = self.place / (np.abs(mesh.nodes - self.place) + self.width)
         return np.append(mesh.weights * (1.0 + own / math.log(2.0 + self.place / self.width)), self.weight)
+
+    def slopes(self, mesh: Mesh) -> Array:
+        """Weights of dh/dξ in the inner product of states, (N,): so are all lengths around the centre, or the rim.
+
+        A film is squeezed out, and a contact grows in it, over lengths that h itself, which bears the whole load, does
+        not show.
+        """
+        found = np.zeros(mesh.size)
+        for away, least in ((np.abs(mesh.nodes - self.place), self.width), (mesh.nodes, mesh.innermost)):
+            found += self.place / (away + least) / math.log(2.0 + self.place / least)
+        return mesh.weights * found * self.place**2
 
     def off(self, unit: Mesh, equations: Equations, fields: Fields, sigma: float) -> float:
         """How far the gap at the front is from its own."""
@@ -75,7 +91,8 @@ class Front:
         nodes, row = self._row(unit)
         plane = row @ fields.rim.plane[nodes]
         plane -= plane.sum() * equations.rim_row
-        spread, slope = (row @ rates[0][nodes] for rates in (equations.spread(fields), equations.slopes(fields)))
+        rates = equations.spread(fields, self.power), equations.slopes(fields)
+        spread, slope = (row @ rate[0][nodes] for rate in rates)
         return plane, float(spread), float(slope)
 
     def _row(self, mesh: Mesh) -> tuple[slice, Array]:
@@ -114,6 +131,7 @@ class Edge:
     """
 
     place: float
+    power: ClassVar[float] = 0.0
 
     def weights(self, mesh: Mesh) -> Array:
         """Weights of the inner product of states, (N + 1,): σ follows from the rim."""
@@ -181,4 +199,6 @@ def steepest(seen: tuple[Equations, Fields], present: Front | None, unit: Mesh, 
         return present
     at, own = float(unit.nodes[place]), float(fields.gap[place])
     width = abs(own / float(mesh.derivative(fields.gap)[place])) * at / float(mesh.nodes[place])
-    return Front(at, own, width, float(unit.weights @ fields.h**2))
+    power = present.power if present else equations.tip.apex_exponent * float(fields.pressure[0] > 0.0)
+    growth = float(mesh.edges[-1] / unit.edges[-1]) ** power
+    return Front(at, own, width, float(unit.weights @ (fields.h / growth) ** 2), power)

@@ -212,6 +212,11 @@ class Mesh:
         slopes = values.reshape(self.panels, self.order) @ self.rule.derivative.T
         return np.asarray((slopes / self.half[:, None]).ravel())
 
+    def derivative_dual(self, values: Array) -> Array:
+        """What `derivative` multiplies a row of nodal values by, (N,)."""
+        own = values.reshape(self.panels, self.order) / self.half[:, None]
+        return np.asarray((own @ self.rule.derivative).ravel())
+
     def _lagrange(self, points: Array) -> tuple[Indices, Array]:
         """Panel of each point, and what it takes of the panel's nodal values: (P,), (P, n); 0 beyond the last edge."""
         panel = np.searchsorted(self.edges[1:-1], points, side="right")

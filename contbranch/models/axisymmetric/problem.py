@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -33,7 +33,7 @@ from contbranch.models.quadrature import start_edges
 from contbranch.results.diagram import ModeShape, Profile
 from contbranch.watch import check
 
-from .adapt import Solver, adapted_edges, defect_error, needed_reach, panel_errors
+from .adapt import Solver, adapted_edges, defect_error, needed_reach, panel_errors, roughness
 from .azimuthal import counted, eigenvalues, mode_shape
 from .equations import RECENT, ContactCoordinate, Equations, Fields
 from .front import Edge, Front, felt, steepest
@@ -103,6 +103,13 @@ NOISE = 1e7
 INSIDE = 0.97
 # Share of a tip's extent up to which the contact may grow, and beyond which the gap closes at its edge.
 WHOLE, OUTERMOST = 0.999, 0.9
+# The rim of a contact in a stiff film rests where it is all but indifferent: eigenvalues up to this (of the elastic
+# energy's) are the discretisation's.
+INDIFFERENT = 1e-6
+# Changes of the state are measured in at least this multiple of the rounding errors of its slopes.
+LOUD = 1e5
+# Share of the front's radius within which a film has to be smooth.
+CORE = 0.5
 # At first touch a mesh aims at this share of the tolerance, since tiny contacts ask for more than the touch itself.
 AHEAD = 0.1
 
@@ -165,7 +172,8 @@ class ContactProblem(EquilibriumProblem):
     sharpness : float
         Factor by which the panels' own error guide was found too optimistic here.
     front : Front, Edge or None
-        With it a state is (h, σ), and h belongs to the mesh of `equations` stretched by e^σ.
+        With it a state is (h e^(−nσ), σ), and h belongs to the mesh of `equations` stretched by e^σ; n is the front's
+        `power`.
     """
 
     def __init__(
@@ -186,6 +194,8 @@ class ContactProblem(EquilibriumProblem):
         layered = law is not None and math.isfinite(law.wave)
         self.ordered = not (layered or self.flat or isinstance(front, Edge))
         self._weights = mesh.weights if front is None else front.weights(mesh)
+        self.film = front if isinstance(front, Front) and front.power > 0.0 and equations.softens else None
+        self._slopes = self.film.slopes(mesh) if self.film else None
         self._seen: list[tuple[Array, float, Equations, Fields]] = []
         self._corrected: tuple[Array, Solver] | None = None
         self._row = math.nan  # parameter of the last row
@@ -212,31 +222,37 @@ class ContactProblem(EquilibriumProblem):
                 return equations, fields
         known = next((one[2] for one in self._seen if one[0][-1] == x[-1]), None)
         equations = known or self.equations.stretched(math.exp(min(max(float(x[-1]), -FARTHEST), FARTHEST)))
-        fields = equations.fields(x[:-1], y)
+        fields = equations.fields(self.growth(x) * x[:-1], y)
         self._seen = [(x, y, equations, fields), *self._seen[: RECENT - 1]]
         return equations, fields
+
+    def growth(self, x: Array) -> float:
+        """e^(nσ): what a state grows by where it keeps its shape as the front moves."""
+        return 1.0 if self.front is None else math.exp(self.front.power * min(max(float(x[-1]), -FARTHEST), FARTHEST))
 
     def fields(self, x: Array, u: float) -> Fields:
         """Everything that follows from a state."""
         return self.seen(x, u)[1]
 
     def residual(self, x: Array, p: float) -> Array:
-        """Residual R, (N,), and how far the front is from its place."""
+        """Residual R, (N,), and how far the front is from its place; both e^(−nσ) times."""
         equations, fields = self.seen(x, p)
         if self.front is None:
             return fields.residual
-        return np.append(fields.residual, self.front.off(self.equations.mesh, equations, fields, float(x[-1])))
+        off = self.front.off(self.equations.mesh, equations, fields, float(x[-1]))
+        return np.append(fields.residual, off) / self.growth(x)
 
     def jacobian(self, x: Array, p: float) -> Array:
         """dR/dx, (N, N); with a front bordered by the derivatives with respect to σ and those of its equation."""
         equations, fields = self.seen(x, p)
         if self.front is None:
             return equations.jacobian(fields)
-        n = equations.mesh.size
+        n, power = equations.mesh.size, self.front.power
         matrix = np.empty((n + 1, n + 1))
         matrix[:n, :n] = equations.jacobian(fields)
-        matrix[:n, n] = equations.spread(fields)[1]
-        matrix[n, :n], matrix[n, n], _ = self.front.derivatives(self.equations.mesh, equations, fields)
+        matrix[n, :n], spread, _ = self.front.derivatives(self.equations.mesh, equations, fields)
+        matrix[:, n] = np.append(equations.spread(fields, power)[1], spread) / self.growth(x)
+        matrix[:, n] -= power * self.residual(x, p)
         return matrix
 
     def parameter_derivative(self, x: Array, p: float) -> Array:
@@ -244,7 +260,8 @@ class ContactProblem(EquilibriumProblem):
         equations, fields = self.seen(x, p)
         residual = equations.slopes(fields)[1]
         if self.front is not None:
-            residual = np.append(residual, self.front.derivatives(self.equations.mesh, equations, fields)[2])
+            off = self.front.derivatives(self.equations.mesh, equations, fields)[2]
+            residual = np.append(residual, off) / self.growth(x)
         return residual * (self.scale * math.cosh(p))
 
     def linearise(self, x: Array, p: float) -> Linearisation:
@@ -255,27 +272,44 @@ class ContactProblem(EquilibriumProblem):
             return Linearisation(fields.residual, np.empty((0, 0)), fields.residual)
         return Linearisation(self.residual(x, p), self.jacobian(x, p), self.parameter_derivative(x, p))
 
-    def moving(self, x_rate: Array, fields: Fields) -> Array:
+    def product(self, x: Array, p: float, jacobian: Array) -> Callable[[Array], Array] | None:
+        """What multiplies by dR/dx in a pressed film."""
+        if not self.film:
+            return None
+        (equations, fields), n = self.seen(x, p), self.size
+
+        def multiplied(v: Array) -> Array:
+            own = equations.multiplied(fields, v[:n])
+            return np.asarray(np.append(own, jacobian[n, :n] @ v[:n]) + jacobian[:, n] * v[n])
+
+        return multiplied
+
+    def moving(self, x_rate: Array, x: Array) -> Array:
         """The rate of h where it is, (N,), of a direction of states: the mesh may move through it."""
         if self.front is None:
             return x_rate
-        mesh = self.equations.mesh
-        return np.asarray(x_rate[:-1] - mesh.nodes * mesh.derivative(fields.h) * x_rate[-1])
+        mesh, h = self.equations.mesh, x[:-1]
+        spread = self.front.power * h - mesh.nodes * mesh.derivative(h)
+        return self.growth(x) * np.asarray(x_rate[:-1] + spread * x_rate[-1])
 
-    def still(self, x: Array) -> ContactProblem:
-        """The problem on the mesh of a state, which stays as it is: its state there is `x[: size]`."""
+    def still(self, x: Array) -> tuple[ContactProblem, Array]:
+        """The problem on the mesh of a state, which stays as it is, and the state."""
         if self.front is None:
-            return self
+            return self, x
         equations = self.equations.on(self.equations.mesh.stretched(math.exp(float(x[-1]))))
-        return ContactProblem(equations, self.scale, self.resolution, self.sharpness)
+        return ContactProblem(equations, self.scale, self.resolution, self.sharpness), self.growth(x) * x[:-1]
 
     def inner(self, u: Array, v: Array) -> float:
-        """∫ u v dtau, which does not know the mesh, and the front's share."""
-        return float((self._weights * u) @ v)
+        """∫ u v dtau, which does not know the mesh, and the front's share; in a pressed film also of slopes."""
+        return float(self.dual(u) @ v)
 
     def dual(self, u: Array) -> Array:
         """Vector whose product with v is inner(u, v)."""
-        return self._weights * u
+        found = self._weights * u
+        if self._slopes is not None:
+            mesh = self.equations.mesh
+            found[:-1] += mesh.derivative_dual(self._slopes * mesh.derivative(u[:-1]))
+        return found
 
     def direction(self, x: Array, p: float) -> tuple[Array, float]:
         """A tangent of the curve where the parameter is monotone: (dh/du, 1)."""
@@ -339,7 +373,11 @@ class ContactProblem(EquilibriumProblem):
 
     def steps(self, start: Point) -> Options:
         """Far away a step may be long, since the elastic body answers little; not so long as to miss a layer."""
-        steps = replace(STEPS, state_floor=STATE_FLOOR * self.scale * (2 * self.scale) ** 0.25, noise=NOISE)
+        floor = STATE_FLOOR * self.scale * (2 * self.scale) ** 0.25
+        if self.film:
+            rough = start.x * (-1.0) ** np.arange(start.x.size)
+            floor = max(floor, LOUD * np.finfo(float).eps * math.sqrt(self.inner(rough, rough)))
+        steps = replace(STEPS, state_floor=floor, noise=NOISE)
         law, u = self.equations.interaction, start.parameter
         if law is None or not math.isfinite(law.wave) or u == 0.0:
             return steps
@@ -374,8 +412,8 @@ class ContactProblem(EquilibriumProblem):
             return self._freed(points)
         if last.parameter != 0.0 or self.equations.contact:
             return None
-        still = self.still(last.x)
-        disc, h = still._behind(), last.x[: still.size]
+        still, h = self.still(last.x)
+        disc = still._behind()
         start = disc.touching(h)
         problem = start.problem
         kinked = isinstance(problem, ContactProblem) and (problem.flat or disc.resists(h))
@@ -395,8 +433,8 @@ class ContactProblem(EquilibriumProblem):
         """
         if p != 0.0:
             return ()
-        still = self.still(x)
-        other, h = still._behind(), x[: still.size]
+        still, h = self.still(x)
+        other = still._behind()
         if other.equations.contact:
             return other.touching(h), *other.graded(h)
         return (other.touching(other.solve_at(h, 0.0)),)
@@ -518,7 +556,7 @@ class ContactProblem(EquilibriumProblem):
         """Rates of load, displacement, contact radius and central gap along a direction."""
         equations, fields = self.seen(x, p)
         y_rate, ends = self.scale * math.cosh(p) * p_rate, isinstance(self.front, Edge)
-        h_rate = x_rate[:-1] if ends else self.moving(x_rate, fields)
+        h_rate = x_rate[:-1] if ends else self.moving(x_rate, x)
         load, displacement = equations.rates(fields, h_rate, y_rate)
         if ends:  # where h ends as a square root does, its rate at a place is infinite
             load += float(x_rate[-1]) * equations.load_per_stretch(fields)
@@ -538,7 +576,8 @@ class ContactProblem(EquilibriumProblem):
         Deep in contact the rough answer is nearly always 0, which is what is expected; any other is checked finely.
         """
         equations, fields = self.seen(x, p)
-        return equations.unstable_modes(fields, finely=False) and equations.unstable_modes(fields)
+        least = INDIFFERENT if self.film and equations.contact else 0.0
+        return equations.unstable_modes(fields, finely=False) and equations.unstable_modes(fields, least=least)
 
     def azimuthal(self, x: Array, p: float, unstable: int, limit: int = 32, near: int = 1) -> Count | None:
         """Numbers of unstable modes cos mθ; none where no axisymmetric one is (see `azimuthal`, order in m)."""
@@ -627,10 +666,10 @@ class ContactProblem(EquilibriumProblem):
         allowed = resolution.tolerance * max(1.0, abs(equations.load(fields)))
         reach = self._reach(equations, fields, 0.1 * allowed)
         error = self.relative_error(x, p)
-        if error <= resolution.tolerance and reach <= equations.mesh.edges[-1]:
+        if not self.rough(x, p) and error <= resolution.tolerance and reach <= equations.mesh.edges[-1]:
             if error > 1e-3 * resolution.tolerance or mesh.panels <= 6:
                 return self, x
-            edges = adapted_edges(equations, fields, SLACK * allowed / self.sharpness, reach, mesh)
+            edges = adapted_edges(equations, fields, SLACK * allowed / self.sharpness, reach, mesh, self.within(x))
             if len(edges) > 0.75 * mesh.panels:
                 return self, x
         problem: ContactProblem = self
@@ -640,14 +679,24 @@ class ContactProblem(EquilibriumProblem):
             trial, carried = problem.remeshed(start, p, solve=False)
             found = trial.solve_at(carried, p, enough=NEARLY)  # it is corrected by who asked
             change, told = found - carried, trial.told(problem)
-            moves = change[: trial.size], trial.moving(change, trial.fields(found, p))
+            moves = trial.growth(found) * change[: trial.size], trial.moving(change, found)
             moved = min(float(np.abs(by[told]).max(initial=0.0)) for by in moves)
             if not moved <= LEAP * expected + 1e-6 * self.scale or trial.lost(found, p):
                 break  # Newton's method has left for another solution
             problem, start = trial, found
-            if problem.relative_error(start, p) <= resolution.tolerance:
+            if problem.relative_error(start, p) <= resolution.tolerance and not problem.rough(start, p):
                 break
         return problem, start
+
+    def within(self, x: Array) -> float:
+        """Radius within which a film that is pressed has to be smooth."""
+        return CORE * self.film.place * math.exp(float(x[-1])) if self.film else 0.0
+
+    def rough(self, x: Array, p: float) -> bool:
+        """Whether a film that is pressed is not smooth."""
+        equations, fields = self.seen(x, p)
+        within = self.within(x)
+        return within > 0.0 and bool((roughness(equations, fields, equations.mesh.edges, within) > 1.0).any())
 
     def told(self, coarse: ContactProblem) -> slice:
         """Nodes at which a coarser mesh's panels tell the solution: not next to an edge, where it ends like a root."""
@@ -671,7 +720,7 @@ class ContactProblem(EquilibriumProblem):
 
     def anchored(self, front: Front | Edge | None, x: Array, p: float) -> tuple[ContactProblem, Array]:
         """The problem with another front, or with none, and the state."""
-        still, h = self.still(x), x[: self.size]
+        still, h = self.still(x)
         edges, ends = still.equations.mesh.edges, isinstance(front, Edge)
         if ends or isinstance(self.front, Edge):
             if isinstance(front, Edge):
@@ -704,7 +753,7 @@ class ContactProblem(EquilibriumProblem):
             if error > tolerance:
                 guide = float(panel_errors(equations, fields).sum()) / max(1.0, abs(equations.load(fields)))
                 sharpness = min(max(sharpness, 2 * error / max(guide, 1e-16)), 1e6)
-            edges = adapted_edges(equations, fields, SLACK * allowed / sharpness, reach, unit)
+            edges = adapted_edges(equations, fields, SLACK * allowed / sharpness, reach, unit, self.within(x))
         return self.on(mesh_on(edges, self.resolution.order, unit.bounded), x, p, sharpness, solve)
 
     def _reach(self, equations: Equations, fields: Fields, tolerance: float) -> float:
@@ -754,9 +803,11 @@ class ContactProblem(EquilibriumProblem):
             return np.append(mesh.interpolate(vector[:n], nodes), vector[n:])
         equations, fields = self.seen(x, p)
         shift = front.anchored(equations, fields) if front is not None else 0.0
-        function = fields.h if vector is x else self.moving(vector, fields)
+        function = fields.h if vector is x else self.moving(vector, x)
         found = equations.mesh.interpolate(function, math.exp(shift) * nodes)
-        return found if front is None else np.append(found, shift if vector is x else 0.0)
+        if front is None:
+            return found
+        return np.append(math.exp(-front.power * shift) * found, shift if vector is x else 0.0)
 
     def joins(self, other: EquilibriumProblem) -> bool:
         """Either side of first touch is a representation of its own."""
@@ -769,8 +820,8 @@ class ContactProblem(EquilibriumProblem):
         longer the radius of a fold has a relative error that further panels farther out do not cure.
         """
         if self.moves:
-            still = self.still(point.x)
-            return still.resolving(replace(point, problem=still, x=point.x[: still.size]), tolerance)
+            still, h = self.still(point.x)
+            return still.resolving(replace(point, problem=still, x=h), tolerance)
         x, u = point.x, point.parameter
         if self.relative_error(x, u) > tolerance:
             return self.remeshed(x, u, tolerance, solve=False)[0]

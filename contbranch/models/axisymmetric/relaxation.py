@@ -197,7 +197,7 @@ def _remeshed(state: _State, share: float) -> _State:
     end = float(equations.mesh.edges[-1])
     edges = np.append(equations.mesh.edges, reach) if reach > 1.05 * end else None
     if edges is None:
-        edges = adapted_edges(equations, fields, 0.1 * allowed, max(reach, 0.5 * end))
+        edges = adapted_edges(equations, fields, 0.1 * allowed, max(reach, 0.5 * end), equations.mesh)
         if len(edges) == len(equations.mesh.edges):
             return state
     mesh = mesh_on(edges, equations.mesh.order)

@@ -25,7 +25,7 @@ BARE = 4
 
 def search_from(problem: ContactProblem, points: Sequence[Point]) -> Search:
     """The search on one side of first touch, given the curve's rows there."""
-    problem = problem.still(points[-1].x)
+    problem, _ = problem.still(points[-1].x)
     meshes = [
         point.problem.seen(point.x, point.parameter)[0].mesh
         for point in points
