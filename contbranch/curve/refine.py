@@ -27,7 +27,7 @@ CLOSE = 1e-4
 # Discretisations for an event aim at this part of the accuracy, since position adds its own error, in so many rounds.
 AIM, ROUNDS_OF_AIM = 0.25, 3
 # Times that a discretisation is replaced by its finer one, and the number of unknowns at which that ends.
-ROUNDS, LARGEST = 6, 1500
+ROUNDS, LARGEST = 7, 2200
 # A finer one that leaves more than this share of the error has not helped; one that makes it so much larger has met
 # round-off.
 GAIN, WORSE = 0.3, 3.0

@@ -69,7 +69,7 @@ def raw_curve(track: Track, request: Request) -> RawCurve:
         complete = False
         much = "is not known; the law, or the tip, has kinks there"
         if math.isfinite(worst):
-            reached = 10.0 ** math.ceil(math.log10(2.0 * worst * request.accuracy))
+            reached = 10.0 ** math.ceil(math.log10(10.0 * worst * request.accuracy))
             much = f"is {worst:.3g} times the accuracy asked; ask for {reached:.0e}"
         messages.append(f"An event's error estimate {much}.")
     load, displacement = track.column("load"), track.column("displacement")

@@ -494,6 +494,8 @@ class Equations:
             bare = self.tip.height(nodes)
             lifted = mesh.interpolate(np.where(np.isfinite(bare), gap - bare, 0.0), close) + self.tip.height(close)
             gap, nodes = np.concatenate([lifted, gap[mesh.order :]]), np.concatenate([close, nodes[mesh.order :]])
+        if mesh.bounded:  # or at the edge of a tip
+            gap = np.append(gap, math.inf)
         inner = np.flatnonzero((gap[1:-1] < gap[:-2]) & (gap[1:-1] <= gap[2:])) + 1
         if len(inner) == 0:
             return math.inf, 0.0
