@@ -161,10 +161,14 @@ def adapted_edges(
     edges, stretch = unit.edges, equations.mesh.edges[-1] / unit.edges[-1]
     reach /= stretch
 
-    def guide(edges: Array) -> Array:
-        return np.maximum(panel_errors(equations, fields, edges), share * roughness(equations, fields, edges, within))
+    def guide(joined: Array | None = None) -> Array:
+        found = panel_errors(equations, fields, joined)
+        if within:
+            own = equations.mesh.edges if joined is None else joined
+            found = np.maximum(found, share * roughness(equations, fields, own, within))
+        return found
 
-    errors = guide(equations.mesh.edges)
+    errors = guide()
     if reach < SHORTEN * edges[-1]:
         keep = max(1, int(np.searchsorted(edges, reach)))
         edges, errors = edges[: keep + 1], errors[:keep]
