@@ -134,7 +134,7 @@ def correct(
     tolerance, noise = options.tolerance, options.noise
     close = PRECISE_TANGENT_DISTANCE if precise else TANGENT_DISTANCE
     floor = _rounding_floor(problem, x, p, metric)
-    noise = max(noise * floor, _rounding_floor(problem, x * (-1.0) ** np.arange(x.size), p, metric))  # as slopes see it
+    noise *= floor
     first = previous = math.inf
     contraction = 0.0
     worst = 0.0
@@ -153,7 +153,9 @@ def correct(
             contraction = size / previous if previous > 0 else 0.0
             done = size <= max(close, floor) and contraction**2 * size <= max(tolerance, floor)
             # What no longer contracts close to rounding is as good as it gets.
-            done = done or (size <= noise and contraction > 0.1)
+            if not done and contraction > 0.1:
+                rough = x * (-1.0) ** np.arange(x.size)  # as slopes see rounding
+                done = size <= max(noise, _rounding_floor(problem, rough, p, metric))
             again, slow = slow or size > SMALL, contraction > 0.5
             if not done and ((slow and again) or not math.isfinite(size)):
                 raise CorrectionError(Outcome.STEP_TOO_SMALL, f"(Newton's corrections contract by {contraction:.2g}.)")

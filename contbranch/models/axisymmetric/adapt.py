@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
-from scipy.linalg import lu_factor, lu_solve
 
 from contbranch.arrays import Array, Indices
 from contbranch.curve.problem import Defect
@@ -48,7 +48,7 @@ def defect_error(equations: Equations, fields: Fields, solve: Solver | None = No
     mesh, fine_equations = equations.mesh, equations.finer
     fine = fine_equations.fields(mesh.to_finer @ fields.h, fields.y)
     residual = mesh.from_finer(fine.residual)
-    solve = solve or _factorised(equations.jacobian(fields))
+    solve = solve or partial(np.linalg.solve, equations.jacobian(fields))
     step = -solve(residual)
     if float(np.abs(fields.stiffness).max()) * mesh.edges[-1] > STIFF:  # rounding in the matrix would rule
         step -= solve(residual + equations.multiplied(fields, step))
@@ -72,11 +72,6 @@ def roughness(equations: Equations, fields: Fields, edges: Array, within: float)
     tails = np.abs(mesh.interpolate(fields.stiffness, nodes).reshape(-1, n) @ mesh.rule.to_legendre[-2:].T).max(axis=1)
     share = tails / (SMOOTH * max(float(np.abs(fields.stiffness).max()), 1e-300))
     return np.where(edges[1:] < within, share, 0.0)
-
-
-def _factorised(matrix: Array) -> Solver:
-    factors = lu_factor(matrix)
-    return lambda f: np.asarray(lu_solve(factors, f))
 
 
 def panel_errors(equations: Equations, fields: Fields, edges: Array | None = None) -> Array:
@@ -161,10 +156,14 @@ def adapted_edges(
     edges, stretch = unit.edges, equations.mesh.edges[-1] / unit.edges[-1]
     reach /= stretch
 
-    def guide(edges: Array) -> Array:
-        return np.maximum(panel_errors(equations, fields, edges), share * roughness(equations, fields, edges, within))
+    def guide(joined: Array | None = None) -> Array:
+        found = panel_errors(equations, fields, joined)
+        if within:
+            own = equations.mesh.edges if joined is None else joined
+            found = np.maximum(found, share * roughness(equations, fields, own, within))
+        return found
 
-    errors = guide(equations.mesh.edges)
+    errors = guide()
     if reach < SHORTEN * edges[-1]:
         keep = max(1, int(np.searchsorted(edges, reach)))
         edges, errors = edges[: keep + 1], errors[:keep]

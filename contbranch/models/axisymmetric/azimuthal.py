@@ -56,7 +56,7 @@ __all__ = [
 LARGEST_MODE = 32
 # The finer mesh has an error of its own.
 SAFETY = 3.0
-# Rounding of an eigenvalue, relative to the largest of the matrix.
+# Rounding of an eigenvalue, relative to the largest of the matrix, and of the gap, relative to the displacement.
 ROUNDING = 1e-14
 # Radii inside the contact at which the pressure of a mode is given, in units of a; it is singular at the rim.
 INSIDE = np.sin(np.pi / 2 * np.arange(40) / 40)
@@ -99,7 +99,8 @@ def settled(equations: Equations, fields: Fields, unstable: int | None = None) -
     t = np.hypot(fields.rim.radius, equations.mesh.nodes)
     with np.errstate(invalid="ignore", divide="ignore"):  # a tip of finite extent: then nothing compares
         blunt = np.asarray(equations.tip.transform_derivative(t)) / t
-        if bool((np.diff(fields.gap) > 0).all()) and bool((np.diff(blunt) <= 1e-12 * np.abs(blunt[1:])).all()):
+        rounding = ROUNDING * float(np.abs(fields.h).max())
+        if bool((np.diff(fields.gap) > -rounding).all()) and bool((np.diff(blunt) <= 1e-12 * np.abs(blunt[1:])).all()):
             return True
     return _has_supersolution(equations, fields, t)
 
