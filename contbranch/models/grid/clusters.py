@@ -75,7 +75,7 @@ class Influence:
         return self._tables[rows, columns]
 
     def _response(self) -> Array:
-        """Displacement by unit pressure on one node, as far as is needed: half the digits do where symmetry is given."""
+        """Displacement by unit pressure on one node, as far as is needed: half the digits do on a quarter."""
         m = self.lattice.whole().size
         offsets = np.arange(self._width) - self._reach
         response = np.fft.irfft2(1.0 / self.lattice.whole().held_symbol(None), s=(m, m))
