@@ -141,9 +141,7 @@ def test_default_settings_fail_rarely():
     cells = failure_map.load_cells()
     assert len(cells) >= 800
     own = [cell for cell in cells if cell.own]
-    # The one known: an average over three nodes, beside a first touch whose own error is 0.13.
-    known = ("periodic grid", "48", "van-der-waals", 1, 1.0)
-    assert {cell.task for cell in own if cell.outcome == WRONG} <= {known}
+    assert WRONG not in {cell.outcome for cell in own}
     assert sum(cell.outcome not in (RIGHT, REFUSED) for cell in own) <= 0.02 * len(own)
     assert all(cell.detail for cell in own if cell.outcome != RIGHT)  # reasons are given
 

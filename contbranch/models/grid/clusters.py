@@ -75,11 +75,12 @@ class Influence:
         return self._tables[rows, columns]
 
     def _response(self) -> Array:
-        """Displacement by unit pressure on one node, as far as is needed; half the digits are enough."""
+        """Displacement by unit pressure on one node, as far as is needed: half the digits do on a quarter."""
         m = self.lattice.whole().size
         offsets = np.arange(self._width) - self._reach
-        response = np.fft.irfft2(1.0 / self.lattice.whole().held_symbol(None), s=(m, m)).astype(np.float32)
-        return np.asarray(response.take(offsets, 0, mode="wrap").take(offsets, 1, mode="wrap"))
+        response = np.fft.irfft2(1.0 / self.lattice.whole().held_symbol(None), s=(m, m))
+        near = response.take(offsets, 0, mode="wrap").take(offsets, 1, mode="wrap")
+        return near.astype(np.float32 if self.lattice.quarter else np.float64)
 
     @property
     def _width(self) -> int:
