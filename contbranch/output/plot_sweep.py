@@ -25,7 +25,7 @@ _NONE = "#E4E4E4"
 _MARKERS = "osD^vPX*"
 
 
-def sweep_figure(sweep: Sweep, thresholds: Sequence[str] = ()) -> Figure:
+def sweep_figure(sweep: Sweep, thresholds: Sequence[str] = (), level: float | None = None) -> Figure:
     """Draw thresholds over what varies.
 
     Parameters
@@ -34,6 +34,8 @@ def sweep_figure(sweep: Sweep, thresholds: Sequence[str] = ()) -> Figure:
         Of one parameter, or of two.
     thresholds : sequence of str, optional
         Names among `sweep.names`; default: loads at which stability is lost, otherwise whatever there is.
+    level : float, optional
+        Where they have this value there is a line.
 
     Raises
     ------
@@ -46,7 +48,8 @@ def sweep_figure(sweep: Sweep, thresholds: Sequence[str] = ()) -> Figure:
         raise InputError(f"plot: the sweep varies {over}; figures show one parameter or two: write contbranch view")
     values = {name: np.array([task.thresholds.get(name, np.nan) for task in sweep.tasks]) for name in shown}
     axes = [np.array([task.parameters[name] for task in sweep.tasks]) for name in sweep.parameters]
-    return _curves(sweep, axes[0], values) if len(axes) == 1 else _maps(sweep, axes, values)
+    lines = [] if level is None else [float(level)]
+    return _curves(sweep, axes[0], values, lines) if len(axes) == 1 else _maps(sweep, axes, values, lines)
 
 
 def _chosen(sweep: Sweep, thresholds: Sequence[str]) -> list[str]:
@@ -61,7 +64,7 @@ def _label(sweep: Sweep, name: str) -> str:
     return with_unit(name.replace("_", " "), sweep.unit_names.get(quantity(name), ""))
 
 
-def _curves(sweep: Sweep, x: Array, values: dict[str, Array]) -> Figure:
+def _curves(sweep: Sweep, x: Array, values: dict[str, Array], levels: Sequence[float]) -> Figure:
     """Every threshold against the only parameter; one axis for each quantity."""
     kinds = list(dict.fromkeys(map(quantity, values)))
     order, colours = np.argsort(x), cycle(SERIES)
@@ -78,6 +81,8 @@ def _curves(sweep: Sweep, x: Array, values: dict[str, Array]) -> Figure:
                     color=next(colours),
                     label=name.replace("_", " "),
                 )
+            for level in levels:
+                panel.axhline(level, color="0.4", linewidth=0.8, linestyle="--")
             panel.set_ylabel(_label(sweep, own[0] if len(own) == 1 else kind))
             if len(own) > 1:
                 panel.legend()
@@ -86,7 +91,7 @@ def _curves(sweep: Sweep, x: Array, values: dict[str, Array]) -> Figure:
     return figure
 
 
-def _maps(sweep: Sweep, place: Sequence[Array], values: dict[str, Array]) -> Figure:
+def _maps(sweep: Sweep, place: Sequence[Array], values: dict[str, Array], levels: Sequence[float]) -> Figure:
     """Every threshold over both parameters: cells of a grid, otherwise points; grey where there is none."""
     shown = dict(list(values.items())[:_MOST])
     with new_figure(2.9) as figure:
@@ -98,6 +103,8 @@ def _maps(sweep: Sweep, place: Sequence[Array], values: dict[str, Array]) -> Fig
                 panel.set_facecolor(_NONE)
                 cells = found.reshape(sweep.shape)[np.argsort(x)][:, np.argsort(y)].T
                 image: Any = panel.pcolormesh(_edges(x), _edges(y), cells, rasterized=True)
+                if levels and min(cells.shape) > 1:
+                    panel.contour(np.sort(x), np.sort(y), cells, levels, colors="white", linewidths=1.2)
             else:
                 panel.scatter(*place, color=_NONE, s=14.0)
                 image = panel.scatter(*place, c=found, s=14.0)

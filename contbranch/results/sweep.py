@@ -138,13 +138,15 @@ class Sweep(Result):
         units = {name: quantity(name, self.unit_names) for name in self.names}
         return {"task": of_columns(found, self.unit_names, **units)}
 
-    def plot(self, *thresholds: str) -> Figure:
+    def plot(self, *thresholds: str, level: float | None = None) -> Figure:
         """Draw thresholds against the parameter, or as maps over two; a page (`contbranch view`) shows the curves.
 
         Parameters
         ----------
         *thresholds : str
             Some of `names`; default: the loads of the folds.
+        level : float, optional
+            A line where a threshold has this value: over two parameters the boundary of a phase diagram at that level.
 
         Raises
         ------
@@ -153,7 +155,7 @@ class Sweep(Result):
         """
         from contbranch.output.plot_sweep import sweep_figure
 
-        return sweep_figure(self, thresholds)
+        return sweep_figure(self, thresholds, level)
 
 
 def quantity(threshold: str, known: Collection[str] = ()) -> str:

@@ -47,6 +47,17 @@ def test_over_one_parameter_curves() -> None:
     assert loads.get_xscale() == "log"
 
 
+def test_a_level_is_a_line() -> None:
+    """-R E = -200 (the product that stands for a threshold here) on a map, and across curves."""
+    axes = {"tip.radius": (1.0, 2.0, 4.0), "material.modulus": (25.0, 50.0, 100.0, 200.0)}
+    (panel, _) = swept(axes).plot("pull_off_load", level=-200.0).axes
+    (paths,) = (one.get_paths() for one in panel.collections[1:])
+    ends = paths[0].vertices[[0, -1]]
+    assert ends[ends[:, 0].argsort()] == pytest.approx(np.array([[1.0, 200.0], [4.0, 50.0]]))
+    (curves,) = swept({"tabor": (1.0, 2.0)}).plot("pull_off_load", level=-1.5).axes
+    assert curves.get_lines()[-1].get_ydata() == [-1.5, -1.5]
+
+
 def test_side_by_side_points() -> None:
     (panel, _) = swept({"tabor": (1.0, 2.0, 3.0), "tip.radius": (1.0, 5.0, 2.0)}, "zip").plot().axes
     assert np.asarray(panel.collections[1].get_offsets()) == pytest.approx(

@@ -75,7 +75,7 @@ class Influence:
         return self._tables[rows, columns]
 
     def _response(self) -> Array:
-        """Displacement by unit pressure on one node, as far as is needed; in half the digits: it approximates."""
+        """Displacement by unit pressure on one node, as far as is needed; half the digits are enough."""
         m = self.lattice.whole().size
         offsets = np.arange(self._width) - self._reach
         response = np.fft.irfft2(1.0 / self.lattice.whole().held_symbol(None), s=(m, m)).astype(np.float32)

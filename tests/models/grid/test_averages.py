@@ -18,6 +18,7 @@ from contbranch.models.grid.newton import Equilibrium
 
 REPULSION = cb.Contact.reduced("gauss", tabor=2.0, sign=-1)
 ATTRACTION = cb.Contact.reduced("exponential", tabor=2.0)
+SMALL = cb.Contact.reduced("gauss", tabor=0.74, sign=-1)  # a fold within the first two rows of nodes
 
 
 def folds(diagram: cb.Diagram) -> list[tuple[str | None, str | None]]:
@@ -31,6 +32,7 @@ def folds(diagram: cb.Diagram) -> list[tuple[str | None, str | None]]:
         (REPULSION, 9.0, 48, "wetting_load", 0.1),
         (REPULSION, 9.0, 64, "wetting_load", 0.05),
         (REPULSION, 9.0, 96, "wetting_load", 0.01),
+        (SMALL, 9.31, 64, "wetting_load", 1e-3),
         (ATTRACTION, 10.0, 64, "pull_off_load", 5e-3),
         (ATTRACTION, 10.0, 96, "pull_off_load", 2e-3),
     ],
@@ -49,6 +51,17 @@ def test_folds_are_the_contacts(contact: Contact, cell: float, grid: int, name: 
     assert {event.verdict for event in found.events if event.contact_radius > 0.0 and event.kind == "fold"} == {
         "averaged"
     }
+
+
+def test_folds_of_a_film_next_to_each_other_are_two() -> None:
+    """Squeeze-out under load and under displacement, where the film turns round sharply."""
+    contact = cb.Contact.reduced("gauss", tabor=1.954, sign=-1)
+    found = cb.trace(contact, "displacement", model=cb.FreeSpace(cell=9.19, grid=128), max_load=17.5, modes=0)
+    exact = cb.trace(contact, "displacement", max_load=17.5, modes=0)
+    for control in ("load", "displacement"):
+        own, other = (next(e for e in one.folds(control) if e.name == "squeeze-out") for one in (found, exact))
+        for field in ("load", "displacement"):
+            assert abs(getattr(own, field) - getattr(other, field)) <= own.error[field] < 5e-5
 
 
 def test_the_lattices_own_curve_on_request() -> None:
@@ -124,7 +137,7 @@ def test_folds_within_the_first_row_of_nodes(contact: Contact, cell: float, grid
     assert exact.contact_radius < 0.6 * cell / grid
     for field in ("displacement", "contact_radius"):
         assert abs(getattr(found, field) - getattr(exact, field)) <= found.error[field]
-    assert found.error["displacement"] < 3e-4
+    assert found.error["displacement"] < 6e-4
 
 
 @pytest.mark.filterwarnings("ignore::contbranch.GridWarning")
