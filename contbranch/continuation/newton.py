@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 
@@ -53,14 +51,19 @@ class Corrected:
     contraction: float
 
 
-@contextmanager
-def evaluating(p: float, where: str = "") -> Iterator[None]:
+class evaluating:  # a context, like suppress
     """Turn whatever the user's code raises into a CorrectionError, which ends the attempt and keeps its text."""
-    try:
-        yield
-    except Exception as error:
-        detail = f"({type(error).__name__}{where} at parameter {p:.6g}: {error})"
-        raise CorrectionError(Outcome.EVALUATION_FAILED, detail) from error
+
+    def __init__(self, p: float, where: str = "") -> None:
+        self.p, self.where = p, where
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(self, kind: object, error: BaseException | None, _: object) -> None:
+        if isinstance(error, Exception):
+            detail = f"({type(error).__name__}{self.where} at parameter {self.p:.6g}: {error})"
+            raise CorrectionError(Outcome.EVALUATION_FAILED, detail) from error
 
 
 def linearise(problem: Problem, x: Array, p: float) -> Linearisation:
@@ -81,8 +84,8 @@ def residual(problem: Problem, x: Array, p: float) -> Array:
     return value
 
 
-def _finite(value: Array, p: float, what: str = "Residual") -> None:
-    if not math.isfinite(float(np.add.reduce(value))):
+def _finite(value: Array, p: float, what: str = "Residual", rest: float = 0.0) -> None:
+    if not math.isfinite(float(np.add.reduce(value)) + rest):
         raise CorrectionError(Outcome.NOT_FINITE, f"({what} at parameter {p:.6g}.)")
 
 
@@ -100,7 +103,7 @@ def solve(bordered: Bordered, f: Array, g: float, p: float) -> Direction:
         u, a = bordered.solve(f, g)
     except SingularBorderedError as error:
         raise CorrectionError(Outcome.STEP_TOO_SMALL, f"({error})") from error
-    _finite(np.append(u, a), p, "Newton's correction")
+    _finite(u, p, "Newton's correction", a)
     return u, a
 
 
