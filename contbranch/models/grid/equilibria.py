@@ -196,7 +196,8 @@ class LatticeProblem(EquilibriumProblem):
         hold = Hold(value, weight, along, 1e-9 * max(1.0, abs(value)))
         with quietly():
             found = newton(self.nodes, x.reshape(self.nodes.shape), p, hold, None, self.sharp)
-            if not found.converged or np.abs(found.u.ravel() - x).max() > NEAR * self.scale:
+            near = np.abs(found.u.ravel() - x).max() <= NEAR * self.scale
+            if not near or not (found.converged or found.residual <= self.tolerance):
                 raise CorrectionError(Outcome.STEP_TOO_SMALL, "(No equilibrium was found on the lattice.)")
             u, load = tangent(self.nodes, found, hold, 1e-8 if precise else 1e-3)[:2]
         point = self.point(found, (u, load))
