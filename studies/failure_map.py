@@ -72,6 +72,8 @@ RIGHT, WRONG, TRAPPED, RETRACED = "right", "wrong without a word", "trapped by t
 DIVERGED, ITERATIONS, TIME, REFUSED = "diverged", "out of iterations", "out of time", "refused with a reason"
 OUTCOMES: Final = (RIGHT, REFUSED, TRAPPED, RETRACED, DIVERGED, ITERATIONS, TIME, WRONG)
 
+# Relative errors of what the others are compared with, at most.
+KNOWN = 1e-6
 # Of methods that state no error; steps of a ramp; seconds of a cell, and of the package's own settings.
 ALLOWED, STEPS = 0.03, 40
 LIMIT, OWN_LIMIT = 5.0, 30.0
@@ -152,14 +154,15 @@ def _clock(seconds: float) -> Callable[[float, str], None]:
 
 
 def _truth(subject: Subject) -> Truth | None:
-    if subject.sign < 0 and subject.tabor > 64.0 and not subject.convex:
-        return None  # no trace ends
-    for accuracy in (1e-9, 1e-7):
+    for accuracy in (1e-9, 1e-7, 3e-8):
         diagram = cb.trace(subject.contact, accuracy=accuracy, modes=0, progress=_clock(OWN_LIMIT))
-        if diagram.status == "complete":
+        ended = bool(diagram.events) and diagram.events[-1].kind == "end"
+        scaled = [e.error[control] / max(1.0, abs(getattr(e, control))) for e in diagram.events for control in CONTROLS]
+        known = diagram.status == "complete" or (ended and max(scaled) < KNOWN)  # if not to the last digit asked
+        if known:
             break
     events = [event for event in diagram.events if event.kind in ("fold", "touch")]
-    if diagram.status != "complete" and not subject.convex:
+    if not known and not subject.convex:
         return None
     lost: dict[str, dict[str, float]] = {control: {} for control in CONTROLS}
     for event in events if not subject.convex else ():

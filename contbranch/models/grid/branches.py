@@ -27,7 +27,7 @@ from .arrays import Array
 from .equilibria import LatticeProblem
 from .measure import quietly
 from .stability import Stability
-from .switching import Departure, Image, Switched, has_symmetry, kept_symmetry, lacking, mirrored, switch
+from .switching import Departure, Switched, has_symmetry, kept_symmetry, lacking, mirrored, switch
 from .transforms import EVEN
 
 __all__ = ["POINTS", "departure", "follow_branch", "with_branches"]
@@ -58,7 +58,7 @@ class BranchProblem(LatticeProblem):
     def __init__(self, origin: LatticeProblem, switched: Switched, points: int) -> None:
         super().__init__(origin.setup.whole(), origin.tolerance, wall=True)
         self.switched, self.points = switched, points
-        self.kept: Image = kept_symmetry(self.setup.lattice, switched.sector, origin.nodes.swapped)
+        self._image = kept_symmetry(self.setup.lattice, switched.sector, origin.nodes.swapped)
         self.stability, self.turning = Stability(self.nodes), origin.modes.axisymmetric
         self.message = ""
 
@@ -66,6 +66,10 @@ class BranchProblem(LatticeProblem):
         """The first state, towards the second."""
         first, last = self.switched.states
         return self.point(first, (last.u - first.u, last.load - first.load))
+
+    def kept(self, u: Array) -> Array:
+        """The image under the mirror, or the turn, that the branch keeps."""
+        return self._image(u)
 
     def odd(self, x: Array) -> Array:
         """What the symmetry of the curve changes."""

@@ -110,6 +110,10 @@ class LatticeProblem(EquilibriumProblem):
         self._recent: deque[tuple[Array, Equilibrium]] = deque(maxlen=RECENT)
         self._known: deque[tuple[Array, Event, Array]] = deque(maxlen=RECENT)
 
+    def kept(self, u: Array) -> Array:
+        """The image of fields under a symmetry that all states of this curve have, on a lattice that has more."""
+        return u
+
     @property
     def size(self) -> int:
         """Nodes."""

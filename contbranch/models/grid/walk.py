@@ -500,6 +500,8 @@ class Walker:
         arcs = np.array([place.arc for place in past])
         weights, slopes = lagrange(arcs, arcs[-1] + size)
         u, load, contact = predicted(self.nodes, states, weights, self.problem.wall)
+        # Rounding is not to choose among states that turn into each other.
+        u, contact = 0.5 * (u + self.problem.kept(u)), contact & (self.problem.kept(contact.astype(float)) > 0.5)
         rate = np.tensordot(slopes, [state.u for state in states], 1), float(slopes @ [state.load for state in states])
         measure = Measure.at(last, self.setup.length)
         direction = Direction.along(measure, *rate)
