@@ -44,8 +44,8 @@ __all__ = [
     "state_in_units",
 ]
 
-# Tabor coefficient up to which curves are followed to their end.
-STIFFEST = 1000.0
+# Tabor coefficients up to which curves of repulsion and of attraction are followed to their end.
+STIFFEST = 256, 1000
 Kind = TypeVar("Kind", bound=Record)
 
 
@@ -298,10 +298,11 @@ def assemble(contact: Contact, curve: RawCurve, choice: ModelChoice, control: Co
 def _stiffest(contact: Contact) -> str:
     """What holds in the limit of stiff interactions; empty for those that are followed."""
     tabor, law = contact.tabor or 0.0, contact.interaction
-    if tabor <= STIFFEST or law is None:
+    adhesive = law is not None and law.work_of_adhesion > 0
+    most, limit = STIFFEST[adhesive], "JKR's (contbranch.theory.jkr)" if adhesive else "Hertz'"
+    if tabor <= most:
         return ""
-    limit = "JKR's (contbranch.theory.jkr)" if law.work_of_adhesion > 0 else "Hertz'"
-    return f" Stiffer than what is followed to its end (μ_T = {tabor:.3g} > {STIFFEST:.0f}): take the limit, {limit}."
+    return f" Stiffer than what is followed to its end (μ_T = {tabor:.3g} > {most}): take the limit, {limit}."
 
 
 def _sensitivities(contact: Contact, told: Mapping[str, tuple[Event, str]]) -> dict[str, dict[str, float]] | None:
