@@ -44,7 +44,7 @@ __all__ = [
     "state_in_units",
 ]
 
-# Tabor coefficients up to which curves of repulsion and of attraction are followed to their end.
+# Tabor coefficients below which curves of repulsion and of attraction are followed to their end.
 STIFFEST = 256, 1000
 Kind = TypeVar("Kind", bound=Record)
 
@@ -300,9 +300,9 @@ def _stiffest(contact: Contact) -> str:
     tabor, law = contact.tabor or 0.0, contact.interaction
     adhesive = law is not None and law.work_of_adhesion > 0
     most, limit = STIFFEST[adhesive], "JKR's (contbranch.theory.jkr)" if adhesive else "Hertz'"
-    if tabor <= most:
+    if tabor < most:
         return ""
-    return f" Stiffer than what is followed to its end (μ_T = {tabor:.3g} > {most}): take the limit, {limit}."
+    return f" Stiffer than what is followed to its end (μ_T = {tabor:.3g}, up to {most}): take the limit, {limit}."
 
 
 def _sensitivities(contact: Contact, told: Mapping[str, tuple[Event, str]]) -> dict[str, dict[str, float]] | None:
