@@ -15,6 +15,8 @@ CASES = {  # contact, control, accuracy of the traces, parameters varied
     "exact": (cb.Contact.reduced(cb.MaugisDugdale, tabor=1.5), cb.Spring(1.0), 1e-11, ""),
     "sum": (cb.Contact(cb.Parabola(1.0), cb.Gauss(1.0, 0.8) + cb.Exponential(-0.4, 1.0)), "load", 1e-10, "range[1]"),
     "cone": (cb.Contact(cb.Cone(0.5), cb.Exponential(1.0, 0.7)), "load", 1e-10, "slope"),
+    # its film reaches the edge of the cap, which nodes must not pass
+    "edge": (cb.Contact(cb.SphericalCap(5.0), cb.VanDerWaals(-1.7, 2.0)), "load", 1e-8, "radius"),
     "ring": (cb.Contact.reduced(cb.MaugisDugdale, tabor=0.5, sign=-1), "load", 1e-8, "range"),
 }
 
