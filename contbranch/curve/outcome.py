@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import operator
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
@@ -13,6 +14,7 @@ import numpy as np
 from contbranch.arrays import Array, Integers
 from contbranch.contact.contact import Contact
 from contbranch.contact.interaction_law import terms_of
+from contbranch.contact.tips import Parabola
 from contbranch.contact.units import Scales
 from contbranch.continuation import Point
 from contbranch.control import Control, Spring, as_control
@@ -297,10 +299,11 @@ def assemble(contact: Contact, curve: RawCurve, choice: ModelChoice, control: Co
 
 def _stiffest(contact: Contact) -> str:
     """What holds in the limit of stiff interactions; empty for those that are followed."""
-    tabor, law = contact.tabor or 0.0, contact.interaction
-    adhesive = law is not None and law.work_of_adhesion > 0
+    tabor, terms = contact.tabor or 0.0, terms_of(contact.interaction)
+    adhesive = sum(term.work_of_adhesion for term in terms) > 0
     most, limit = STIFFEST[adhesive], "JKR's (contbranch.theory.jkr)" if adhesive else "Hertz'"
-    if tabor < most:
+    simple = len(terms) == 1 and not math.isfinite(terms[0].wave) and isinstance(contact.tip, Parabola)
+    if tabor < most or not simple:  # of others the limit is another, or not known
         return ""
     return f" Stiffer than what is followed to its end (μ_T = {tabor:.3g}, up to {most}): take the limit, {limit}."
 
