@@ -293,7 +293,7 @@ def assemble(contact: Contact, curve: RawCurve, choice: ModelChoice, control: Co
         description=contact.describe(),
         unit_names=contact.units.names,
         local_exponents=local_exponents,
-        sensitivities=one_thread(lambda: _sensitivities(contact, told)),  # type: ignore[arg-type]
+        sensitivities=one_thread(lambda: _sensitivities(contact, told, accuracy)),  # type: ignore[arg-type]
     )
 
 
@@ -308,7 +308,9 @@ def _stiffest(contact: Contact) -> str:
     return f" Stiffer than what is followed to its end (μ_T = {tabor:.3g}, up to {most}): take the limit, {limit}."
 
 
-def _sensitivities(contact: Contact, told: Mapping[str, tuple[Event, str]]) -> dict[str, dict[str, float]] | None:
+def _sensitivities(
+    contact: Contact, told: Mapping[str, tuple[Event, str]], accuracy: float
+) -> dict[str, dict[str, float]] | None:
     """Derivatives of the thresholds by parameter, in the contact's units; None of lattices."""
     from contbranch.curve.sensitivity import Sensitivities
 
@@ -322,7 +324,7 @@ def _sensitivities(contact: Contact, told: Mapping[str, tuple[Event, str]]) -> d
             driven = event.control if event.stiffness is None else Spring(event.stiffness)
             control = None if driven is None else as_control(driven)
             wanted = {key for other, key in told.values() if other is event}
-            sensitivities = sensitivities or Sensitivities(contact)
+            sensitivities = sensitivities or Sensitivities(contact, accuracy)
             known[id(event)] = sensitivities.at(place, control, event.origin.raw.margin, wanted)
     return {name: known[id(event)][key] for name, (event, key) in told.items()}
 

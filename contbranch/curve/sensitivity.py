@@ -47,10 +47,12 @@ __all__ = ["Sensitivities"]
 # relative to the distance of an edge of its parameter.
 STEP, ALONG, ASIDE = 3e-5, 3e-4, 2e-3
 # ... those of parameters the larger the shorter the one along the curve is, by which their differences are divided.
-WIDE = 1e-4
+WIDE = 5e-5
 # The second derivative along the curve has larger ones, as often shortened as there is need: those from both distances
 # agree to such a share, and to rounding.
 CURVED, SHORTER, SMOOTH, ROUNDING = 3.0, 6, 0.01, 1e-13
+# Events of such accuracy are taken on the discretisation that located them, others on the next finer one.
+FINE = 1e-8
 # Corrections on the finer discretisation by one matrix, and the largest for which it serves.
 CORRECTIONS, CLOSE = 2, 1e-7
 # Powers with which load, displacement, contact radius and central gap grow with the units of lengths in the plane, of
@@ -71,10 +73,10 @@ class _Change:
 
 
 class Sensitivities:
-    """Derivatives of observables at events of a contact, by its parameters."""
+    """Derivatives of observables at events of a contact, by its parameters; the events have the accuracy given."""
 
-    def __init__(self, contact: Contact) -> None:
-        known = parameters_of(contact)
+    def __init__(self, contact: Contact, accuracy: float) -> None:
+        known, self.accuracy = parameters_of(contact), accuracy
         self.scales = contact.scales
         self.values = {name: one.value for name, one in known.items()}
         self.powers = _powers(contact, self.values)
@@ -100,6 +102,8 @@ class Sensitivities:
         """
         values, powers, implied = self.values, self.powers, self.implied
         units = np.array([self.scales.of_fields[name] for name in OBSERVABLES])
+        if self.accuracy > FINE:
+            point = moved(point, equilibrium(point).finer())
         event = _Event(point, None if control is None else control.scaled(self.scales.stiffness), margin)
         if control is not None and set(wanted) == {control.kind}:
             event.control = None
@@ -161,29 +165,26 @@ def _change(parameter: Parameter, scales: Scales, step: float) -> _Change:
 
 
 class _Event:
-    """An event with what moves it, on a discretisation finer than the one that located it; states with p at their end.
+    """An event, or a point next to it, with what moves it; states with p at their end.
 
     All comes from one factorisation: what changes on both sides of the event from differences of residuals.
     """
 
     def __init__(self, point: Point, control: Control | None, margin: str) -> None:
         held = (control is None and not margin) or point.parameter in equilibrium(point).parameter_range
-        self.problem = problem = equilibrium(point).finer()
+        self.problem = problem = equilibrium(point)
         self.control, self.margin = (None, "") if held else (control, margin)
-        finer = moved(point, problem)
-        metric = problem.metric(finer.x)
-        along = (np.zeros_like(finer.x), 1.0) if held else (finer.tangent_x, finer.tangent_parameter)
+        x, p, metric = point.x, point.parameter, problem.metric(point.x)
+        along = (np.zeros_like(x), 1.0) if held else (point.tangent_x, point.tangent_parameter)
         size = metric.norm(problem, *along)
         row = metric.row(problem, along[0] / size, along[1] / size)
-        x, p = finer.x, finer.parameter
         at = linearise(problem, x, p)
-        matrix = border(problem, x, p, at, row)
-        left = at[0]
-        for _ in range(CORRECTIONS if problem is not point.problem else 0):  # by the same matrix: they are tiny
+        matrix, left = border(problem, x, p, at, row), at[0]
+        for _ in range(CORRECTIONS):  # by the same matrix: they are tiny
             dx, dp = solve(matrix, -left, 0.0, p)
             if metric.norm(problem, dx, dp) > CLOSE:
-                finer, matrix = corrected_point(problem, x, p, along, metric, OPTIONS)
-                x, p = finer.x, finer.parameter
+                exact, matrix = corrected_point(problem, x, p, along, metric, OPTIONS)
+                x, p = exact.x, exact.parameter
                 break
             x, p = x + dx, p + dp
             left = residual(problem, x, p)

@@ -111,7 +111,7 @@ def _has_supersolution(equations: Equations, fields: Fields, t: Array) -> bool:
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = t[None, :] / t[:, None]
     plane = fields.rim.plane * ratio
-    matrix = upper_times_lower(mesh.abel * ratio.T * fields.stiffness, plane, mesh.order)
+    matrix = upper_times_lower(mesh.abel_with(fields.stiffness) * ratio.T, plane, mesh.order)
     matrix.flat[:: mesh.size + 1] += 1.0
     _, _, h, info = lapack.dgesv(matrix, t, overwrite_a=1)
     return info == 0 and bool((plane @ h > 0).all())

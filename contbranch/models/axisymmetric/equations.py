@@ -236,7 +236,7 @@ class Equations:
             energy, pressure, stiffness = zero, zero, zero
         else:
             energy, pressure, stiffness = self.interaction.evaluate(gap)
-        residual = h - self.mesh.abel @ pressure
+        residual = h - self.mesh.abel_of(pressure)
         fields = Fields(h, y, rim, rim_value, gap, energy, pressure, stiffness, residual)
         fields.derived["shape_slope"] = shape_slope
         self._recent = [fields, *self._recent[: RECENT - 1]]
@@ -245,11 +245,11 @@ class Equations:
     # -- linearisation ------------------------------------------------------------------------------------------------
     def response(self, fields: Fields) -> Array:
         """``abel v'' plane``: change of −abel p with h at fixed displacement and rim; (N, N)."""
-        return upper_times_lower(self.mesh.abel * fields.stiffness, fields.rim.plane, self.mesh.order)
+        return upper_times_lower(self.mesh.abel_with(fields.stiffness), fields.rim.plane, self.mesh.order)
 
     def answered(self, fields: Fields, h: Array) -> Array:
         """``response @ h``, without that matrix; (N,)."""
-        return np.asarray(self.mesh.abel @ (fields.stiffness * fields.rim.bent(h)))
+        return self.mesh.abel_of(fields.stiffness * fields.rim.bent(h))
 
     def multiplied(self, fields: Fields, h: Array) -> Array:
         """``jacobian @ h``, without that matrix: the gap hardly moves where a stiff film bears large changes of h."""
@@ -270,7 +270,7 @@ class Equations:
             # Beyond the end of a tip the gap is infinite and nothing answers its change.
             answer = np.zeros_like(gap_slope)
             np.multiply(fields.stiffness, gap_slope, out=answer, where=fields.stiffness != 0.0)
-            fields.derived["slopes"] = gap_slope, self.mesh.abel @ answer
+            fields.derived["slopes"] = gap_slope, self.mesh.abel_of(answer)
         gap_slope, residual_slope = fields.derived["slopes"]
         return gap_slope, residual_slope
 
@@ -301,7 +301,7 @@ class Equations:
             gap += power * fields.rim.bent(fields.h - fields.rim_value)
             answer = np.zeros_like(gap)
             np.multiply(fields.stiffness, gap, out=answer, where=fields.stiffness != 0.0)
-            fields.derived["spread"] = gap, power * fields.h + self.mesh.abel @ (answer - fields.pressure)
+            fields.derived["spread"] = gap, power * fields.h + self.mesh.abel_of(answer - fields.pressure)
         gap_rate, residual_rate = fields.derived["spread"]
         return gap_rate, residual_rate
 

@@ -65,7 +65,8 @@ class Mesh:
         self.nodes, self.weights = nodes.ravel(), weights.ravel()
         self.size = len(self.nodes)
         self.innermost = float(self.edges[1])
-        self.plane, self.abel = self._matrices()
+        self.plane, self._abel = self._matrices()
+        self.stretch = 1.0
 
     @cached_property
     def finer(self) -> Mesh:
@@ -88,9 +89,22 @@ class Mesh:
         mesh = copy.copy(self)
         mesh.forget()
         mesh.source = self, factor
-        for name in ("edges", "half", "nodes", "weights", "innermost", "abel"):
+        for name in ("edges", "half", "nodes", "weights", "innermost", "stretch"):
             setattr(mesh, name, factor * getattr(self, name))
         return mesh
+
+    @property
+    def abel(self) -> Array:
+        """The matrix in full, which states of a moving mesh do without."""
+        return self.stretch * self._abel
+
+    def abel_of(self, pressure: Array) -> Array:
+        """``abel @ pressure``, (N,)."""
+        return np.asarray(self.stretch * (self._abel @ pressure))
+
+    def abel_with(self, weights: Array) -> Array:
+        """``abel * weights``, (N, N)."""
+        return np.asarray(self._abel * (self.stretch * weights))
 
     def halved(self) -> Mesh:
         """A mesh with every panel cut in two, of the same order, and as long as the finer one."""
