@@ -54,10 +54,14 @@ KNOWN, TIED, PLACED = 0.2, 0.98, 0.3
 SHARP, GRID, HELD = 0.04, 6, 1e-7
 # Criterion above the best law's at which a law is as good as excluded.
 EXCLUDED = 10.0
+# Standard deviations by which a sum of squares may exceed its expectation before samples are put on other branches.
+POOR = 3.0
 # Change of the sum of squares by which two minima are told apart.
 TOLD = 9.0
 # Relative steps of derivatives.
 STEP = 3e-4
+# Parts of the approach in which its slope in contact is looked for, the first one with a relative error below this.
+PARTS, SURE = (25, 12, 6, 3), 0.1
 # A contact that takes a part of the spring's motion: slope in contact over the stiffness.
 COMPLIANT = 0.8
 # A slope in contact that no contact on the spring has, over the stiffness.
@@ -271,12 +275,20 @@ class _Fitting:
         return math.sqrt(stiffness**3 / (6.0 * force * radius))
 
     def _slope(self) -> tuple[float, float]:
-        """Slope of the force where the tip is pressed most, on approach, and its error by the noise."""
+        """Slope of the force where the tip is pressed most, on approach, and its error by the noise.
+
+        The part looked at is as small as the noise allows.
+        """
         leg = self.curve.leg(False)
-        top = leg[np.argsort(self.curve.piezo[leg])[-max(5, leg.size // 25) :]]
-        piezo = self.curve.piezo[top]
-        error = self.seen.noise / max(float(np.std(piezo)) * math.sqrt(top.size), 1e-300)
-        return abs(float(np.polyfit(piezo, self.curve.force[top], 1)[0])), error
+        order = leg[np.argsort(self.curve.piezo[leg])]
+        for share in PARTS:
+            top = order[-max(5, leg.size // share) :]
+            piezo = self.curve.piezo[top]
+            error = self.seen.noise / max(float(np.std(piezo)) * math.sqrt(top.size), 1e-300)
+            slope = abs(float(np.polyfit(piezo, self.curve.force[top], 1)[0]))
+            if error < SURE * slope:
+                break
+        return slope, error
 
     def _starts(self, problem: Problem) -> Iterator[Array]:
         """Vectors from which to start: around the guess, and the contact given."""
@@ -476,8 +488,8 @@ class _Fitting:
     def profiled(self, found: _Minimum) -> _Minimum:
         """The minimum with what else fits as well: minima with an unknown held elsewhere that the data hardly tell."""
         low, high = found.problem.bounds()
-        errors = _errors(self._inverse(found)[0])
-        near = []
+        errors, near, count = _errors(self._inverse(found)[0]), [], found.comparison.samples.size
+        poor = found.cost > count + POOR * math.sqrt(2.0 * count)
         for k, name in enumerate(found.problem.names):
             if name in LINE or errors[k] < SHARP:
                 continue
@@ -488,8 +500,9 @@ class _Fitting:
                     continue
                 x = _moved(found.x, k, value)
                 one = self._minimised(found.problem, x, found.comparison, (found.spread, TRIED), held=k)
-                if one.cost < found.cost - 0.5 and not over():  # a better one has been found by the way
-                    better = self._minimised(found.problem, one.x, found.comparison, (found.spread, MOST))
+                if (poor or one.cost < found.cost - 0.5) and not over():  # a better one may have been found by the way
+                    own = self._labelled(one) if poor else found.comparison  # its jumps may be elsewhere
+                    better = self._minimised(found.problem, one.x, own, (found.spread, MOST))
                     if better.cost < found.cost - 0.5:
                         return self.profiled(replace(better, others=found.others))
                 if one.cost < found.cost + 4.0:
@@ -622,7 +635,7 @@ class _Fitting:
         words.append(f"The data determine {_listed(known)}." if known else "The data determine none of the values.")
         for name in (name for name in names if name not in known):
             error = abs(errors[name] / values[name]) if values[name] else math.inf
-            words.append(f"They do not determine {name}{f' (± {100 * error:.0f} %)' if 0.0 < error < 10 else ''}.")
+            words.append(f"They do not determine {name}{f' (± {100 * error:.0f} %)' if KNOWN < error < 10 else ''}.")
         tied = [
             f"{a} and {b} are {correlation:.2f} correlated"
             for (i, a), (j, b) in combinations(enumerate(names), 2)
