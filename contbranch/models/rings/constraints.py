@@ -60,7 +60,7 @@ def begun(point: Point) -> Point:
     """The point as the start of a piece of curve, with the widths at which its regions vanish."""
     problem = rings(point)
     edges = point.x[point.x.size - problem.edges :]
-    shares = np.diff(np.concatenate([[0.0], edges])) / edges[-1] if len(edges) else edges
+    shares = problem.widths(edges) / edges[-1] if len(edges) else edges
     widths = []
     for k, share in enumerate(shares):
         joins, collapses = problem.layout.without(k) is not None, problem.layout.collapsed(k) is not None
@@ -74,7 +74,7 @@ def narrowness(problem: RingEquations, fields: Fields) -> float:
     if not any(problem.vanishing):
         return 1.0
     least = np.array(problem.vanishing)
-    shares = problem.widths(fields) / fields.grid.edges[-1]
+    shares = problem.widths(fields.grid.edges) / fields.grid.edges[-1]
     return min(1.0, float((shares[least > 0] / least[least > 0]).min()) - 1)
 
 
@@ -99,6 +99,11 @@ def breaches(problem: RingEquations, fields: Fields) -> Iterator[Breach]:
             outermost = k == len(problem.layout.regions) - 1 and not problem.layout.bounded
             if math.isfinite(ceiling) and not outermost:
                 yield from _extrema(problem, fields, k, (ceiling - fields.gap) / scale, Region(True, region.index + 1))
+            if problem.layout.ends(k):
+                edge = fields.grid.edges[k:]
+                lift = fields.grid.lift_at(edge, fields.pressure)
+                gap = float((problem.setting.tip.height(edge) - fields.displacement + lift)[0])
+                yield Breach((ceiling - gap) / scale, k, float(edge[0]), Region(False, region.index + 1))
 
 
 def least_margin(problem: RingEquations, fields: Fields) -> Breach | None:
@@ -119,7 +124,7 @@ def _extrema(problem: RingEquations, fields: Fields, region: int, margin: Array,
     inner_edge, outer_edge = region > 0, region < problem.edges
     jumps = [e for e in (region - 1, region) if 0 <= e < problem.edges and problem.layout.jump(e)]
     noise = JUMP_NOISE if jumps else EDGE_NOISE * float(np.abs(values).max()) + ROUNDING
-    share = float(problem.widths(fields)[region] / grid.edges[-1]) if outer_edge else 1.0
+    share = float(problem.widths(grid.edges)[region] / grid.edges[-1]) if outer_edge else 1.0
     narrow = share < NARROW
     if problem.layout.regions[region].rests:
         noise += PRESSURE_NOISE / share

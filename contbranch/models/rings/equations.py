@@ -104,6 +104,11 @@ class RingEquations(EquilibriumProblem):
         """Number of unknown edges."""
         return self.layout.edges
 
+    @property
+    def free(self) -> int:
+        """How many of them can move."""
+        return self.edges - self.layout.whole
+
     # -- the equations ------------------------------------------------------------------------------------------------
     def fields(self, x: Array, d: float) -> Fields:
         """Grid, gap and pressures of (x, d).
@@ -122,7 +127,8 @@ class RingEquations(EquilibriumProblem):
         if same is not None:
             grid, response, lift = same.grid, same.response, same.lift
         else:
-            if count and not (edges[0] > 0 and np.all(np.diff(edges) > 0) and edges[-1] < self.setting.tip.extent):
+            inside = self.layout.whole or not count or edges[-1] < self.setting.tip.extent
+            if count and not (edges[0] > 0 and np.all(np.diff(edges) > 0) and inside):
                 raise ModelError("the edges of the contact are not in order")
             if self._recent:
                 self._recent[0].grid.forget()
@@ -154,13 +160,15 @@ class RingEquations(EquilibriumProblem):
         """Equations of the edges: residuals (E,), and their derivatives with respect to pressures, edges and d.
 
         Next to a resting region the pressure, extrapolated to the edge, is the floating region's; at a jump the gap is
-        the level's.
+        the level's; the edge of the tip stays where it is.
         """
         grid, count, law = fields.grid, self.edges, self.setting.law
         residual, rows = np.zeros(count), np.zeros((count, grid.size))
         moves, shifts = np.zeros((count, count)), np.zeros(count)
         for edge in range(count):
-            if self.layout.jump(edge):
+            if self.layout.ends(edge):
+                residual[edge], moves[edge, edge] = grid.edges[edge] - self.setting.tip.extent, 1.0
+            elif self.layout.jump(edge):
                 radius = np.float64(grid.edges[edge])
                 rows[edge], moves[edge] = grid.at_edge(edge, fields.pressure)
                 level = law.levels[self.layout.jump_level(edge)]
@@ -168,12 +176,12 @@ class RingEquations(EquilibriumProblem):
                 residual[edge] = float(self.setting.tip.height(radius)) - fields.displacement + lift - level
                 moves[edge, edge] += float(self.setting.tip.height_derivative(radius))
                 shifts[edge] = -1.0
-                continue
-            side, floating = self.layout.neighbour(edge)
-            panels = np.flatnonzero(grid.region == edge + side)
-            rows[edge] = grid.at_end(int(panels[-1] if side == 0 else panels[0]), outer=side == 0)
-            wanted = law.pressure(floating.index, self.layout.resting(edge).index)
-            residual[edge] = float(rows[edge] @ fields.pressure) - wanted
+            else:
+                side, floating = self.layout.neighbour(edge)
+                panels = np.flatnonzero(grid.region == edge + side)
+                rows[edge] = grid.at_end(int(panels[-1] if side == 0 else panels[0]), outer=side == 0)
+                wanted = law.pressure(floating.index, self.layout.resting(edge).index)
+                residual[edge] = float(rows[edge] @ fields.pressure) - wanted
         return residual, rows, moves, shifts
 
     def _edge_equations(self, fields: Fields) -> tuple[Array, Array, Array, Array]:
@@ -288,9 +296,14 @@ class RingEquations(EquilibriumProblem):
         lift = 2 * float(fields.grid.weights @ fields.pressure)
         return float(self.setting.tip.height(np.float64(0.0))) - fields.displacement + lift
 
-    def widths(self, fields: Fields) -> Array:
-        """Widths of the regions that end at an edge, (E,)."""
-        return np.diff(np.concatenate([[0.0], fields.grid.edges]))
+    def ends(self, edges: Array) -> Array:
+        """Where regions end: at the edges and, if nothing is felt beyond them, where the tip ends."""
+        free = self.layout.bounded and not self.layout.whole and math.isfinite(self.setting.tip.extent)
+        return np.append(edges, self.setting.tip.extent) if free else edges
+
+    def widths(self, edges: Array) -> Array:
+        """Widths of the regions that end somewhere."""
+        return np.diff(self.ends(edges), prepend=0.0)
 
     def values(self, x: Array, p: float) -> Values:
         """Load, displacement, contact radius, central gap, energy."""
