@@ -15,7 +15,7 @@ from contbranch.continuation import Point
 from .equations import Fields, RingEquations, rings
 from .layout import Region
 
-__all__ = ["NARROW_RING", "Breach", "begun", "least_margin", "narrowness"]
+__all__ = ["Breach", "begun", "least_margin", "narrowness"]
 
 # Next to an edge both gap and pressure come to their bounds; an extremum there counts only beyond this share of the
 # largest value, which discretisation does not reach.
@@ -28,8 +28,8 @@ PRESSURE_NOISE = 3e-8
 # ... and at a jump the gap passes the level by what the ring left out would prevent.
 JUMP_NOISE = 1e-4
 # A region vanishes at this share of its width where the piece of the curve begins, or of the outermost edge if that is
-# less: a ring at rest between two bands may be replaced by a jump of the pressure below the latter.
-SHRUNK, NARROWEST, NARROW_RING = 0.5, 1e-3, 1e-4
+# less.
+SHRUNK, NARROWEST = 0.5, 1e-3
 # Turning points of a panel's polynomial whose imaginary part is no larger are real: two may all but coincide.
 REAL = 1e-6
 
@@ -64,7 +64,7 @@ def begun(point: Point) -> Point:
     widths = []
     for k, share in enumerate(shares):
         joins, collapses = problem.layout.without(k) is not None, problem.layout.collapsed(k) is not None
-        least = NARROWEST if joins else NARROW_RING if collapses else 0.0
+        least = NARROWEST if joins else problem.setting.narrow if collapses else 0.0
         widths.append(float(min(least, SHRUNK * share)))
     return replace(point, problem=problem.laid_out(problem.layout, problem.panels, tuple(widths)))
 

@@ -19,7 +19,7 @@ from contbranch.curve.problem import STEPS, Count, Defect, Succession
 from contbranch.results.profile import Profile
 
 from .changes import born, vanished
-from .constraints import NARROW_RING, least_margin, narrowness
+from .constraints import least_margin, narrowness
 from .equations import RingEquations
 from .law import BandedLaw
 from .meshing import adapted, finer
@@ -29,9 +29,11 @@ from .start import beginning, farther
 
 __all__ = ["RingProblem"]
 
-# What a jump in place of a narrow resting ring leaves out is a tenth of the square of its width as a share of its
-# radius, measured against the closed form; relative to max(1, |value|).
+# What a jump in place of a narrow resting ring leaves out as a share of the square of its width, that in units of the
+# radius; relative to max(1, |value|).
 JUMP = 0.1
+# Noise of the pressure on regions at rest, and on such narrow rings.
+NOISE, NOISE_ON_RINGS = 1e6, 1e8
 # Rounding of values, relative to max(1, |value|).
 ROUNDING = 1e-12
 # Pressures below this share of the interaction's own, 1/range, do not matter for the steps of a curve without contact.
@@ -57,7 +59,9 @@ class RingProblem(RingEquations):
     def steps(self, start: Point) -> Options:
         """Step control; without free edges pressures far below the interaction's own do not shorten steps."""
         floor = 0.0 if self.free else STATE_FLOOR / self.scale
-        return replace(STEPS, noise=1e6, maximum_points=3_000, state_floor=floor)
+        rings = any(self.layout.collapsed(region) for region in range(self.edges))
+        noise = NOISE_ON_RINGS if rings else NOISE
+        return replace(STEPS, noise=noise, maximum_points=3_000, state_floor=floor)
 
     def balance(self, start: Point, step: float | None = None) -> Balance:
         """First scales; `step`: how far edges (without: the displacement) move in the first step."""
@@ -119,8 +123,14 @@ class RingProblem(RingEquations):
 
     @property
     def rounding(self) -> float:
-        """Rounding errors of values, and what jumps in place of narrow rings leave out."""
-        return ROUNDING + JUMP * NARROW_RING**2 * self.layout.jumps
+        """Rounding errors of values."""
+        return ROUNDING
+
+    def left_out(self, x: Array, p: float) -> tuple[float, float, float, float]:
+        """What jumps in place of narrow rings leave out."""
+        share = JUMP * self.setting.narrow**2 * self.layout.jumps
+        load, displacement, radius, gap = (share * max(1.0, abs(value)) for value in self.values(x, p)[:4])
+        return load, displacement, radius, gap
 
     def varied(self, contact: Contact) -> Self:
         """The same layout on the same panels."""
