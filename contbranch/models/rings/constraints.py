@@ -57,7 +57,7 @@ class Breach:
 
 
 def begun(point: Point) -> Point:
-    """The point as the start of a piece of curve, with the widths at which its regions vanish."""
+    """The point as the start of a piece of curve, with the widths at which its regions vanish, and its own origin."""
     problem = rings(point)
     edges = point.x[point.x.size - problem.edges :]
     shares = problem.widths(edges) / edges[-1] if len(edges) else edges
@@ -66,7 +66,9 @@ def begun(point: Point) -> Point:
         joins, collapses = problem.layout.without(k) is not None, problem.layout.collapsed(k) is not None
         least = NARROWEST if joins else problem.setting.narrow if collapses else 0.0
         widths.append(float(min(least, SHRUNK * share)))
-    return replace(point, problem=problem.laid_out(problem.layout, problem.panels, tuple(widths)))
+    origin = -min(problem.setting.law.levels, key=lambda level: abs(level + problem.origin + point.parameter))
+    own = problem.laid_out(problem.layout, problem.panels, tuple(widths), origin)
+    return replace(point, problem=own, parameter=point.parameter + (problem.origin - origin))
 
 
 def narrowness(problem: RingEquations, fields: Fields) -> float:
@@ -93,17 +95,19 @@ def breaches(problem: RingEquations, fields: Fields) -> Iterator[Breach]:
                 upper = Region(False, region.index - 1)
                 yield from _extrema(problem, fields, k, (high - fields.pressure) / largest, upper)
         else:
-            gap = (fields.gap - law.levels[region.index]) / scale
+            gap = (fields.rise - (law.levels[region.index] + problem.origin)) / scale
             yield from _extrema(problem, fields, k, gap, Region(True, region.index))
             ceiling = law.ceiling(region.index)
             outermost = k == len(problem.layout.regions) - 1 and not problem.layout.bounded
             if math.isfinite(ceiling) and not outermost:
-                yield from _extrema(problem, fields, k, (ceiling - fields.gap) / scale, Region(True, region.index + 1))
+                left = (ceiling + problem.origin - fields.rise) / scale
+                yield from _extrema(problem, fields, k, left, Region(True, region.index + 1))
             if problem.layout.ends(k):
                 edge = fields.grid.edges[k:]
                 lift = fields.grid.lift_at(edge, fields.pressure)
-                gap = float((problem.setting.tip.height(edge) - fields.displacement + lift)[0])
-                yield Breach((ceiling - gap) / scale, k, float(edge[0]), Region(False, region.index + 1))
+                rise = float((problem.setting.tip.height(edge) + lift)[0]) - fields.parameter
+                left = (ceiling + problem.origin - rise) / scale
+                yield Breach(left, k, float(edge[0]), Region(False, region.index + 1))
 
 
 def least_margin(problem: RingEquations, fields: Fields) -> Breach | None:

@@ -1,6 +1,7 @@
 """Equilibrium of a contact with given regions, as a problem that the continuation can follow.
 
-Unknowns are the pressure at the nodes and the edges of the regions; the parameter is the displacement d:
+Unknowns are the pressure at the nodes and the edges of the regions; the parameter is the displacement d, counted from an
+origin at which the undeformed apex is at a level of the gap: what a wide range does to a weak film happens next to there.
 
     g = z − d + W p,        floating:  p = p_fr(g),        resting:  g = level,
     at every edge:          p = p_fr(level), the law's pressure in the floating region next to it.
@@ -79,10 +80,11 @@ class Fields:
     """All that follows from one (x, d), at the nodes."""
 
     x: Array
-    displacement: float
+    parameter: float
     grid: Grid
     pressure: Array
     lift: Array  # elastic displacement w
+    rise: Array  # z + w − p: the gap, and the origin of the displacement
     gap: Array
     law_pressure: Array  # floating regions' law; 0 where the gap rests
     stiffness: Array  # v'' there
@@ -100,10 +102,20 @@ class RingEquations(EquilibriumProblem):
     panels : Panels
     vanishing : tuple of float
         Widths in shares of the outermost edge at which regions vanish on this piece of the curve; 0: never.
+    origin : float
+        Displacement at which the parameter is zero.
     """
 
-    def __init__(self, setting: Setting, layout: Layout, panels: Panels, vanishing: tuple[float, ...] = ()) -> None:
+    def __init__(
+        self,
+        setting: Setting,
+        layout: Layout,
+        panels: Panels,
+        vanishing: tuple[float, ...] = (),
+        origin: float = 0.0,
+    ) -> None:
         self.setting, self.layout, self.panels, self.vanishing = setting, layout, panels, vanishing
+        self.origin = origin
         self.scale, self.work = setting.scale, setting.work
         self._recent: list[Fields] = []
 
@@ -118,8 +130,8 @@ class RingEquations(EquilibriumProblem):
         return self.edges - self.layout.whole
 
     # -- the equations ------------------------------------------------------------------------------------------------
-    def fields(self, x: Array, d: float) -> Fields:
-        """Grid, gap and pressures of (x, d).
+    def fields(self, x: Array, p: float) -> Fields:
+        """Grid, gap and pressures of (x, p).
 
         Raises
         ------
@@ -127,7 +139,7 @@ class RingEquations(EquilibriumProblem):
             If the edges are not in order, which the continuation answers by a shorter step.
         """
         for known in self._recent:
-            if known.displacement == d and (known.x is x or np.array_equal(known.x, x)):
+            if known.parameter == p and (known.x is x or np.array_equal(known.x, x)):
                 return known
         same = next((k for k in self._recent if np.array_equal(k.x, x)), None)
         count = self.edges
@@ -143,14 +155,15 @@ class RingEquations(EquilibriumProblem):
             grid = Grid(self.panels, edges, self.layout.bounded)
             response = grid.response()
             lift = response @ pressure
-        gap = self.setting.tip.height(grid.r) - d + lift
+        rise = self.setting.tip.height(grid.r) + lift - p
+        gap = rise - self.origin
         law_pressure, stiffness = np.zeros(grid.size), np.zeros(grid.size)
         for k, region in enumerate(self.layout.regions):
             if not region.rests:
                 own = grid.of_node == k
                 answer = self.setting.law.evaluate(region.index, gap[own])
                 law_pressure[own], stiffness[own] = answer.pressure, answer.stiffness
-        found = Fields(x, d, grid, pressure, lift, gap, law_pressure, stiffness, response)
+        found = Fields(x, p, grid, pressure, lift, rise, gap, law_pressure, stiffness, response)
         self._recent = [found, *self._recent[: RECENT - 1]]
         return found
 
@@ -180,8 +193,8 @@ class RingEquations(EquilibriumProblem):
                 radius = np.float64(grid.edges[edge])
                 rows[edge], moves[edge] = grid.at_edge(edge, fields.pressure)
                 level = law.levels[self.layout.jump_level(edge)]
-                lift = float(rows[edge] @ fields.pressure)
-                residual[edge] = float(self.setting.tip.height(radius)) - fields.displacement + lift - level
+                rise = float(self.setting.tip.height(radius)) + float(rows[edge] @ fields.pressure) - fields.parameter
+                residual[edge] = rise - (level + self.origin)
                 moves[edge, edge] += float(self.setting.tip.height_derivative(radius))
                 shifts[edge] = -1.0
             else:
@@ -202,7 +215,7 @@ class RingEquations(EquilibriumProblem):
         """Residual, (N + E,)."""
         fields = self.fields(x, p)
         rests, level = self.resting(fields.grid)
-        own = np.where(rests, fields.gap - level, fields.pressure - fields.law_pressure)
+        own = np.where(rests, fields.rise - (level + self.origin), fields.pressure - fields.law_pressure)
         return np.concatenate([own, self._edge_equations(fields)[0]])
 
     def jacobian(self, x: Array, p: float) -> Array:
@@ -302,7 +315,7 @@ class RingEquations(EquilibriumProblem):
             return self.setting.law.levels[first.index]
         # At the centre the ring integral is 2 ∫ p ds.
         lift = 2 * float(fields.grid.weights @ fields.pressure)
-        return float(self.setting.tip.height(np.float64(0.0))) - fields.displacement + lift
+        return float(self.setting.tip.height(np.float64(0.0))) + lift - fields.parameter - self.origin
 
     def ends(self, edges: Array) -> Array:
         """Where regions end: at the edges and, if nothing is felt beyond them, where the tip ends."""
@@ -317,7 +330,7 @@ class RingEquations(EquilibriumProblem):
         """Load, displacement, contact radius, central gap, energy."""
         fields = self.fields(x, p)
         radius, gap = self.contact_radius(fields), max(self.central_gap(fields), 0.0)
-        return Values(self.load(fields), float(p), radius, gap, self.energy(fields))
+        return Values(self.load(fields), p + self.origin, radius, gap, self.energy(fields))
 
     def rates(self, x: Array, p: float, x_rate: Array, p_rate: float) -> Rates:
         """Derivatives of load, displacement, contact radius and central gap along a direction."""
@@ -344,15 +357,18 @@ class RingEquations(EquilibriumProblem):
     # -- other regions and panels -------------------------------------------------------------------------------------
     def on(self, panels: Panels) -> Self:
         """The same regions on other panels."""
-        return type(self)(self.setting, self.layout, panels, self.vanishing)
+        return type(self)(self.setting, self.layout, panels, self.vanishing, self.origin)
 
-    def laid_out(self, layout: Layout, panels: Panels, vanishing: tuple[float, ...] = ()) -> Self:
-        """The same contact with other regions."""
-        return type(self)(self.setting, layout, panels, vanishing)
+    def laid_out(
+        self, layout: Layout, panels: Panels, vanishing: tuple[float, ...] = (), origin: float | None = None
+    ) -> Self:
+        """The same contact with other regions, and another origin."""
+        return type(self)(self.setting, layout, panels, vanishing, self.origin if origin is None else origin)
 
     def joins(self, other: EquilibriumProblem) -> bool:
         """Whether the regions are the same."""
-        return isinstance(other, RingEquations) and other.layout == self.layout
+        same = isinstance(other, RingEquations) and (other.layout, other.origin) == (self.layout, self.origin)
+        return bool(same)
 
     @property
     def size(self) -> int:

@@ -135,7 +135,7 @@ class RingProblem(RingEquations):
     def varied(self, contact: Contact) -> Self:
         """The same layout on the same panels."""
         setting = replace(self.setting, tip=contact.axisymmetric_tip, law=BandedLaw(contact.interaction))
-        return type(self)(setting, self.layout, self.panels, self.vanishing)
+        return type(self)(setting, self.layout, self.panels, self.vanishing, self.origin)
 
     # -- what is seen -------------------------------------------------------------------------------------------------
     def unstable(self, x: Array, p: float) -> int:

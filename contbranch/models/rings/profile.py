@@ -26,6 +26,7 @@ def profile_of(problem: RingEquations, fields: Fields) -> Profile:
         lift = grid.lift_at(beyond, fields.pressure)
         none = np.zeros_like(beyond)
         r = np.concatenate([r, beyond])
-        gap = np.concatenate([gap, problem.setting.tip.height(beyond) - fields.displacement + lift])
+        rise = problem.setting.tip.height(beyond) + lift - fields.parameter
+        gap = np.concatenate([gap, rise - problem.origin])
         pressure, wall = np.concatenate([pressure, none]), np.concatenate([wall, none])
     return Profile(r, gap, pressure, wall)

@@ -126,9 +126,9 @@ def _with_edges(problem: RingEquations, layout: Layout, edges: Array) -> Point:
     """The state with a given outermost edge."""
     law = problem.setting.law
     order = order_for(problem.setting.tolerance)
-    trial = problem.laid_out(layout, start_panels(layout, order, 1.0, 1.0, False))
+    panels = start_panels(layout, order, 1.0, 1.0, False)
+    trial = problem.laid_out(layout, panels, origin=-law.levels[-1])
     size = Grid(trial.panels, edges, True).size
     pressure = np.full(size, law.pressure(law.outermost - 1, law.outermost))
     row = np.append(np.zeros(size + len(edges) - 1), 1.0), 0.0
-    x, d = solved(trial, np.concatenate([pressure, edges]), -law.levels[-1], row)
-    return begun(oriented(trial, x, d, row))
+    return begun(oriented(trial, *solved(trial, np.concatenate([pressure, edges]), 0.0, row), row))
