@@ -28,7 +28,7 @@ __all__ = ["born", "vanished"]
 
 # Half-widths with which a region is born, as shares of the room there is for it; the first that succeeds counts, unless
 # an inequality fails there by more than this.
-SEEDS, FAILS = (0.02, 0.05, 0.01, 0.1, 0.004, 0.2), 1e-3
+SEEDS, FAILS = (0.02, 0.05, 0.01, 0.1, 0.004, 0.2, 1e-3, 2e-4, 4e-5), 1e-3
 # Radii of a disc that takes the place of a ring, in units of the ring's; the least radius of a ring over which a law is
 # felt.
 FILLED, TOLD = (1.5, 3.0, 10.0), 3e-3
