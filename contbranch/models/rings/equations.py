@@ -39,6 +39,8 @@ ROW_TOLERANCE = 1e-7
 # A jump takes the place of a resting ring between two bands when that has become this narrow, as a share of its radius,
 # depending on the accuracy: it leaves out a tenth of the square, measured against the closed form.
 NARROWEST_RING, NARROW_RING = 1e-4, 1e-3
+# Parts of a panel for integrals over the gap of a tip.
+PARTS = 8
 
 
 @dataclass(frozen=True)
@@ -279,24 +281,24 @@ class RingEquations(EquilibriumProblem):
         return 2 * math.pi * float((grid.weights * grid.r) @ fields.pressure)
 
     def energy(self, fields: Fields) -> float:
-        """V_ela + V_fr = π ∫ p w r dr + 2π ∫ v r dr, the law's tail included."""
+        """V_ela + V_fr = π ∫ p w r dr + 2π ∫ v r dr."""
         grid = fields.grid
-        ring = grid.weights * grid.r
-        return math.pi * float(ring @ (fields.pressure * fields.lift)) + 2 * math.pi * float(
-            ring @ self.density(fields)
-        )
+        return math.pi * float((grid.weights * grid.r) @ (fields.pressure * fields.lift)) + self.interaction(fields)
 
-    def density(self, fields: Fields) -> Array:
-        """Interaction energy per area at the nodes."""
+    def interaction(self, fields: Fields) -> float:
+        """V_fr, the law's tail included; where the pressure is constant, panels know nothing of a rough tip's gap."""
         grid, law = fields.grid, self.setting.law
-        density = np.zeros(grid.size)
+        radius, area, values = grid.divided(PARTS)
+        total = 0.0
         for k, region in enumerate(self.layout.regions):
-            own = grid.of_node == k
+            own = grid.region == k
             if region.rests:
-                density[own] = law.energy(region.index)
+                total += law.energy(region.index) * float(area[own].sum())
             else:
-                density[own] = law.evaluate(region.index, fields.gap[own]).energy
-        return density
+                lift = fields.lift.reshape(grid.count, -1)[own] @ values
+                gap = self.setting.tip.height(radius[own]) + lift - (fields.parameter + self.origin)
+                total += float((area[own] * law.evaluate(region.index, gap).energy).sum())
+        return total
 
     def _wall_edge(self) -> int | None:
         """The outermost edge of the contact with the wall."""
