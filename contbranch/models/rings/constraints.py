@@ -100,8 +100,8 @@ def breaches(problem: RingEquations, fields: Fields) -> Iterator[Breach]:
             ceiling = law.ceiling(region.index)
             outermost = k == len(problem.layout.regions) - 1 and not problem.layout.bounded
             if math.isfinite(ceiling) and not outermost:
-                left = (ceiling + problem.origin - fields.rise) / scale
-                yield from _extrema(problem, fields, k, left, Region(True, region.index + 1))
+                room = (ceiling + problem.origin - fields.rise) / scale
+                yield from _extrema(problem, fields, k, room, Region(True, region.index + 1))
             if problem.layout.ends(k):
                 edge = fields.grid.edges[k:]
                 lift = fields.grid.lift_at(edge, fields.pressure)

@@ -1,7 +1,7 @@
 """Equilibrium of a contact with given regions, as a problem that the continuation can follow.
 
-Unknowns are the pressure at the nodes and the edges of the regions; the parameter is the displacement d, counted from an
-origin at which the undeformed apex is at a level of the gap: what a wide range does to a weak film happens next to there.
+Unknowns are the pressure at the nodes and the edges of the regions; the parameter is the displacement d, counted from
+an origin at which the undeformed apex is at a level of the gap: next to there weak films of long range begin.
 
     g = z − d + W p,        floating:  p = p_fr(g),        resting:  g = level,
     at every edge:          p = p_fr(level), the law's pressure in the floating region next to it.
