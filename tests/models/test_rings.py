@@ -148,7 +148,7 @@ def test_energy_of_the_ring(step: Track) -> None:
         problem = rings(point)
         fields = problem.fields(point.x, point.parameter)
         area = 2 * math.pi * fields.grid.weights * fields.grid.r
-        interaction = float(area @ problem.density(fields))
+        interaction = problem.interaction(fields)
         work = float(area @ (fields.gap * fields.pressure))
         virial = 2 * point.parameter * problem.load(fields) + 3 * interaction + 2 * work
         assert 5 * problem.energy(fields) == pytest.approx(virial, rel=2e-8)

@@ -28,7 +28,7 @@ __all__ = ["born", "vanished"]
 
 # Half-widths with which a region is born, as shares of the room there is for it; the first that succeeds counts, unless
 # an inequality fails there by more than this.
-SEEDS, FAILS = (0.02, 0.05, 0.01, 0.1, 0.004, 0.2), 1e-3
+SEEDS, FAILS = (0.02, 0.05, 0.01, 0.1, 0.004, 0.2, 1e-3, 2e-4, 4e-5), 1e-3
 # Radii of a disc that takes the place of a ring, in units of the ring's; the least radius of a ring over which a law is
 # felt.
 FILLED, TOLD = (1.5, 3.0, 10.0), 3e-3
@@ -36,6 +36,12 @@ FILLED, TOLD = (1.5, 3.0, 10.0), 3e-3
 APART = 0.02
 # First steps behind a change as a share of the narrowest region, or behind a jump of the outermost edge; no shorter.
 FIRST, AFTER_JUMP, SHORTEST = 0.3, 1e-2, 1e-3
+
+
+class Begins(Margin):
+    """Where a margin ceases to be negative, however long it has been."""
+
+    happenings = Event.happenings
 
 
 def born(point: Point) -> Succession:
@@ -67,7 +73,7 @@ def vanished(point: Point) -> Succession:
         return Succession("", point, (begun(joined),), step=AFTER_JUMP * float(joined.x[-1]))
     width = narrowest(point)
     right = margin(joined) > 0  # for a while already: look back
-    event = along(joined.turned() if right else joined, width, [Margin("breach")])
+    event = along(joined.turned() if right else joined, width, [Begins("breach")])
     if event.label != "breach":
         raise ModelError("a region vanished, but not where its inequality says")
     if right:
@@ -194,19 +200,23 @@ def passed(point: Point) -> tuple[Point, bool]:
     """
     problem = rings(point)
     fields = problem.fields(point.x, point.parameter)
-    edges, widths, limits = fields.grid.edges, problem.widths(fields), problem.vanishing
+    edges, limits = fields.grid.edges, problem.vanishing
+    widths = problem.widths(edges)
     region = min((k for k, limit in enumerate(limits) if limit > 0), key=lambda k: widths[k] / limits[k])
     joined = problem.layout.without(region)
     layout = joined or problem.layout.collapsed(region)
     if layout is None:
         raise ModelError("the neighbours of a region that vanished cannot be joined")
-    gone = [region] if region == 0 or joined is None else [region - 1, region]
+    if region == len(edges):
+        edges = problem.ends(edges)
+    last = layout.whole and region == len(edges) - 1
+    gone = [region - 1] if last else [region] if region == 0 or joined is None else [region - 1, region]
     kept = np.delete(edges, gone)
     if joined is None:
         kept[region - 1] = (edges[region - 1] + edges[region]) / 2
     trial, x = carried(problem, fields, layout, kept)
     # Close to the vanishing region rates of pressure are large and mean nothing for the joined state.
-    rates = np.delete(point.tangent_x[fields.grid.size :], gone)
+    rates = np.delete(np.append(point.tangent_x[fields.grid.size :], 0.0)[: len(edges)], gone)
     tangent = np.concatenate([np.zeros(x.size - len(kept)), rates]), point.tangent_parameter
     if not np.abs(rates).max(initial=0.0) + abs(point.tangent_parameter) > 0:
         raise ModelError("the direction of the curve was lost where a region vanished")

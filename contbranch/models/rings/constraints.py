@@ -15,7 +15,7 @@ from contbranch.continuation import Point
 from .equations import Fields, RingEquations, rings
 from .layout import Region
 
-__all__ = ["NARROW_RING", "Breach", "begun", "least_margin", "narrowness"]
+__all__ = ["Breach", "begun", "least_margin", "narrowness"]
 
 # Next to an edge both gap and pressure come to their bounds; an extremum there counts only beyond this share of the
 # largest value, which discretisation does not reach.
@@ -28,8 +28,8 @@ PRESSURE_NOISE = 3e-8
 # ... and at a jump the gap passes the level by what the ring left out would prevent.
 JUMP_NOISE = 1e-4
 # A region vanishes at this share of its width where the piece of the curve begins, or of the outermost edge if that is
-# less: a ring at rest between two bands may be replaced by a jump of the pressure below the latter.
-SHRUNK, NARROWEST, NARROW_RING = 0.5, 1e-3, 1e-4
+# less.
+SHRUNK, NARROWEST = 0.5, 1e-3
 # Turning points of a panel's polynomial whose imaginary part is no larger are real: two may all but coincide.
 REAL = 1e-6
 
@@ -57,16 +57,18 @@ class Breach:
 
 
 def begun(point: Point) -> Point:
-    """The point as the start of a piece of curve, with the widths at which its regions vanish."""
+    """The point as the start of a piece of curve, with the widths at which its regions vanish, and its own origin."""
     problem = rings(point)
     edges = point.x[point.x.size - problem.edges :]
-    shares = np.diff(np.concatenate([[0.0], edges])) / edges[-1] if len(edges) else edges
+    shares = problem.widths(edges) / edges[-1] if len(edges) else edges
     widths = []
     for k, share in enumerate(shares):
         joins, collapses = problem.layout.without(k) is not None, problem.layout.collapsed(k) is not None
-        least = NARROWEST if joins else NARROW_RING if collapses else 0.0
+        least = NARROWEST if joins else problem.setting.narrow if collapses else 0.0
         widths.append(float(min(least, SHRUNK * share)))
-    return replace(point, problem=problem.laid_out(problem.layout, problem.panels, tuple(widths)))
+    origin = -min(problem.setting.law.levels, key=lambda level: abs(level + problem.origin + point.parameter))
+    own = problem.laid_out(problem.layout, problem.panels, tuple(widths), origin)
+    return replace(point, problem=own, parameter=point.parameter + (problem.origin - origin))
 
 
 def narrowness(problem: RingEquations, fields: Fields) -> float:
@@ -74,7 +76,7 @@ def narrowness(problem: RingEquations, fields: Fields) -> float:
     if not any(problem.vanishing):
         return 1.0
     least = np.array(problem.vanishing)
-    shares = problem.widths(fields) / fields.grid.edges[-1]
+    shares = problem.widths(fields.grid.edges) / fields.grid.edges[-1]
     return min(1.0, float((shares[least > 0] / least[least > 0]).min()) - 1)
 
 
@@ -93,12 +95,19 @@ def breaches(problem: RingEquations, fields: Fields) -> Iterator[Breach]:
                 upper = Region(False, region.index - 1)
                 yield from _extrema(problem, fields, k, (high - fields.pressure) / largest, upper)
         else:
-            gap = (fields.gap - law.levels[region.index]) / scale
+            gap = (fields.rise - (law.levels[region.index] + problem.origin)) / scale
             yield from _extrema(problem, fields, k, gap, Region(True, region.index))
             ceiling = law.ceiling(region.index)
             outermost = k == len(problem.layout.regions) - 1 and not problem.layout.bounded
             if math.isfinite(ceiling) and not outermost:
-                yield from _extrema(problem, fields, k, (ceiling - fields.gap) / scale, Region(True, region.index + 1))
+                room = (ceiling + problem.origin - fields.rise) / scale
+                yield from _extrema(problem, fields, k, room, Region(True, region.index + 1))
+            if problem.layout.ends(k):
+                edge = fields.grid.edges[k:]
+                lift = fields.grid.lift_at(edge, fields.pressure)
+                rise = float((problem.setting.tip.height(edge) + lift)[0]) - fields.parameter
+                left = (ceiling + problem.origin - rise) / scale
+                yield Breach(left, k, float(edge[0]), Region(False, region.index + 1))
 
 
 def least_margin(problem: RingEquations, fields: Fields) -> Breach | None:
@@ -119,7 +128,7 @@ def _extrema(problem: RingEquations, fields: Fields, region: int, margin: Array,
     inner_edge, outer_edge = region > 0, region < problem.edges
     jumps = [e for e in (region - 1, region) if 0 <= e < problem.edges and problem.layout.jump(e)]
     noise = JUMP_NOISE if jumps else EDGE_NOISE * float(np.abs(values).max()) + ROUNDING
-    share = float(problem.widths(fields)[region] / grid.edges[-1]) if outer_edge else 1.0
+    share = float(problem.widths(grid.edges)[region] / grid.edges[-1]) if outer_edge else 1.0
     narrow = share < NARROW
     if problem.layout.regions[region].rests:
         noise += PRESSURE_NOISE / share

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 __all__ = ["Layout", "Region"]
 
@@ -30,15 +30,17 @@ class Layout:
 
     Resting and floating ones alternate, except where a resting ring is too narrow to matter: there the two floating
     regions that it separates join at a *jump* of the law's pressure. The last region reaches to infinity, unless there
-    is no pressure at all beyond the last edge (`bounded`).
+    is no pressure at all beyond the last edge (`bounded`): that is free, or the edge of the tip, up to which it is felt
+    then (`whole`).
     """
 
     regions: tuple[Region, ...]
     bounded: bool
+    whole: bool = False
 
     @property
     def edges(self) -> int:
-        """Number of free boundaries."""
+        """Number of boundaries, the edge of a tip that is felt as a whole among them."""
         return len(self.regions) - (0 if self.bounded else 1)
 
     def neighbour(self, edge: int) -> tuple[int, Region]:
@@ -52,7 +54,11 @@ class Layout:
     def jump(self, edge: int) -> bool:
         """Whether the floating regions of two bands meet at an edge."""
         outside = self.regions[edge + 1].rests if edge + 1 < len(self.regions) else False
-        return not self.regions[edge].rests and not outside
+        return not (self.regions[edge].rests or outside or self.ends(edge))
+
+    def ends(self, edge: int) -> bool:
+        """Whether an edge is that of the tip."""
+        return self.whole and edge == len(self.regions) - 1
 
     @property
     def jumps(self) -> bool:
@@ -67,12 +73,10 @@ class Layout:
 
     def collapsed(self, region: int) -> Layout | None:
         """With a narrow resting ring replaced by a jump; None if it does not separate two bands."""
-        last = region == len(self.regions) - 1
-        if not self.regions[region].rests or region == 0 or (last and not self.bounded):
+        before, own, after = self.regions[:region], self.regions[region : region + 1], self.regions[region + 1 :]
+        if not before or not any(gone.rests for gone in own) or not (after or self.bounded):
             return None
-        if not last and self.regions[region - 1] == self.regions[region + 1]:
-            return None
-        return Layout(self.regions[:region] + self.regions[region + 1 :], self.bounded)
+        return None if after and before[-1] == after[0] else replace(self, regions=before + after)
 
     def resting(self, edge: int) -> Region:
         """The resting region at an edge."""
@@ -82,13 +86,16 @@ class Layout:
         """With a region born inside another one, or at the centre of the first."""
         old = self.regions[region]
         inserted = (new, old) if centre else (old, new, old)
-        return Layout(self.regions[:region] + inserted + self.regions[region + 1 :], self.bounded)
+        return replace(self, regions=self.regions[:region] + inserted + self.regions[region + 1 :])
 
     def without(self, region: int) -> Layout | None:
-        """Without a region that has shrunk to nothing; None if its neighbours cannot be joined."""
+        """Without a region that has shrunk to nothing; None if its neighbours cannot be joined.
+
+        What lies outside of a bounded layout counts as its last region where the tip ends: that may vanish.
+        """
         before, after = self.regions[:region], self.regions[region + 1 :]
         if not before:
-            return Layout(after, self.bounded) if after else None
-        if not after or before[-1] != after[0]:
-            return None
-        return Layout(before + after[1:], self.bounded)
+            return replace(self, regions=after) if after else None
+        if not after and (self.whole or region == len(self.regions)) and not before[-1].rests:
+            return replace(self, regions=before, whole=True)
+        return replace(self, regions=before + after[1:]) if after and before[-1] == after[0] else None

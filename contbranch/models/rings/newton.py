@@ -30,8 +30,8 @@ ROUNDS = 6
 def solved(problem: RingEquations, x: Array, d: float, row: Row) -> tuple[Array, float]:
     """The solution near (x, d) in the plane that `row` is normal to.
 
-    Newton's method, with steps shortened so that edges move by no more than a share of the distances between them and
-    the residual does not grow much: a guess at a new layout may be far from the solution.
+    Newton's method, with steps shortened so that no width changes by more than a share of itself and the residual does
+    not grow much: a guess at a new layout may be far from the solution.
 
     Raises
     ------
@@ -49,9 +49,8 @@ def solved(problem: RingEquations, x: Array, d: float, row: Row) -> tuple[Array,
         if size < NEARLY:
             done = correct(problem, (x, d), row, metric, PRECISE)
             return done.x, done.parameter
-        room = np.diff(np.concatenate([[0.0], x[x.size - count :]]))
-        moved = np.abs(dx[x.size - count :]).max(initial=0.0)
-        share = min(1.0, 0.3 * float(room.min()) / moved if moved > 0 else 1.0)
+        room, change = (np.diff(vector[x.size - count :], prepend=0.0) for vector in (x, dx))
+        share = min(1.0, 0.3 / max(float((np.abs(change) / room).max(initial=0.0)), 1e-300))
         before = float(np.abs(at[0]).max())
         for _ in range(HALVINGS):
             trial = x + share * dx, d + share * dd

@@ -190,6 +190,13 @@ class Grid:
         inner, move = np.repeat(self.inner, self.order), np.repeat(self.moves[edge], self.order)
         return move + stretch * (self.r - inner), stretch
 
+    def divided(self, parts: int) -> tuple[Array, Array, Array]:
+        """Nodes on equal parts of every panel, (P, m), weights of ∫ d²r, and what takes nodal values there, (n, m)."""
+        x = ((np.arange(parts)[:, None] + (self.rule.nodes + 1) / 2) / parts).ravel()
+        radius, slope = self._map(np.arange(self.count)[:, None], x)
+        area = math.pi / parts * np.tile(self.rule.weights, parts) * radius * slope
+        return radius, area, self.rule.to_legendre.T @ legendre_values(self.order, 2 * x - 1)
+
     # -- elastic response ---------------------------------------------------------------------------------------------
     def _near(self, r: Array) -> NDArray[np.bool_]:
         """Which panels are near radii, (M, P)."""

@@ -19,7 +19,7 @@ from contbranch.curve.problem import STEPS, Count, Defect, Succession
 from contbranch.results.profile import Profile
 
 from .changes import born, vanished
-from .constraints import NARROW_RING, least_margin, narrowness
+from .constraints import least_margin, narrowness
 from .equations import RingEquations
 from .law import BandedLaw
 from .meshing import adapted, finer
@@ -29,17 +29,19 @@ from .start import beginning, farther
 
 __all__ = ["RingProblem"]
 
-# What a jump in place of a narrow resting ring leaves out is a tenth of the square of its width as a share of its
-# radius, measured against the closed form; relative to max(1, |value|).
+# What a jump in place of a narrow resting ring leaves out as a share of the square of its width, that in units of the
+# radius; relative to max(1, |value|).
 JUMP = 0.1
+# Noise of the pressure on regions at rest, and on such narrow rings.
+NOISE, NOISE_ON_RINGS = 1e6, 1e8
 # Rounding of values, relative to max(1, |value|).
 ROUNDING = 1e-12
 # Pressures below this share of the interaction's own, 1/range, do not matter for the steps of a curve without contact.
 STATE_FLOOR = 0.02
 # Part of a tolerance that may be left to what panels miss of the load.
 AIM = 0.4
-# An edge beyond this share of a tip's extent has reached its end.
-NEAR_END = 0.95
+# Contact, or rest, up to this share of a tip's extent has come to its edge.
+WHOLE = 0.999
 
 
 class RingProblem(RingEquations):
@@ -55,17 +57,19 @@ class RingProblem(RingEquations):
         return farther(self, control, value)
 
     def steps(self, start: Point) -> Options:
-        """Step control; without edges pressures far below the interaction's own do not shorten steps."""
-        floor = 0.0 if self.edges else STATE_FLOOR / self.scale
-        return replace(STEPS, noise=1e6, maximum_points=3_000, state_floor=floor)
+        """Step control; without free edges pressures far below the interaction's own do not shorten steps."""
+        floor = 0.0 if self.free else STATE_FLOOR / self.scale
+        rings = any(self.layout.collapsed(region) for region in range(self.edges))
+        noise = NOISE_ON_RINGS if rings else NOISE
+        return replace(STEPS, noise=noise, maximum_points=3_000, state_floor=floor)
 
     def balance(self, start: Point, step: float | None = None) -> Balance:
         """First scales; `step`: how far edges (without: the displacement) move in the first step."""
         if step is None:
-            step = 0.3 * float(start.x[-1]) if self.edges else self.scale
+            step = 0.3 * float(start.x[-1]) if self.free else self.scale
         slope, rate = math.sqrt(self.inner(start.tangent_x, start.tangent_x)), abs(start.tangent_parameter)
         length = step / STEPS.first_step
-        if self.edges:
+        if self.free:
             return Balance(length, max(length * rate / max(slope, 1e-300), 1e-9))
         return Balance(max(length * slope / max(rate, 1e-300), 1e-300), length)
 
@@ -73,18 +77,19 @@ class RingProblem(RingEquations):
         """The inequalities of contact, and how far the narrowest region is from vanishing; at most 1."""
         fields = self.fields(x, p)
         breach = least_margin(self, fields)
-        return {"breach": 1.0 if breach is None else min(breach.margin, 1.0), "narrow": narrowness(self, fields)}
+        known = {"breach": 1.0 if breach is None else min(breach.margin, 1.0), "narrow": narrowness(self, fields)}
+        extent, resting = self.setting.tip.extent, [region.rests for region in self.layout.regions[: self.edges]]
+        return known | (
+            {"tip-edge": WHOLE - max(fields.grid.edges[resting], default=0.0) / extent} if math.isfinite(extent) else {}
+        )
 
-    def successor(self, name: str, points: Sequence[Point]) -> Succession:
+    def successor(self, name: str, points: Sequence[Point]) -> Succession | None:
         """The layout with a new region where an inequality fails, or without the region that has all but vanished."""
-        return born(points[-1]) if name == "breach" else vanished(points[-1])
+        return None if name == "tip-edge" else born(points[-1]) if name == "breach" else vanished(points[-1])
 
     def ending(self, name: str, point: Point) -> str:
-        """A sentence if the contact has come to the end of a tip of finite extent."""
-        extent = self.setting.tip.extent
-        if not math.isfinite(extent) or not self.edges or float(point.x[-1]) < NEAR_END * extent:
-            return ""
-        return "The contact, or the interaction around it, has reached the end of the tip."
+        """A sentence if the contact has come to the edge of a tip of finite extent."""
+        return "The contact has come to the edge of the tip, where its description ends." if name == "tip-edge" else ""
 
     # -- discretisations ----------------------------------------------------------------------------------------------
     def adapt(self, x: Array, p: float) -> Adaptation | None:
@@ -118,13 +123,19 @@ class RingProblem(RingEquations):
 
     @property
     def rounding(self) -> float:
-        """Rounding errors of values, and what jumps in place of narrow rings leave out."""
-        return ROUNDING + JUMP * NARROW_RING**2 * self.layout.jumps
+        """Rounding errors of values."""
+        return ROUNDING
+
+    def left_out(self, x: Array, p: float) -> tuple[float, float, float, float]:
+        """What jumps in place of narrow rings leave out."""
+        share = JUMP * self.setting.narrow**2 * self.layout.jumps
+        load, displacement, radius, gap = (share * max(1.0, abs(value)) for value in self.values(x, p)[:4])
+        return load, displacement, radius, gap
 
     def varied(self, contact: Contact) -> Self:
         """The same layout on the same panels."""
         setting = replace(self.setting, tip=contact.axisymmetric_tip, law=BandedLaw(contact.interaction))
-        return type(self)(setting, self.layout, self.panels, self.vanishing)
+        return type(self)(setting, self.layout, self.panels, self.vanishing, self.origin)
 
     # -- what is seen -------------------------------------------------------------------------------------------------
     def unstable(self, x: Array, p: float) -> int:

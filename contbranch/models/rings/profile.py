@@ -22,10 +22,11 @@ def profile_of(problem: RingEquations, fields: Fields) -> Profile:
     wall = np.where(touching, fields.pressure - law.pressure(0, 0), 0.0)
     r, gap, pressure = grid.r, np.where(rests, level, fields.gap), fields.pressure
     if problem.layout.bounded:  # beyond the last edge there is no pressure, but a gap
-        beyond = np.minimum(grid.edges[-1] * OUTSIDE, problem.setting.tip.extent)
+        beyond = np.unique(np.minimum(grid.edges[-1] * OUTSIDE, problem.setting.tip.extent))
         lift = grid.lift_at(beyond, fields.pressure)
         none = np.zeros_like(beyond)
         r = np.concatenate([r, beyond])
-        gap = np.concatenate([gap, problem.setting.tip.height(beyond) - fields.displacement + lift])
+        rise = problem.setting.tip.height(beyond) + lift - fields.parameter
+        gap = np.concatenate([gap, rise - problem.origin])
         pressure, wall = np.concatenate([pressure, none]), np.concatenate([wall, none])
     return Profile(r, gap, pressure, wall)

@@ -32,6 +32,9 @@ SMALL = 1e-2
 # exceed its bound: with a cone however small the disc. Shares of the disc that are tried before that.
 HOLES = (0.3, 0.1, 0.6, 0.03, 0.85, 0.01, 0.003, 0.001, 1e-4, 1e-5)
 DISCS = (1.0, 0.5, 0.2, 0.1, 0.03, 0.01, 1e-3)
+# Where it is exceeded almost everywhere, the width of the ring in units of its radius is CLOSING exp(−π z′/(2σ)): the
+# slope of what a uniform pressure lifts is as steep as the tip that far inside of its edge.
+CLOSING = 4.3
 
 
 def distance(setting: Setting, control: Control = LOAD) -> float:
@@ -106,12 +109,15 @@ def apart(problem: RingEquations, d: float) -> Point:
 
 def at_rest(problem: RingEquations, radius: float) -> Point:
     """A tiny disc, or ring, of a radius, on which the gap rests at the end of the law's range, on its way to grow."""
-    law = problem.setting.law
-    rests = Region(True, law.outermost)
-    layout = Layout((Region(False, law.outermost - 1), rests), True)
+    setting, law = problem.setting, problem.setting.law
+    inside, rests = Region(False, law.outermost - 1), Region(True, law.outermost)
+    steep = float(setting.tip.height_derivative(np.float64(radius)))
+    width = CLOSING * math.exp(-math.pi * steep / (2 * law.pressure(law.outermost - 1, law.outermost)))
     discs = [(Layout((rests,), True), [share * radius]) for share in DISCS]
-    holes = [(layout, [share * radius, radius]) for share in HOLES]
-    for trial, edges in discs + holes if problem.setting.tip.apex_exponent > 1 else holes:
+    holes = [(Layout((inside, rests), True), [share * radius, radius]) for share in HOLES]
+    if width < setting.narrow:  # a jump, from the beginning
+        holes = [(Layout((inside,), True), [radius])]
+    for trial, edges in discs + holes if setting.tip.apex_exponent > 1 else holes:
         try:
             point = _with_edges(problem, trial, np.array(edges))
         except CorrectionError:
@@ -126,9 +132,9 @@ def _with_edges(problem: RingEquations, layout: Layout, edges: Array) -> Point:
     """The state with a given outermost edge."""
     law = problem.setting.law
     order = order_for(problem.setting.tolerance)
-    trial = problem.laid_out(layout, start_panels(layout, order, 1.0, 1.0, False))
+    panels = start_panels(layout, order, 1.0, 1.0, False)
+    trial = problem.laid_out(layout, panels, origin=-law.levels[-1])
     size = Grid(trial.panels, edges, True).size
     pressure = np.full(size, law.pressure(law.outermost - 1, law.outermost))
     row = np.append(np.zeros(size + len(edges) - 1), 1.0), 0.0
-    x, d = solved(trial, np.concatenate([pressure, edges]), -law.levels[-1], row)
-    return begun(oriented(trial, x, d, row))
+    return begun(oriented(trial, *solved(trial, np.concatenate([pressure, edges]), 0.0, row), row))

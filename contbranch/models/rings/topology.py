@@ -22,6 +22,8 @@ def change(problem: RingEquations, breach: Breach, growing: bool) -> tuple[str, 
     growing : bool
     """
     new, around = breach.new, problem.layout.regions[breach.region]
+    if not (new.rests or around.rests):  # the edge of the interaction's range comes to that of the tip
+        return "", ""
     centre = breach.radius == 0.0
     place = "at the centre" if centre else f"on a ring of radius {breach.radius:.6g}"
     level = (new if new.rests else around).index
