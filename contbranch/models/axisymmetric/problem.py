@@ -13,7 +13,18 @@ from numpy.typing import NDArray
 from scipy.linalg import lapack
 
 from contbranch.contact.contact import Contact
-from contbranch.continuation import Adaptation, Balance, CorrectionError, Linearisation, Options, Point
+from contbranch.continuation import (
+    Adaptation,
+    Balance,
+    CorrectionError,
+    Linearisation,
+    Options,
+    Outcome,
+    Point,
+    StopAt,
+)
+from contbranch.continuation.edge import Range
+from contbranch.continuation.follow import follow
 from contbranch.control import Control
 from contbranch.curve.problem import (
     STEPS,
@@ -322,23 +333,34 @@ class ContactProblem(EquilibriumProblem):
         contact = self.resolution.contact
         if contact is None:
             raise ModelError("this problem does not begin a curve")
-        law, problem = contact.interaction, self
+        law, problem, ends = contact.interaction, self, math.inf
         if law is None:
             u = -math.asinh(1.0)
         else:
             negligible = min(0.1, START_SHARE * self.resolution.accuracy / (2 * math.pi))
             if control.spring_stiffness is not None:
                 negligible = min(negligible, SOFTER * control.spring_stiffness * self.scale / (2 * math.pi))
-            far = min(law.reach(max(negligible, np.finfo(float).tiny)), law.ends)
+            far = law.reach(max(negligible, np.finfo(float).tiny))
             width = contact.axisymmetric_tip.radius_at(min(far, 4 * max(term.range for term in law.terms)))
             edges = start_edges(width, max(contact.axisymmetric_tip.radius_at(far), 2 * width))
             problem = self.on_mesh(mesh_on(edges, self.resolution.order))
-            u = self.parameter(-max(far, self.scale))
+            u, ends = self.parameter(-max(far, self.scale)), law.ends
         self.resolution.far, x = u, np.zeros(problem.size)
         if isinstance(front := problem._fronted(x, u), Edge):
             problem, x = problem.anchored(front, x, u)
         problem, x = problem.resolved(problem.solve_at(x, u), u, self.resolution.tolerance)
-        return oriented(problem, x, u, (np.zeros(x.size), 1.0))
+        start = oriented(problem, x, u, (np.zeros(x.size), 1.0))
+        return problem._nearer(start, self.parameter(-ends)) if self.parameter(-ends) > u else start
+
+    def _nearer(self, start: Point, u: float) -> Point:
+        """Where a law's description ends, on the curve from farther away."""
+        options, far = self.steps(start), Range(start.parameter, u)
+        self.resolution.far = u
+        branch = follow(start, self.balance(start), far, options, [], StopAt())
+        if branch.end.outcome is not Outcome.REACHED_EDGE:
+            raise CorrectionError(branch.end.outcome, branch.end.message)
+        last = branch.points[-1]
+        return oriented(equilibrium(last), last.x, u, (last.tangent_x, last.tangent_parameter))
 
     def resolved(self, x: Array, p: float, tolerance: float) -> tuple[ContactProblem, Array]:
         """The problem on a mesh that resolves a solution, as far as that succeeds in some rounds, and the solution."""
