@@ -17,6 +17,7 @@ from contbranch.continuation import (
     Adaptation,
     Balance,
     CorrectionError,
+    EventPoint,
     Linearisation,
     Options,
     Outcome,
@@ -26,6 +27,7 @@ from contbranch.continuation import (
 from contbranch.continuation.edge import Range
 from contbranch.continuation.follow import follow
 from contbranch.control import Control
+from contbranch.curve.events import Margin
 from contbranch.curve.problem import (
     STEPS,
     Count,
@@ -356,10 +358,13 @@ class ContactProblem(EquilibriumProblem):
         """Where a law's description ends, on the curve from farther away."""
         options, far = self.steps(start), Range(start.parameter, u)
         self.resolution.far = u
-        branch = follow(start, self.balance(start), far, options, [], StopAt())
+        margins = [Margin(name) for name in self.margins(start.x, start.parameter)]
+        branch = follow(start, self.balance(start), far, options, margins, StopAt())
+        last = branch.points[-1] if branch.points else start
         if branch.end.outcome is not Outcome.REACHED_EDGE:
-            raise CorrectionError(branch.end.outcome, branch.end.message)
-        last = branch.points[-1]
+            why = "".join(event.name for event, _ in branch.events if isinstance(event, EventPoint))
+            text = self.ending(why, last) if why else branch.end.message
+            raise CorrectionError(branch.end.outcome, f"{text} That is beyond the law's table: continue it.")
         return oriented(equilibrium(last), last.x, u, (last.tangent_x, last.tangent_parameter))
 
     def resolved(self, x: Array, p: float, tolerance: float) -> tuple[ContactProblem, Array]:
