@@ -324,17 +324,16 @@ class Folds(Event):
         It turns by nearly half a turn there; the Morse indices on both sides say which way, as soon as those are so far
         aside that they differ.
         """
-        turn, angles = 0.0, [0.0, 0.0]
+        turns = []
         for aside in asides:
             sides = [point_on(segment, min(max(place + way, 0.0), 1.0), options)[0] for way in (-aside, aside)]
-            if not turn:
-                angles = [math.atan2(*rates(point)) for point in sides]
             first, last = (equilibrium(point).unstable(point.x, point.parameter) for point in sides)
+            begin, end = (math.atan2(*rates(point)) for point in sides)
+            turns.append((begin, first - last or short_way(end - begin)))
             if first != last:
-                turn = first - last
                 break
-            turn = turn or short_way(angles[1] - angles[0])
-        return in_passing(self.controls, angles[0], math.copysign(math.pi * (1 - 1e-12), turn))
+        begin, turn = turns[-1] if first != last else turns[0]
+        return in_passing(self.controls, begin, math.copysign(math.pi * (1 - 1e-12), turn))
 
     def _happening(
         self, segment: Segment, resolution: float, theta: float, control: Control, point: Point

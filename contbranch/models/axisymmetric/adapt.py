@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import partial
 
@@ -42,7 +43,7 @@ def defect_error(equations: Equations, fields: Fields, solve: Solver | None = No
     The solution is carried to the finer mesh, its residual there is brought back, and the correction it asks for
     changes load and displacement; so do the finer mesh's own integrals. Where the present mesh does not resolve what
     all but gives way, a film about to be squeezed out, its linearisation answers too stiffly: the second step, from
-    where the first one leads, tells.
+    where the first one leads, tells. (Where a stiff film bears all load, it may lead away: then the residual grows.)
 
     Parameters
     ----------
@@ -51,10 +52,13 @@ def defect_error(equations: Equations, fields: Fields, solve: Solver | None = No
     """
     mesh, fine_equations = equations.mesh, equations.finer
     solve = solve or partial(np.linalg.solve, equations.jacobian(fields))
-    h, found = fields.h, []
+    h, left, found = fields.h, math.inf, [(math.inf, math.inf, math.inf)]
     for _ in range(STEPS):
         fine = fine_equations.fields(mesh.to_finer @ h, fields.y)
         residual = mesh.from_finer(fine.residual)
+        if not float(np.abs(residual).max()) < left:
+            break
+        left = float(np.abs(residual).max())
         step = -solve(residual)
         if float(np.abs(fields.stiffness).max()) * mesh.edges[-1] > STIFF:  # rounding in the matrix would rule
             step -= solve(residual + equations.multiplied(fields, step))
@@ -66,7 +70,7 @@ def defect_error(equations: Equations, fields: Fields, solve: Solver | None = No
         load -= 2 * float(fine.rim.weights[longer] @ fine.residual[longer])
         h = h + step
         found.append((load, displacement, float(np.abs(h - fields.h).max())))
-    return Defect(*(max(column, key=abs) for column in zip(*found, strict=True)))
+    return Defect(*(max(column, key=abs) for column in zip(*(found[1:] or found), strict=True)))
 
 
 def roughness(equations: Equations, fields: Fields, edges: Array, within: float) -> Array:
