@@ -100,6 +100,8 @@ TINY, MOVING = 1e-2, 0.1
 # Rounds of meshing, solving and judging until a mesh satisfies its own error estimate, and the change by Newton's
 # method after which the solution is good enough for that: the next one would be its square.
 ROUNDS, NEARLY = 6, 1e-5
+# Unknowns that a state may be given where it is not smooth.
+MOST = 1500
 # ln of the largest stretch of a mesh; a pivot below this share of its column says that the front alone moves.
 FARTHEST, TINY_PIVOT = 30.0, 1e-12
 # Radius of a contact under a flat tip in which rings that have been passed over do not matter, as a share of the
@@ -816,9 +818,20 @@ class ContactProblem(EquilibriumProblem):
         """On panels of higher order."""
         return ContactProblem(self.equations.finer, self.scale, self.resolution, self.sharpness, self.front)
 
-    def halved(self) -> ContactProblem:
-        """On halved panels."""
-        return self.on_mesh(self.equations.mesh.halved())
+    def halved(self, point: Point, share: float) -> ContactProblem:
+        """On panels halved where they do not resolve a state, as long as that helps."""
+        problem, x, u = self, point.x, point.parameter
+        error = self.relative_error(x, u)
+        goal = max(share * error, self.rounding)
+        for _ in range(ROUNDS):
+            trial, found = problem.remeshed(x, u, goal)
+            error, last = trial.relative_error(found, u), error
+            if trial.size > MOST or not error < last:
+                break
+            problem, x = trial, found
+            if error <= goal:
+                break
+        return problem
 
     def carried(self, vector: Array, x: Array, p: float, other: EquilibriumProblem) -> Array:
         """A function of tau on another problem's mesh, stretched to have the state at its front."""
