@@ -819,19 +819,18 @@ class ContactProblem(EquilibriumProblem):
         return ContactProblem(self.equations.finer, self.scale, self.resolution, self.sharpness, self.front)
 
     def halved(self, point: Point, share: float) -> ContactProblem:
-        """On panels halved where they do not resolve a state, as long as that helps."""
+        """On panels halved where they do not resolve a state, of the trace's own order."""
         problem, x, u = self, point.x, point.parameter
-        error = self.relative_error(x, u)
-        goal = max(share * error, self.rounding)
+        goal = max(share * self.relative_error(x, u), self.rounding)
+        tried: list[tuple[float, ContactProblem]] = []
         for _ in range(ROUNDS):
-            trial, found = problem.remeshed(x, u, goal)
-            error, last = trial.relative_error(found, u), error
-            if trial.size > MOST or not error < last:
+            problem, x = problem.remeshed(x, u, goal)
+            if problem.size > MOST and tried:
                 break
-            problem, x = trial, found
-            if error <= goal:
+            tried.append((problem.relative_error(x, u), problem))
+            if tried[-1][0] <= goal:
                 break
-        return problem
+        return min(tried, key=lambda one: one[0])[1]
 
     def carried(self, vector: Array, x: Array, p: float, other: EquilibriumProblem) -> Array:
         """A function of tau on another problem's mesh, stretched to have the state at its front."""
