@@ -101,7 +101,7 @@ TINY, MOVING = 1e-2, 0.1
 # method after which the solution is good enough for that: the next one would be its square.
 ROUNDS, NEARLY = 6, 1e-5
 # Unknowns that a state may be given where it is not smooth.
-MOST = 1500
+MOST = 1000
 # ln of the largest stretch of a mesh; a pivot below this share of its column says that the front alone moves.
 FARTHEST, TINY_PIVOT = 30.0, 1e-12
 # Radius of a contact under a flat tip in which rings that have been passed over do not matter, as a share of the
