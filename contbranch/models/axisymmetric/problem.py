@@ -78,6 +78,8 @@ DEEPEST = 0.5
 TOLERATED = 1e-3
 # Share of the accuracy that the load at the start of the trace may have.
 START_SHARE = 0.5
+# A law that begins with a stiffness does so abruptly where elasticity answers it within this share of a panel's length.
+ABRUPT = 0.1
 # A trace with a spring starts where the stiffness of the interaction is about this share of the spring's.
 SOFTER = 0.05
 # Steps of the gap far away in units of the wavelength of layers.
@@ -347,6 +349,10 @@ class ContactProblem(EquilibriumProblem):
             far = law.reach(max(negligible, np.finfo(float).tiny))
             width = contact.axisymmetric_tip.radius_at(min(far, 4 * max(term.range for term in law.terms)))
             edges = start_edges(width, max(contact.axisymmetric_tip.radius_at(far), 2 * width))
+            if (stiff := abs(float(law.evaluate(np.array([far])).stiffness[0])) * edges[1]) > ABRUPT:
+                # Elasticity answers as soon as the law begins: the curve is followed from there, where nothing acts yet.
+                far = law.reach(np.finfo(float).tiny)
+                edges = _graded(edges, edges[1] * ABRUPT / stiff)
             problem = self.on_mesh(mesh_on(edges, self.resolution.order))
             u, ends = self.parameter(-max(far, self.scale)), law.ends
         self.resolution.far, x = u, np.zeros(problem.size)
@@ -947,9 +953,7 @@ class ContactProblem(EquilibriumProblem):
         mesh, length = self.equations.mesh, self.answer(x)
         if length >= mesh.innermost:
             return []
-        count = max(1, math.ceil(math.log(mesh.innermost / length) / math.log(4)))
-        edges = np.concatenate([[0.0], mesh.innermost * 4.0 ** np.arange(-count, 0), mesh.edges[1:]])
-        problem, x = self.on(mesh_on(edges, self.resolution.order, mesh.bounded), x, 0.0)
+        problem, x = self.on(mesh_on(_graded(mesh.edges, length), self.resolution.order, mesh.bounded), x, 0.0)
         return [problem.touching(x)]
 
     def solve_at(self, x: Array, p: float, iterations: int = 12, enough: float = 1e-13) -> Array:
@@ -982,6 +986,12 @@ class ContactProblem(EquilibriumProblem):
             load, displacement = equations.load(fields), equations.displacement(fields)
             fields.derived["relative"] = self.error(x, p).relative(Values(load, displacement, 0.0, 0.0, 0.0))
         return float(fields.derived["relative"])
+
+
+def _graded(edges: Array, length: float) -> Array:
+    """Edges of panels with further ones inside, down to a length."""
+    count = max(1, math.ceil(math.log(edges[1] / length) / math.log(4)))
+    return np.concatenate([[0.0], edges[1] * 4.0 ** np.arange(-count, 0), edges[1:]])
 
 
 def _solved(factors: Array, pivots: Array, f: Array) -> Array:
