@@ -405,8 +405,11 @@ class EquilibriumProblem(Problem):
         """What a fold is worth on a discretisation that was given, and a sentence; None where nothing is to be said."""
         return None, ""
 
-    def halved(self) -> Self:
-        """The same problem with halved panels, for states that are not smooth; by default `finer`."""
+    def halved(self, point: Point, share: float) -> Self:
+        """The same problem with panels halved where a state is not smooth, until its error is that share of itself.
+
+        By default `finer`.
+        """
         return self.finer()
 
     def carried(self, vector: Array, x: Array, p: float, other: Self) -> Array:

@@ -273,7 +273,7 @@ def _close(point: Point, other: Point) -> bool:
 def _best(place: _Place, event: Event | None, accuracy: float) -> Found | None:
     """The event on a place's discretisation and ever finer ones, until the estimate satisfies; None if not found."""
     best: Found | None = None
-    last = math.inf
+    last, rough = math.inf, False
     try:
         place = _located(place, event)
         for _ in range(ROUNDS):
@@ -290,11 +290,12 @@ def _best(place: _Place, event: Event | None, accuracy: float) -> Found | None:
             error = found.relative_error()
             if best is None or error < best.relative_error():
                 best = found
-            if error <= accuracy or finer.size > LARGEST or error > WORSE * last or problem.given:
+            if error <= accuracy or finer.size > LARGEST or (rough and error > WORSE * last) or problem.given:
                 break
-            if error > GAIN * last:
-                # Higher order does not help where the law has kinks, as tables have: halve the panels.
-                fine = replace(place, point=moved(place.point, problem.halved()), settled=False)
+            rough |= error > GAIN * last
+            if rough:  # higher order does not help where the law, or the tip, has kinks, as tables have
+                halved = problem.halved(place.point, AIM * accuracy / error)
+                fine = replace(place, point=moved(place.point, halved), settled=False)
             last = error
             place = _located(fine, event)
     except (CorrectionError, ModelError):

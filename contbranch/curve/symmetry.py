@@ -18,7 +18,7 @@ from contbranch.continuation import CorrectionError, Event, Point
 from contbranch.control import DISPLACEMENT
 from contbranch.curve.outcome import RawEvent
 from contbranch.curve.problem import Count, equilibrium
-from contbranch.curve.refine import refine
+from contbranch.curve.refine import moved, refine, settled
 from contbranch.curve.trace import Request
 from contbranch.curve.track import Track, between
 from contbranch.watch import tell
@@ -78,11 +78,16 @@ class Breaking:
 def symmetry_breaking(track: Track, request: Request) -> Breaking:
     """Numbers of unstable azimuthal modes along a curve, and the events at which they change."""
     counts: list[Count | None] = []
-    for point, index in zip(track.points, track.hodograph.rows(DISPLACEMENT), strict=True):
+    indices = track.hodograph.rows(DISPLACEMENT)
+    for point, index in zip(track.points, indices, strict=True):
         tell(0.97, "counting modes that break the symmetry")
         last = counts[-1] if counts else None
         near = len(last.modes) if last is not None else 1
         counts.append(equilibrium(point).azimuthal(point.x, point.parameter, int(index), request.modes, near))
+    # An eigenvalue next to 1 may have passed it on a row's mesh alone.
+    changes = [row for row, (here, there) in enumerate(pairwise(counts)) if here != there]
+    for row in sorted({*changes, *(row + 1 for row in changes)}):
+        counts[row] = _surely(track.points[row], int(indices[row]), counts[row], request.modes)
     found: list[RawEvent] = []
     lost = 0
     for row, (here, there) in enumerate(pairwise(counts)):
@@ -103,6 +108,18 @@ def symmetry_breaking(track: Track, request: Request) -> Breaking:
         notes.append(f"{lost} symmetry events could not be located: the curve cannot be followed there.")
     everywhere = known if len(known) == len(counts) else ()
     return Breaking(everywhere, tuple(sorted(found, key=_position)), not lost, " ".join(notes))
+
+
+def _surely(point: Point, unstable: int, count: Count | None, limit: int) -> Count | None:
+    """The numbers of unstable modes of a row on a finer discretisation, where there is one."""
+    finer = equilibrium(point).finer()
+    if count is None or finer is point.problem:
+        return count
+    try:
+        fine = settled(moved(point, finer))
+    except CorrectionError:
+        return count
+    return equilibrium(fine).azimuthal(fine.x, fine.parameter, unstable, limit, max(1, len(count.modes)))
 
 
 def has_modes(track: Track) -> bool:

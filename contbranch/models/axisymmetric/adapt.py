@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import partial
 
@@ -27,6 +28,8 @@ GROWTH = 4.5
 SHORTEN = 0.9
 # Length of the mesh in units of that on which elasticity answers the interaction, beyond which systems are refined.
 STIFF = 1e5
+# Steps towards the solution on the finer mesh.
+STEPS = 2
 # Panels are merged when the joint panel's error stays below this part of what is allowed, so that it is not split
 # again soon.
 MERGE = 0.1
@@ -35,10 +38,12 @@ SMOOTH = 1e-4
 
 
 def defect_error(equations: Equations, fields: Fields, solve: Solver | None = None) -> Defect:
-    """One Newton step towards the solution on ``mesh.finer``, with the present mesh's linearisation.
+    """Steps towards the solution on ``mesh.finer``, with the present mesh's linearisation: the larger change of both.
 
     The solution is carried to the finer mesh, its residual there is brought back, and the correction it asks for
-    changes load and displacement; so do the finer mesh's own integrals.
+    changes load and displacement; so do the finer mesh's own integrals. Where the present mesh does not resolve what
+    all but gives way, a film about to be squeezed out, its linearisation answers too stiffly: the second step, from
+    where the first one leads, tells. (Where a stiff film bears all load, it may lead away: then the residual grows.)
 
     Parameters
     ----------
@@ -46,19 +51,26 @@ def defect_error(equations: Equations, fields: Fields, solve: Solver | None = No
         Solves linear systems with the Jacobian, if it is factorised already.
     """
     mesh, fine_equations = equations.mesh, equations.finer
-    fine = fine_equations.fields(mesh.to_finer @ fields.h, fields.y)
-    residual = mesh.from_finer(fine.residual)
     solve = solve or partial(np.linalg.solve, equations.jacobian(fields))
-    step = -solve(residual)
-    if float(np.abs(fields.stiffness).max()) * mesh.edges[-1] > STIFF:  # rounding in the matrix would rule
-        step -= solve(residual + equations.multiplied(fields, step))
-    shift = float(equations.rim_row @ step)
-    displacement = fine_equations.displacement(fine) - equations.displacement(fields) + shift
-    load = fine_equations.load(fine) - equations.load(fields)
-    load += 2 * (float(fields.rim.weights @ step) + fields.rim.radius * shift)
-    longer = fine_equations.mesh.nodes > mesh.edges[-1]  # where h, carried over, is 0 and the residual all there is
-    load -= 2 * float(fine.rim.weights[longer] @ fine.residual[longer])
-    return Defect(load, displacement, float(np.abs(step).max()))
+    h, left, found = fields.h, math.inf, [(math.inf, math.inf, math.inf)]
+    for _ in range(STEPS):
+        fine = fine_equations.fields(mesh.to_finer @ h, fields.y)
+        residual = mesh.from_finer(fine.residual)
+        if not float(np.abs(residual).max()) < left:
+            break
+        left = float(np.abs(residual).max())
+        step = -solve(residual)
+        if float(np.abs(fields.stiffness).max()) * mesh.edges[-1] > STIFF:  # rounding in the matrix would rule
+            step -= solve(residual + equations.multiplied(fields, step))
+        shift = float(equations.rim_row @ step)
+        displacement = fine_equations.displacement(fine) - equations.displacement(fields) + shift
+        load = fine_equations.load(fine) - equations.load(fields)
+        load += 2 * (float(fields.rim.weights @ step) + fields.rim.radius * shift)
+        longer = fine_equations.mesh.nodes > mesh.edges[-1]  # where h, carried over, is 0 and the residual all there is
+        load -= 2 * float(fine.rim.weights[longer] @ fine.residual[longer])
+        h = h + step
+        found.append((load, displacement, float(np.abs(h - fields.h).max())))
+    return Defect(*(max(column, key=abs) for column in zip(*(found[1:] or found), strict=True)))
 
 
 def roughness(equations: Equations, fields: Fields, edges: Array, within: float) -> Array:

@@ -13,8 +13,21 @@ from numpy.typing import NDArray
 from scipy.linalg import lapack
 
 from contbranch.contact.contact import Contact
-from contbranch.continuation import Adaptation, Balance, CorrectionError, Linearisation, Options, Point
+from contbranch.continuation import (
+    Adaptation,
+    Balance,
+    CorrectionError,
+    EventPoint,
+    Linearisation,
+    Options,
+    Outcome,
+    Point,
+    StopAt,
+)
+from contbranch.continuation.edge import Range
+from contbranch.continuation.follow import follow
 from contbranch.control import Control
+from contbranch.curve.events import Margin
 from contbranch.curve.problem import (
     STEPS,
     Count,
@@ -65,6 +78,8 @@ DEEPEST = 0.5
 TOLERATED = 1e-3
 # Share of the accuracy that the load at the start of the trace may have.
 START_SHARE = 0.5
+# A law that begins with a stiffness does so abruptly where elasticity answers it within this share of a panel's length.
+ABRUPT = 0.1
 # A trace with a spring starts where the stiffness of the interaction is about this share of the spring's.
 SOFTER = 0.05
 # Steps of the gap far away in units of the wavelength of layers.
@@ -87,6 +102,8 @@ TINY, MOVING = 1e-2, 0.1
 # Rounds of meshing, solving and judging until a mesh satisfies its own error estimate, and the change by Newton's
 # method after which the solution is good enough for that: the next one would be its square.
 ROUNDS, NEARLY = 6, 1e-5
+# Unknowns that a state may be given where it is not smooth.
+MOST = 1000
 # ln of the largest stretch of a mesh; a pivot below this share of its column says that the front alone moves.
 FARTHEST, TINY_PIVOT = 30.0, 1e-12
 # Radius of a contact under a flat tip in which rings that have been passed over do not matter, as a share of the
@@ -322,23 +339,41 @@ class ContactProblem(EquilibriumProblem):
         contact = self.resolution.contact
         if contact is None:
             raise ModelError("this problem does not begin a curve")
-        law, problem = contact.interaction, self
+        law, problem, ends = contact.interaction, self, math.inf
         if law is None:
             u = -math.asinh(1.0)
         else:
             negligible = min(0.1, START_SHARE * self.resolution.accuracy / (2 * math.pi))
             if control.spring_stiffness is not None:
                 negligible = min(negligible, SOFTER * control.spring_stiffness * self.scale / (2 * math.pi))
-            far = min(law.reach(max(negligible, np.finfo(float).tiny)), law.ends)
+            far = law.reach(max(negligible, np.finfo(float).tiny))
             width = contact.axisymmetric_tip.radius_at(min(far, 4 * max(term.range for term in law.terms)))
             edges = start_edges(width, max(contact.axisymmetric_tip.radius_at(far), 2 * width))
+            if (stiff := abs(float(law.evaluate(np.array([far])).stiffness[0])) * edges[1]) > ABRUPT:
+                # Elasticity answers as soon as the law begins: the curve is followed from there, where nothing acts yet.
+                far = law.reach(np.finfo(float).tiny)
+                edges = _graded(edges, edges[1] * ABRUPT / stiff)
             problem = self.on_mesh(mesh_on(edges, self.resolution.order))
-            u = self.parameter(-max(far, self.scale))
+            u, ends = self.parameter(-max(far, self.scale)), law.ends
         self.resolution.far, x = u, np.zeros(problem.size)
         if isinstance(front := problem._fronted(x, u), Edge):
             problem, x = problem.anchored(front, x, u)
         problem, x = problem.resolved(problem.solve_at(x, u), u, self.resolution.tolerance)
-        return oriented(problem, x, u, (np.zeros(x.size), 1.0))
+        start = oriented(problem, x, u, (np.zeros(x.size), 1.0))
+        return problem._nearer(start, self.parameter(-ends)) if self.parameter(-ends) > u else start
+
+    def _nearer(self, start: Point, u: float) -> Point:
+        """Where a law's description ends, on the curve from farther away."""
+        options, far = self.steps(start), Range(start.parameter, u)
+        self.resolution.far = u
+        margins = [Margin(name) for name in self.margins(start.x, start.parameter)]
+        branch = follow(start, self.balance(start), far, options, margins, StopAt())
+        last = branch.points[-1] if branch.points else start
+        if branch.end.outcome is not Outcome.REACHED_EDGE:
+            why = "".join(event.name for event, _ in branch.events if isinstance(event, EventPoint))
+            text = self.ending(why, last) if why else branch.end.message
+            raise CorrectionError(branch.end.outcome, f"{text} That is beyond the law's table: continue it.")
+        return oriented(equilibrium(last), last.x, u, (last.tangent_x, last.tangent_parameter))
 
     def resolved(self, x: Array, p: float, tolerance: float) -> tuple[ContactProblem, Array]:
         """The problem on a mesh that resolves a solution, as far as that succeeds in some rounds, and the solution."""
@@ -789,9 +824,19 @@ class ContactProblem(EquilibriumProblem):
         """On panels of higher order."""
         return ContactProblem(self.equations.finer, self.scale, self.resolution, self.sharpness, self.front)
 
-    def halved(self) -> ContactProblem:
-        """On halved panels."""
-        return self.on_mesh(self.equations.mesh.halved())
+    def halved(self, point: Point, share: float) -> ContactProblem:
+        """On panels halved where they do not resolve a state, of the trace's own order."""
+        problem, x, u = self, point.x, point.parameter
+        goal = max(share * self.relative_error(x, u), self.rounding)
+        tried: list[tuple[float, ContactProblem]] = []
+        for _ in range(ROUNDS):
+            problem, x = problem.remeshed(x, u, goal)
+            if problem.size > MOST and tried:
+                break
+            tried.append((problem.relative_error(x, u), problem))
+            if tried[-1][0] <= goal:
+                break
+        return min(tried, key=lambda one: one[0])[1]
 
     def carried(self, vector: Array, x: Array, p: float, other: EquilibriumProblem) -> Array:
         """A function of tau on another problem's mesh, stretched to have the state at its front."""
@@ -908,9 +953,7 @@ class ContactProblem(EquilibriumProblem):
         mesh, length = self.equations.mesh, self.answer(x)
         if length >= mesh.innermost:
             return []
-        count = max(1, math.ceil(math.log(mesh.innermost / length) / math.log(4)))
-        edges = np.concatenate([[0.0], mesh.innermost * 4.0 ** np.arange(-count, 0), mesh.edges[1:]])
-        problem, x = self.on(mesh_on(edges, self.resolution.order, mesh.bounded), x, 0.0)
+        problem, x = self.on(mesh_on(_graded(mesh.edges, length), self.resolution.order, mesh.bounded), x, 0.0)
         return [problem.touching(x)]
 
     def solve_at(self, x: Array, p: float, iterations: int = 12, enough: float = 1e-13) -> Array:
@@ -943,6 +986,12 @@ class ContactProblem(EquilibriumProblem):
             load, displacement = equations.load(fields), equations.displacement(fields)
             fields.derived["relative"] = self.error(x, p).relative(Values(load, displacement, 0.0, 0.0, 0.0))
         return float(fields.derived["relative"])
+
+
+def _graded(edges: Array, length: float) -> Array:
+    """Edges of panels with further ones inside, down to a length."""
+    count = max(1, math.ceil(math.log(edges[1] / length) / math.log(4)))
+    return np.concatenate([[0.0], edges[1] * 4.0 ** np.arange(-count, 0), edges[1:]])
 
 
 def _solved(factors: Array, pivots: Array, f: Array) -> Array:
