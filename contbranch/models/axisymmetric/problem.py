@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import chain, islice
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -95,6 +96,9 @@ DISHED = 1e-3
 # A film whose response elasticity answers on a length below this is stiff; the contact behind first touch at which the
 # direction of the curve is then taken, as a share of the radius of the front.
 STIFF, SEEN = 1e-3, 0.01
+# How many such contacts are tried, each with a parameter smaller by a factor; residuals, as a share of the state, up to
+# which one is found.
+SIZES, SMALLER, SETTLED = 4, 0.1, 1e-8
 # By how much less than the parameter the state counts there, whose rate changes around the rim all along the kink.
 CALM = 10.0
 # Multiple of rounding at which corrections may stop contracting: stiff films are ill-conditioned.
@@ -418,8 +422,8 @@ class ContactProblem(EquilibriumProblem):
         problem = start.problem
         kinked = isinstance(problem, ContactProblem) and (problem.flat or disc.resists(h))
         step = problem.ahead() if isinstance(problem, ContactProblem) and kinked else None
-        starts = (*disc.passed(start), start) if disc.flat else (start,)
-        return Succession("touch", last, starts, step=step, others=lambda: disc.graded(h) + disc.passed(start))
+        starts = (*islice(disc.passed(start), 1), start) if disc.flat else (start,)
+        return Succession("touch", last, starts, step=step, others=lambda: chain(disc.graded(h), disc.passed(start)))
 
     def _behind(self) -> ContactProblem:
         """The problem on the other side of first touch."""
@@ -467,8 +471,8 @@ class ContactProblem(EquilibriumProblem):
         """First touch as a point of the side in contact, towards larger contacts, on a mesh that resolves it."""
         problem, x = self.resolved(x, 0.0, AHEAD * self.resolution.tolerance)
         problem, x = problem.anchored(problem._fronted(x, 0.0), x, 0.0)
-        if problem.moves and problem.resists(x):
-            return problem._beyond(x)
+        if problem.moves and problem.resists(x) and (found := problem._beyond(x)):
+            return found
         rate, one = problem.direction(x, 0.0)
         return Point(problem, x, 0.0, rate, one, observables=problem.values(x, 0.0)._asdict(), label="start")
 
@@ -479,30 +483,41 @@ class ContactProblem(EquilibriumProblem):
             radius = min(radius, DISHED * self.equations.mesh.innermost)
         return self.parameter(self.equations.coordinate.of(radius, 0.0))
 
-    def _beyond(self, x: Array) -> Point:
-        """First touch in a stiff film, on a mesh made for a contact that has passed its kink.
+    def _beyond(self, x: Array) -> Point | None:
+        """First touch in a stiff film, on a mesh made for a contact that has passed its kink; None if none is found.
 
         The limit of the slope at first touch holds for contacts below the length of elasticity's answer only.
         """
-        ahead = self.ahead()
-        problem, here = self.resolved(self.solve_at(x, ahead), ahead, self.resolution.tolerance)
-        x = problem.solve_at(here, 0.0)
-        return Point(
-            problem, x, 0.0, (here - x) / ahead, 1.0, observables=problem.values(x, 0.0)._asdict(), label="start"
-        )
+        for ahead, here in self._grown(x, 0.0 * x):
+            problem, here = self.resolved(here, ahead, self.resolution.tolerance)
+            x = problem.solve_at(here, 0.0)
+            seen = problem.values(x, 0.0)._asdict()
+            return Point(problem, x, 0.0, (here - x) / ahead, 1.0, observables=seen, label="start")
+        return None
 
-    def passed(self, start: Point) -> list[Point]:
-        """A contact that has passed its kink, where rounding hides the way from first touch to there."""
+    def _grown(self, x: Array, rate: Array) -> Iterator[tuple[float, Array]]:
+        """Contacts that have passed their kink, foretold from first touch: the largest that is found, and smaller ones."""
+        for ahead in self.ahead() * SMALLER ** np.arange(SIZES):
+            here = self.solve_at(x + ahead * rate, ahead)
+            off = float(np.abs(self.residual(here, ahead)).max())
+            if off <= SETTLED * float(np.abs(here).max()) and not self.lost(here, ahead):
+                yield ahead, here
+
+    def passed(self, start: Point) -> Iterator[Point]:
+        """Contacts that have passed their kink.
+
+        Rounding may hide the way from first touch to there, and the slope may vary all along it: under a tip like r^n
+        the gap answers the radius as aⁿ does, and by far more as a² does, which rules from a tiny radius on.
+        """
         problem = equilibrium(start)
-        if not (isinstance(problem, ContactProblem) and (problem.flat or problem.resists(start.x))):
-            return []
-        ahead = problem.ahead()
-        x = problem.solve_at(start.x + ahead * start.tangent_x / start.tangent_parameter, ahead)
-        try:
-            problem, x = problem.resolved(x, ahead, problem.resolution.tolerance)
-            return [oriented(problem, x, ahead, problem.direction(x, ahead))]
-        except (CorrectionError, np.linalg.LinAlgError):
-            return []
+        if not isinstance(problem, ContactProblem):
+            return
+        for ahead, x in problem._grown(start.x, start.tangent_x / start.tangent_parameter):
+            try:
+                found, x = problem.resolved(x, ahead, problem.resolution.tolerance)
+                yield oriented(found, x, ahead, found.direction(x, ahead))
+            except (CorrectionError, np.linalg.LinAlgError):
+                continue
 
     @property
     def begins(self) -> str | None:
