@@ -96,9 +96,9 @@ DISHED = 1e-3
 # A film whose response elasticity answers on a length below this is stiff; the contact behind first touch at which the
 # direction of the curve is then taken, as a share of the radius of the front.
 STIFF, SEEN = 1e-3, 0.01
-# How many such contacts are tried, each with a parameter smaller by a factor; residuals, as a share of the state, up to
-# which one is found.
-SIZES, SMALLER, SETTLED = 4, 0.1, 1e-8
+# Residuals, as a share of the state, up to which such a contact is found; contacts that answer the radius by its
+# square, as a share of the length on which elasticity answers.
+SETTLED, BELOW = 1e-8, 0.1
 # By how much less than the parameter the state counts there, whose rate changes around the rim all along the kink.
 CALM = 10.0
 # Multiple of rounding at which corrections may stop contracting: stiff films are ill-conditioned.
@@ -361,7 +361,9 @@ class ContactProblem(EquilibriumProblem):
         return float(self.fields(x, p).gap.min()) < -DEEPEST * self.scale
 
     def balance(self, start: Point, step: float | None = None) -> Balance:
-        """First scales; `step`: of the parameter, a stiff film's kink at first touch long past."""
+        """First scales; `step`: of the parameter, a kink at first touch long past, as it is where a contact begins."""
+        if start.parameter > 0.0:
+            step = start.parameter
         if step is None:
             return super().balance(start)
         length = step / STEPS.first_step
@@ -420,9 +422,9 @@ class ContactProblem(EquilibriumProblem):
         disc = still._behind()
         start = disc.touching(h)
         problem = start.problem
-        kinked = isinstance(problem, ContactProblem) and (problem.flat or disc.resists(h))
+        kinked = isinstance(problem, ContactProblem) and bool(start.label) and (problem.flat or disc.resists(h))
         step = problem.ahead() if isinstance(problem, ContactProblem) and kinked else None
-        starts = (*islice(disc.passed(start), 1), start) if disc.flat else (start,)
+        starts = (start,) if start.label and not disc.flat else (*islice(disc.passed(start), 1), start)
         return Succession("touch", last, starts, step=step, others=lambda: chain(disc.graded(h), disc.passed(start)))
 
     def _behind(self) -> ContactProblem:
@@ -468,13 +470,18 @@ class ContactProblem(EquilibriumProblem):
         raise failure
 
     def touching(self, x: Array) -> Point:
-        """First touch as a point of the side in contact, towards larger contacts, on a mesh that resolves it."""
+        """First touch as a point of the side in contact, towards larger contacts, on a mesh that resolves it.
+
+        Labelled, unless the contact that has passed the kink of a stiff film was not found.
+        """
         problem, x = self.resolved(x, 0.0, AHEAD * self.resolution.tolerance)
         problem, x = problem.anchored(problem._fronted(x, 0.0), x, 0.0)
-        if problem.moves and problem.resists(x) and (found := problem._beyond(x)):
+        kinked = problem.moves and problem.resists(x)
+        if kinked and (found := problem._beyond(x)):
             return found
         rate, one = problem.direction(x, 0.0)
-        return Point(problem, x, 0.0, rate, one, observables=problem.values(x, 0.0)._asdict(), label="start")
+        seen = problem.values(x, 0.0)._asdict()
+        return Point(problem, x, 0.0, rate, one, observables=seen, label="" if kinked else "start")
 
     def ahead(self) -> float:
         """Parameter of a contact that has long passed the kink, seen from the front."""
@@ -488,20 +495,23 @@ class ContactProblem(EquilibriumProblem):
 
         The limit of the slope at first touch holds for contacts below the length of elasticity's answer only.
         """
-        for ahead, here in self._grown(x, 0.0 * x):
-            problem, here = self.resolved(here, ahead, self.resolution.tolerance)
-            x = problem.solve_at(here, 0.0)
-            seen = problem.values(x, 0.0)._asdict()
-            return Point(problem, x, 0.0, (here - x) / ahead, 1.0, observables=seen, label="start")
-        return None
+        ahead = self.ahead()
+        here = self.solve_at(x, ahead)
+        if not self._settled(here, ahead):
+            return None
+        problem, here = self.resolved(here, ahead, self.resolution.tolerance)
+        x = problem.solve_at(here, 0.0)
+        seen = problem.values(x, 0.0)._asdict()
+        return Point(problem, x, 0.0, (here - x) / ahead, 1.0, observables=seen, label="start")
 
-    def _grown(self, x: Array, rate: Array) -> Iterator[tuple[float, Array]]:
-        """Contacts that have passed their kink, foretold from first touch: the largest that is found, and smaller ones."""
-        for ahead in self.ahead() * SMALLER ** np.arange(SIZES):
-            here = self.solve_at(x + ahead * rate, ahead)
-            off = float(np.abs(self.residual(here, ahead)).max())
-            if off <= SETTLED * float(np.abs(here).max()) and not self.lost(here, ahead):
-                yield ahead, here
+    def _small(self, x: Array) -> float:
+        """Parameter of a contact far smaller than the length on which elasticity answers the interaction."""
+        return self.parameter(self.equations.coordinate.of(BELOW * self.answer(x), 0.0))
+
+    def _settled(self, x: Array, p: float) -> bool:
+        """Whether Newton's method has found a solution."""
+        off = float(np.abs(self.residual(x, p)).max())
+        return off <= SETTLED * float(np.abs(x).max()) and not self.lost(x, p)
 
     def passed(self, start: Point) -> Iterator[Point]:
         """Contacts that have passed their kink.
@@ -512,12 +522,18 @@ class ContactProblem(EquilibriumProblem):
         problem = equilibrium(start)
         if not isinstance(problem, ContactProblem):
             return
-        for ahead, x in problem._grown(start.x, start.tangent_x / start.tangent_parameter):
+        sizes = problem._small(start.x), problem.ahead()
+        for ahead in reversed(sizes) if problem.flat else sizes:
+            x = problem.solve_at(start.x + ahead * start.tangent_x / start.tangent_parameter, ahead)
+            if not problem._settled(x, ahead):
+                continue
             try:
                 found, x = problem.resolved(x, ahead, problem.resolution.tolerance)
-                yield oriented(found, x, ahead, found.direction(x, ahead))
-            except (CorrectionError, np.linalg.LinAlgError):
+                rate, one = found.direction(x, ahead)
+                seen = found.observables(x, ahead)
+            except (CorrectionError, np.linalg.LinAlgError, ModelError):
                 continue
+            yield Point(found, x, ahead, rate, one, observables=seen, label="start")
 
     @property
     def begins(self) -> str | None:
