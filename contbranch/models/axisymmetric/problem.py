@@ -37,7 +37,7 @@ from contbranch.watch import check
 from .adapt import Solver, adapted_edges, defect_error, needed_reach, panel_errors, roughness
 from .azimuthal import counted, eigenvalues, mode_shape
 from .equations import RECENT, ContactCoordinate, Equations, Fields
-from .front import Edge, Front, felt, steepest
+from .front import Edge, Front, Kink, felt, steepest
 from .mesh import Mesh, mesh_on
 from .profile import profile_of
 from .relaxation import Release
@@ -743,25 +743,29 @@ class ContactProblem(EquilibriumProblem):
             edge = Edge.needed(equations, fields, needed_reach(equations, fields, allowed), isinstance(present, Edge))
             if edge is not None:
                 return present if isinstance(present, Edge) else edge
-        if isinstance(present, Edge):
-            present = None
         if not self.resolution.moving:
-            return present
+            return None if isinstance(present, Edge) else present
+        if (kink := Kink.needed((equations, fields), present)) is not None:
+            return kink
+        if isinstance(present, Edge | Kink):
+            present = None
         return steepest((equations, fields), present, self.equations.mesh, self.resolution.moving)
 
     def anchored(self, front: Front | Edge | None, x: Array, p: float) -> tuple[ContactProblem, Array]:
         """The problem with another front, or with none, and the state."""
         still, h = self.still(x)
         edges, ends = still.equations.mesh.edges, isinstance(front, Edge)
-        if ends or isinstance(self.front, Edge):
+        if ends or isinstance(front, Kink) or isinstance(self.front, Edge):
             if isinstance(front, Edge):
                 edges = np.append(edges[edges < INSIDE * front.place], front.place)
+            elif isinstance(front, Kink):
+                edges = front.joined(edges)
             mesh = mesh_on(edges, self.resolution.order, bounded=ends)
             h = still.equations.mesh.interpolate(h, mesh.nodes)
             still = still.on_mesh(mesh)
         if front is None:
             return still, h
-        if not ends and isinstance(self.front, Front):
+        if not isinstance(front, Edge | Kink) and isinstance(self.front, Front):
             return ContactProblem(self.equations, self.scale, self.resolution, self.sharpness, front), x
         return ContactProblem(still.equations, self.scale, self.resolution, self.sharpness, front), np.append(h, 0.0)
 
@@ -788,9 +792,12 @@ class ContactProblem(EquilibriumProblem):
         return self.on(mesh_on(edges, self.resolution.order, unit.bounded), x, p, sharpness, solve)
 
     def _reach(self, equations: Equations, fields: Fields, tolerance: float) -> float:
-        """How long the mesh is to be."""
+        """How long the mesh is to be; a kink lies on it."""
         mesh = equations.mesh
-        return float(mesh.edges[-1]) if mesh.bounded else needed_reach(equations, fields, tolerance)
+        if mesh.bounded:
+            return float(mesh.edges[-1])
+        kink = self.front.place / self.equations.mesh.edges[-1] if isinstance(self.front, Kink) else 0.0
+        return max(needed_reach(equations, fields, tolerance), kink * float(mesh.edges[-1]))
 
     def on(
         self, mesh: Mesh, x: Array, p: float, sharpness: float | None = None, solve: bool = True
@@ -808,8 +815,8 @@ class ContactProblem(EquilibriumProblem):
 
     @property
     def moves(self) -> bool:
-        """With a front; what is made for a state on a tip's edge ends there, too."""
-        return isinstance(self.front, Front)
+        """With a front; what is made for a state on a tip's edge ends there, too, and has its law's kink on an edge."""
+        return isinstance(self.front, Front) and not isinstance(self.front, Kink)
 
     @property
     def size(self) -> int:
