@@ -32,6 +32,8 @@ BEGINS, ENDS, FLATTER = 1.5, 1.0, 0.2
 CLOSE_TO_EDGE, LEAVES = 0.8, 0.5
 # Other edges of panels are at least this share of its distance away from a kink.
 NEXT = 0.1
+# ... whose motion counts in the inner product of states at least like an h of this share of its gap.
+LIFTED = 0.3
 # Radius over which the interaction is felt in units of the length on which elasticity answers it, from which on steps
 # are limited by fronts; and from which on by such as are flatter by this factor, like the edges of large films.
 STIFF, LARGE, OF_FILMS = 16.0, 1000.0, 0.2
@@ -140,12 +142,13 @@ class Kink(Front):
         """The outermost kink of a state, if there is one; the present one as long as it is there."""
         equations, fields = seen
         mesh, kink = equations.mesh, equations.kink
+        if isinstance(present, Kink) and float(fields.gap.min()) < kink:  # the mesh may end there
+            return present
         if not float(fields.gap.min()) < kink < float(fields.gap.max()):
             return None
-        if isinstance(present, Kink):
-            return present
         last = float(mesh.nodes[np.flatnonzero(fields.gap < kink)[-1]])
-        found = Kink(last, kink, 1.0, float(mesh.weights @ fields.h**2), 0.0)
+        weight = max(float(mesh.weights @ fields.h**2), (LIFTED * kink) ** 2 * last)
+        found = Kink(last, kink, 1.0, weight, 0.0)
         place = last * math.exp(found.anchored(equations, fields))
         slope = float(mesh.interpolate(mesh.derivative(fields.gap), np.array([place]))[0])
         power = equations.tip.apex_exponent * float(fields.pressure[0] > 0.0)

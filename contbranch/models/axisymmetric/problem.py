@@ -59,6 +59,8 @@ UNRESOLVED = 20.0
 JUMP = 1e-4
 # A change of mesh may move the solution by this multiple of its error estimate.
 LEAP = 30.0
+# ... and ln of the stretch by this much.
+STRETCHED = 0.1
 # Gaps, in ranges, that no solution has.
 DEEPEST = 0.5
 # While tracing, a gap or a wall pressure may be this much below zero, in the interaction's own units: errors of the
@@ -712,7 +714,8 @@ class ContactProblem(EquilibriumProblem):
             change, told = found - carried, trial.told(problem)
             moves = trial.growth(found) * change[: trial.size], trial.moving(change, found)
             moved = min(float(np.abs(by[told]).max(initial=0.0)) for by in moves)
-            if not moved <= LEAP * expected + 1e-6 * self.scale or trial.lost(found, p):
+            astray = bool((np.abs(change[trial.size :]) > STRETCHED).any()) or trial.lost(found, p)
+            if astray or not moved <= LEAP * expected + 1e-6 * self.scale:
                 break  # Newton's method has left for another solution
             problem, start = trial, found
             if problem.relative_error(start, p) <= resolution.tolerance and not problem.rough(start, p):
