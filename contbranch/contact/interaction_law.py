@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field, fields
+from functools import cached_property
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -21,6 +22,9 @@ from contbranch.errors import InputError
 _FAR = 1e50
 # Gaps tried at once in the search for a law's reach.
 _CHUNK = 40
+# Where kinks are looked for, in ranges: from, to, how many places; jumps of f'' that count, as a share of its largest
+# value, and how closely they are told.
+_KINKS, _JUMP, _KINKED = (1e-3, 20.0, 4001), 1e-2, 1e-13
 
 
 class Response(NamedTuple):
@@ -112,6 +116,34 @@ class Interaction:
         """Wavelength in which the law oscillates over any number of ranges; infinite if it does not."""
         return math.inf
 
+    @property
+    def kink(self) -> float:
+        """The gap at which v'' jumps, the largest such jump; infinite without."""
+        return self.range * self._shape_kink
+
+    @cached_property
+    def _shape_kink(self) -> float:
+        """x where f'' jumps: where halving an interval over and over leaves its change as large as it was."""
+        x = np.linspace(*_KINKS)
+        try:
+            least = _JUMP * float(np.nanmax(np.abs(self._curvature(x)), initial=0.0))
+        except Exception:  # a law may fail where the contact never comes
+            return math.inf
+        low, high = x[:-1], x[1:]
+        while low.size and high[0] - low[0] > _KINKED:
+            middle = (low + high) / 2
+            below, at, above = map(self._curvature, (low, middle, high))
+            inner = np.abs(at - below) > np.abs(above - at)
+            low, high = np.where(inner, low, middle), np.where(inner, middle, high)
+            jumps = np.maximum(np.abs(at - below), np.abs(above - at)) > least
+            low, high = low[jumps], high[jumps]
+        change = np.abs(self._curvature(high) - self._curvature(low))
+        return float(high[np.argmax(change)]) if change.size else math.inf
+
+    def _curvature(self, x: Array) -> Array:
+        with np.errstate(all="ignore"):
+            return np.asarray(self.shape(x)[2], dtype=float)
+
     def reach(self, tolerance: float) -> float:
         """Return the gap beyond which |v| ≤ `tolerance` · `reference_work`; the end of the law if it ends before."""
         return self.range * max(0.0, self._shape_reach(tolerance))
@@ -193,6 +225,11 @@ class Evaluated(Interaction):
     work_of_adhesion: float = field(init=False)
     range: float = field(init=False)
 
+    @property
+    def kink(self) -> float:
+        """It has none."""
+        return math.inf
+
     def shape(self, x: Array) -> tuple[Array, Array, Array]:
         """Return f, f' and f'' with respect to the work of adhesion, which must not vanish."""
         energy, pressure, stiffness = self.evaluate(x * self.range)
@@ -238,6 +275,11 @@ class Sum(Evaluated):
     def limitation(self) -> str:
         """That of each law."""
         return "; ".join(law.limitation for law in self.laws if law.limitation)
+
+    @property
+    def kink(self) -> float:
+        """That of the first law that has one."""
+        return next((law.kink for law in self.laws if math.isfinite(law.kink)), math.inf)
 
     @property
     def ends(self) -> float:

@@ -33,6 +33,8 @@ STEPS = 2
 # Panels are merged when the joint panel's error stays below this part of what is allowed, so that it is not split
 # again soon.
 MERGE = 0.1
+# Edges of panels at which the gap is this close to the law's kink stay.
+AT_KINK = 1e-6
 # Share of its largest value up to which v'' may be unresolved inside a film that moves with the mesh.
 SMOOTH = 1e-4
 
@@ -184,6 +186,9 @@ def adapted_edges(
     cut = (edges[:-1] + edges[1:]) / 2
     cut[0] = GRADING * edges[1]
     superfluous = _mergeable(lambda edges: guide(stretch * edges), edges, errors, MERGE * share)
+    if math.isfinite(kink := equations.kink):
+        gaps = equations.mesh.interpolate(fields.gap, stretch * edges[superfluous])
+        superfluous = superfluous[np.abs(gaps - kink) > AT_KINK * kink]
     kept = np.delete(edges, superfluous)
     return np.sort(np.concatenate([kept, cut[bad]]))
 

@@ -457,6 +457,11 @@ class Equations:
         """p_fr(0), the interaction's pressure where the surfaces touch."""
         return self._touching[1]
 
+    @property
+    def kink(self) -> float:
+        """The gap at which the interaction's stiffness jumps."""
+        return math.inf if self.interaction is None else self.interaction.kink
+
     @cached_property
     def softens(self) -> bool:
         """Whether the interaction softens at contact, so that a film that is pressed is squeezed out at once."""

@@ -10,7 +10,7 @@ to zero there: that is where the mesh ends.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -22,7 +22,7 @@ from contbranch.contact.tips import Tip
 from .equations import Equations, Fields
 from .mesh import Mesh
 
-__all__ = ["Edge", "Front", "felt", "steepest"]
+__all__ = ["Edge", "Front", "Kink", "felt", "steepest"]
 
 # A front begins where the pressure changes by more than this multiple of its largest value over its distance from the
 # rim, ends where it changes by less than the second, and is moved where its own change is below this share.
@@ -30,6 +30,10 @@ BEGINS, ENDS, FLATTER = 1.5, 1.0, 0.2
 # A mesh that must reach beyond the first share of the distance to the edge of the tip ends there, and goes on to do so
 # down to the second.
 CLOSE_TO_EDGE, LEAVES = 0.8, 0.5
+# Other edges of panels are at least this share of its distance away from a kink.
+NEXT = 0.1
+# ... whose motion counts in the inner product of states at least like an h of this share of its gap.
+LIFTED = 0.3
 # Radius over which the interaction is felt in units of the length on which elasticity answers it, from which on steps
 # are limited by fronts; and from which on by such as are flatter by this factor, like the edges of large films.
 STIFF, LARGE, OF_FILMS = 16.0, 1000.0, 0.2
@@ -118,6 +122,37 @@ class Front:
             else:
                 low = middle
         return math.log(low / self.place)
+
+
+@dataclass(frozen=True)
+class Kink(Front):
+    """A front where the law's stiffness jumps, which is an edge of panels: nothing is a polynomial across it."""
+
+    def off(self, unit: Mesh, equations: Equations, fields: Fields, sigma: float) -> float:
+        """How far the gap at the front is from the law's kink."""
+        return super().off(unit, equations, fields, sigma) + self.gap - equations.kink
+
+    def joined(self, edges: Array) -> Array:
+        """Edges of panels with the kink among them."""
+        away = np.abs(edges - self.place) > NEXT * np.minimum(edges, self.place)
+        return np.unique(np.append(edges[away | (edges == 0.0)], self.place))
+
+    @staticmethod
+    def needed(seen: tuple[Equations, Fields], present: Front | Edge | None) -> Kink | None:
+        """The outermost kink of a state, if there is one; the present one as long as it is there."""
+        equations, fields = seen
+        mesh, kink = equations.mesh, equations.kink
+        if isinstance(present, Kink) and float(fields.gap.min()) < kink:  # the mesh may end there
+            return present
+        if not float(fields.gap.min()) < kink < float(fields.gap.max()):
+            return None
+        last = float(mesh.nodes[np.flatnonzero(fields.gap < kink)[-1]])
+        weight = max(float(mesh.weights @ fields.h**2), (LIFTED * kink) ** 2 * last)
+        found = Kink(last, kink, 1.0, weight, 0.0)
+        place = last * math.exp(found.anchored(equations, fields))
+        slope = float(mesh.interpolate(mesh.derivative(fields.gap), np.array([place]))[0])
+        power = equations.tip.apex_exponent * float(fields.pressure[0] > 0.0)
+        return replace(found, place=place, width=abs(kink / slope), power=power)
 
 
 @dataclass(frozen=True)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import chain, islice
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -49,7 +50,7 @@ from contbranch.watch import check
 from .adapt import Solver, adapted_edges, defect_error, needed_reach, panel_errors, roughness
 from .azimuthal import counted, eigenvalues, mode_shape
 from .equations import RECENT, ContactCoordinate, Equations, Fields
-from .front import Edge, Front, felt, steepest
+from .front import Edge, Front, Kink, felt, steepest
 from .mesh import Mesh, mesh_on
 from .profile import profile_of
 from .relaxation import Release
@@ -71,6 +72,8 @@ UNRESOLVED = 20.0
 JUMP = 1e-4
 # A change of mesh may move the solution by this multiple of its error estimate.
 LEAP = 30.0
+# ... and ln of the stretch by this much.
+STRETCHED = 0.1
 # Gaps, in ranges, that no solution has.
 DEEPEST = 0.5
 # While tracing, a gap or a wall pressure may be this much below zero, in the interaction's own units: errors of the
@@ -112,6 +115,9 @@ DISHED = 1e-3
 # A film whose response elasticity answers on a length below this is stiff; the contact behind first touch at which the
 # direction of the curve is then taken, as a share of the radius of the front.
 STIFF, SEEN = 1e-3, 0.01
+# Residuals, as a share of the state, up to which such a contact is found; contacts that answer the radius by its
+# square, as a share of the length on which elasticity answers.
+SETTLED, BELOW = 1e-8, 0.1
 # By how much less than the parameter the state counts there, whose rate changes around the rim all along the kink.
 CALM = 10.0
 # Multiple of rounding at which corrections may stop contracting: stiff films are ill-conditioned.
@@ -392,7 +398,9 @@ class ContactProblem(EquilibriumProblem):
         return float(self.fields(x, p).gap.min()) < -DEEPEST * self.scale
 
     def balance(self, start: Point, step: float | None = None) -> Balance:
-        """First scales; `step`: of the parameter, a stiff film's kink at first touch long past."""
+        """First scales; `step`: of the parameter, a kink at first touch long past, as it is where a contact begins."""
+        if start.parameter > 0.0:
+            step = start.parameter
         if step is None:
             return super().balance(start)
         length = step / STEPS.first_step
@@ -451,10 +459,10 @@ class ContactProblem(EquilibriumProblem):
         disc = still._behind()
         start = disc.touching(h)
         problem = start.problem
-        kinked = isinstance(problem, ContactProblem) and (problem.flat or disc.resists(h))
+        kinked = isinstance(problem, ContactProblem) and bool(start.label) and (problem.flat or disc.resists(h))
         step = problem.ahead() if isinstance(problem, ContactProblem) and kinked else None
-        starts = (*disc.passed(start), start) if disc.flat else (start,)
-        return Succession("touch", last, starts, step=step, others=lambda: disc.graded(h) + disc.passed(start))
+        starts = (start,) if start.label and not disc.flat else (*islice(disc.passed(start), 1), start)
+        return Succession("touch", last, starts, step=step, others=lambda: chain(disc.graded(h), disc.passed(start)))
 
     def _behind(self) -> ContactProblem:
         """The problem on the other side of first touch."""
@@ -499,13 +507,18 @@ class ContactProblem(EquilibriumProblem):
         raise failure
 
     def touching(self, x: Array) -> Point:
-        """First touch as a point of the side in contact, towards larger contacts, on a mesh that resolves it."""
+        """First touch as a point of the side in contact, towards larger contacts, on a mesh that resolves it.
+
+        Labelled, unless the contact that has passed the kink of a stiff film was not found.
+        """
         problem, x = self.resolved(x, 0.0, AHEAD * self.resolution.tolerance)
         problem, x = problem.anchored(problem._fronted(x, 0.0), x, 0.0)
-        if problem.moves and problem.resists(x):
-            return problem._beyond(x)
+        kinked = problem.moves and problem.resists(x)
+        if kinked and (found := problem._beyond(x)):
+            return found
         rate, one = problem.direction(x, 0.0)
-        return Point(problem, x, 0.0, rate, one, observables=problem.values(x, 0.0)._asdict(), label="start")
+        seen = problem.values(x, 0.0)._asdict()
+        return Point(problem, x, 0.0, rate, one, observables=seen, label="" if kinked else "start")
 
     def ahead(self) -> float:
         """Parameter of a contact that has long passed the kink, seen from the front."""
@@ -514,30 +527,50 @@ class ContactProblem(EquilibriumProblem):
             radius = min(radius, DISHED * self.equations.mesh.innermost)
         return self.parameter(self.equations.coordinate.of(radius, 0.0))
 
-    def _beyond(self, x: Array) -> Point:
-        """First touch in a stiff film, on a mesh made for a contact that has passed its kink.
+    def _beyond(self, x: Array) -> Point | None:
+        """First touch in a stiff film, on a mesh made for a contact that has passed its kink; None if none is found.
 
         The limit of the slope at first touch holds for contacts below the length of elasticity's answer only.
         """
         ahead = self.ahead()
-        problem, here = self.resolved(self.solve_at(x, ahead), ahead, self.resolution.tolerance)
+        here = self.solve_at(x, ahead)
+        if not self._settled(here, ahead):
+            return None
+        problem, here = self.resolved(here, ahead, self.resolution.tolerance)
         x = problem.solve_at(here, 0.0)
-        return Point(
-            problem, x, 0.0, (here - x) / ahead, 1.0, observables=problem.values(x, 0.0)._asdict(), label="start"
-        )
+        seen = problem.values(x, 0.0)._asdict()
+        return Point(problem, x, 0.0, (here - x) / ahead, 1.0, observables=seen, label="start")
 
-    def passed(self, start: Point) -> list[Point]:
-        """A contact that has passed its kink, where rounding hides the way from first touch to there."""
+    def _small(self, x: Array) -> float:
+        """Parameter of a contact far smaller than the length on which elasticity answers the interaction."""
+        return self.parameter(self.equations.coordinate.of(BELOW * self.answer(x), 0.0))
+
+    def _settled(self, x: Array, p: float) -> bool:
+        """Whether Newton's method has found a solution."""
+        off = float(np.abs(self.residual(x, p)).max())
+        return off <= SETTLED * float(np.abs(x).max()) and not self.lost(x, p)
+
+    def passed(self, start: Point) -> Iterator[Point]:
+        """Contacts that have passed their kink.
+
+        Rounding may hide the way from first touch to there, and the slope may vary all along it: under a tip like r^n
+        the gap answers the radius as aⁿ does, and by far more as a² does, which rules from a tiny radius on.
+        """
         problem = equilibrium(start)
-        if not (isinstance(problem, ContactProblem) and (problem.flat or problem.resists(start.x))):
-            return []
-        ahead = problem.ahead()
-        x = problem.solve_at(start.x + ahead * start.tangent_x / start.tangent_parameter, ahead)
-        try:
-            problem, x = problem.resolved(x, ahead, problem.resolution.tolerance)
-            return [oriented(problem, x, ahead, problem.direction(x, ahead))]
-        except (CorrectionError, np.linalg.LinAlgError):
-            return []
+        if not isinstance(problem, ContactProblem):
+            return
+        sizes = problem._small(start.x), problem.ahead()
+        for ahead in reversed(sizes) if problem.flat else sizes:
+            x = problem.solve_at(start.x + ahead * start.tangent_x / start.tangent_parameter, ahead)
+            if not problem._settled(x, ahead):
+                continue
+            try:
+                found, x = problem.resolved(x, ahead, problem.resolution.tolerance)
+                rate, one = found.direction(x, ahead)
+                seen = found.observables(x, ahead)
+            except (CorrectionError, np.linalg.LinAlgError, ModelError):
+                continue
+            yield Point(found, x, ahead, rate, one, observables=seen, label="start")
 
     @property
     def begins(self) -> str | None:
@@ -716,7 +749,8 @@ class ContactProblem(EquilibriumProblem):
             change, told = found - carried, trial.told(problem)
             moves = trial.growth(found) * change[: trial.size], trial.moving(change, found)
             moved = min(float(np.abs(by[told]).max(initial=0.0)) for by in moves)
-            if not moved <= LEAP * expected + 1e-6 * self.scale or trial.lost(found, p):
+            astray = bool((np.abs(change[trial.size :]) > STRETCHED).any()) or trial.lost(found, p)
+            if astray or not moved <= LEAP * expected + 1e-6 * self.scale:
                 break  # Newton's method has left for another solution
             problem, start = trial, found
             if problem.relative_error(start, p) <= resolution.tolerance and not problem.rough(start, p):
@@ -747,25 +781,29 @@ class ContactProblem(EquilibriumProblem):
             edge = Edge.needed(equations, fields, needed_reach(equations, fields, allowed), isinstance(present, Edge))
             if edge is not None:
                 return present if isinstance(present, Edge) else edge
-        if isinstance(present, Edge):
-            present = None
         if not self.resolution.moving:
-            return present
+            return None if isinstance(present, Edge) else present
+        if (kink := Kink.needed((equations, fields), present)) is not None:
+            return kink
+        if isinstance(present, Edge | Kink):
+            present = None
         return steepest((equations, fields), present, self.equations.mesh, self.resolution.moving)
 
     def anchored(self, front: Front | Edge | None, x: Array, p: float) -> tuple[ContactProblem, Array]:
         """The problem with another front, or with none, and the state."""
         still, h = self.still(x)
         edges, ends = still.equations.mesh.edges, isinstance(front, Edge)
-        if ends or isinstance(self.front, Edge):
+        if ends or isinstance(front, Kink) or isinstance(self.front, Edge):
             if isinstance(front, Edge):
                 edges = np.append(edges[edges < INSIDE * front.place], front.place)
+            elif isinstance(front, Kink):
+                edges = front.joined(edges)
             mesh = mesh_on(edges, self.resolution.order, bounded=ends)
             h = still.equations.mesh.interpolate(h, mesh.nodes)
             still = still.on_mesh(mesh)
         if front is None:
             return still, h
-        if not ends and isinstance(self.front, Front):
+        if not isinstance(front, Edge | Kink) and isinstance(self.front, Front):
             return ContactProblem(self.equations, self.scale, self.resolution, self.sharpness, front), x
         return ContactProblem(still.equations, self.scale, self.resolution, self.sharpness, front), np.append(h, 0.0)
 
@@ -792,9 +830,12 @@ class ContactProblem(EquilibriumProblem):
         return self.on(mesh_on(edges, self.resolution.order, unit.bounded), x, p, sharpness, solve)
 
     def _reach(self, equations: Equations, fields: Fields, tolerance: float) -> float:
-        """How long the mesh is to be."""
+        """How long the mesh is to be; a kink lies on it."""
         mesh = equations.mesh
-        return float(mesh.edges[-1]) if mesh.bounded else needed_reach(equations, fields, tolerance)
+        if mesh.bounded:
+            return float(mesh.edges[-1])
+        kink = self.front.place / self.equations.mesh.edges[-1] if isinstance(self.front, Kink) else 0.0
+        return max(needed_reach(equations, fields, tolerance), kink * float(mesh.edges[-1]))
 
     def on(
         self, mesh: Mesh, x: Array, p: float, sharpness: float | None = None, solve: bool = True
@@ -812,8 +853,8 @@ class ContactProblem(EquilibriumProblem):
 
     @property
     def moves(self) -> bool:
-        """With a front; what is made for a state on a tip's edge ends there, too."""
-        return isinstance(self.front, Front)
+        """With a front; what is made for a state on a tip's edge ends there, too, and has its law's kink on an edge."""
+        return isinstance(self.front, Front) and not isinstance(self.front, Kink)
 
     @property
     def size(self) -> int:

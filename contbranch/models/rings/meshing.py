@@ -28,6 +28,8 @@ FINEST = 0.05
 GROWTH = 3.0
 # The panel at the centre is cut so far from it: an apex is felt there.
 APEX_GRADING = 0.25
+# Tail of a pressure at rest as a share of the largest in its region, beyond which a panel is split whatever it bears.
+RESOLVED = 3e-3
 # Higher order by this share makes the finer panels.
 FINER_SHARE = 3
 
@@ -81,6 +83,22 @@ def panel_errors(problem: RingEquations, fields: Fields) -> Array:
     return np.asarray(np.where(infinite, np.maximum(missed, ring * np.minimum(1.0, share)), tail * area))
 
 
+def unresolved(problem: RingEquations, fields: Fields) -> Array:
+    """The tail of the pressure on panels that rest as a share of what the level itself bears in their region, (P,).
+
+    A narrow ring bears next to nothing of the load, but its inequality is judged by the sign of that.
+    """
+    grid, found = fields.grid, np.zeros(fields.grid.count)
+    for k, region in enumerate(problem.layout.regions[: grid.region[-1] + 1]):
+        if region.rests:
+            own = grid.region == k
+            least = problem.setting.law.bounds(region.index)[0]
+            borne = fields.pressure.reshape(grid.count, -1)[own] - least
+            tail = np.abs(grid.coefficients(fields.pressure)[own, -2:]).max(axis=1)
+            found[own] = tail / max(float(np.abs(borne).max()), 1e-300)
+    return found
+
+
 def adapted(problem: RingEquations, fields: Fields, tolerance: float) -> Panels | None:
     """Panels with those split that miss too much load and those joined that need not be apart; None: no change.
 
@@ -88,6 +106,7 @@ def adapted(problem: RingEquations, fields: Fields, tolerance: float) -> Panels 
     """
     errors = panel_errors(problem, fields)
     share = tolerance * max(1.0, abs(problem.load(fields))) / max(4.0, len(errors) ** 0.5)
+    errors = np.maximum(errors, share * unresolved(problem, fields) / RESOLVED)
     panels = problem.panels
     halves: list[tuple[float, ...]] = []
     at = 0
