@@ -486,7 +486,9 @@ class ContactProblem(EquilibriumProblem):
         """
         ahead = self.ahead()
         problem, here = self.resolved(self.solve_at(x, ahead), ahead, self.resolution.tolerance)
-        x = problem.solve_at(here, 0.0)
+        if problem.lost(here, ahead):  # a dimple far smaller than the film has touched
+            problem, here, ahead = self, x + self.direction(x, 0.0)[0], 1.0
+        x = problem.solve_at(here, 0.0) if problem is not self else x
         return Point(
             problem, x, 0.0, (here - x) / ahead, 1.0, observables=problem.values(x, 0.0)._asdict(), label="start"
         )
