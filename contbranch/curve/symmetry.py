@@ -26,6 +26,10 @@ from contbranch.watch import tell
 __all__ = ["Breaking", "SymmetryEvent", "critical_eigenvalues", "has_modes", "merged", "symmetry_breaking"]
 
 
+# Share of a piece to which events are located before they are made precise.
+NEAR = 1e-4
+
+
 @dataclass(frozen=True)
 class SymmetryEvent(Event):
     """An eigenvalue of the azimuthal mode m passes 1.
@@ -161,7 +165,7 @@ def _located(track: Track, row: int, event: SymmetryEvent, kind: str, accuracy: 
     CorrectionError
         If the curve cannot be followed there.
     """
-    share, start = between(track.link(row), event)
+    share, start = between(track.link(row), event, NEAR)
     found = refine(start, event, accuracy)
     point = found.point
     which = point.x, point.parameter, event.mode, event.index

@@ -27,6 +27,8 @@ __all__ = ["Edge", "Front", "Kink", "felt", "steepest"]
 # A front begins where the pressure changes by more than this multiple of its largest value over its distance from the
 # rim, ends where it changes by less than the second, and is moved where its own change is below this share.
 BEGINS, ENDS, FLATTER = 1.5, 1.0, 0.2
+# ... or where the gap rises by less than this share of what it did.
+RESTS = 0.25
 # A mesh that must reach beyond the first share of the distance to the edge of the tip ends there, and goes on to do so
 # down to the second.
 CLOSE_TO_EDGE, LEAVES = 0.8, 0.5
@@ -217,23 +219,27 @@ def steepest(seen: tuple[Equations, Fields], present: Front | None, unit: Mesh, 
     """
     equations, fields = seen
     mesh = equations.mesh
+    slope = mesh.derivative(fields.gap) * (mesh.edges[-1] / unit.edges[-1])
+    serving = None
+    if present is not None:
+        nodes, row = present._row(unit)
+        # Where the gap comes to rest at the front, its place would turn round, and with it the curve.
+        serving = present if abs(row @ slope[nodes]) * present.width > RESTS * present.gap else None
     stiffness = np.abs(fields.stiffness)
     stiff = float((stiffness * np.maximum(mesh.nodes, radius)).max())
     if not (stiff > FAR_OUT * STIFF or float(stiffness.max()) * radius > STIFF):
-        return present
+        return serving
     steep = np.abs(mesh.nodes * mesh.derivative(fields.pressure)) / max(float(np.abs(fields.pressure).max()), 1e-300)
     place = int(np.argmax(steep))
-    if not steep[place] > (BEGINS if present is None else ENDS) * (OF_FILMS if stiff > LARGE else 1.0):
+    if not steep[place] > (BEGINS if serving is None else ENDS) * (OF_FILMS if stiff > LARGE else 1.0):
         return None
-    if present is not None:
-        nodes, _ = present._row(unit)
-        if float(steep[nodes].max()) > FLATTER * steep[place]:
-            return present
+    if serving is not None and float(steep[nodes].max()) > FLATTER * steep[place]:
+        return serving
     gap = fields.gap[max(place - 1, 0) : place + 2]
     if not (bool((np.diff(gap) > 0).all()) or bool((np.diff(gap) < 0).all())):
-        return present
+        return serving
     at, own = float(unit.nodes[place]), float(fields.gap[place])
-    width = abs(own / float(mesh.derivative(fields.gap)[place])) * at / float(mesh.nodes[place])
+    width = own / abs(float(slope[place]))
     power = present.power if present else equations.tip.apex_exponent * float(fields.pressure[0] > 0.0)
     growth = float(mesh.edges[-1] / unit.edges[-1]) ** power
     return Front(at, own, width, float(unit.weights @ (fields.h / growth) ** 2), power)

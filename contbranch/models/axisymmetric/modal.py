@@ -7,6 +7,7 @@ nor ask more of the panels' polynomials than h itself does.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -21,6 +22,8 @@ __all__ = ["ModeSpace", "inner_mode_pressure"]
 
 # Gauss nodes for the gap, a panel, beyond those of the mesh.
 EXTRA = 6
+# Integrals that are kept: without contact neighbouring states have the same, and few m are asked for.
+PLANES = 12
 
 
 @dataclass(frozen=True)
@@ -55,14 +58,11 @@ class ModeSpace:
         if isinstance(known, ModeSpace):
             return known
         mesh, a = equations.mesh, fields.rim.radius
-        z, w = gauss(mesh.order + EXTRA)
-        share, length = (z + 1) / 2, np.diff(mesh.edges)[:, None]
-        rho = (mesh.edges[:-1, None] + length * share**2).ravel()
-        weights = (length * share * w).ravel()
+        rho, weights = _radii(mesh)
         profile = fields.h - fields.rim_value
-        inner = inner_plane(mesh, a, rho, 0) @ (mesh.rule.to_even @ profile[: mesh.order])
+        inner, outer = planes(mesh, a, 0)
         shape, _ = equations.tip.shape_gap(rho, a)
-        gap = inner + outer_plane(mesh, a, rho, 0) @ profile[mesh.order :] + shape
+        gap = inner @ (mesh.rule.to_even @ profile[: mesh.order]) + outer @ profile[mesh.order :] + shape
         if not equations.contact:
             gap = gap - fields.y
         stiffness = np.zeros_like(gap) if equations.interaction is None else equations.interaction.evaluate(gap)[2]
@@ -72,9 +72,9 @@ class ModeSpace:
 
     def plane(self, m: int) -> Array:
         """A_m on the orthonormal trial functions, (M, N)."""
-        inner = solve_triangular(self._factor(m), inner_plane(self.mesh, self.radius, self.rho, m).T, lower=True).T
-        outer = outer_plane(self.mesh, self.radius, self.rho, m) / np.sqrt(self._outer_weights())
-        return np.concatenate([inner, outer], axis=1)
+        inner, outer = planes(self.mesh, self.radius, m)
+        inner = solve_triangular(self._factor(m), inner.T, lower=True).T
+        return np.concatenate([inner, outer / np.sqrt(self._outer_weights())], axis=1)
 
     def coefficients(self, m: int, vector: Array) -> tuple[Array, Array]:
         """Coefficients of the even polynomials (times t/L for odd m), and nodal values on the other panels."""
@@ -113,6 +113,25 @@ class ModeSpace:
         values = chebyshev_values(mesh.rule.even_order, 2 * beyond * (beyond + 2 * a) / mesh.innermost**2 - 1)
         weights = w * ((a + beyond) / mesh.innermost) ** (2 * (m % 2))
         return np.asarray(np.linalg.cholesky((values * weights) @ values.T))
+
+
+def _radii(mesh: Mesh) -> tuple[Array, Array]:
+    """`ModeSpace.rho` and `ModeSpace.weights` of a mesh."""
+    z, w = gauss(mesh.order + EXTRA)
+    share, length = (z + 1) / 2, np.diff(mesh.edges)[:, None]
+    return (mesh.edges[:-1, None] + length * share**2).ravel(), (length * share * w).ravel()
+
+
+def planes(mesh: Mesh, a: float, m: int) -> tuple[Array, Array]:
+    """A_m on the innermost panel's functions and on the other nodal values; where it is stretched it stays the same."""
+    base, factor = mesh.source or (mesh, 1.0)
+    return _planes(base, a / factor, m)
+
+
+@lru_cache(PLANES)
+def _planes(mesh: Mesh, a: float, m: int) -> tuple[Array, Array]:
+    rho, _ = _radii(mesh)
+    return inner_plane(mesh, a, rho, m), outer_plane(mesh, a, rho, m)
 
 
 def inner_plane(mesh: Mesh, a: float, rho: Array, m: int) -> Array:
