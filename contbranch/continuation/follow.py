@@ -104,10 +104,9 @@ class _Direction:
         failure = CorrectionError(Outcome.STEP_TOO_SMALL, "(The curve turns too sharply.)")
         while step >= options.smallest_step:
             foretold = predictor.at(step)
-            near, ahead = predictor.chosen(foretold, count, 0.5 * options.angle_limit * step)
-            row = metric.row(here.problem, *metric.unit(here.problem, *ahead))
+            near = predictor.chosen(foretold, count, 0.5 * options.angle_limit * step)
             try:
-                corrected = correct(here.problem, near, row, metric, options)
+                corrected = correct(here.problem, near, predictor.row, metric, options)
                 end = to_point(here.problem, corrected, metric, options.detect_branch_points)
                 judgement = judge(here, end, corrected, metric, options)
                 largest = corrected.first_correction * CONTRACTS / max(corrected.contraction, 1e-9)

@@ -64,9 +64,10 @@ SHORTEST = 0.2
 
 
 class Predictor:
-    """Polynomials in the arclength through the last one, two, three points of a curve and their unit tangents.
+    """Polynomials through the last one, two, three points of a curve and their tangents.
 
-    The corrector works in the plane normal to a prediction's own direction, so the difference between a predicted and a
+    Close to its last point y0 the curve is a graph over the tangent t0 there: s = <t0, y - y0> is the place of every
+    point y, and dy/ds = t/<t0, t>. The corrector works at constant s, so the difference between a predicted and a
     corrected point is the error of the polynomial alone, C Π (s - s_i)² with the places s_i of its points: one step
     measures C for every polynomial, and foretells the length at which each of them is good enough.
 
@@ -79,54 +80,45 @@ class Predictor:
 
     def __init__(self, points: Sequence[Point], metric: Metric) -> None:
         self.here, self.metric = points[-1], metric
-        here, problem = self.here, self.here.problem
+        here = self.here
+        self.row = metric.row(here.problem, here.tangent_x, here.tangent_parameter)
+        c, d = self.row
         self.places = [0.0]
         moved = [np.zeros(here.x.size + 1)]
-        tangents = [(here.tangent_x, here.tangent_parameter)]
-        for after, point in zip(points[::-1], points[-2::-1], strict=False):
-            tangent = metric.unit(problem, point.tangent_x, point.tangent_parameter)
-            chord = after.x - point.x, after.parameter - point.parameter
-            length = metric.norm(problem, *chord)
-            forward = min(metric.dot(problem, *chord, *own) for own in (tangents[-1], tangent))
-            turn = metric.angle(problem, *tangents[-1], *tangent)
-            if not (forward > STEEPEST * length and math.cos(turn) > STEEPEST):
+        slopes = [np.append(here.tangent_x, here.tangent_parameter)]
+        for point in points[-2::-1]:
+            chord = np.append(point.x - here.x, point.parameter - here.parameter)
+            place = float(c @ chord[:-1]) + d * float(chord[-1])
+            along = float(c @ point.tangent_x) + d * point.tangent_parameter
+            size = metric.norm(here.problem, point.tangent_x, point.tangent_parameter)
+            if not (place < self.places[-1] and along > STEEPEST * size):
                 break
-            self.places.append(self.places[-1] - length * arc(turn))
-            moved.append(np.append(point.x - here.x, point.parameter - here.parameter))
-            tangents.append(tangent)
-        self._hermite = Hermite(self.places, moved, [np.append(*tangent) for tangent in tangents])
+            self.places.append(place)
+            moved.append(chord)
+            slopes.append(np.append(point.tangent_x, point.tangent_parameter) / along)
+        self._hermite = Hermite(self.places, moved, slopes)
 
-    def at(self, s: float) -> list[tuple[Direction, Direction]]:
-        """Return the states and parameters foretold for the place s by one, two, ... points, and their directions."""
+    def at(self, s: float) -> list[Direction]:
+        """Return the states and parameters foretold for the place s by one, two, ... points."""
         here = self.here
-        return [
-            ((here.x + moved[:-1], here.parameter + float(moved[-1])), (slope[:-1], float(slope[-1])))
-            for moved, slope in self._hermite.at(s)
-        ]
+        return [(here.x + moved[:-1], here.parameter + float(moved[-1])) for moved, _ in self._hermite.at(s)]
 
-    def chosen(
-        self, foretold: Sequence[tuple[Direction, Direction]], count: int, reach: float
-    ) -> tuple[Direction, Direction]:
+    def chosen(self, foretold: Sequence[Direction], count: int, reach: float) -> Direction:
         """Return the prediction from `count` points, or from fewer where it strays too far from the tangent."""
-        (x, p), _ = foretold[0]
-        for near, direction in foretold[min(count, len(foretold)) - 1 : 0 : -1]:
-            if self.metric.norm(self.here.problem, near[0] - x, near[1] - p) <= reach:
-                return near, direction
-        return foretold[0]
+        x, p = foretold[0]
+        for there, at in foretold[min(count, len(foretold)) - 1 : 0 : -1]:
+            if self.metric.norm(self.here.problem, there - x, at - p) <= reach:
+                return there, at
+        return x, p
 
     def longest(
-        self,
-        s: float,
-        foretold: Sequence[tuple[Direction, Direction]],
-        end: Point,
-        growth: float,
-        largest: float = math.inf,
+        self, s: float, foretold: Sequence[Direction], end: Point, growth: float, largest: float = math.inf
     ) -> tuple[float, int]:
         """Return the factor from a step s to the next, and the number of points to foretell that from.
 
         Parameters
         ----------
-        foretold : sequence of (state, parameter), direction
+        foretold : sequence of (state, parameter)
             What was predicted for the step.
         end : Point
             Where it led.
@@ -135,12 +127,9 @@ class Predictor:
         largest : float
             Error of a prediction from which Newton's method still converges well.
         """
-        best, problem = (0.0, 1), self.here.problem
-        tangent = self.metric.unit(problem, end.tangent_x, end.tangent_parameter)
-        for count, ((x, p), _) in enumerate(foretold, start=1):
-            off = end.x - x, end.parameter - p
-            along = self.metric.dot(problem, *off, *tangent)  # says where on the curve, not how far from it
-            error = self.metric.norm(problem, off[0] - along * tangent[0], off[1] - along * tangent[1])
+        best = (0.0, 1)
+        for count, (x, p) in enumerate(foretold, start=1):
+            error = self.metric.norm(self.here.problem, end.x - x, end.parameter - p)
             constant = error / math.prod((s - place) ** 2 for place in self.places[:count])
             places = [0.0, *(place - s for place in self.places)][:count]
             factor = growth
@@ -150,11 +139,6 @@ class Predictor:
                 factor *= 0.9
             best = max(best, (factor, count))
         return best
-
-
-def arc(turn: float) -> float:
-    """Return the length of an arc that turns by an angle, in units of its chord."""
-    return 0.5 * turn / math.sin(0.5 * turn) if turn > 0.0 else 1.0
 
 
 # ... and at most what the one of a step foretells, which is proportional to the error of the prediction.

@@ -39,8 +39,8 @@ __all__ = [
 ]
 
 STEPS = Options(
-    angle=0.7,
-    angle_limit=1.2,
+    angle=0.3,
+    angle_limit=0.8,
     tolerance=1e-9,
     noise=1e5,
     first_step=0.05,
