@@ -221,6 +221,11 @@ class EquilibriumProblem(Problem):
     given: ClassVar[bool] = False
 
     @property
+    def convex(self) -> bool:
+        """Whether the energy is: then there is one equilibrium for each value of a control, and no fold."""
+        return False
+
+    @property
     def begins(self) -> str | None:
         """What ends the contact's description where its curve begins, as an event's name; None: nothing."""
         return None

@@ -185,7 +185,8 @@ class _Tracing:
             if joint.same and len(self.points) > 1:
                 self.onward[len(self.points) - 1] = start
             problem = equilibrium(start)
-            folds, stop = Folds(self.request.controls, self._met, self.slopes), StopAt(predicate=self._told)
+            controls = () if problem.convex else self.request.controls
+            folds, stop = Folds(controls, self._met, self.slopes), StopAt(predicate=self._told)
             branch = problem.walked(start, folds, self.end, stop)
             if branch is None:
                 margins = [Margin(name) for name in problem.margins(start.x, start.parameter)]

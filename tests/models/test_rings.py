@@ -7,7 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.polynomial import Polynomial
 from ring_reference import Rings as Reference
+from scipy.optimize import brentq, minimize_scalar
 
 import contbranch as cb
 from contbranch.continuation import Point
@@ -359,6 +361,72 @@ def test_both_models_have_the_same_exponents() -> None:
         excess = np.geomspace(1e-4, 0.9 * min(local.excess[-1], other.excess[-1]), 5)
         kappa, expected = (np.interp(np.log(excess), np.log(found.excess), found.kappa) for found in (local, other))
         assert kappa == pytest.approx(expected, abs=5e-3)
+
+
+@pytest.mark.parametrize(
+    ("tip", "range_"), [(cb.Cone(1.0), 9.0), (cb.PowerLaw(1.3, 1.0), 300.0), (cb.SphericalCap(1.0), 80.0)]
+)
+def test_films_under_a_uniform_pressure(tip: cb.Tip, range_: float) -> None:
+    """Rings are narrow under steep tips: σ acts on a disc r < c with the gap z0 at c, or with the end of the tip there.
+
+    It lifts the centre by 2σc, the edge by 4σc/π. With contact on r < a (Abel) d = ζ(a) + 2σ√(c² − a²),
+    F = 2 (ad − ∫ζ dt) + 4σ ∫_a^c √(c² − t²) dt.
+    """
+    diagram, sigma = cb.trace(cb.Contact(tip, cb.MaugisDugdale(-1.0, range_))), 1 / range_
+    branch, touch = diagram.branches[0], next(event for event in diagram.events if event.kind == "touch")
+    whole = math.isfinite(tip.extent)
+    height = Polynomial([-range_, (4 / math.pi - 2) * sigma])
+    c = tip.extent if whole else brentq(lambda c: float(tip.height(c)) + height(c), 0.0, 2 * range_)
+    assert touch.load == pytest.approx(math.pi * sigma * c * c, rel=1e-7)
+    assert touch.displacement == pytest.approx(2 * sigma * c, abs=1e-6)
+    assert diagram.status == "complete"
+    assert diagram.events[-1].name == ("tip-edge" if whole else None)
+    if whole:
+        a = branch.contact_radius[branch.contact_radius > 0]
+        d, angle = tip.transform(a) + 2 * sigma * np.sqrt(c * c - a * a), np.arccos(a / c)
+        film = 2 * sigma * (c * c * angle - a * np.sqrt(c * c - a * a))
+        assert branch.displacement[-len(a) :] == pytest.approx(d, abs=1e-6)
+        assert branch.load[-len(a) :] == pytest.approx(2 * (a * d - tip.transform_integral(a)) + film, abs=1e-6)
+
+
+@pytest.mark.parametrize("sigma", [0.1, 0.6, 3.0])
+def test_films_under_cones_are_similar(sigma: float) -> None:
+    """Nothing but the range has a length: until the wall is touched F ∝ (d + z0)²."""
+    diagram = cb.trace(cb.Contact(cb.Cone(1.0), cb.MaugisDugdale(-1.0, 1 / sigma)), accuracy=1e-7)
+    before = diagram.branches[0].contact_radius == 0
+    load, displacement = diagram.branches[0].load[before], diagram.branches[0].displacement[before]
+    assert diagram.status == "complete"
+    assert load / (displacement + 1 / sigma) ** 2 == pytest.approx(load[-1] / (displacement[-1] + 1 / sigma) ** 2)
+
+
+@pytest.mark.parametrize("exponent", [1.9, 2.6, 4.3])
+def test_the_weakest_films_open_where_the_pressure_reaches_the_law(exponent: float) -> None:
+    """Ranges of a thousand radii: p(r) = (1/π) ∫_r^c ζ'/√(t² − r²) dt with ζ = κtⁿ reaches σ, d = κcⁿ − z0."""
+    tip, range_ = cb.PowerLaw(exponent, 1.0), 1e3
+    event = first_change(cb.Contact(tip, cb.MaugisDugdale(-1.0, range_)), 1e-8)
+    kappa, (s, w) = float(tip.transform(1.0)), np.polynomial.legendre.leggauss(200)
+
+    def pressure(r: float) -> float:
+        """Where c = 1; t = √(r² + s²), 0 < s < √(1 − r²), and s = u⁴ for what is not smooth at the centre."""
+        u = (s + 1) / 2 * (1 - r * r) ** (1 / 8)
+        t = np.hypot(r, u**4)
+        return float(w @ (4 * u**3 * t ** (exponent - 2))) * (1 - r * r) ** (1 / 8) / 2 * exponent * kappa / math.pi
+
+    largest = -minimize_scalar(lambda r: -pressure(r), bounds=(0.0, 0.99), method="bounded").fun
+    c = (1 / range_ / max(largest, pressure(0.0))) ** (1 / (exponent - 1))
+    assert event.values[0] == pytest.approx(2 * kappa * c ** (exponent + 1) * exponent / (exponent + 1), rel=2e-4)
+    assert event.values[1] == pytest.approx(kappa * c**exponent - range_, abs=event.error[1])
+
+
+def test_energy_under_a_rough_tip() -> None:
+    """dV = F dd by Simpson's rule where the pressure is constant and the gap is not smooth."""
+    radii = np.linspace(0.0, 8.0, 25)
+    heights = radii**2 / 2 * (1 + 1e-3 * np.cos(7 * np.arange(25) ** 2))
+    contact = cb.Contact(cb.Profile(tuple(radii), tuple(heights)), cb.MaugisDugdale(-1.0, 20.0)).to_reduced()
+    track = followed(contact, 1e-6, None)
+    states = [at(track, float(d)) for d in np.linspace(-2.2, -1.8, 3)]
+    work = 0.4 / 6 * np.array([1, 4, 1]) @ [state.load for state in states]
+    assert states[-1].energy - states[0].energy == pytest.approx(float(work), abs=1e-6)
 
 
 @pytest.mark.parametrize("tabor", [1 / 32, 1 / 64])

@@ -95,18 +95,19 @@ def breaches(problem: RingEquations, fields: Fields) -> Iterator[Breach]:
                 upper = Region(False, region.index - 1)
                 yield from _extrema(problem, fields, k, (high - fields.pressure) / largest, upper)
         else:
-            gap = (fields.rise - (law.levels[region.index] + problem.origin)) / scale
+            rise = np.append(fields.rise, problem.apex(fields))
+            gap = (rise - (law.levels[region.index] + problem.origin)) / scale
             yield from _extrema(problem, fields, k, gap, Region(True, region.index))
             ceiling = law.ceiling(region.index)
             outermost = k == len(problem.layout.regions) - 1 and not problem.layout.bounded
             if math.isfinite(ceiling) and not outermost:
-                room = (ceiling + problem.origin - fields.rise) / scale
+                room = (ceiling + problem.origin - rise) / scale
                 yield from _extrema(problem, fields, k, room, Region(True, region.index + 1))
             if problem.layout.ends(k):
                 edge = fields.grid.edges[k:]
                 lift = fields.grid.lift_at(edge, fields.pressure)
-                rise = float((problem.setting.tip.height(edge) + lift)[0]) - fields.parameter
-                left = (ceiling + problem.origin - rise) / scale
+                last = float((problem.setting.tip.height(edge) + lift)[0]) - fields.parameter
+                left = (ceiling + problem.origin - last) / scale
                 yield Breach(left, k, float(edge[0]), Region(False, region.index + 1))
 
 
@@ -120,10 +121,12 @@ def least_margin(problem: RingEquations, fields: Fields) -> Breach | None:
 
 
 def _extrema(problem: RingEquations, fields: Fields, region: int, margin: Array, new: Region) -> Iterator[Breach]:
+    """The minima of a margin at the nodes; at the centre, too, where it is known there (last)."""
     grid = fields.grid
     own = np.flatnonzero(grid.of_node == region)
     if len(own) < 3:
         return
+    known, margin = margin[grid.size :], margin[: grid.size]
     values = margin[own]
     inner_edge, outer_edge = region > 0, region < problem.edges
     jumps = [e for e in (region - 1, region) if 0 <= e < problem.edges and problem.layout.jump(e)]
@@ -133,7 +136,7 @@ def _extrema(problem: RingEquations, fields: Fields, region: int, margin: Array,
     if problem.layout.regions[region].rests:
         noise += PRESSURE_NOISE / share
     if region == 0:
-        centre = float(grid.at_end(0, outer=False) @ margin)
+        centre = float(known[0] if len(known) else grid.at_end(0, outer=False) @ margin)
         if centre <= values[0]:
             yield Breach(centre + noise if narrow else centre, region, 0.0, new)
         elif values[0] < values[1]:  # the extremum lies between the centre and the second node

@@ -315,9 +315,12 @@ class RingEquations(EquilibriumProblem):
         first = self.layout.regions[0]
         if first.rests:
             return self.setting.law.levels[first.index]
-        # At the centre the ring integral is 2 ∫ p ds.
+        return self.apex(fields) - self.origin
+
+    def apex(self, fields: Fields) -> float:
+        """`Fields.rise` at r = 0, where the ring integral is 2 ∫ p ds."""
         lift = 2 * float(fields.grid.weights @ fields.pressure)
-        return float(self.setting.tip.height(np.float64(0.0))) + lift - fields.parameter - self.origin
+        return float(self.setting.tip.height(np.float64(0.0))) + lift - fields.parameter
 
     def ends(self, edges: Array) -> Array:
         """Where regions end: at the edges and, if nothing is felt beyond them, where the tip ends."""

@@ -47,6 +47,11 @@ WHOLE = 0.999
 class RingProblem(RingEquations):
     """Equilibria with one layout of regions: a piece of the curve."""
 
+    @property
+    def convex(self) -> bool:
+        """Steps of the pressure are repulsive ones."""
+        return self.setting.law.smooth is None
+
     # -- the curve ----------------------------------------------------------------------------------------------------
     def start(self, control: Control) -> Point:
         """Far away, or where surfaces come to rest at the end of the interaction's range."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from contbranch.arrays import Array
 from contbranch.contact.interaction_law import terms_of
-from contbranch.continuation import CorrectionError, Point
+from contbranch.continuation import CorrectionError, Outcome, Point
 from contbranch.control import LOAD, Control
 from contbranch.curve.problem import oriented
 from contbranch.errors import ModelError
@@ -125,7 +125,10 @@ def at_rest(problem: RingEquations, radius: float) -> Point:
         breach = least_margin(rings(point), rings(point).fields(point.x, point.parameter))
         if breach is None or breach.margin > 0:
             return point
-    raise ModelError("no ring at rest was found where the interaction begins")
+    sharp = (
+        "The tip is too sharp for so stiff a film: describe its apex as rounded." if width > 1 else "No ring at rest."
+    )
+    raise CorrectionError(Outcome.START_FAILED, f"({sharp})")
 
 
 def _with_edges(problem: RingEquations, layout: Layout, edges: Array) -> Point:
