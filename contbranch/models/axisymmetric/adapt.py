@@ -28,8 +28,8 @@ GROWTH = 4.5
 SHORTEN = 0.9
 # Length of the mesh in units of that on which elasticity answers the interaction, beyond which systems are refined.
 STIFF = 1e5
-# Steps towards the solution on the finer mesh.
-STEPS = 2
+# Steps towards the solution on the finer mesh, by which its residual is to fall at least to this share.
+STEPS, CONTRACTS = 2, 0.5
 # Panels are merged when the joint panel's error stays below this part of what is allowed, so that it is not split
 # again soon.
 MERGE = 0.1
@@ -60,7 +60,7 @@ def defect_error(equations: Equations, fields: Fields, solve: Solver | None = No
         residual = mesh.from_finer(fine.residual)
         if not float(np.abs(residual).max()) < left:
             break
-        left = float(np.abs(residual).max())
+        left = CONTRACTS * float(np.abs(residual).max())
         step = -solve(residual)
         if float(np.abs(fields.stiffness).max()) * mesh.edges[-1] > STIFF:  # rounding in the matrix would rule
             step -= solve(residual + equations.multiplied(fields, step))
