@@ -310,12 +310,12 @@ class ContactProblem(EquilibriumProblem):
 
         return multiplied
 
-    def moving(self, x_rate: Array, x: Array) -> Array:
-        """The rate of h where it is, (N,), of a direction of states: the mesh may move through it."""
+    def moving(self, x_rate: Array, x: Array, through: bool = True) -> Array:
+        """The rate of h where it is, (N,), of a direction of states: the mesh may move through it, or take h along."""
         if self.front is None:
             return x_rate
         mesh, h = self.equations.mesh, x[:-1]
-        spread = self.front.power * h - mesh.nodes * mesh.derivative(h)
+        spread = self.front.power * h - (mesh.nodes * mesh.derivative(h) if through else 0.0)
         return self.growth(x) * np.asarray(x_rate[:-1] + spread * x_rate[-1])
 
     def still(self, x: Array) -> tuple[ContactProblem, Array]:
@@ -629,10 +629,10 @@ class ContactProblem(EquilibriumProblem):
     def rates(self, x: Array, p: float, x_rate: Array, p_rate: float) -> Rates:
         """Rates of load, displacement, contact radius and central gap along a direction."""
         equations, fields = self.seen(x, p)
-        y_rate, ends = self.scale * math.cosh(p) * p_rate, isinstance(self.front, Edge)
-        h_rate = x_rate[:-1] if ends else self.moving(x_rate, x)
+        y_rate, ends = self.scale * math.cosh(p) * p_rate, isinstance(self.front, Edge | Kink)
+        h_rate = self.moving(x_rate, x, not ends)
         load, displacement = equations.rates(fields, h_rate, y_rate)
-        if ends:  # where h ends as a square root does, its rate at a place is infinite
+        if ends:  # where h ends as a square root does, its rate at a place is infinite, and at a kink ill told
             load += float(x_rate[-1]) * equations.load_per_stretch(fields)
         if 0.0 <= p < TINY and equations.interaction is not None:
             parts = abs(float(equations.rim_row @ h_rate))
