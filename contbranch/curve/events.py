@@ -173,7 +173,7 @@ class Ceiling(Event):
             direction = point.tangent_x, point.tangent_parameter
             point = corrected_point(point.problem, *ahead, direction, segment.metric, options)[0]
             if abs(step) < CLOSE * segment.length:  # the next one would be about the square of that
-                return point
+                return point if abs(self.value(point)) < CLOSE * max(1.0, abs(self.target)) else None
         return None
 
     def _rate(self, point: Point) -> float:
