@@ -30,6 +30,8 @@ SHORTEN = 0.9
 STIFF = 1e5
 # Steps towards the solution on the finer mesh, by which its residual is to fall at least to this share.
 STEPS, CONTRACTS = 2, 0.5
+# ... the second one where the first is larger than its residual by this: where something gives way.
+SOFT = 4.0
 # Panels are merged when the joint panel's error stays below this part of what is allowed, so that it is not split
 # again soon.
 MERGE = 0.1
@@ -72,6 +74,8 @@ def defect_error(equations: Equations, fields: Fields, solve: Solver | None = No
         load -= 2 * float(fine.rim.weights[longer] @ fine.residual[longer])
         h = h + step
         found.append((load, displacement, float(np.abs(h - fields.h).max())))
+        if not float(np.abs(step).max()) > SOFT * float(np.abs(residual).max()):
+            break
     return Defect(*(max(column, key=abs) for column in zip(*(found[1:] or found), strict=True)))
 
 
