@@ -15,7 +15,7 @@ from contbranch.models.quadrature import gauss_between
 from .equations import Equations, Fields
 from .mesh import Mesh
 
-__all__ = ["Solver", "adapted_edges", "begun", "defect_error", "needed_reach", "panel_errors", "roughness"]
+__all__ = ["Solver", "adapted_edges", "defect_error", "idle", "needed_reach", "panel_errors", "roughness"]
 
 Solver = Callable[[Array], Array]
 
@@ -26,8 +26,6 @@ GRADING = 0.25
 GROWTH = 4.5
 # The mesh is shortened when this part of it would do.
 SHORTEN = 0.9
-# Where less than this part of the last panel would do, it is halved.
-BEGUN = 0.125
 # Length of the mesh in units of that on which elasticity answers the interaction, beyond which systems are refined.
 STIFF = 1e5
 # Steps towards the solution on the finer mesh, by which its residual is to fall at least to this share.
@@ -149,9 +147,12 @@ def needed_reach(equations: Equations, fields: Fields, tolerance: float) -> floa
     return float(mesh.nodes[last + 1]) if last + 1 < mesh.size else 1.5 * float(mesh.edges[-1])
 
 
-def begun(edges: Array) -> float:
-    """Where a mesh has to reach at least for the nodes of its last panel to see that, however it ends."""
-    return float(edges[-2] + BEGUN * (edges[-1] - edges[-2]))
+def idle(equations: Equations, fields: Fields, edges: Array) -> bool:
+    """Whether no node of the last panel of some feels an interaction that ends there, and shorter ones might."""
+    n, last = equations.mesh.order, len(edges) - 2
+    if last < 1 or edges[-1] - edges[-2] <= edges[-2] - edges[-3]:
+        return False
+    return equations.interaction is not None and not bool(fields.pressure[last * n : (last + 1) * n].any())
 
 
 def adapted_edges(
@@ -186,7 +187,7 @@ def adapted_edges(
     if reach < SHORTEN * edges[-1]:
         keep = max(1, int(np.searchsorted(edges, reach)))
         edges, errors = edges[: keep + 1].copy(), errors[:keep]
-        if reach < begun(edges):
+        if idle(equations, fields, edges):
             edges[-1] = (edges[-1] + edges[-2]) / 2
     bad = errors > share
     bad[1:] |= edges[2:] > GROWTH * edges[1:-1]

@@ -46,7 +46,7 @@ from contbranch.models.quadrature import start_edges
 from contbranch.results.diagram import ModeShape, Profile
 from contbranch.watch import check
 
-from .adapt import Solver, adapted_edges, begun, defect_error, needed_reach, panel_errors, roughness
+from .adapt import Solver, adapted_edges, defect_error, idle, needed_reach, panel_errors, roughness
 from .azimuthal import counted, eigenvalues, mode_shape
 from .equations import RECENT, ContactCoordinate, Equations, Fields
 from .front import Edge, Front, felt, steepest
@@ -350,7 +350,7 @@ class ContactProblem(EquilibriumProblem):
             width = contact.axisymmetric_tip.radius_at(min(far, 4 * max(term.range for term in law.terms)))
             edges = start_edges(width, max(contact.axisymmetric_tip.radius_at(far), 2 * width))
             if (stiff := abs(float(law.evaluate(np.array([far])).stiffness[0])) * edges[1]) > ABRUPT:
-                # Elasticity answers as soon as the law begins: the curve is followed from there, where nothing acts yet.
+                # Elasticity answers as soon as the law begins: the curve is followed from there, before anything acts.
                 far = law.reach(np.finfo(float).tiny)
                 edges = _graded(edges, edges[1] * ABRUPT / stiff)
             problem = self.on_mesh(mesh_on(edges, self.resolution.order))
@@ -720,7 +720,7 @@ class ContactProblem(EquilibriumProblem):
                 break  # Newton's method has left for another solution
             problem, start = trial, found
             fits = problem.relative_error(start, p) <= resolution.tolerance and not problem.rough(start, p)
-            if fits and problem._reach(*problem.seen(start, p), 0.03 * allowed) >= begun(problem.equations.mesh.edges):
+            if fits and not idle(*problem.seen(start, p), problem.equations.mesh.edges):
                 break
         return problem, start
 
