@@ -15,7 +15,7 @@ from contbranch.models.quadrature import gauss_between
 from .equations import Equations, Fields
 from .mesh import Mesh
 
-__all__ = ["Solver", "adapted_edges", "defect_error", "idle", "needed_reach", "panel_errors", "roughness"]
+__all__ = ["Solver", "adapted_edges", "defect_error", "needed_reach", "panel_errors", "roughness"]
 
 Solver = Callable[[Array], Array]
 
@@ -147,14 +147,6 @@ def needed_reach(equations: Equations, fields: Fields, tolerance: float) -> floa
     return float(mesh.nodes[last + 1]) if last + 1 < mesh.size else 1.5 * float(mesh.edges[-1])
 
 
-def idle(equations: Equations, fields: Fields, edges: Array) -> bool:
-    """Whether no node of the last panel of some feels an interaction that ends there, and shorter ones might."""
-    n, last = equations.mesh.order, len(edges) - 2
-    if last < 1 or edges[-1] - edges[-2] <= edges[-2] - edges[-3]:
-        return False
-    return equations.interaction is not None and not bool(fields.pressure[last * n : (last + 1) * n].any())
-
-
 def adapted_edges(
     equations: Equations, fields: Fields, tolerance: float, reach: float, unit: Mesh, within: float = 0.0
 ) -> Array:
@@ -186,9 +178,7 @@ def adapted_edges(
     errors = guide()
     if reach < SHORTEN * edges[-1]:
         keep = max(1, int(np.searchsorted(edges, reach)))
-        edges, errors = edges[: keep + 1].copy(), errors[:keep]
-        if idle(equations, fields, edges):
-            edges[-1] = (edges[-1] + edges[-2]) / 2
+        edges, errors = edges[: keep + 1], errors[:keep]
     bad = errors > share
     bad[1:] |= edges[2:] > GROWTH * edges[1:-1]
     cut = (edges[:-1] + edges[1:]) / 2

@@ -46,7 +46,7 @@ from contbranch.models.quadrature import start_edges
 from contbranch.results.diagram import ModeShape, Profile
 from contbranch.watch import check
 
-from .adapt import Solver, adapted_edges, defect_error, idle, needed_reach, panel_errors, roughness
+from .adapt import Solver, adapted_edges, defect_error, needed_reach, panel_errors, roughness
 from .azimuthal import counted, eigenvalues, mode_shape
 from .equations import RECENT, ContactCoordinate, Equations, Fields
 from .front import Edge, Front, felt, steepest
@@ -719,8 +719,7 @@ class ContactProblem(EquilibriumProblem):
             if not moved <= LEAP * expected + 1e-6 * self.scale or trial.lost(found, p):
                 break  # Newton's method has left for another solution
             problem, start = trial, found
-            fits = problem.relative_error(start, p) <= resolution.tolerance and not problem.rough(start, p)
-            if fits and not idle(*problem.seen(start, p), problem.equations.mesh.edges):
+            if problem.relative_error(start, p) <= resolution.tolerance and not problem.rough(start, p):
                 break
         return problem, start
 
