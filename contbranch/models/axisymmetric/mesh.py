@@ -106,12 +106,6 @@ class Mesh:
         """``abel * weights``, (N, N)."""
         return np.asarray(self._abel * (self.stretch * weights))
 
-    def halved(self) -> Mesh:
-        """A mesh with every panel cut in two, of the same order, and as long as the finer one."""
-        middles = (self.edges[:-1] + self.edges[1:]) / 2
-        end = FINER_REACH * self.edges[-1:] if not self.bounded else self.edges[:0]
-        return mesh_on(np.sort(np.concatenate([self.edges, middles, end])), self.order, self.bounded)
-
     @cached_property
     def to_finer(self) -> Array:
         """Nodal values here -> values of the panels' polynomials at the nodes of `finer`; 0 beyond the last edge."""

@@ -359,7 +359,7 @@ class ContactProblem(EquilibriumProblem):
             width = contact.axisymmetric_tip.radius_at(min(far, 4 * max(term.range for term in law.terms)))
             edges = start_edges(width, max(contact.axisymmetric_tip.radius_at(far), 2 * width))
             if (stiff := abs(float(law.evaluate(np.array([far])).stiffness[0])) * edges[1]) > ABRUPT:
-                # Elasticity answers as soon as the law begins: the curve is followed from there, where nothing acts yet.
+                # Elasticity answers as soon as the law begins: the curve is followed from there, before anything acts.
                 far = law.reach(np.finfo(float).tiny)
                 edges = _graded(edges, edges[1] * ABRUPT / stiff)
             problem = self.on_mesh(mesh_on(edges, self.resolution.order))
