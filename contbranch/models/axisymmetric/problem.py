@@ -338,6 +338,8 @@ class ContactProblem(EquilibriumProblem):
             far = min(law.reach(max(negligible, np.finfo(float).tiny)), law.ends)
             width = contact.axisymmetric_tip.radius_at(min(far, 4 * max(term.range for term in law.terms)))
             edges = start_edges(width, max(contact.axisymmetric_tip.radius_at(far), 2 * width))
+            if far < law.kink < math.inf:
+                edges = np.union1d(edges, contact.axisymmetric_tip.radius_at(law.kink - far))
             problem = self.on_mesh(mesh_on(edges, self.resolution.order))
             u = self.parameter(-max(far, self.scale))
         self.resolution.far, x = u, np.zeros(problem.size)
@@ -762,7 +764,7 @@ class ContactProblem(EquilibriumProblem):
             if isinstance(front, Edge):
                 edges = np.append(edges[edges < INSIDE * front.place], front.place)
             elif isinstance(front, Kink):
-                edges = front.joined(edges)
+                edges = front.joined(still.equations.mesh, still.fields(h, p))
             mesh = mesh_on(edges, self.resolution.order, bounded=ends)
             h = still.equations.mesh.interpolate(h, mesh.nodes)
             still = still.on_mesh(mesh)
