@@ -70,6 +70,8 @@ TOLERATED = 1e-3
 START_SHARE = 0.5
 # A trace with a spring starts where the stiffness of the interaction is about this share of the spring's.
 SOFTER = 0.05
+# ... and that of the interaction at the start where it ends with a kink.
+NEXT_TO_NOTHING = 1e-12
 # Steps of the gap far away in units of the wavelength of layers.
 LONGEST_IN_LAYERS = 0.15
 # Changes of h small against the range of the interaction, over the width √(2 range), do not matter for the steps.
@@ -336,9 +338,11 @@ class ContactProblem(EquilibriumProblem):
             if control.spring_stiffness is not None:
                 negligible = min(negligible, SOFTER * control.spring_stiffness * self.scale / (2 * math.pi))
             far = min(law.reach(max(negligible, np.finfo(float).tiny)), law.ends)
+            if kinked := far < law.kink < math.inf:  # nothing lies beyond, and all may happen next to it
+                far = law.reach(min(negligible, NEXT_TO_NOTHING))
             width = contact.axisymmetric_tip.radius_at(min(far, 4 * max(term.range for term in law.terms)))
             edges = start_edges(width, max(contact.axisymmetric_tip.radius_at(far), 2 * width))
-            if far < law.kink < math.inf:
+            if kinked:
                 edges = np.union1d(edges, contact.axisymmetric_tip.radius_at(law.kink - far))
             problem = self.on_mesh(mesh_on(edges, self.resolution.order))
             u = self.parameter(-max(far, self.scale))
