@@ -146,6 +146,8 @@ class Kink(Front):
         """The outermost kink of a state, if there is one; the present one as long as it is there."""
         equations, fields = seen
         mesh, kink = equations.mesh, equations.kink
+        if math.isinf(kink):
+            return None
         inside = np.flatnonzero(fields.gap < kink)
         last, width = float(mesh.nodes[inside[-1]]) if inside.size else 0.0, equations.tip.radius_at(kink)
         near = CLOSE_TO_EDGE * _to_edge(equations, fields)
