@@ -226,7 +226,8 @@ class _Tracing:
     def _stop(self, margin: str, message: str) -> None:
         row, last = len(self.points) - 1, self.points[-1]
         if margin == TIP_EDGE:
-            self.complete = self.request.target is None
+            load = last.observables["load"]  # contact may be out of reach, and larger loads with it
+            self.complete = self.request.target is None or (self.end.control is LOAD and load >= self.end.target)
             if not self.complete:
                 message += " What was asked lies beyond: ask for less, or describe the tip farther out."
             self.marks.append(Mark(row, "end", last, margin=margin, message=message, name=margin))

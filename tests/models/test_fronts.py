@@ -6,6 +6,7 @@ state of JKR whose central pressure is zero, a³ = π/2 and F = −4π/3 (reduce
 
 import math
 
+import numpy as np
 import pytest
 
 import contbranch as cb
@@ -51,3 +52,20 @@ def test_limits_of_stiff_films(law, strongest, spreads):
     for name, share, allowed in (("squeeze-out", strongest, 1.0), ("wetting", spreads, 12.0)):
         excess = found[name] / (math.pi**3 / 6.0 * (share * tabor) ** 3) - 1.0
         assert 0.0 < excess * tabor**2 < allowed
+
+
+@pytest.mark.parametrize("exponent", [1.5, 1.7, 1.999])
+@pytest.mark.parametrize(("tabor", "allowed"), [(10.0, 0.05), (40.0, 0.004)])
+def test_touch_under_power_laws(exponent, tabor, allowed):
+    """A stiff film that does not soften bears the pressure of a bare contact, with its p(0) at the centre.
+
+    With zeta = k tⁿ (E = 1): π p = k n aⁿ⁻¹/(n − 1) and F = 2 k n aⁿ⁺¹/(n + 1).
+    """
+    tip = cb.PowerLaw(exponent, 1.0)
+    range_ = tip.reduced_scales(1.0)[1] / tabor
+    diagram = cb.trace(cb.Contact(tip, cb.Exponential(-1.0, range_), 1.0), accuracy=1e-4)
+    assert diagram.status == "complete", diagram.message
+    k = float(tip.transform(np.float64(1.0)))
+    radius = (math.pi / range_ * (exponent - 1) / (k * exponent)) ** (1 / (exponent - 1))
+    bare = 2 * k * exponent * radius ** (exponent + 1) / (exponent + 1)
+    assert 0.0 < diagram.thresholds["touch_load"] / bare - 1.0 < allowed

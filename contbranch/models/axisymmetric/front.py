@@ -34,8 +34,9 @@ RESTS = 0.25
 CLOSE_TO_EDGE, LEAVES = 0.8, 0.5
 # Other edges of panels are at least this share of its distance away from a kink.
 NEXT = 0.1
-# ... whose motion counts in the inner product of states at least like an h of this share of its gap.
-LIFTED = 0.3
+# A kink counts from this share of the radius at which the tip itself has that gap; its motion counts in the inner
+# product of states at least like an h of this share of its gap.
+SEEN, LIFTED = 4e-3, 0.3
 # Radius over which the interaction is felt in units of the length on which elasticity answers it, from which on steps
 # are limited by fronts; and from which on by such as are flatter by this factor, like the edges of large films.
 STIFF, LARGE, OF_FILMS = 16.0, 1000.0, 0.2
@@ -134,8 +135,11 @@ class Kink(Front):
         """How far the gap at the front is from the law's kink."""
         return super().off(unit, equations, fields, sigma) + self.gap - equations.kink
 
-    def joined(self, edges: Array) -> Array:
-        """Edges of panels with the kink among them."""
+    def joined(self, mesh: Mesh, fields: Fields) -> Array:
+        """Edges of panels with the kink among them; the last one where there is nothing beyond."""
+        edges = mesh.edges
+        if not fields.pressure[mesh.nodes > self.place].any():
+            edges = edges[edges < self.place]
         away = np.abs(edges - self.place) > NEXT * np.minimum(edges, self.place)
         return np.unique(np.append(edges[away | (edges == 0.0)], self.place))
 
@@ -144,12 +148,16 @@ class Kink(Front):
         """The outermost kink of a state, if there is one; the present one as long as it is there."""
         equations, fields = seen
         mesh, kink = equations.mesh, equations.kink
-        if isinstance(present, Kink) and float(fields.gap.min()) < kink:  # the mesh may end there
-            return present
-        if not float(fields.gap.min()) < kink < float(fields.gap.max()):
+        if math.isinf(kink):
             return None
-        last = float(mesh.nodes[np.flatnonzero(fields.gap < kink)[-1]])
-        weight = max(float(mesh.weights @ fields.h**2), (LIFTED * kink) ** 2 * last)
+        inside = np.flatnonzero(fields.gap < kink)
+        last, width = float(mesh.nodes[inside[-1]]) if inside.size else 0.0, equations.tip.radius_at(kink)
+        near = CLOSE_TO_EDGE * _to_edge(equations, fields)
+        if not SEEN * width < last < near or width > CLOSE_TO_EDGE * equations.tip.extent:
+            return None
+        if isinstance(present, Kink) or inside[-1] == mesh.size - 1:  # a mesh may end there
+            return present if isinstance(present, Kink) else None
+        weight = max(float(mesh.weights @ fields.h**2), (LIFTED * kink) ** 2 * width)
         found = Kink(last, kink, 1.0, weight, 0.0)
         place = last * math.exp(found.anchored(equations, fields))
         slope = float(mesh.interpolate(mesh.derivative(fields.gap), np.array([place]))[0])

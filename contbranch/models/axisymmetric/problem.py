@@ -85,6 +85,8 @@ START_SHARE = 0.5
 ABRUPT = 0.1
 # A trace with a spring starts where the stiffness of the interaction is about this share of the spring's.
 SOFTER = 0.05
+# ... and that of the interaction at the start where it ends with a kink.
+NEXT_TO_NOTHING = 1e-12
 # Steps of the gap far away in units of the wavelength of layers.
 LONGEST_IN_LAYERS = 0.15
 # Rings of layers that travel turn the tangent by as much as they move in units of their width, however well they are
@@ -356,9 +358,13 @@ class ContactProblem(EquilibriumProblem):
             if control.spring_stiffness is not None:
                 negligible = min(negligible, SOFTER * control.spring_stiffness * self.scale / (2 * math.pi))
             far = law.reach(max(negligible, np.finfo(float).tiny))
+            if kinked := far < law.kink < math.inf:  # nothing lies beyond, and all may happen next to it
+                far = law.reach(min(negligible, NEXT_TO_NOTHING))
             width = contact.axisymmetric_tip.radius_at(min(far, 4 * max(term.range for term in law.terms)))
             edges = start_edges(width, max(contact.axisymmetric_tip.radius_at(far), 2 * width))
-            if (stiff := abs(float(law.evaluate(np.array([far])).stiffness[0])) * edges[1]) > ABRUPT:
+            if kinked:
+                edges = np.union1d(edges, contact.axisymmetric_tip.radius_at(law.kink - far))
+            elif (stiff := abs(float(law.evaluate(np.array([far])).stiffness[0])) * edges[1]) > ABRUPT:
                 # Elasticity answers as soon as the law begins: the curve is followed from there, before anything acts.
                 far = law.reach(np.finfo(float).tiny)
                 edges = _graded(edges, edges[1] * ABRUPT / stiff)
@@ -803,7 +809,7 @@ class ContactProblem(EquilibriumProblem):
             if isinstance(front, Edge):
                 edges = np.append(edges[edges < INSIDE * front.place], front.place)
             elif isinstance(front, Kink):
-                edges = front.joined(edges)
+                edges = front.joined(still.equations.mesh, still.fields(h, p))
             mesh = mesh_on(edges, self.resolution.order, bounded=ends)
             h = still.equations.mesh.interpolate(h, mesh.nodes)
             still = still.on_mesh(mesh)

@@ -28,8 +28,9 @@ FINEST = 0.05
 GROWTH = 3.0
 # The panel at the centre is cut so far from it: an apex is felt there.
 APEX_GRADING = 0.25
-# Tail of a pressure at rest as a share of the largest in its region, beyond which a panel is split whatever it bears.
-RESOLVED = 3e-3
+# Tail of a pressure at rest as a share of the largest in its region, beyond which a panel is split whatever it bears; a
+# region bears little below this share of the largest pressure.
+RESOLVED, LITTLE = 3e-3, 1e-3
 # Higher order by this share makes the finer panels.
 FINER_SHARE = 3
 
@@ -86,16 +87,18 @@ def panel_errors(problem: RingEquations, fields: Fields) -> Array:
 def unresolved(problem: RingEquations, fields: Fields) -> Array:
     """The tail of the pressure on panels that rest as a share of what the level itself bears in their region, (P,).
 
-    A narrow ring bears next to nothing of the load, but its inequality is judged by the sign of that.
+    A narrow ring bears next to nothing of the load, but its inequality is judged by the sign of that; 0 where more is.
     """
     grid, found = fields.grid, np.zeros(fields.grid.count)
+    largest = float(np.abs(fields.pressure).max(initial=0.0))
     for k, region in enumerate(problem.layout.regions[: grid.region[-1] + 1]):
         if region.rests:
             own = grid.region == k
             least = problem.setting.law.bounds(region.index)[0]
             borne = fields.pressure.reshape(grid.count, -1)[own] - least
             tail = np.abs(grid.coefficients(fields.pressure)[own, -2:]).max(axis=1)
-            found[own] = tail / max(float(np.abs(borne).max()), 1e-300)
+            most = float(np.abs(borne).max())
+            found[own] = tail / max(most, 1e-300) if most < LITTLE * largest else 0.0
     return found
 
 
