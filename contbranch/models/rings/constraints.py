@@ -10,10 +10,12 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from contbranch.arrays import Array
+from contbranch.contact.tips import Tip
 from contbranch.continuation import Point
+from contbranch.models.quadrature import gauss
 
 from .equations import Fields, RingEquations, rings
-from .layout import Region
+from .layout import Layout, Region
 
 __all__ = ["Breach", "begun", "least_margin", "narrowness"]
 
@@ -32,6 +34,8 @@ JUMP_NOISE = 1e-4
 SHRUNK, NARROWEST = 0.5, 1e-3
 # Turning points of a panel's polynomial whose imaginary part is no larger are real: two may all but coincide.
 REAL = 1e-6
+# Nodes of an integral over a tip.
+PEAK = 32
 
 
 @dataclass(frozen=True)
@@ -90,10 +94,13 @@ def breaches(problem: RingEquations, fields: Fields) -> Iterator[Breach]:
             continue
         if region.rests:
             low, high = law.bounds(region.index)
-            yield from _extrema(problem, fields, k, (fields.pressure - low) / largest, Region(False, region.index))
+            pressure = fields.pressure
+            if problem.layout == Layout((region,), True) and problem.setting.tip.apex_exponent < 2:
+                pressure = np.append(pressure, _peak(problem.setting.tip, float(fields.grid.edges[0])))
+            yield from _extrema(problem, fields, k, (pressure - low) / largest, Region(False, region.index))
             if math.isfinite(high):
                 upper = Region(False, region.index - 1)
-                yield from _extrema(problem, fields, k, (high - fields.pressure) / largest, upper)
+                yield from _extrema(problem, fields, k, (high - pressure) / largest, upper)
         else:
             rise = np.append(fields.rise, problem.apex(fields))
             gap = (rise - (law.levels[region.index] + problem.origin)) / scale
@@ -118,6 +125,13 @@ def least_margin(problem: RingEquations, fields: Fields) -> Breach | None:
         fields.derived["breach"] = min(found, key=lambda breach: breach.margin) if found else None
     breach: Breach | None = fields.derived["breach"]
     return breach
+
+
+def _peak(tip: Tip, radius: float) -> float:
+    """p(0) = (1/π) ∫ ζ'(t)/t dt on a disc at rest, which no polynomial tells under a sharp tip; t = c u^m."""
+    nodes, weights = gauss(PEAK)
+    u, power = (1 + nodes) / 2, 4 / (tip.apex_exponent - 1)
+    return float(weights @ (tip.transform_derivative(radius * u**power) / u)) * power / (2 * math.pi)
 
 
 def _extrema(problem: RingEquations, fields: Fields, region: int, margin: Array, new: Region) -> Iterator[Breach]:
