@@ -155,6 +155,7 @@ def _extrema(problem: RingEquations, fields: Fields, region: int, margin: Array,
             yield Breach(centre + noise if narrow else centre, region, 0.0, new)
         elif values[0] < values[1]:  # the extremum lies between the centre and the second node
             value, radius, _ = _refined(problem, fields, margin, int(own[0]))
+            radius *= radius > ROUNDING * grid.r[0]
             yield Breach(value + noise if narrow else value, region, radius, new)
     lower = np.flatnonzero((values[1:-1] <= values[:-2]) & (values[1:-1] < values[2:])) + 1
     for i in lower:

@@ -273,7 +273,7 @@ class RingEquations(EquilibriumProblem):
         return self._weights(u.size) * u
 
     def metric(self, x: Array) -> Metric:
-        """Lengths relative to the state (without pressure: to one) and to the range, or a share of a tall tip's height."""
+        """Lengths relative to the state (without pressure: to one), and to the range or a share of a tip's height."""
         tall = TALL * float(self.setting.tip.height(x[-1])) if self.edges else 0.0
         return Metric(math.sqrt(self.inner(x, x)) or 1.0, max(self.scale, tall))
 
