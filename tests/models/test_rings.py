@@ -420,10 +420,10 @@ def test_the_weakest_films_open_where_the_pressure_reaches_the_law(exponent: flo
 
 def test_energy_under_a_rough_tip() -> None:
     """dV = F dd by Simpson's rule where the pressure is constant and the gap is not smooth."""
-    radii = np.linspace(0.0, 8.0, 25)
-    heights = radii**2 / 2 * (1 + 1e-3 * np.cos(7 * np.arange(25) ** 2))
+    radii = np.linspace(0.0, 8.0, 13)
+    heights = radii**2 / 2 * (1 + 1e-3 * np.cos(7 * np.arange(13) ** 2))
     contact = cb.Contact(cb.Profile(tuple(radii), tuple(heights)), cb.MaugisDugdale(-1.0, 20.0)).to_reduced()
-    track = followed(contact, 1e-6, None)
+    track = followed(contact, 1e-4, None)
     states = [at(track, float(d)) for d in np.linspace(-2.2, -1.8, 3)]
     work = 0.4 / 6 * np.array([1, 4, 1]) @ [state.load for state in states]
     assert states[-1].energy - states[0].energy == pytest.approx(float(work), abs=1e-6)
