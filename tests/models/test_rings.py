@@ -188,6 +188,16 @@ def test_maugis_dugdale_repulsion_from_a_users_view() -> None:
     assert diagram.local_exponent(touch).kappa[0] == pytest.approx(0.5, abs=0.01)
 
 
+def test_two_steps_of_pressure() -> None:
+    """Each level holds a ring, which becomes a jump; the energy is convex."""
+    diagram = cb.trace(cb.Contact(cb.Parabola(1.0), cb.MaugisDugdale(-0.5, 0.7) + cb.MaugisDugdale(-0.5, 1.5)))
+    branch = diagram.branches[0]
+    assert (diagram.status, diagram.events[-1].kind) == ("complete", "end")
+    assert branch.contact_radius[-1] > 0
+    assert np.all(np.diff(branch.load) > 0)
+    assert np.all(np.diff(branch.displacement) > 0)
+
+
 def test_pressure_largest_on_a_ring() -> None:
     """Under z = r⁴/4 the pressure reaches σ on a ring, with p ∝ (1 + 2x²)√(1 − x²) (Abel) at x² = 1/2.
 

@@ -27,8 +27,6 @@ EDGE_NOISE = 1e-6
 ROUNDING, NARROW = 1e-8, 0.02
 # A pressure that answers a given gap is determined the worse the narrower the region.
 PRESSURE_NOISE = 3e-8
-# ... and at a jump the gap passes the level by what the ring left out would prevent.
-JUMP_NOISE = 1e-4
 # A region vanishes at this share of its width where the piece of the curve begins, or of the outermost edge if that is
 # less.
 SHRUNK, NARROWEST = 0.5, 1e-3
@@ -144,7 +142,8 @@ def _extrema(problem: RingEquations, fields: Fields, region: int, margin: Array,
     values = margin[own]
     inner_edge, outer_edge = region > 0, region < problem.edges
     jumps = [e for e in (region - 1, region) if 0 <= e < problem.edges and problem.layout.jump(e)]
-    noise = JUMP_NOISE if jumps else EDGE_NOISE * float(np.abs(values).max()) + ROUNDING
+    # At a jump the gap passes the level by what the ring left out would prevent.
+    noise = problem.setting.narrow if jumps else EDGE_NOISE * float(np.abs(values).max()) + ROUNDING
     share = float(problem.widths(grid.edges)[region] / grid.edges[-1]) if outer_edge else 1.0
     narrow = share < NARROW
     if problem.layout.regions[region].rests:
