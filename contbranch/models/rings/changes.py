@@ -36,6 +36,8 @@ FILLED, TOLD = (1.5, 3.0, 10.0), 3e-3
 APART = 0.02
 # First steps behind a change as a share of the narrowest region, or behind a jump of the outermost edge; no shorter.
 FIRST, AFTER_JUMP, SHORTEST = 0.3, 1e-2, 1e-3
+# Where a region vanishes is sought no farther away than this multiple of range and displacement.
+FAR = 10.0
 
 
 class Begins(Margin):
@@ -88,8 +90,9 @@ def vanished(point: Point) -> Succession:
 def along(start: Point, width: float, events: Sequence[Event], arrived: Callable[[Point], bool] | None = None) -> Point:
     """The last point of the curve from a start on, in steps of a width at first, as far as events or `arrived` say."""
     problem = equilibrium(start)
-    balance, everywhere = problem.balance(start, FIRST * width), Range(-math.inf, math.inf)
-    branch = follow(start, balance, everywhere, problem.steps(start), events, StopAt(predicate=arrived))
+    balance, p = problem.balance(start, FIRST * width), start.parameter
+    far = FAR * (problem.scale + abs(p))
+    branch = follow(start, balance, Range(p - far, p + far), problem.steps(start), events, StopAt(predicate=arrived))
     if not branch.points:
         raise ModelError(f"where a region vanished the curve could not be followed: {branch.end.message}")
     return branch.points[-1]

@@ -10,10 +10,12 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from contbranch.arrays import Array
+from contbranch.contact.tips import Tip
 from contbranch.continuation import Point
+from contbranch.models.quadrature import gauss
 
 from .equations import Fields, RingEquations, rings
-from .layout import Region
+from .layout import Layout, Region
 
 __all__ = ["Breach", "begun", "least_margin", "narrowness"]
 
@@ -25,13 +27,13 @@ EDGE_NOISE = 1e-6
 ROUNDING, NARROW = 1e-8, 0.02
 # A pressure that answers a given gap is determined the worse the narrower the region.
 PRESSURE_NOISE = 3e-8
-# ... and at a jump the gap passes the level by what the ring left out would prevent.
-JUMP_NOISE = 1e-4
 # A region vanishes at this share of its width where the piece of the curve begins, or of the outermost edge if that is
 # less.
 SHRUNK, NARROWEST = 0.5, 1e-3
 # Turning points of a panel's polynomial whose imaginary part is no larger are real: two may all but coincide.
 REAL = 1e-6
+# Nodes of an integral over a tip.
+PEAK = 32
 
 
 @dataclass(frozen=True)
@@ -90,10 +92,13 @@ def breaches(problem: RingEquations, fields: Fields) -> Iterator[Breach]:
             continue
         if region.rests:
             low, high = law.bounds(region.index)
-            yield from _extrema(problem, fields, k, (fields.pressure - low) / largest, Region(False, region.index))
+            pressure = fields.pressure
+            if problem.layout == Layout((region,), True) and problem.setting.tip.apex_exponent < 2:
+                pressure = np.append(pressure, _peak(problem.setting.tip, float(fields.grid.edges[0])))
+            yield from _extrema(problem, fields, k, (pressure - low) / largest, Region(False, region.index))
             if math.isfinite(high):
                 upper = Region(False, region.index - 1)
-                yield from _extrema(problem, fields, k, (high - fields.pressure) / largest, upper)
+                yield from _extrema(problem, fields, k, (high - pressure) / largest, upper)
         else:
             rise = np.append(fields.rise, problem.apex(fields))
             gap = (rise - (law.levels[region.index] + problem.origin)) / scale
@@ -120,6 +125,13 @@ def least_margin(problem: RingEquations, fields: Fields) -> Breach | None:
     return breach
 
 
+def _peak(tip: Tip, radius: float) -> float:
+    """p(0) = (1/π) ∫ ζ'(t)/t dt on a disc at rest, which no polynomial tells under a sharp tip; t = c u^m."""
+    nodes, weights = gauss(PEAK)
+    u, power = (1 + nodes) / 2, 4 / (tip.apex_exponent - 1)
+    return float(weights @ (tip.transform_derivative(radius * u**power) / u)) * power / (2 * math.pi)
+
+
 def _extrema(problem: RingEquations, fields: Fields, region: int, margin: Array, new: Region) -> Iterator[Breach]:
     """The minima of a margin at the nodes; at the centre, too, where it is known there (last)."""
     grid = fields.grid
@@ -130,7 +142,8 @@ def _extrema(problem: RingEquations, fields: Fields, region: int, margin: Array,
     values = margin[own]
     inner_edge, outer_edge = region > 0, region < problem.edges
     jumps = [e for e in (region - 1, region) if 0 <= e < problem.edges and problem.layout.jump(e)]
-    noise = JUMP_NOISE if jumps else EDGE_NOISE * float(np.abs(values).max()) + ROUNDING
+    # At a jump the gap passes the level by what the ring left out would prevent.
+    noise = problem.setting.narrow if jumps else EDGE_NOISE * float(np.abs(values).max()) + ROUNDING
     share = float(problem.widths(grid.edges)[region] / grid.edges[-1]) if outer_edge else 1.0
     narrow = share < NARROW
     if problem.layout.regions[region].rests:
@@ -141,6 +154,7 @@ def _extrema(problem: RingEquations, fields: Fields, region: int, margin: Array,
             yield Breach(centre + noise if narrow else centre, region, 0.0, new)
         elif values[0] < values[1]:  # the extremum lies between the centre and the second node
             value, radius, _ = _refined(problem, fields, margin, int(own[0]))
+            radius *= radius > ROUNDING * grid.r[0]
             yield Breach(value + noise if narrow else value, region, radius, new)
     lower = np.flatnonzero((values[1:-1] <= values[:-2]) & (values[1:-1] < values[2:])) + 1
     for i in lower:

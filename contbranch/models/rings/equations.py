@@ -41,6 +41,8 @@ ROW_TOLERANCE = 1e-7
 NARROWEST_RING, NARROW_RING = 1e-4, 1e-3
 # Parts of a panel for integrals over the gap of a tip.
 PARTS = 8
+# Displacements are measured in this share of the tip's height at the outermost edge at least.
+TALL = 1e-3
 
 
 @dataclass(frozen=True)
@@ -271,8 +273,9 @@ class RingEquations(EquilibriumProblem):
         return self._weights(u.size) * u
 
     def metric(self, x: Array) -> Metric:
-        """Lengths relative to the state (without pressure: to one) and to the interaction's range."""
-        return Metric(math.sqrt(self.inner(x, x)) or 1.0, self.scale)
+        """Lengths relative to the state (without pressure: to one), and to the range or a share of a tip's height."""
+        tall = TALL * float(self.setting.tip.height(x[-1])) if self.edges else 0.0
+        return Metric(math.sqrt(self.inner(x, x)) or 1.0, max(self.scale, tall))
 
     # -- observables --------------------------------------------------------------------------------------------------
     def load(self, fields: Fields) -> float:
@@ -335,7 +338,7 @@ class RingEquations(EquilibriumProblem):
         """Load, displacement, contact radius, central gap, energy."""
         fields = self.fields(x, p)
         radius, gap = self.contact_radius(fields), max(self.central_gap(fields), 0.0)
-        return Values(self.load(fields), p + self.origin, radius, gap, self.energy(fields))
+        return Values(self.load(fields), float(p) + self.origin, radius, gap, self.energy(fields))
 
     def rates(self, x: Array, p: float, x_rate: Array, p_rate: float) -> Rates:
         """Derivatives of load, displacement, contact radius and central gap along a direction."""

@@ -26,11 +26,11 @@ GRADING = 0.3
 FINEST = 0.05
 # Neighbouring panels differ by no more than this factor in their outer ends.
 GROWTH = 3.0
-# The panel at the centre is cut so far from it: an apex is felt there.
-APEX_GRADING = 0.25
 # Tail of a pressure at rest as a share of the largest in its region, beyond which a panel is split whatever it bears; a
 # region bears little below this share of the largest pressure.
 RESOLVED, LITTLE = 3e-3, 1e-3
+# The panel at the centre is cut so far from it: an apex is felt there, by the pressure to this share of itself.
+APEX_GRADING, PEAK = 0.25, 1e-5
 # Higher order by this share makes the finer panels.
 FINER_SHARE = 3
 
@@ -110,6 +110,9 @@ def adapted(problem: RingEquations, fields: Fields, tolerance: float) -> Panels 
     errors = panel_errors(problem, fields)
     share = tolerance * max(1.0, abs(problem.load(fields))) / max(4.0, len(errors) ** 0.5)
     errors = np.maximum(errors, share * unresolved(problem, fields) / RESOLVED)
+    if problem.layout.regions[0].rests and problem.setting.tip.apex_exponent >= 2:  # a disc may open there
+        peak = np.abs(fields.grid.coefficients(fields.pressure)[0])
+        errors[0] = max(errors[0], share * float(peak[-2:].max() / (PEAK * max(peak[0], 1e-300))))
     panels = problem.panels
     halves: list[tuple[float, ...]] = []
     at = 0

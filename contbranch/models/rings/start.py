@@ -35,6 +35,8 @@ DISCS = (1.0, 0.5, 0.2, 0.1, 0.03, 0.01, 1e-3)
 # Where it is exceeded almost everywhere, the width of the ring in units of its radius is CLOSING exp(−π z′/(2σ)): the
 # slope of what a uniform pressure lifts is as steep as the tip that far inside of its edge.
 CLOSING = 4.3
+# Where it would be larger than this, σ is so many slopes that no nodes resolve what the film's hole is under a cone.
+SHARPEST = CLOSING * math.exp(-math.pi / 9)
 
 
 def distance(setting: Setting, control: Control = LOAD) -> float:
@@ -117,7 +119,11 @@ def at_rest(problem: RingEquations, radius: float) -> Point:
     holes = [(Layout((inside, rests), True), [share * radius, radius]) for share in HOLES]
     if width < setting.narrow:  # a jump, from the beginning
         holes = [(Layout((inside,), True), [radius])]
-    for trial, edges in discs + holes if setting.tip.apex_exponent > 1 else holes:
+    if setting.tip.apex_exponent > 1:
+        holes = discs + holes
+    elif width > SHARPEST:
+        holes = []
+    for trial, edges in holes:
         try:
             point = _with_edges(problem, trial, np.array(edges))
         except CorrectionError:
@@ -125,9 +131,7 @@ def at_rest(problem: RingEquations, radius: float) -> Point:
         breach = least_margin(rings(point), rings(point).fields(point.x, point.parameter))
         if breach is None or breach.margin > 0:
             return point
-    sharp = (
-        "The tip is too sharp for so stiff a film: describe its apex as rounded." if width > 1 else "No ring at rest."
-    )
+    sharp = "The tip is too sharp for so stiff a film: describe its apex as rounded."
     raise CorrectionError(Outcome.START_FAILED, f"({sharp})")
 
 
