@@ -422,8 +422,11 @@ class ContactProblem(EquilibriumProblem):
         disc = still._behind()
         start = disc.touching(h)
         problem = start.problem
-        kinked = isinstance(problem, ContactProblem) and (problem.flat or disc.resists(h))
-        step = problem.ahead() if isinstance(problem, ContactProblem) and kinked else None
+        step = None
+        if isinstance(problem, ContactProblem) and (problem.flat or disc.resists(h)):
+            step = problem.ahead()
+            if step**2 * problem.inner(start.tangent_x, start.tangent_x) > problem.inner(start.x, start.x):
+                step = None  # a dimple, see `_beyond`
         starts = (*disc.passed(start), start) if disc.flat else (start,)
         return Succession("touch", last, starts, step=step, others=lambda: disc.graded(h) + disc.passed(start))
 
