@@ -473,6 +473,8 @@ class ContactProblem(EquilibriumProblem):
         problem = start.problem
         kinked = isinstance(problem, ContactProblem) and bool(start.label) and (problem.flat or disc.resists(h))
         step = problem.ahead() if isinstance(problem, ContactProblem) and kinked else None
+        if step and step**2 * problem.inner(start.tangent_x, start.tangent_x) > problem.inner(start.x, start.x):
+            step = None  # a dimple far smaller than the film touches
         starts = (start,) if start.label and not disc.flat else (*islice(disc.passed(start), 1), start)
         return Succession("touch", last, starts, step=step, others=lambda: chain(disc.graded(h), disc.passed(start)))
 
