@@ -89,12 +89,6 @@ class _Direction:
                 caught(error)
                 return replace(branch, end=End(Outcome.INTERRUPTED))
             if here is not branch.points[-1]:
-                old = branch.points[-1]
-                size = size_of(old.problem, old.tangent_x)
-                if carry is not None and size > 0.0:  # lengths of states may be others in new coordinates
-                    ratio = size_of(here.problem, carry(old).tangent_x) / size
-                    balance = replace(balance, state=ratio * balance.state, state_total=ratio * balance.state_total)
-                    metric = balance.metric(options.weight, options.state_floor)
                 branch.points[-1] = here
                 recent = [] if carry is None else [carry(point) for point in recent]
             recent = [*recent, here][-POINTS:]

@@ -118,7 +118,7 @@ def _direction(point: Point, offer: Adaptation, metric: Metric) -> Direction:
     """Return the old tangent on the new discretisation, or a new tangent oriented like the old one."""
     if offer.transfer is not None:
         return offer.transfer(point.tangent_x), point.tangent_parameter
-    if offer.moved is None and offer.x.shape == point.x.shape:
+    if offer.x.shape == point.x.shape:
         return point.tangent_x, point.tangent_parameter
     u, a = metric.unit(offer.problem, *tangent_at(offer.problem, offer.x, point.parameter)[:2])
     old = point.tangent_parameter

@@ -109,7 +109,6 @@ class Search:
                 parts += self._divided(part, share)
                 points.append(parts[-1].last)
             else:
-                crossing = crossing if share is None else self._certain(part)
                 found += [(control, self._bracket(part, control, guess)) for control, guess in crossing]
         return found, sorted(points, key=lambda one: one.place)
 
@@ -137,13 +136,6 @@ class Search:
             ahead = values[i - 1] / (values[i - 1] - values[i])
             crossing.append((control, float(shares[i - 1] + ahead * (shares[i] - shares[i - 1]))))
         return None, crossing
-
-    def _certain(self, part: _Part) -> list[tuple[Control, float]]:
-        """The zeros that the ends of a part tell, where it is too short to be looked into."""
-        ends = {
-            control: (probe.at(part.first.point), probe.at(part.last.point)) for control, probe in self.probes.items()
-        }
-        return [(control, begin / (begin - end)) for control, (begin, end) in ends.items() if (begin > 0) != (end > 0)]
 
     def _stretch(self, place: Any) -> Any:
         """dq/dz."""

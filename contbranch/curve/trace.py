@@ -12,7 +12,7 @@ from contbranch.continuation.edge import Range
 from contbranch.continuation.follow import Branch, follow
 from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.curve.angle import AMBIGUOUS, Hodograph, Turning, alpha, in_passing, short_way
-from contbranch.curve.events import TINY, Ceiling, Folds, Margin, Slopes
+from contbranch.curve.events import Ceiling, Folds, Margin, Slopes
 from contbranch.curve.problem import EquilibriumProblem, Succession, equilibrium
 from contbranch.curve.spacing import Spacing
 from contbranch.curve.track import Mark, Track
@@ -283,10 +283,7 @@ class _Tracing:
             if mark.control is not None:
                 folds[mark.row] = mark.control
         start = self.points[0]
-        # As long as nothing acts yet the load rests, on the side to which it leaves.
-        leaving = next((load for load, _ in map(self.slopes, self.points) if load), 0.0)
-        load, displacement = self.slopes(start)
-        turning.begin(load or math.copysign(TINY, leaving), displacement)
+        turning.begin(*self.slopes(start))
         extra: list[Mark] = []
         for row in range(1, len(self.points)):
             point = self.points[row]

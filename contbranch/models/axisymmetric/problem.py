@@ -89,9 +89,6 @@ SOFTER = 0.05
 NEXT_TO_NOTHING = 1e-12
 # Steps of the gap far away in units of the wavelength of layers.
 LONGEST_IN_LAYERS = 0.15
-# Rings of layers that travel turn the tangent by as much as they move in units of their width, however well they are
-# foretold: `Options.angle` and its limit there.
-RINGS_TURN, RINGS_TURN_AT_MOST = 0.7, 1.2
 # Changes of h small against the range of the interaction, over the width √(2 range), do not matter for the steps.
 STATE_FLOOR = 0.3
 # Below this radius parameter meshes are graded down to this share of the radius, each panel longer by this factor than
@@ -433,7 +430,6 @@ class ContactProblem(EquilibriumProblem):
         law, u = self.equations.interaction, start.parameter
         if law is None or not math.isfinite(law.wave):
             return steps
-        steps = replace(steps, angle=RINGS_TURN, angle_limit=RINGS_TURN_AT_MOST)
         if u == 0.0:
             return steps
         longest = LONGEST_IN_LAYERS * law.wave / (self.scale * math.cosh(u) * abs(u))
