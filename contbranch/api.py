@@ -23,6 +23,7 @@ from contbranch.curve.curves import Coexisting, Curves, Model, Route
 from contbranch.curve.loop import loop
 from contbranch.curve.outcome import RawCurve, assemble, no_curve, state_in_reduced, state_in_units
 from contbranch.curve.paths import CurveWalk
+from contbranch.curve.problem import COARSEST, FINEST
 from contbranch.curve.trace import Request
 from contbranch.errors import InputError, ModelError
 from contbranch.models.choice import choose, curves
@@ -39,7 +40,6 @@ if TYPE_CHECKING:
 
 Answer = TypeVar("Answer", RawCurve, Coexisting, Route)
 
-FINEST, COARSEST = 1e-13, 1e-2
 BEYOND = "its parameters lead to numbers that cannot be computed with"
 # What an interrupted search has found before it has found anything.
 UNKNOWN = State(*(math.nan,) * 5, 0, 0, math.nan)

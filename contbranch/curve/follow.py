@@ -13,7 +13,7 @@ from contbranch.continuation import Point
 from contbranch.control import Control, as_control
 from contbranch.curve.event_curve import EventCurve, condition_for
 from contbranch.curve.outcome import Origin
-from contbranch.curve.problem import EquilibriumProblem, equilibrium
+from contbranch.curve.problem import COARSEST, FINEST, EquilibriumProblem, equilibrium
 from contbranch.curve.symmetry import SymmetryEvent
 from contbranch.errors import InputError
 from contbranch.results.diagram import Cost, Event, ModelChoice
@@ -25,7 +25,6 @@ from contbranch.watch import Progress, kept, over, told, watched
 __all__ = ["follow", "followed"]
 
 FOLLOWED = ("fold", "touch", "symmetry")
-FINEST, COARSEST = 1e-13, 1e-2
 
 
 @one_thread

@@ -16,7 +16,7 @@ from contbranch.control import LOAD
 from contbranch.curve.events import FoldEvent, Margin, Reached
 from contbranch.curve.exponents import critical_exponent, sampled_exponent
 from contbranch.curve.outcome import RawCurve, RawEvent, no_curve
-from contbranch.curve.problem import equilibrium
+from contbranch.curve.problem import COARSEST, equilibrium
 from contbranch.curve.refine import Found, by_defect, refine
 from contbranch.curve.symmetry import Breaking, critical_eigenvalues, has_modes, merged, symmetry_breaking
 from contbranch.curve.trace import Request
@@ -70,7 +70,8 @@ def raw_curve(track: Track, request: Request) -> RawCurve:
         much = "is not known; the law, or the tip, has kinks there"
         if math.isfinite(worst):
             reached = 10.0 ** math.ceil(math.log10(10.0 * worst * request.accuracy))
-            much = f"is {worst:.3g} times the accuracy asked; ask for {reached:.0e}"
+            remedy = f"ask for {reached:.0e}" if reached <= COARSEST else "do not rely on it"
+            much = f"is {worst:.3g} times the accuracy asked; {remedy}"
         messages.append(f"An event's error estimate {much}.")
     load, displacement = track.column("load"), track.column("displacement")
     return RawCurve(

@@ -233,7 +233,7 @@ class _Tracing:
             self.marks.append(Mark(row, "end", last, margin=margin, message=message, name=margin))
         elif margin != EDGE:
             self.marks.append(Mark(row, "inadmissible", last, margin=margin))
-        self.message = message
+        self.message = message or "The curve has come back to where it began; ask for a hundredth of the accuracy."
 
     def _met(self, point: Point) -> None:
         """Raise the end beyond the load of an event."""
