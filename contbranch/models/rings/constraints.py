@@ -14,7 +14,7 @@ from contbranch.contact.tips import Tip
 from contbranch.continuation import Point
 from contbranch.models.quadrature import gauss
 
-from .equations import Fields, RingEquations, rings
+from .equations import NARROW_RING, Fields, RingEquations, rings
 from .layout import Layout, Region
 
 __all__ = ["Breach", "begun", "least_margin", "narrowness"]
@@ -66,7 +66,7 @@ def begun(point: Point) -> Point:
     widths = []
     for k, share in enumerate(shares):
         joins, collapses = problem.layout.without(k) is not None, problem.layout.collapsed(k) is not None
-        least = NARROWEST if joins else problem.setting.narrow if collapses else 0.0
+        least = NARROWEST if joins else NARROW_RING if collapses else 0.0
         widths.append(float(min(least, SHRUNK * share)))
     origin = -min(problem.setting.law.levels, key=lambda level: abs(level + problem.origin + point.parameter))
     own = problem.laid_out(problem.layout, problem.panels, tuple(widths), origin)
@@ -143,7 +143,7 @@ def _extrema(problem: RingEquations, fields: Fields, region: int, margin: Array,
     inner_edge, outer_edge = region > 0, region < problem.edges
     jumps = [e for e in (region - 1, region) if 0 <= e < problem.edges and problem.layout.jump(e)]
     # At a jump the gap passes the level by what the ring left out would prevent.
-    noise = problem.setting.narrow if jumps else EDGE_NOISE * float(np.abs(values).max()) + ROUNDING
+    noise = NARROW_RING if jumps else EDGE_NOISE * float(np.abs(values).max()) + ROUNDING
     share = float(problem.widths(grid.edges)[region] / grid.edges[-1]) if outer_edge else 1.0
     narrow = share < NARROW
     if problem.layout.regions[region].rests:

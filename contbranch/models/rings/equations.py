@@ -30,15 +30,15 @@ from .law import BandedLaw
 from .layout import Layout
 from .panels import Grid, Panels
 
-__all__ = ["Fields", "RingEquations", "Setting", "rings"]
+__all__ = ["NARROW_RING", "Fields", "RingEquations", "Setting", "rings"]
 
 # States whose fields are kept: the ends of a step and what is tried between them.
 RECENT = 6
 # Panels of the rows need not be as fine as those of the events, which are refined.
 ROW_TOLERANCE = 1e-7
-# A jump takes the place of a resting ring between two bands when that has become this narrow, as a share of its radius,
-# depending on the accuracy: it leaves out a tenth of the square, measured against the closed form.
-NARROWEST_RING, NARROW_RING = 1e-4, 1e-3
+# A jump takes the place of a resting ring between two bands when that has become this narrow, as a share of its radius:
+# it leaves out a tenth of the square, measured against the closed form.
+NARROW_RING = 1e-4
 # Parts of a panel for integrals over the gap of a tip.
 PARTS = 8
 # Displacements are measured in this share of the tip's height at the outermost edge at least.
@@ -67,11 +67,6 @@ class Setting:
     def tolerance(self) -> float:
         """Error allowed to rows."""
         return min(ROW_TOLERANCE, 10 * self.accuracy)
-
-    @property
-    def narrow(self) -> float:
-        """Share of the outermost edge at which a resting ring is replaced by a jump of the pressure."""
-        return min(max(math.sqrt(self.accuracy), NARROWEST_RING), NARROW_RING)
 
     @property
     def scale(self) -> float:

@@ -20,7 +20,7 @@ from contbranch.results.profile import Profile
 
 from .changes import born, vanished
 from .constraints import least_margin, narrowness
-from .equations import RingEquations
+from .equations import NARROW_RING, RingEquations
 from .law import BandedLaw
 from .meshing import adapted, finer
 from .profile import profile_of
@@ -133,7 +133,7 @@ class RingProblem(RingEquations):
 
     def left_out(self, x: Array, p: float) -> tuple[float, float, float, float]:
         """What jumps in place of narrow rings leave out."""
-        share = JUMP * self.setting.narrow**2 * self.layout.jumps
+        share = JUMP * NARROW_RING**2 * self.layout.jumps
         load, displacement, radius, gap = (share * max(1.0, abs(value)) for value in self.values(x, p)[:4])
         return load, displacement, radius, gap
 

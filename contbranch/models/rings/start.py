@@ -14,7 +14,7 @@ from contbranch.curve.problem import oriented
 from contbranch.errors import ModelError
 
 from .constraints import begun, least_margin
-from .equations import RingEquations, Setting, rings
+from .equations import NARROW_RING, RingEquations, Setting, rings
 from .layout import Layout, Region
 from .meshing import order_for, start_panels
 from .newton import resolved, solved
@@ -117,7 +117,7 @@ def at_rest(problem: RingEquations, radius: float) -> Point:
     width = CLOSING * math.exp(-math.pi * steep / (2 * law.pressure(law.outermost - 1, law.outermost)))
     discs = [(Layout((rests,), True), [share * radius]) for share in DISCS]
     holes = [(Layout((inside, rests), True), [share * radius, radius]) for share in HOLES]
-    if width < setting.narrow:  # a jump, from the beginning
+    if width < NARROW_RING:  # a jump, from the beginning
         holes = [(Layout((inside,), True), [radius])]
     if setting.tip.apex_exponent > 1:
         holes = discs + holes
