@@ -233,7 +233,10 @@ class _Tracing:
             self.marks.append(Mark(row, "end", last, margin=margin, message=message, name=margin))
         elif margin != EDGE:
             self.marks.append(Mark(row, "inadmissible", last, margin=margin))
-        self.message = message or "The curve has come back to where it began; ask for a hundredth of the accuracy."
+        elif not message:
+            message = "The curve leaves the range of its parameter before what was asked."
+            message += " Ask for less, or, if it has turned back, for a hundredth of the accuracy."
+        self.message = message
 
     def _met(self, point: Point) -> None:
         """Raise the end beyond the load of an event."""
