@@ -428,9 +428,7 @@ class ContactProblem(EquilibriumProblem):
             floor = max(floor, LOUD * np.finfo(float).eps * math.sqrt(self.inner(rough, rough)))
         steps = replace(STEPS, state_floor=floor, noise=NOISE)
         law, u = self.equations.interaction, start.parameter
-        if law is None or not math.isfinite(law.wave):
-            return steps
-        if u == 0.0:
+        if law is None or not math.isfinite(law.wave) or u == 0.0:
             return steps
         longest = LONGEST_IN_LAYERS * law.wave / (self.scale * math.cosh(u) * abs(u))
         return replace(steps, largest_parameter_step=min(steps.largest_parameter_step, longest))
