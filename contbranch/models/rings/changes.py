@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -29,11 +30,13 @@ __all__ = ["born", "vanished"]
 # Half-widths with which a region is born, as shares of the room there is for it; the first that succeeds counts, unless
 # an inequality fails there by more than this.
 SEEDS, FAILS = (0.02, 0.05, 0.01, 0.1, 0.004, 0.2, 1e-3, 2e-4, 4e-5), 1e-3
+# ... or the displacement has changed by more than this multiple of its scale: that is another state.
+ASTRAY = 1.0
 # Radii of a disc that takes the place of a ring, in units of the ring's; the least radius of a ring over which a law is
 # felt.
 FILLED, TOLD = (1.5, 3.0, 10.0), 3e-3
-# Breaks taken over from other panels are at least this share of the outermost one apart.
-APART = 0.02
+# Breaks taken over from other panels are farther from an edge than this share of the way to their own neighbours.
+APART = 0.3
 # First steps behind a change as a share of the narrowest region, or behind a jump of the outermost edge; no shorter.
 FIRST, AFTER_JUMP, SHORTEST = 0.3, 1e-2, 1e-3
 # Where a region vanishes is sought no farther away than this multiple of range and displacement.
@@ -116,27 +119,40 @@ def narrowest(point: Point) -> float:
     return float(np.diff(point.x[point.x.size - rings(point).edges :], prepend=0.0).min())
 
 
-def pieces(layout: Layout, edges: Array, panels: Panels, grid: Grid) -> Panels:
-    """Panels for a layout's regions: pieces next to edges that were there before are kept, others begin coarsely.
+def _ends(edges: Array) -> list[tuple[float, float]]:
+    """Anchor and far end of every piece."""
+    middles = [0.0, *((edges[1:] + edges[:-1]) / 2).tolist()]
+    pairs = zip(edges.tolist(), pairwise([*middles, math.inf]), strict=False)
+    return [(edge, far) for edge, pair in pairs for far in pair][:-1]
 
-    Piece 2j lies inside of edge j and piece 2j + 1 outside of it; what lies outside of the last edge is no piece.
+
+def pieces(layout: Layout, edges: Array, panels: Panels, grid: Grid) -> Panels:
+    """Panels for a layout's regions: where a region is born they have their breaks where there were some before.
+
+    Piece 2j lies inside of edge j and piece 2j + 1 outside of it; what lies outside of the last edge is no piece. Those
+    next to edges that were there before are kept, stretched where a region has vanished.
     """
-    halves: list[tuple[float, ...]] = []
-    for k in range(max(2 * layout.edges - 1, 0)):
-        same = np.flatnonzero(grid.edges == edges[k // 2])
-        old = 2 * int(same[0]) + k % 2 if len(same) else -1
-        halves.append(panels.halves[old] if 0 <= old < len(panels.halves) else BOUNDED)
-    outer = panels.outer
-    last = float(edges[-1]) if layout.edges else 0.0
-    if not layout.bounded and not (len(grid.edges) and layout.edges and last == grid.edges[-1]):
-        radii = np.unique(grid.breaks[np.isfinite(grid.breaks)])
-        kept: list[float] = []
-        for radius in radii[radii > last]:
-            y = float(math.sqrt(radius - last) if layout.edges else radius)
-            if y - (kept[-1] if kept else 0.0) > APART * math.sqrt(radii[-1]) and y > 0:
-                kept.append(y)
-        outer = tuple(kept)
-    return replace(panels, halves=tuple(halves), outer=outer)
+    radii = np.unique(grid.breaks[np.isfinite(grid.breaks)])
+    room = APART * np.minimum(np.diff(radii, prepend=-math.inf), np.diff(radii, append=math.inf))
+
+    def shares(anchor: float, far: float) -> tuple[float, ...]:
+        """Breaks between an anchor and a far end, in shares of the root of the distance."""
+        inside = radii[(min(anchor, far) + room < radii) & (radii < max(anchor, far) - room)]
+        return tuple(np.sort(np.sqrt(abs(inside - anchor) / (abs(far - anchor) if far < math.inf else 1.0))).tolist())
+
+    old = [*zip(_ends(grid.edges), panels.halves, strict=False)]  # without pieces, one may lie outside of all edges
+    born = len(edges) > len(grid.edges)
+
+    def piece(anchor: float, far: float) -> tuple[float, ...]:
+        for (edge, end), breaks in old:
+            if edge == anchor and (end == far if born else (end > edge) == (far > edge)):
+                return breaks
+        return (shares(anchor, far) if born else ()) or BOUNDED
+
+    outer, last = panels.outer, float(edges[-1]) if len(edges) else 0.0
+    if not layout.bounded and not (len(edges) and len(grid.edges) and last == grid.edges[-1]):
+        outer = shares(last, math.inf) if len(edges) else tuple(radii[radii > 0].tolist())
+    return replace(panels, halves=tuple(piece(*ends) for ends in _ends(edges)), outer=outer)
 
 
 def carried(problem: RingEquations, fields: Fields, layout: Layout, edges: Array) -> tuple[RingEquations, Array]:
@@ -183,6 +199,8 @@ def seeded(point: Point, breach: Breach) -> Point:
         try:
             found = resolved(oriented(trial, *solved(trial, x, point.parameter, row), row), (held, 0.0))
         except CorrectionError:
+            continue
+        if abs(found.parameter - point.parameter) > ASTRAY * found.problem.metric(found.x).parameter_scale:
             continue
         if margin(found) > 0:
             return found
