@@ -127,10 +127,10 @@ def _ends(edges: Array) -> list[tuple[float, float]]:
 
 
 def pieces(layout: Layout, edges: Array, panels: Panels, grid: Grid) -> Panels:
-    """Panels for a layout's regions: where a region is born they have their breaks where there were some before.
+    """Panels for a layout's regions: next to new edges they have their breaks where there were some before.
 
     Piece 2j lies inside of edge j and piece 2j + 1 outside of it; what lies outside of the last edge is no piece. Those
-    next to edges that were there before are kept, stretched where a region has vanished.
+    next to edges that were there before are kept, stretched to their new length.
     """
     radii = np.unique(grid.breaks[np.isfinite(grid.breaks)])
     room = APART * np.minimum(np.diff(radii, prepend=-math.inf), np.diff(radii, append=math.inf))
@@ -140,14 +140,15 @@ def pieces(layout: Layout, edges: Array, panels: Panels, grid: Grid) -> Panels:
         inside = radii[(min(anchor, far) + room < radii) & (radii < max(anchor, far) - room)]
         return tuple(np.sort(np.sqrt(abs(inside - anchor) / (abs(far - anchor) if far < math.inf else 1.0))).tolist())
 
-    old = [*zip(_ends(grid.edges), panels.halves, strict=False)]  # without pieces, one may lie outside of all edges
-    born = len(edges) > len(grid.edges)
+    old = {
+        (anchor, far > anchor): piece for (anchor, far), piece in zip(_ends(grid.edges), panels.halves, strict=False)
+    }
 
     def piece(anchor: float, far: float) -> tuple[float, ...]:
-        for (edge, end), breaks in old:
-            if edge == anchor and (end == far if born else (end > edge) == (far > edge)):
-                return breaks
-        return (shares(anchor, far) if born else ()) or BOUNDED
+        if (anchor, far > anchor) in old:
+            return old[anchor, far > anchor]
+        found = shares(anchor, far)
+        return found if found and found[0] <= BOUNDED[0] else BOUNDED + found
 
     outer, last = panels.outer, float(edges[-1]) if len(edges) else 0.0
     if not layout.bounded and not (len(edges) and len(grid.edges) and last == grid.edges[-1]):
