@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 
@@ -20,9 +18,9 @@ from contbranch.errors import ModelError
 from .constraints import Breach, begun, least_margin
 from .equations import Fields, RingEquations, rings
 from .layout import Layout
-from .meshing import BOUNDED
+from .meshing import pieces
 from .newton import resolved, solved
-from .panels import Grid, Panels
+from .panels import Grid
 from .topology import change
 
 __all__ = ["born", "vanished"]
@@ -35,8 +33,6 @@ ASTRAY = 1.0
 # Radii of a disc that takes the place of a ring, in units of the ring's; the least radius of a ring over which a law is
 # felt.
 FILLED, TOLD = (1.5, 3.0, 10.0), 3e-3
-# Breaks taken over from other panels are farther from an edge than this share of the way to their own neighbours.
-APART = 0.3
 # First steps behind a change as a share of the narrowest region, or behind a jump of the outermost edge; no shorter.
 FIRST, AFTER_JUMP, SHORTEST = 0.3, 1e-2, 1e-3
 # Where a region vanishes is sought no farther away than this multiple of range and displacement.
@@ -116,49 +112,13 @@ def failing(point: Point) -> Breach:
 
 def narrowest(point: Point) -> float:
     """The smallest width of a region."""
-    return float(np.diff(point.x[point.x.size - rings(point).edges :], prepend=0.0).min())
-
-
-def _ends(edges: Array) -> list[tuple[float, float]]:
-    """Anchor and far end of every piece."""
-    middles = [0.0, *((edges[1:] + edges[:-1]) / 2).tolist()]
-    pairs = zip(edges.tolist(), pairwise([*middles, math.inf]), strict=False)
-    return [(edge, far) for edge, pair in pairs for far in pair][:-1]
-
-
-def pieces(layout: Layout, edges: Array, panels: Panels, grid: Grid) -> Panels:
-    """Panels for a layout's regions: next to new edges they have their breaks where there were some before.
-
-    Piece 2j lies inside of edge j and piece 2j + 1 outside of it; what lies outside of the last edge is no piece. Those
-    next to edges that were there before are kept, stretched to their new length.
-    """
-    radii = np.unique(grid.breaks[np.isfinite(grid.breaks)])
-    room = APART * np.minimum(np.diff(radii, prepend=-math.inf), np.diff(radii, append=math.inf))
-
-    def shares(anchor: float, far: float) -> tuple[float, ...]:
-        """Breaks between an anchor and a far end, in shares of the root of the distance."""
-        inside = radii[(min(anchor, far) + room < radii) & (radii < max(anchor, far) - room)]
-        return tuple(np.sort(np.sqrt(abs(inside - anchor) / (abs(far - anchor) if far < math.inf else 1.0))).tolist())
-
-    old = {
-        (anchor, far > anchor): piece for (anchor, far), piece in zip(_ends(grid.edges), panels.halves, strict=False)
-    }
-
-    def piece(anchor: float, far: float) -> tuple[float, ...]:
-        if (anchor, far > anchor) in old:
-            return old[anchor, far > anchor]
-        found = shares(anchor, far)
-        return found if found and found[0] <= BOUNDED[0] else BOUNDED + found
-
-    outer, last = panels.outer, float(edges[-1]) if len(edges) else 0.0
-    if not layout.bounded and not (len(edges) and len(grid.edges) and last == grid.edges[-1]):
-        outer = shares(last, math.inf) if len(edges) else tuple(radii[radii > 0].tolist())
-    return replace(panels, halves=tuple(piece(*ends) for ends in _ends(edges)), outer=outer)
+    problem = rings(point)
+    return float(np.diff(point.x[point.x.size - problem.edges :][: problem.layout.edges], prepend=0.0).min())
 
 
 def carried(problem: RingEquations, fields: Fields, layout: Layout, edges: Array) -> tuple[RingEquations, Array]:
     """Another layout with its edges, and the state on it with the present pressures."""
-    trial = problem.laid_out(layout, pieces(layout, edges, problem.panels, fields.grid))
+    trial = problem.laid_out(layout, pieces(edges, problem.panels, fields.grid, layout.bounded))
     nodes = Grid(trial.panels, edges, layout.bounded).r
     return trial, np.concatenate([fields.grid.interpolate(fields.pressure, nodes), edges])
 

@@ -61,7 +61,7 @@ class Breach:
 def begun(point: Point) -> Point:
     """The point as the start of a piece of curve, with the widths at which its regions vanish, and its own origin."""
     problem = rings(point)
-    edges = point.x[point.x.size - problem.edges :]
+    edges = point.x[point.x.size - problem.edges :][: problem.layout.edges]
     shares = problem.widths(edges) / edges[-1] if len(edges) else edges
     widths = []
     for k, share in enumerate(shares):
@@ -140,8 +140,8 @@ def _extrema(problem: RingEquations, fields: Fields, region: int, margin: Array,
         return
     known, margin = margin[grid.size :], margin[: grid.size]
     values = margin[own]
-    inner_edge, outer_edge = region > 0, region < problem.edges
-    jumps = [e for e in (region - 1, region) if 0 <= e < problem.edges and problem.layout.jump(e)]
+    inner_edge, outer_edge = region > 0, region < problem.layout.edges
+    jumps = [e for e in (region - 1, region) if 0 <= e < problem.layout.edges and problem.layout.jump(e)]
     # At a jump the gap passes the level by what the ring left out would prevent.
     noise = NARROW_RING if jumps else EDGE_NOISE * float(np.abs(values).max()) + ROUNDING
     share = float(problem.widths(grid.edges)[region] / grid.edges[-1]) if outer_edge else 1.0

@@ -18,7 +18,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from contbranch.arrays import Array
+from contbranch.arrays import Array, Indices
 from contbranch.contact.interaction_law import terms_of
 from contbranch.contact.tips import Tip
 from contbranch.continuation import Linearisation, Point
@@ -43,6 +43,8 @@ NARROW_RING = 1e-4
 PARTS = 8
 # Displacements are measured in this share of the tip's height at the outermost edge at least.
 TALL = 1e-3
+# Halvings of an interval that leave a radius to rounding.
+HALVINGS = 50
 
 
 @dataclass(frozen=True)
@@ -120,13 +122,13 @@ class RingEquations(EquilibriumProblem):
 
     @property
     def edges(self) -> int:
-        """Number of unknown edges."""
-        return self.layout.edges
+        """Number of unknown radii: the edges, and the front."""
+        return self.layout.edges + (self.panels.front > 0)
 
     @property
     def free(self) -> int:
-        """How many of them can move."""
-        return self.edges - self.layout.whole
+        """How many edges can move."""
+        return self.layout.edges - self.layout.whole
 
     # -- the equations ------------------------------------------------------------------------------------------------
     def fields(self, x: Array, p: float) -> Fields:
@@ -180,18 +182,19 @@ class RingEquations(EquilibriumProblem):
         """Equations of the edges: residuals (E,), and their derivatives with respect to pressures, edges and d.
 
         Next to a resting region the pressure, extrapolated to the edge, is the floating region's; at a jump the gap is
-        the level's; the edge of the tip stays where it is.
+        the level's, and its own at a front; the edge of the tip stays where it is.
         """
         grid, count, law = fields.grid, self.edges, self.setting.law
         residual, rows = np.zeros(count), np.zeros((count, grid.size))
         moves, shifts = np.zeros((count, count)), np.zeros(count)
         for edge in range(count):
+            front = edge == self.layout.edges
             if self.layout.ends(edge):
                 residual[edge], moves[edge, edge] = grid.edges[edge] - self.setting.tip.extent, 1.0
-            elif self.layout.jump(edge):
-                radius = np.float64(grid.edges[edge])
+            elif front or self.layout.jump(edge):
+                radius = np.float64(grid.anchors[edge])
                 rows[edge], moves[edge] = grid.at_edge(edge, fields.pressure)
-                level = law.levels[self.layout.jump_level(edge)]
+                level = self.panels.front if front else law.levels[self.layout.jump_level(edge)]
                 rise = float(self.setting.tip.height(radius)) + float(rows[edge] @ fields.pressure) - fields.parameter
                 residual[edge] = rise - (level + self.origin)
                 moves[edge, edge] += float(self.setting.tip.height_derivative(radius))
@@ -381,9 +384,50 @@ class RingEquations(EquilibriumProblem):
 
     def carried(self, vector: Array, x: Array, p: float, other: RingEquations) -> Array:
         """A vector of states (pressures, or their rates, and edges) on the other problem's panels, same edges."""
-        n = x.size - self.edges
-        here, there = (Grid(panels, x[n:], self.layout.bounded) for panels in (self.panels, other.panels))
-        return np.concatenate([here.interpolate(vector[:n], there.r, there.of_node), vector[n:]])
+        n, front, bounded = x.size - self.edges, other.panels.front, self.layout.bounded
+        if front == self.panels.front:
+            here, there = (Grid(panels, x[n:], bounded) for panels in (self.panels, other.panels))
+            return np.concatenate([here.interpolate(vector[:n], there.r, there.of_node), vector[n:]])
+        fields = self.fields(x, p)
+        here, anchors = fields.grid, fields.grid.edges
+        if front:
+            anchors = np.append(anchors, self.located(fields, front))
+        there = Grid(other.panels, anchors, bounded)
+
+        def at_rest(r: Array, region: Indices | None = None) -> Array:
+            """Rates of the pressure where it is."""
+            passing = here.slopes(fields.pressure, r, region) * here.motions(vector[n:], r, region)
+            return here.interpolate(vector[:n], r, region) - passing
+
+        if vector is x:
+            return np.concatenate([here.interpolate(x[:n], there.r, there.of_node), anchors])
+        rates = vector[n : n + self.layout.edges]
+        if front:  # a gap, and with it a pressure of the law
+            b = anchors[-1:]
+            rates = np.append(rates, -at_rest(b) / here.slopes(fields.pressure, b))
+        passing = here.slopes(fields.pressure, there.r, there.of_node) * there.motions(rates, there.r, there.of_node)
+        return np.concatenate([at_rest(there.r, there.of_node) + passing, rates])
+
+    def located(self, fields: Fields, front: float) -> float:
+        """The outermost radius at which a state has a gap.
+
+        Raises
+        ------
+        ModelError
+            If there is none beyond the edges.
+        """
+        grid = fields.grid
+        own = np.flatnonzero((grid.of_node == self.layout.edges) & np.isfinite(grid.breaks[:, 1]).repeat(grid.order))
+        inside = own[fields.gap[own] < front]
+        if len(inside) == 0 or inside[-1] == own[-1]:
+            raise ModelError("the gap is nowhere that of the front")
+
+        low, high = grid.r[inside[-1] : inside[-1] + 2]
+        for _ in range(HALVINGS):
+            middle = np.array([(low + high) / 2])
+            gap = self.setting.tip.height(middle) + grid.interpolate(fields.lift, middle) - fields.parameter
+            low, high = (middle[0], high) if gap[0] - self.origin < front else (low, middle[0])
+        return float(low)
 
 
 def rings(point: Point) -> RingEquations:

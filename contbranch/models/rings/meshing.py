@@ -13,9 +13,9 @@ from contbranch.models.quadrature import start_edges
 
 from .equations import Fields, RingEquations
 from .layout import Layout
-from .panels import Panels
+from .panels import Grid, Panels
 
-__all__ = ["adapted", "finer", "order_for", "panel_errors", "start_panels"]
+__all__ = ["adapted", "finer", "order_for", "panel_errors", "pieces", "start_panels"]
 
 # Breaks of a piece between an edge and the far end of its region, in shares of its length in √distance.
 BOUNDED = (0.3,)
@@ -24,6 +24,8 @@ GRADING = 0.3
 # ... but not below this share of the piece: a pressure that answers a given gap is determined the worse the narrower
 # the panels.
 FINEST = 0.05
+# ... nor below this one next to a front.
+AT_FRONT = 0.01
 # Neighbouring panels differ by no more than this factor in their outer ends.
 GROWTH = 3.0
 # Tail of a pressure at rest as a share of the largest in its region, beyond which a panel is split whatever it bears; a
@@ -31,6 +33,8 @@ GROWTH = 3.0
 RESOLVED, LITTLE = 3e-3, 1e-3
 # The panel at the centre is cut so far from it: an apex is felt there, by the pressure to this share of itself.
 APEX_GRADING, PEAK = 0.25, 1e-5
+# Breaks taken over from other panels are farther from an anchor than this share of the way to their own neighbours.
+APART = 0.3
 # Higher order by this share makes the finer panels.
 FINER_SHARE = 3
 
@@ -48,6 +52,44 @@ def start_panels(layout: Layout, order: int, width: float, reach: float, infinit
         radii = start_edges(width, reach)[1:]
         outer = tuple(float(y) for y in (np.sqrt(radii) if layout.edges else radii))
     return Panels(order, (BOUNDED,) * pieces, outer, infinite)
+
+
+def _ends(anchors: Array) -> list[tuple[float, float]]:
+    """Anchor and far end of every piece."""
+    middles = [0.0, *((anchors[1:] + anchors[:-1]) / 2).tolist()]
+    pairs = zip(anchors.tolist(), pairwise([*middles, math.inf]), strict=False)
+    return [(edge, far) for edge, pair in pairs for far in pair][:-1]
+
+
+def pieces(anchors: Array, panels: Panels, grid: Grid, bounded: bool, front: float = 0.0) -> Panels:
+    """Panels for other edges, and for a front: next to new ones they have their breaks where there were some before.
+
+    Piece 2j lies inside of anchor j and piece 2j + 1 outside of it; what lies outside of the last one is no piece.
+    Those next to anchors that were there before are kept, stretched to their new length.
+    """
+    radii = np.unique(grid.breaks[np.isfinite(grid.breaks)])
+    room = APART * np.minimum(np.diff(radii, prepend=-math.inf), np.diff(radii, append=math.inf))
+
+    def shares(anchor: float, far: float) -> tuple[float, ...]:
+        """Breaks between an anchor and a far end, in shares of the root of the distance."""
+        inside = radii[(min(anchor, far) + room < radii) & (radii < max(anchor, far) - room)]
+        return tuple(np.sort(np.sqrt(abs(inside - anchor) / (abs(far - anchor) if far < math.inf else 1.0))).tolist())
+
+    old = {
+        (anchor, far > anchor): piece for (anchor, far), piece in zip(_ends(grid.anchors), panels.halves, strict=False)
+    }
+
+    def piece(anchor: float, far: float) -> tuple[float, ...]:
+        if (anchor, far > anchor) in old:
+            return old[anchor, far > anchor]
+        found = shares(anchor, far)
+        return found if found and found[0] <= BOUNDED[0] else BOUNDED + found
+
+    outer, last = panels.outer, float(anchors[-1]) if len(anchors) else 0.0
+    if not bounded and not (len(anchors) and len(grid.anchors) and last == grid.anchors[-1]):
+        outer = shares(last, math.inf) if len(anchors) else tuple(radii[radii > 0].tolist())
+    halves = tuple(piece(*ends) for ends in _ends(anchors))
+    return replace(panels, halves=halves, outer=outer, front=front)
 
 
 def finer(panels: Panels) -> Panels:
@@ -121,7 +163,8 @@ def adapted(problem: RingEquations, fields: Fields, tolerance: float) -> Panels 
         at += len(piece) + 1
         # Pieces anchored at their outer end list their panels from the centre, their breaks from the anchor.
         reverse = k == 0 or k % 2 == 0
-        halves.append(_cut((0.0, *piece, 1.0), own[::-1] if reverse else own, share, FINEST, k == 0)[1:-1])
+        finest = FINEST if k // 2 < problem.layout.edges else AT_FRONT
+        halves.append(_cut((0.0, *piece, 1.0), own[::-1] if reverse else own, share, finest, k == 0)[1:-1])
     outer = panels.outer
     if outer:
         own = errors[at:]

@@ -48,12 +48,16 @@ class Panels:
         radii y).
     infinite : bool
         Whether a last panel in end/r takes it to infinity.
+    front : float
+        The gap at a front, 0 without. That is an anchor like an edge, beyond all of these: where the gap rises steeply
+        it has panels that move with it.
     """
 
     order: int
     halves: tuple[tuple[float, ...], ...]
     outer: tuple[float, ...] = ()
     infinite: bool = True
+    front: float = 0.0
 
 
 @cache
@@ -104,21 +108,23 @@ class Grid:
 
     Attributes
     ----------
+    anchors, edges : array (A,), (E,)
+        The edges and the front, and the edges.
     r, weights : array (N,)
         Radii of the nodes, and weights of ∫ dr.
     region : integer array (P,)
         Region of each panel.
     breaks : array (P, 2)
         Inner and outer radius of each panel.
-    moves, stretch : array (E, P)
-        Derivatives of the inner radius with respect to the edges, and those of r − inner, relative to it.
+    moves, stretch : array (A, P)
+        Derivatives of the inner radius with respect to the anchors, and those of r − inner, relative to it.
     """
 
-    def __init__(self, panels: Panels, edges: Array, bounded: bool) -> None:
+    def __init__(self, panels: Panels, anchors: Array, bounded: bool) -> None:
         self.panels = panels
         self.order = panels.order
         self.rule = panel_rule(panels.order)
-        self.edges = edges
+        self.anchors, self.edges = anchors, anchors[: len(anchors) - (panels.front > 0)]
         self._cut(bounded)
         x = np.broadcast_to((self.rule.nodes + 1) / 2, (self.count, self.order))
         radius, slope = self._map(np.arange(self.count)[:, None], x)
@@ -131,7 +137,7 @@ class Grid:
     def _cut(self, bounded: bool) -> None:
         """Panels from the centre outwards: region, anchor, sign (+1: r = anchor + y², −1, 0: y itself, 2: end/r), y
         range."""
-        edges, count = self.edges, len(self.edges)
+        edges, count = self.anchors, len(self.anchors)
         unit = np.eye(count)
         # Region, sign, derivatives of the anchor and of the far end of the piece, and shares of the root of its length.
         rows: list[tuple[int, int, Array, Array, float, float]] = []
@@ -172,6 +178,7 @@ class Grid:
         with np.errstate(invalid="ignore", divide="ignore"):  # the last panel may be infinite, or begin at 0
             self.length = np.where(sign == 2, self.inner, self.outer - self.inner)
             self.stretch = np.where(sign == 2, self.moves / self.inner, stretched * (b**2 - a**2) / self.length)
+        self.region = np.minimum(self.region, len(self.edges))
         self.of_node = np.repeat(self.region, self.order)
 
     def _map(self, panel: Indices, x: Array) -> tuple[Array, Array]:
@@ -240,7 +247,7 @@ class Grid:
 
     def moved(self, pressure: Array) -> Array:
         """d(W @ p)/d(edges) at fixed nodal pressures, targets moving with their nodes, (N, E)."""
-        if len(self.edges) == 0:
+        if len(self.anchors) == 0:
             return np.zeros((self.size, 0))
         elliptic, near = self._elliptic()
         shape = self.size, self.count, self.order
@@ -260,17 +267,17 @@ class Grid:
                 parts, _moved(self.r[near.target][:, None], sources, near.elliptic, density), strict=True
             )
         )
-        own_motion = np.stack([self.motion(edge)[0] for edge in range(len(self.edges))], axis=1)
+        own_motion = np.stack([self.motion(edge)[0] for edge in range(len(self.anchors))], axis=1)
         return np.asarray(target.sum(axis=1)[:, None] * own_motion + inner @ self.moves.T + stretch @ self.stretch.T)
 
     def at_edge(self, edge: int, pressure: Array) -> tuple[Array, Array]:
         """Row of the elastic displacement at an edge, (N,), and its derivatives with respect to the edges, (E,)."""
-        row, (panel, radius, carried) = self._row(float(self.edges[edge]))
-        r, nodal = np.array([[self.edges[edge]]]), pressure.reshape(self.count, self.order)
+        row, (panel, radius, carried) = self._row(float(self.anchors[edge]))
+        r, nodal = np.array([[self.anchors[edge]]]), pressure.reshape(self.count, self.order)
         near = np.einsum("pmk,pk->pm", carried, nodal[panel])
         far = nodal * self.weights.reshape(nodal.shape)
         far[panel] = 0.0
-        s, moved = self.r.reshape(nodal.shape), np.zeros(len(self.edges))
+        s, moved = self.r.reshape(nodal.shape), np.zeros(len(self.anchors))
         for k, t, c in ((slice(None), s, far), (panel, radius, near)):
             target, inner, stretch = _moved(r, (t, t - self.inner[k][:, None]), _elliptic(r, t), c)
             moved += self.moves[:, k] @ inner + self.stretch[:, k] @ stretch
@@ -309,15 +316,30 @@ class Grid:
 
     def interpolate(self, values: Array, points: Array, region: Indices | None = None) -> Array:
         """Values at radii of the panels' polynomials; `region` says on which side of an edge each radius lies."""
+        panel, rows, _ = self._at(points, region)
+        result = np.einsum("kp,pk->p", rows, self.coefficients(values)[panel])
+        return np.where(points > self.breaks[-1, 1], 0.0, result)
+
+    def slopes(self, values: Array, points: Array, region: Indices | None = None) -> Array:
+        """Derivatives with respect to r of the panels' polynomials, at radii."""
+        panel, rows, slope = self._at(points, region)
+        rates = self.coefficients((values.reshape(self.count, -1) @ self.rule.derivative.T).ravel())
+        return np.asarray(2 * np.einsum("kp,pk->p", rows, rates[panel]) / slope)
+
+    def motions(self, rates: Array, points: Array, region: Indices | None = None) -> Array:
+        """Velocities of the panels' points at radii where the anchors move with given ones."""
+        panel = self._at(points, region)[0]
+        return np.asarray((rates @ self.moves)[panel] + (rates @ self.stretch)[panel] * (points - self.inner[panel]))
+
+    def _at(self, points: Array, region: Indices | None) -> tuple[Indices, Array, Array]:
+        """Panels of radii, the Legendre polynomials there, (n, M), and dr/dx."""
         panel = np.clip(np.searchsorted(self.breaks[:, 1], points, side="left"), 0, self.count - 1)
         if region is not None:
             first = np.searchsorted(self.region, region, side="left")
             last = np.searchsorted(self.region, region, side="right") - 1
             panel = np.clip(panel, np.minimum(first, self.count - 1), np.maximum(last, 0))
         x = np.clip(self.place(panel, points), 0.0, 1.0)
-        rows = legendre_values(self.order, 2 * x - 1)
-        result = np.einsum("kp,pk->p", rows, self.coefficients(values)[panel])
-        return np.where(points > self.breaks[-1, 1], 0.0, result)
+        return panel, legendre_values(self.order, 2 * x - 1), self._map(panel, x)[1]
 
     def place(self, panel: Indices, r: Array) -> Array:
         """Place x in [0, 1] of radii on their panels."""

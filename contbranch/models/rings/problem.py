@@ -21,6 +21,7 @@ from contbranch.results.profile import Profile
 from .changes import born, vanished
 from .constraints import least_margin, narrowness
 from .equations import NARROW_RING, RingEquations
+from .front import fronted, steepest
 from .law import BandedLaw
 from .meshing import adapted, finer
 from .profile import profile_of
@@ -64,7 +65,7 @@ class RingProblem(RingEquations):
     def steps(self, start: Point) -> Options:
         """Step control; without free edges pressures far below the interaction's own do not shorten steps."""
         floor = 0.0 if self.free else STATE_FLOOR / self.scale
-        rings = any(self.layout.collapsed(region) for region in range(self.edges))
+        rings = any(self.layout.collapsed(region) for region in range(self.layout.edges))
         noise = NOISE_ON_RINGS if rings else NOISE
         return replace(STEPS, noise=noise, maximum_points=3_000, state_floor=floor)
 
@@ -83,7 +84,7 @@ class RingProblem(RingEquations):
         fields = self.fields(x, p)
         breach = least_margin(self, fields)
         known = {"breach": 1.0 if breach is None else min(breach.margin, 1.0), "narrow": narrowness(self, fields)}
-        extent, resting = self.setting.tip.extent, [region.rests for region in self.layout.regions[: self.edges]]
+        extent, resting = self.setting.tip.extent, [region.rests for region in self.layout.regions[: self.layout.edges]]
         return known | (
             {"tip-edge": WHOLE - max(fields.grid.edges[resting], default=0.0) / extent} if math.isfinite(extent) else {}
         )
@@ -99,17 +100,31 @@ class RingProblem(RingEquations):
     # -- discretisations ----------------------------------------------------------------------------------------------
     def adapt(self, x: Array, p: float) -> Adaptation | None:
         """Split and join panels where the solution asks for it."""
-        panels = adapted(self, self.fields(x, p), self.setting.tolerance)
-        if panels is None:
+        fields = self.fields(x, p)
+        front = steepest(self, fields)
+        if moves := front != self.panels.front:
+            panels = fronted(self, fields, front)
+        elif (panels := adapted(self, fields, self.setting.tolerance)) is None:
             return None
         other = self.on(panels)
+        start = self.carried(x, x, p, other)
         self.forget()  # its points stay, but are seldom asked again
-        return Adaptation(other, self.carried(x, x, p, other), lambda vector: self.carried(vector, x, p, other))
+        if not moves:
+            return Adaptation(other, start, lambda vector: self.carried(vector, x, p, other))
+
+        def moved(x: Array, tangent: Array, p: float) -> tuple[Array, Array]:
+            return self.carried(x, x, p, other), self.carried(tangent, x, p, other)
+
+        return Adaptation(other, start, moved=moved)
 
     def resolving(self, point: Point, tolerance: float) -> Self:
-        """Panels made for a state."""
+        """Panels made for a state, which stay where they are."""
         panels = adapted(self, self.fields(point.x, point.parameter), AIM * tolerance)
-        return self if panels is None else self.on(panels)
+        own = self if panels is None else self.on(panels)
+        if not own.panels.front:
+            return own
+        x = self.carried(point.x, point.x, point.parameter, own)
+        return self.on(fronted(own, own.fields(x, point.parameter), 0.0))
 
     def finer(self) -> Self:
         """Panels on which the present ones' errors have all but vanished."""
@@ -124,7 +139,7 @@ class RingProblem(RingEquations):
         dx, dd = solve(border(fine, x, point.parameter, at, row), -at[0], 0.0, point.parameter)
         fields = fine.fields(x, point.parameter)
         load = fine.load(fields) + fine.load_rate(fields, dx) - self.load(self.fields(point.x, point.parameter))
-        return Defect(load, dd, float(np.abs(dx[fields.grid.size :]).max(initial=0.0)))
+        return Defect(load, dd, float(np.abs(dx[fields.grid.size :][: self.layout.edges]).max(initial=0.0)))
 
     @property
     def rounding(self) -> float:
