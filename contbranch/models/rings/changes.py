@@ -161,7 +161,7 @@ def seeded(point: Point, breach: Breach) -> Point:
             found = resolved(oriented(trial, *solved(trial, x, point.parameter, row), row), (held, 0.0))
         except CorrectionError:
             continue
-        if abs(found.parameter - point.parameter) > ASTRAY * found.problem.metric(found.x).parameter_scale:
+        if abs(found.parameter - point.parameter) > ASTRAY * trial.metric(found.x).parameter_scale:
             continue
         if margin(found) > 0:
             return found

@@ -102,9 +102,9 @@ class RingProblem(RingEquations):
         """Split and join panels where the solution asks for it."""
         fields = self.fields(x, p)
         front = steepest(self, fields)
-        if moves := front != self.panels.front:
-            panels = fronted(self, fields, front)
-        elif (panels := adapted(self, fields, self.setting.tolerance)) is None:
+        moves = front != self.panels.front
+        panels = fronted(self, fields, front) if moves else adapted(self, fields, self.setting.tolerance)
+        if panels is None:
             return None
         other = self.on(panels)
         start = self.carried(x, x, p, other)
