@@ -133,8 +133,8 @@ WHOLE, OUTERMOST = 0.999, 0.9
 INDIFFERENT = 1e-6
 # Changes of the state are measured in at least this multiple of the rounding errors of its slopes.
 LOUD = 1e5
-# Share of the front's radius within which a film has to be smooth.
-CORE = 0.5
+# A film has to be smooth as far as it bears this share of its largest pressure.
+CORE = 0.7
 # At first touch a mesh aims at this share of the tolerance, since tiny contacts ask for more than the touch itself.
 AHEAD = 0.1
 
@@ -745,7 +745,7 @@ class ContactProblem(EquilibriumProblem):
         if not self.rough(x, p) and error <= resolution.tolerance and reach <= equations.mesh.edges[-1]:
             if error > 1e-3 * resolution.tolerance or mesh.panels <= 6:
                 return self, x
-            edges = adapted_edges(equations, fields, SLACK * allowed / self.sharpness, reach, mesh, self.within(x))
+            edges = adapted_edges(equations, fields, SLACK * allowed / self.sharpness, reach, mesh, self.within(x, p))
             if len(edges) > 0.75 * mesh.panels:
                 return self, x
         problem: ContactProblem = self
@@ -765,14 +765,20 @@ class ContactProblem(EquilibriumProblem):
                 break
         return problem, start
 
-    def within(self, x: Array) -> float:
-        """Radius within which a film that is pressed has to be smooth."""
-        return CORE * self.film.place * math.exp(float(x[-1])) if self.film else 0.0
+    def within(self, x: Array, p: float) -> float:
+        """Radius within which a film that is pressed has to be smooth: as far as it bears much.
+
+        Under a flat tip it is squeezed out next to its edge first.
+        """
+        if not self.film:
+            return 0.0
+        equations, fields = self.seen(x, p)
+        return float(equations.mesh.nodes[fields.pressure > CORE * float(fields.pressure.max())].max(initial=0.0))
 
     def rough(self, x: Array, p: float) -> bool:
         """Whether a film that is pressed is not smooth."""
         equations, fields = self.seen(x, p)
-        within = self.within(x)
+        within = self.within(x, p)
         return within > 0.0 and bool((roughness(equations, fields, equations.mesh.edges, within) > 1.0).any())
 
     def told(self, coarse: ContactProblem) -> slice:
@@ -834,7 +840,7 @@ class ContactProblem(EquilibriumProblem):
             if error > tolerance:
                 guide = float(panel_errors(equations, fields).sum()) / max(1.0, abs(equations.load(fields)))
                 sharpness = min(max(sharpness, 2 * error / max(guide, 1e-16)), 1e6)
-            edges = adapted_edges(equations, fields, SLACK * allowed / sharpness, reach, unit, self.within(x))
+            edges = adapted_edges(equations, fields, SLACK * allowed / sharpness, reach, unit, self.within(x, p))
         return self.on(mesh_on(edges, self.resolution.order, unit.bounded), x, p, sharpness, solve)
 
     def _reach(self, equations: Equations, fields: Fields, tolerance: float) -> float:

@@ -30,6 +30,8 @@ __all__ = ["born", "vanished"]
 SEEDS, FAILS = (0.02, 0.05, 0.01, 0.1, 0.004, 0.2, 1e-3, 2e-4, 4e-5), 1e-3
 # ... or the displacement has changed by more than this multiple of its scale: that is another state.
 ASTRAY = 1.0
+# Where the gap is this share of the shortest range there is no room for surfaces that come to rest.
+DEEP = 0.1
 # Radii of a disc that takes the place of a ring, in units of the ring's; the least radius of a ring over which a law is
 # felt.
 FILLED, TOLD = (1.5, 3.0, 10.0), 3e-3
@@ -143,6 +145,9 @@ def seeded(point: Point, breach: Breach) -> Point:
         after - breach.radius,
         max(edges[-1] if len(edges) else 0.0, math.sqrt(problem.setting.scale)),
     )
+    if breach.new.rests:  # no wider than the dip in which surfaces meet
+        apart = abs(fields.gap - problem.setting.law.levels[breach.new.index]) > DEEP * problem.scale
+        room = min(room, float(abs(grid.r[apart & (grid.of_node == breach.region)] - breach.radius).min(initial=room)))
     seeds = [(centre, share * room) for share in SEEDS]
     if breach.region == 0 and not centre:  # the disc that fills a ring soon, at once where that is too small to be told
         place = 0 if breach.radius < TOLD * math.sqrt(problem.setting.scale) else len(seeds)

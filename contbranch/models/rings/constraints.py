@@ -25,7 +25,8 @@ EDGE_NOISE = 1e-6
 # ... nor beyond this absolute share, which rounding does not reach; regions narrower than this share of the outermost
 # edge are all edge.
 ROUNDING, NARROW = 1e-8, 0.02
-# A pressure that answers a given gap is determined the worse the narrower the region.
+# A pressure that answers a given gap is determined the worse the narrower the region; next to an edge that shows in the
+# last coefficients of its panel.
 PRESSURE_NOISE = 3e-8
 # A region vanishes at this share of its width where the piece of the curve begins, or of the outermost edge if that is
 # less.
@@ -163,7 +164,8 @@ def _extrema(problem: RingEquations, fields: Fields, region: int, margin: Array,
         at_edge = narrow or (inner_edge and panel == first) or (outer_edge and panel == last)
         if region == 0 and i == 1 and values[0] < value:
             continue
-        yield Breach(value + noise if at_edge else value, region, radius, new)
+        untold = grid.order * float(np.abs(grid.coefficients(margin)[panel, -2:]).max())
+        yield Breach(value + noise + untold if at_edge else value, region, radius, new)
 
 
 def _refined(problem: RingEquations, fields: Fields, margin: Array, node: int) -> tuple[float, float, int]:

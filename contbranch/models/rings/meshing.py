@@ -33,6 +33,8 @@ GROWTH = 3.0
 RESOLVED, LITTLE = 3e-3, 1e-3
 # The panel at the centre is cut so far from it: an apex is felt there, by the pressure to this share of itself.
 APEX_GRADING, PEAK = 0.25, 1e-5
+# ... but not below this share of the disc, where rounding tells no peak.
+TINIEST = 1e-3
 # Breaks taken over from other panels are farther from an anchor than this share of the way to their own neighbours.
 APART = 0.3
 # Higher order by this share makes the finer panels.
@@ -152,8 +154,10 @@ def adapted(problem: RingEquations, fields: Fields, tolerance: float) -> Panels 
     errors = panel_errors(problem, fields)
     share = tolerance * max(1.0, abs(problem.load(fields))) / max(4.0, len(errors) ** 0.5)
     errors = np.maximum(errors, share * unresolved(problem, fields) / RESOLVED)
-    if problem.layout.regions[0].rests and problem.setting.tip.apex_exponent >= 2:  # a disc may open there
-        peak = np.abs(fields.grid.coefficients(fields.pressure)[0])
+    grid, tip = fields.grid, problem.setting.tip
+    if problem.layout.regions[0].rests and tip.apex_exponent >= 2 and grid.breaks[0, 1] > TINIEST * grid.edges[0]:
+        # a disc may open there
+        peak = np.abs(grid.coefficients(fields.pressure)[0])
         errors[0] = max(errors[0], share * float(peak[-2:].max() / (PEAK * max(peak[0], 1e-300))))
     panels = problem.panels
     halves: list[tuple[float, ...]] = []

@@ -269,25 +269,27 @@ class Grid:
         if len(self.anchors) == 0:
             return np.zeros((self.size, 0))
         elliptic, near = self._elliptic()
-        shape = self.size, self.count, self.order
-        carried = np.tile(pressure * self.weights, (self.size, 1)).reshape(shape)
-        carried[near.target, near.panel] = 0.0
-        s = self.r.reshape(shape[1:])
-        parts = _moved(self.r[:, None, None], (s, s - self.inner[:, None]), elliptic.reshape(shape), carried)
-        nodal = pressure.reshape(shape[1:])[near.panel]
+        r, s, weighted = self.r[:, None], self.r, (pressure * self.weights)[:, None]
+        with np.errstate(invalid="ignore", divide="ignore"):  # next to the diagonal others take their place
+            shares = elliptic / (r + s)
+            rates = _quotient(r, s, elliptic) + shares * (r / (r + s))
+        for kernel in (shares, rates):
+            kernel.reshape(self.size, self.count, self.order)[near.target, near.panel] = 0.0
+        motion, stretched = np.moveaxis([self.motion(edge) for edge in range(len(self.anchors))], 0, -1)
+        far = rates @ (weighted * motion) + shares @ (self.r[:, None] * weighted * stretched)
+        # The kernel has no length: what it gains where s moves it loses where r moves along.
+        far = (4 / np.pi) * (far - motion * (rates @ (r * weighted) / r))
+        nodal = pressure.reshape(self.count, self.order)[near.panel]
         density = near.weight.copy()
         for part, values in zip(near.parts, clustered(self.order)[2], strict=True):
             density[part] *= nodal[part] @ values.T
         sources = near.radius, near.radius - self.inner[near.panel][:, None]
-        flat = near.target * self.count + near.panel
+        flat, shape = near.target * self.count + near.panel, (self.size, self.count)
         target, inner, stretch = (
-            part + np.bincount(flat, own, part.size).reshape(part.shape)
-            for part, own in zip(
-                parts, _moved(self.r[near.target][:, None], sources, near.elliptic, density), strict=True
-            )
+            np.bincount(flat, own, self.size * self.count).reshape(shape)
+            for own in _moved(self.r[near.target][:, None], sources, near.elliptic, density)
         )
-        own_motion = np.stack([self.motion(edge)[0] for edge in range(len(self.anchors))], axis=1)
-        return np.asarray(target.sum(axis=1)[:, None] * own_motion + inner @ self.moves.T + stretch @ self.stretch.T)
+        return np.asarray(far + target.sum(axis=1)[:, None] * motion + inner @ self.moves.T + stretch @ self.stretch.T)
 
     def at_edge(self, edge: int, pressure: Array) -> tuple[Array, Array]:
         """Row of the elastic displacement at an edge, (N,), and its derivatives with respect to the edges, (E,)."""
@@ -385,6 +387,12 @@ def _kernel(r: Array, s: Array, elliptic: Array) -> Array:
         return np.asarray((4 / np.pi) * s / (r + s) * elliptic)
 
 
+def _quotient(r: Array, s: Array, elliptic: Array) -> Array:
+    """What K(m)/(r + s) adds to its derivative with respect to s besides that of s/(r + s)."""
+    m1 = ((r - s) / (r + s)) ** 2
+    return np.asarray((scipy.special.ellipe(1 - m1) - m1 * elliptic) / (2 * (r - s)))
+
+
 def _moved(r: Array, sources: tuple[Array, Array], elliptic: Array, carried: Array) -> tuple[Array, Array, Array]:
     """Parts of the derivative of ∫ k p ds over panels (the last axis) with respect to motions.
 
@@ -393,9 +401,8 @@ def _moved(r: Array, sources: tuple[Array, Array], elliptic: Array, carried: Arr
     """
     s, beyond = sources
     total = r + s
-    m1 = ((r - s) / total) ** 2
     with np.errstate(invalid="ignore", divide="ignore"):
-        quotient = (scipy.special.ellipe(1 - m1) - m1 * elliptic) / (2 * (r - s))
+        quotient = _quotient(r, s, elliptic)
     quotient = np.where(np.isfinite(quotient), quotient, 0.0)
     share, carried = elliptic / total, (4 / np.pi) * carried
     source = (quotient + share * r / total) * carried
