@@ -30,7 +30,7 @@ NEAR = 1.0
 # Exponent of the substitution that clusters nodes at the logarithm: with 2n + 8 Gauss nodes its error is 1e-13.
 CLUSTER = 4
 # How far beyond the end of a panel a logarithm lies, in panels, where nodes are equally spaced in the logarithm of the
-# distance from it down to there: a panel that reaches far is next to narrow ones, which tell the pressure by its digits.
+# distance from it down to there. Narrow panels next to one that reaches far tell their pressure by the last digits.
 BEYOND = tuple(0.25**k for k in range(11))
 
 
@@ -224,7 +224,8 @@ class Grid:
         squared = sign * (r - self.anchor[panel])
         with np.errstate(divide="ignore", invalid="ignore"):
             y = np.where(np.abs(sign) == 1, np.sqrt(squared.astype(complex)), r)
-            x = np.where(sign == 2, 1 - self.anchor[panel] / r, (y - self.start[panel]) / (self.stop - self.start)[panel])
+            x = (y - self.start[panel]) / (self.stop - self.start)[panel]
+            x = np.where(sign == 2, 1 - self.anchor[panel] / r, x)
             power = np.rint(np.log(np.abs(x - after)) / math.log(BEYOND[1]))
         own = np.where(power < len(BEYOND), np.maximum(power, 0.0) + 1, 0.0)
         return np.asarray(own.astype(int) + after * (len(BEYOND) + 1))
