@@ -56,13 +56,21 @@ def born(point: Point) -> Succession:
         If no state with it was found.
     """
     breach = failing(point)
+    problem = rings(point)
+    if (
+        breach.region == 0
+        and breach.radius == 0.0
+        and breach.new in problem.layout.regions[1:2]
+        and narrowest(point) < TOLD * math.sqrt(problem.setting.scale)
+    ):  # what is left of a hole closes before a disc in it can be told
+        return vanished(point, 0)
     start = begun(seeded(point, breach))
-    kind, message = change(rings(point), breach, growing=True)
+    kind, message = change(problem, breach, growing=True)
     return Succession(kind, point, (start,), same=False, step=FIRST * narrowest(start), message=message)
 
 
-def vanished(point: Point) -> Succession:
-    """The curve behind a point at which a region has all but vanished.
+def vanished(point: Point, region: int | None = None) -> Succession:
+    """The curve behind a point at which a region, by default the one that is narrowest, has all but vanished.
 
     The event lies where the layout without it begins to be right.
 
@@ -71,7 +79,7 @@ def vanished(point: Point) -> Succession:
     ModelError
         If the neighbours cannot be joined, or the event was not found.
     """
-    joined, jump = passed(point)
+    joined, jump = passed(point, region)
     if jump:  # no change of the contact set, only of how it is represented
         return Succession("", point, (begun(joined),), step=AFTER_JUMP * float(joined.x[-1]))
     width = narrowest(point)
@@ -177,8 +185,8 @@ def seeded(point: Point, breach: Breach) -> Point:
     return doubtful[0]
 
 
-def passed(point: Point) -> tuple[Point, bool]:
-    """The state without the region that has all but vanished, oriented as before, and whether a jump takes its place.
+def passed(point: Point, region: int | None) -> tuple[Point, bool]:
+    """The state without a region, by default the one that has all but vanished, oriented as before, and whether a jump takes its place.
 
     Raises
     ------
@@ -189,7 +197,8 @@ def passed(point: Point) -> tuple[Point, bool]:
     fields = problem.fields(point.x, point.parameter)
     edges, limits = fields.grid.edges, problem.vanishing
     widths = problem.widths(edges)
-    region = min((k for k, limit in enumerate(limits) if limit > 0), key=lambda k: widths[k] / limits[k])
+    if region is None:
+        region = min((k for k, limit in enumerate(limits) if limit > 0), key=lambda k: widths[k] / limits[k])
     joined = problem.layout.without(region)
     layout = joined or problem.layout.collapsed(region)
     if layout is None:
