@@ -219,7 +219,7 @@ class ContactProblem(EquilibriumProblem):
         layered = law is not None and math.isfinite(law.wave)
         self.ordered = not (layered or self.flat or isinstance(front, Edge))
         self._weights = mesh.weights if front is None else front.weights(mesh)
-        self.film = front if isinstance(front, Front) and front.power > 0.0 and equations.softens else None
+        self.film = front if front and (front.power > 0.0 or isinstance(front, Edge)) and equations.softens else None
         self._slopes = self.film.slopes(mesh) if self.film else None
         self._seen: list[tuple[Array, float, Equations, Fields]] = []
         self._corrected: tuple[Array, Solver] | None = None
@@ -767,6 +767,8 @@ class ContactProblem(EquilibriumProblem):
 
     def within(self, x: Array) -> float:
         """Radius within which a film that is pressed has to be smooth."""
+        if isinstance(self.film, Edge):
+            return math.inf
         return CORE * self.film.place * math.exp(float(x[-1])) if self.film else 0.0
 
     def rough(self, x: Array, p: float) -> bool:
