@@ -189,6 +189,8 @@ def adapted_edges(
     bad[1:] |= edges[2:] > GROWTH * edges[1:-1]
     cut = (edges[:-1] + edges[1:]) / 2
     cut[0] = GRADING * edges[1]
+    if unit.bounded:
+        cut[-1] += (0.5 - GRADING) * (edges[-1] - edges[-2])
     superfluous = _mergeable(lambda edges: guide(stretch * edges), edges, errors, MERGE * share)
     if math.isfinite(kink := equations.kink):
         gaps = equations.mesh.interpolate(fields.gap, stretch * edges[superfluous])

@@ -23,7 +23,7 @@ from scipy.linalg import lapack
 from contbranch.contact.interactions import Interaction
 from contbranch.contact.tips import Tip
 from contbranch.contact.validity import energy_pole
-from contbranch.models.quadrature import chebyshev_values, gauss, gauss_between
+from contbranch.models.quadrature import chebyshev_values, gauss
 
 from .mesh import Mesh
 from .rim import Rim
@@ -44,8 +44,9 @@ APART = 1e-6
 # Solutions whose fields are kept: the ends of a step and what was tried between them.
 RECENT = 6
 
-# A minimum of the gap is deeper than this share of gap and displacement; places a node among which it is looked for.
-RIPPLE, BETWEEN = 1e-9, 3
+# A minimum of the gap is deeper than this share of gap and displacement; places among which it is looked for between
+# nodes, and then among those next to the lowest, so many times: sampled once it would jump as the mesh changes.
+RIPPLE, BETWEEN, ZOOMS = 1e-9, 17, 5
 # Places on the innermost panel among which it is looked for around flat tips, and the first one's share of its length.
 CLOSE, CLOSEST = 60, 1e-4
 # Radii, in units of the contact's, at which the wall pressure is checked.
@@ -507,10 +508,12 @@ class Equations:
         lowest = inner[np.argmin(gap[inner])]
         if not gap[lowest] < gap[:lowest].max() - RIPPLE * (abs(self._own_displacement(fields)) + abs(gap[lowest])):
             return math.inf, 0.0
-        panel = int(np.searchsorted(mesh.edges[1:-1], nodes[lowest], side="right"))
-        panels = np.clip(panel + np.array([-1, 0, 1]), 0, mesh.panels - 1)
-        places = gauss_between(mesh.edges[panels], mesh.edges[panels + 1], BETWEEN * mesh.order)[0].ravel()
-        least = min(float(gap[lowest]), float(mesh.interpolate(fields.gap, places).min()))
+        least, low, high = float(gap[lowest]), nodes[lowest - 1], [*nodes, mesh.edges[-1]][lowest + 1]
+        for _ in range(ZOOMS):
+            places = np.linspace(low, high, BETWEEN)
+            between = mesh.interpolate(fields.gap, places)
+            k = int(between.argmin())
+            least, low, high = min(least, float(between[k])), places[max(k - 1, 0)], places[min(k + 1, BETWEEN - 1)]
         return least, math.hypot(float(nodes[lowest]), fields.rim.radius)
 
     # -- stability ----------------------------------------------------------------------------------------------------

@@ -182,6 +182,14 @@ class Edge:
         """Weights of the inner product of states, (N + 1,): σ follows from the rim."""
         return np.append(mesh.weights, 0.0)
 
+    def slopes(self, mesh: Mesh) -> Array:
+        """Weights of dh/dξ in the inner product of states, (N,): all lengths next to the edge count alike.
+
+        There a film is squeezed out first, over a length that h, which ends like a root, hardly shows.
+        """
+        away, last = self.place - mesh.nodes, self.place - mesh.edges[-2]
+        return mesh.weights * away * self.place / math.log(2.0 + self.place / last)
+
     def off(self, unit: Mesh, equations: Equations, fields: Fields, sigma: float) -> float:
         """How far ln s is from what it should be."""
         return sigma - math.log(_to_edge(equations, fields) / self.place)

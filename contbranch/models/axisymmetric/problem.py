@@ -219,7 +219,7 @@ class ContactProblem(EquilibriumProblem):
         layered = law is not None and math.isfinite(law.wave)
         self.ordered = not (layered or self.flat or isinstance(front, Edge))
         self._weights = mesh.weights if front is None else front.weights(mesh)
-        self.film = front if isinstance(front, Front) and front.power > 0.0 and equations.softens else None
+        self.film = front if front and (front.power > 0.0 or isinstance(front, Edge)) and equations.softens else None
         self._slopes = self.film.slopes(mesh) if self.film else None
         self._seen: list[tuple[Array, float, Equations, Fields]] = []
         self._corrected: tuple[Array, Solver] | None = None
@@ -770,8 +770,8 @@ class ContactProblem(EquilibriumProblem):
 
         Under a flat tip it is squeezed out next to its edge first.
         """
-        if not self.film:
-            return 0.0
+        if not self.film or isinstance(self.film, Edge):
+            return math.inf if self.film else 0.0
         equations, fields = self.seen(x, p)
         return float(equations.mesh.nodes[fields.pressure > CORE * float(fields.pressure.max())].max(initial=0.0))
 
