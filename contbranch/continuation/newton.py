@@ -22,6 +22,8 @@ PRECISE_TANGENT_DISTANCE = 1e-10
 # Corrections below this (in the metric) may grow once, and tell nothing of how long a step may be: what is stiff in a
 # prediction makes the first one small and the second, of what is soft, larger; the third is their square.
 SMALL = 1e-3
+# Contraction, proportional to the error of a prediction, with which Newton's method still converges well.
+CONTRACTS = 0.3
 # Most corrections of a predicted point; what does not contract is given up earlier.
 ITERATIONS = 10
 # ... and of a start.
@@ -29,12 +31,14 @@ START_ITERATIONS = 50
 
 
 class CorrectionError(Exception):
-    """No corrected point was reached; `outcome` and `detail` say why."""
+    """No corrected point was reached; `outcome` and `detail` say why, `basin` how far it may be for corrections to
+    contract."""
 
-    def __init__(self, outcome: Outcome, detail: str):
+    def __init__(self, outcome: Outcome, detail: str, basin: float = math.inf):
         super().__init__(detail)
         self.outcome = outcome
         self.detail = detail
+        self.basin = basin
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -161,7 +165,9 @@ def correct(
                 done = size <= max(noise, _rounding_floor(problem, rough, p, metric))
             again, slow = slow or size > SMALL, contraction > 0.5
             if not done and ((slow and again) or not math.isfinite(size)):
-                raise CorrectionError(Outcome.STEP_TOO_SMALL, f"(Newton's corrections contract by {contraction:.2g}.)")
+                basin = first * CONTRACTS / contraction
+                text = f"(Newton's corrections contract by {contraction:.2g}.)"
+                raise CorrectionError(Outcome.STEP_TOO_SMALL, text, basin)
             if size > max(SMALL, noise):
                 worst = max(worst, contraction)
         if done:

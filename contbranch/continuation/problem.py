@@ -54,13 +54,14 @@ class Adaptation(NamedTuple):
     transfer : callable, optional
         Carries any vector of states, a tangent for instance, from the old discretisation to the new one.
     moved : callable, optional
-        Carries a state and its tangent, given with the parameter, where that depends on the state.
+        Carries a state and a tangent of the curve there, ``moved(x, p, tangent_x, tangent_p)``, where that depends on
+        the state.
     """
 
     problem: Problem
     x: Array
     transfer: Callable[[Array], Array] | None = None
-    moved: Callable[[Array, Array, float], tuple[Array, Array]] | None = None
+    moved: Callable[[Array, float, Array, float], tuple[Array, Array]] | None = None
 
 
 class Problem(ABC):
@@ -161,6 +162,10 @@ class Problem(ABC):
             If it was not found.
         """
         return None
+
+    def farthest(self, p: float) -> float:
+        """Return the largest change of the parameter in a step from p. Default: infinite."""
+        return math.inf
 
     def corrected(self, x: Array, p: float, solve: Callable[[Array], Array]) -> None:
         """Take note of a point that was found; `solve` gives v with dF/dx v = f there, nearly, at little cost.

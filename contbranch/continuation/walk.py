@@ -106,7 +106,7 @@ def _carry(offer: Adaptation) -> Callable[[Point], Point] | None:
 
     def carry(point: Point) -> Point:
         if moved is not None:
-            x, tangent = moved(point.x, point.tangent_x, point.parameter)
+            x, tangent = moved(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
         elif transfer is not None:
             x, tangent = transfer(point.x), transfer(point.tangent_x)
         return replace(point, problem=offer.problem, x=x, tangent_x=tangent)
@@ -116,6 +116,9 @@ def _carry(offer: Adaptation) -> Callable[[Point], Point] | None:
 
 def _direction(point: Point, offer: Adaptation, metric: Metric) -> Direction:
     """Return the old tangent on the new discretisation, or a new tangent oriented like the old one."""
+    if offer.moved is not None:
+        along = point.tangent_x, point.tangent_parameter
+        return offer.moved(point.x, point.parameter, *along)[1], point.tangent_parameter
     if offer.transfer is not None:
         return offer.transfer(point.tangent_x), point.tangent_parameter
     if offer.x.shape == point.x.shape:

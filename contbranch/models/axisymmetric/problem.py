@@ -87,7 +87,7 @@ ABRUPT = 0.1
 SOFTER = 0.05
 # ... and that of the interaction at the start where it ends with a kink.
 NEXT_TO_NOTHING = 1e-12
-# Steps of the gap far away in units of the wavelength of layers.
+# Steps of the gap in units of the wavelength of layers.
 LONGEST_IN_LAYERS = 0.15
 # Changes of h small against the range of the interaction, over the width √(2 range), do not matter for the steps.
 STATE_FLOOR = 0.3
@@ -317,6 +317,18 @@ class ContactProblem(EquilibriumProblem):
         spread = self.front.power * h - (mesh.nodes * mesh.derivative(h) if through else 0.0)
         return self.growth(x) * np.asarray(x_rate[:-1] + spread * x_rate[-1])
 
+    def following(self, x_rate: Array, x: Array, p: float, p_rate: float) -> Array:
+        """The same direction as one that goes with a mesh at rest, with the mesh moving as its front does."""
+        if self.front is None:
+            return x_rate
+        (equations, fields), mesh, h = self.seen(x, p), self.equations.mesh, x[:-1]
+        taken = mesh.nodes * mesh.derivative(h) - self.front.power * h
+        along, stretched, ahead = self.front.derivatives(mesh, equations, fields)
+        along *= self.growth(x)
+        off = along @ x_rate[:-1] + ahead * self.scale * math.cosh(p) * p_rate
+        rate = -float(off / (along @ taken + stretched))
+        return np.append(x_rate[:-1] + rate * taken, rate)
+
     def still(self, x: Array) -> tuple[ContactProblem, Array]:
         """The problem on the mesh of a state, which stays as it is, and the state."""
         if self.front is None:
@@ -421,17 +433,19 @@ class ContactProblem(EquilibriumProblem):
         return 0.0, self.parameter(coordinate.of(extent, 0.0)) if math.isfinite(extent) else math.inf
 
     def steps(self, start: Point) -> Options:
-        """Far away a step may be long, since the elastic body answers little; not so long as to miss a layer."""
+        """Far away a step may be long, since the elastic body answers little."""
         floor = STATE_FLOOR * self.scale * (2 * self.scale) ** 0.25
         if self.film:
             rough = start.x * (-1.0) ** np.arange(start.x.size)
             floor = max(floor, LOUD * np.finfo(float).eps * math.sqrt(self.inner(rough, rough)))
-        steps = replace(STEPS, state_floor=floor, noise=NOISE)
-        law, u = self.equations.interaction, start.parameter
-        if law is None or not math.isfinite(law.wave) or u == 0.0:
-            return steps
-        longest = LONGEST_IN_LAYERS * law.wave / (self.scale * math.cosh(u) * abs(u))
-        return replace(steps, largest_parameter_step=min(steps.largest_parameter_step, longest))
+        return replace(STEPS, state_floor=floor, noise=NOISE)
+
+    def farthest(self, p: float) -> float:
+        """Not so far as to miss a layer."""
+        law = self.equations.interaction
+        if law is None or self.equations.contact:
+            return math.inf
+        return LONGEST_IN_LAYERS * law.wave / (self.scale * math.cosh(p))
 
     def margins(self, x: Array, p: float) -> Mapping[str, float]:
         """Whether a disc is right: smallest gap outside and wall pressure inside, in the interaction's own units."""
@@ -718,8 +732,9 @@ class ContactProblem(EquilibriumProblem):
         if front is not self.front:
             problem, start = problem.anchored(front, start, p)
 
-            def moved(x: Array, tangent: Array, p: float) -> tuple[Array, Array]:
-                return self.carried(x, x, p, problem), self.carried(tangent, x, p, problem)
+            def moved(x: Array, p: float, x_rate: Array, p_rate: float) -> tuple[Array, Array]:
+                state, rate = self.carried(x, x, p, problem), self.carried(x_rate, x, p, problem)
+                return state, problem.following(rate, state, p, p_rate)
 
         elif front is None:
             transfer = self.equations.mesh.sampler(problem.equations.mesh.nodes)
