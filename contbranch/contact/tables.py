@@ -23,8 +23,8 @@ _SCATTER_ROWS = 12
 _SEEN = 3.0  # standard deviations by which values of such a table differ from nothing
 _FADING = 5  # order with which it vanishes
 _TAIL = 10.0  # weight of what is beyond such a table
-# Places on a piece at which turns are looked for; of a law taken as the exponential of a spline, how soon its slope comes
-# to rest beyond the table, ln of what is nothing, and pieces in units of its decay.
+# Places on a piece at which turns are looked for; of a law taken as the exponential of a spline, how soon its slope
+# comes to rest beyond the table, ln of what is nothing, and pieces in units of its decay.
 _LOOKS, _STRAIGHTER, _NOTHING, _FINE = 8, 0.25, 41.0, 8.0
 _DECAYED = 0.01  # a law whose table ends below this part of its maximum is taken to zero
 
@@ -89,18 +89,24 @@ class Table(NamedTuple):
 
 def scatter_of(places: Array, values: Array) -> float:
     """Return the standard deviation of what makes values scatter; 0 where they are smooth."""
+    return scattered(places, values)[0]
+
+
+def scattered(places: Array, values: Array) -> tuple[float, float]:
+    """Return the same, and how much larger than the median the mean of it is: more where it is not alike everywhere."""
     count = values.size - 4
     if values.size < _SCATTER_ROWS:
-        return 0.0
+        return 0.0, math.inf
     differences = np.empty(count)
     for row in range(count):  # the fourth divided difference, as a sum with weights of square sum 1
         x = places[row : row + 5]
         weights = 1.0 / np.prod(x[:, None] - x + np.eye(5), axis=1)
         differences[row] = weights @ values[row : row + 5] / np.linalg.norm(weights)
-    scatter = float(np.median(np.abs(differences))) / 0.6745
+    median, mean = float(np.median(np.abs(differences))), float(np.mean(np.abs(differences)))
+    scatter = median / 0.6745
     alternating = np.mean(differences[1:] * differences[:-1] < 0.0)
     smooth = alternating < _ALTERNATING or scatter < _SCATTERED * np.max(np.abs(values))
-    return 0.0 if smooth else scatter
+    return (0.0, math.inf) if smooth else (scatter, mean / median)
 
 
 def _smoothing(
@@ -178,7 +184,7 @@ def _exponential(gaps: Array, values: Array, scatter: float, degree: int) -> sci
     knots = np.append(np.concatenate(starts), last)
     s, first, second, third = rates(knots)
     ratios = [np.ones_like(s), first, second + first**2, third + 3 * first * second + first**3]
-    derivatives = (np.sign(values[0]) * np.exp(s) * np.array(ratios[: (degree + 3) // 2])).T
+    derivatives = (np.sign(values[0]) * np.exp(s) * np.array(ratios[: (degree + 4) // 2])).T
     return scipy.interpolate.PPoly.from_bernstein_basis(scipy.interpolate.BPoly.from_derivatives(knots, derivatives))
 
 
@@ -213,7 +219,7 @@ def energy_of_table(gaps: Array, values: Array, kind: str) -> Table:
     tail = _to_zero(float(gaps[-1]), float(gaps[-2]), derivatives)
     pieces = _fading(gaps, values, scatter, tail) if scatter else _joined(_pieces(spline), tail)
     if kind == "energies" and values[0]:
-        smooth = (_exponential(*told, scatter, degree) for degree in (5, 3))
+        smooth = (_exponential(*told, scatter, degree) for degree in (5, 4, 3))
         pieces = min([*filter(None, smooth), pieces], key=_turns)
     if kind == "pressures":
         integral = pieces.antiderivative()
