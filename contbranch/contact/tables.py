@@ -23,6 +23,9 @@ _SCATTER_ROWS = 12
 _SEEN = 3.0  # standard deviations by which values of such a table differ from nothing
 _FADING = 5  # order with which it vanishes
 _TAIL = 10.0  # weight of what is beyond such a table
+# Places on a piece at which turns are looked for; of a law taken as the exponential of a spline, how soon its slope
+# comes to rest beyond the table, ln of what is nothing, and pieces in units of its decay.
+_LOOKS, _STRAIGHTER, _NOTHING, _FINE = 8, 0.25, 41.0, 8.0
 _DECAYED = 0.01  # a law whose table ends below this part of its maximum is taken to zero
 
 
@@ -86,18 +89,24 @@ class Table(NamedTuple):
 
 def scatter_of(places: Array, values: Array) -> float:
     """Return the standard deviation of what makes values scatter; 0 where they are smooth."""
+    return scattered(places, values)[0]
+
+
+def scattered(places: Array, values: Array) -> tuple[float, float]:
+    """Return the same, and how much larger than the median the mean of it is: more where it is not alike everywhere."""
     count = values.size - 4
     if values.size < _SCATTER_ROWS:
-        return 0.0
+        return 0.0, math.inf
     differences = np.empty(count)
     for row in range(count):  # the fourth divided difference, as a sum with weights of square sum 1
         x = places[row : row + 5]
         weights = 1.0 / np.prod(x[:, None] - x + np.eye(5), axis=1)
         differences[row] = weights @ values[row : row + 5] / np.linalg.norm(weights)
-    scatter = float(np.median(np.abs(differences))) / 0.6745
+    median, mean = float(np.median(np.abs(differences))), float(np.mean(np.abs(differences)))
+    scatter = median / 0.6745
     alternating = np.mean(differences[1:] * differences[:-1] < 0.0)
     smooth = alternating < _ALTERNATING or scatter < _SCATTERED * np.max(np.abs(values))
-    return 0.0 if smooth else scatter
+    return (0.0, math.inf) if smooth else (scatter, mean / median)
 
 
 def _smoothing(
@@ -128,6 +137,57 @@ def _pieces(spline: scipy.interpolate.BSpline) -> scipy.interpolate.PPoly:
     return scipy.interpolate.PPoly(pieces.c[:, np.diff(pieces.x) > 0], np.unique(pieces.x))
 
 
+def _turns(pieces: scipy.interpolate.PPoly) -> int:
+    """Return how often the pressure of a law turns up to where it ends."""
+    gaps = np.linspace(pieces.x[:-1], pieces.x[1:], _LOOKS, endpoint=False).T.ravel()
+    return int(np.count_nonzero(np.diff(np.sign(np.diff(pieces(gaps, 1))))))
+
+
+def _exponential(gaps: Array, values: Array, scatter: float, degree: int) -> scipy.interpolate.PPoly | None:
+    """Return ±exp s as pieces, s a spline through logarithms of energies that goes on ever straighter beyond them.
+
+    None where energies change sign, or do not fall in the end. Laws that decay are far from polynomials, but not their
+    logarithms: a spline of these neither swings between coarse rows nor has a sign of its own where it has decayed.
+    """
+    own = values * np.sign(values[0])
+    count = int(np.argmax(np.append(own, -1.0) <= _SEEN * scatter))
+    if count <= degree or own[count:].min(initial=0.0) < -2.0 * _SEEN * scatter:
+        return None
+    places, seen = gaps[:count], own[:count]
+    if scatter:
+        spline = scipy.interpolate.BSpline(
+            *scipy.interpolate.splrep(places, np.log(seen), seen / scatter, k=degree, s=count)
+        )
+    else:
+        spline = scipy.interpolate.make_interp_spline(places, np.log(seen), k=degree)
+    end = float(places[-1])
+    level, slope, bow = (float(spline(end, order)) for order in range(3))
+    if not slope < 0.0:
+        return None
+    length = -_STRAIGHTER * slope / max(abs(bow), 1e-9 * slope**2)
+    last = end - max(level - math.log(seen[0]) + _NOTHING, 1.0) / (slope + bow * length)
+
+    def rates(at: Array) -> Array:  # s and its derivatives
+        fade = np.exp(-(at - end) / length)
+        straight = np.array([
+            level + slope * (at - end) + bow * length * (at - end - length * (1.0 - fade)),
+            slope + bow * length * (1.0 - fade), bow * fade, -bow / length * fade,
+        ])  # fmt: skip
+        inside = np.minimum(at, end)
+        return np.where(at < end, [spline(inside, order) for order in range(4)], straight)
+
+    coarse = np.append(np.unique(spline.t), np.linspace(end, last, 20)[1:])
+    steep = np.abs(rates(coarse)[1])
+    steep = np.maximum(steep[1:], steep[:-1]) + np.sqrt(np.abs(rates((coarse[1:] + coarse[:-1]) / 2)[2]))
+    counts = np.ceil(_FINE * np.diff(coarse) * steep).astype(int) + 1
+    starts = [np.linspace(a, b, n, endpoint=False) for a, b, n in zip(coarse[:-1], coarse[1:], counts, strict=True)]
+    knots = np.append(np.concatenate(starts), last)
+    s, first, second, third = rates(knots)
+    ratios = [np.ones_like(s), first, second + first**2, third + 3 * first * second + first**3]
+    derivatives = (np.sign(values[0]) * np.exp(s) * np.array(ratios[: (degree + 4) // 2])).T
+    return scipy.interpolate.PPoly.from_bernstein_basis(scipy.interpolate.BPoly.from_derivatives(knots, derivatives))
+
+
 def energy_of_table(gaps: Array, values: Array, kind: str) -> Table:
     """Return the law of a table.
 
@@ -140,6 +200,7 @@ def energy_of_table(gaps: Array, values: Array, kind: str) -> Table:
     kind
         Which of the two.
     """
+    told = gaps, values
     if scatter := scatter_of(gaps, values):
         spline = _smoothing(gaps, values, gaps.size * scatter**2, np.ones_like(gaps))
         ends = int(np.flatnonzero(np.abs(spline(gaps)) > _SEEN * scatter)[-1]) + 1
@@ -157,6 +218,9 @@ def energy_of_table(gaps: Array, values: Array, kind: str) -> Table:
     derivatives = (level, slope, *higher)[: 3 if scatter else spline.k]
     tail = _to_zero(float(gaps[-1]), float(gaps[-2]), derivatives)
     pieces = _fading(gaps, values, scatter, tail) if scatter else _joined(_pieces(spline), tail)
+    if kind == "energies" and values[0]:
+        smooth = (_exponential(*told, scatter, degree) for degree in (5, 4, 3))
+        pieces = min([*filter(None, smooth), pieces], key=_turns)
     if kind == "pressures":
         integral = pieces.antiderivative()
         pieces = scipy.interpolate.PPoly(-integral.c, integral.x)

@@ -13,7 +13,7 @@ import scipy
 from numpy.typing import ArrayLike
 
 from contbranch.arrays import Array
-from contbranch.contact.tables import columns, increasing_from_zero
+from contbranch.contact.tables import columns, increasing_from_zero, scattered
 from contbranch.contact.tip_shape import Tip, gauss_rule
 from contbranch.errors import InputError
 
@@ -22,8 +22,36 @@ __all__ = ["Profile"]
 End = Literal["not-a-knot", "clamped", "natural"]
 
 _MOST_ROWS = 1000  # the fit solves a dense system of that order
+# Degree of the polynomials that take the place of heights which scatter; the table's length in units of ρ there,
+# and the mean square in units of the scatter's above which they miss the tip.
+_DEGREE, _BEND, _MISFIT = 6, 4.0, 4.0
 _QUARTER = 0.5 * math.pi
 _FAR = 3.0  # beyond this multiple of the table's last radius
+
+
+def _smoothed(radii: Array, heights: Array, power: float) -> tuple[Array, str]:
+    """Return heights without their scatter, be it that of heights or of their logarithms, and that in words.
+
+    What is smoothed is ln z/r^n as a function of ln(1 + (r/ρ)^n): constant around the apex, and nearly straight where
+    the tip is another power of r farther out. A polynomial will do, unless it leaves more than scatter.
+    """
+    places, logarithms = radii[1:], np.log(heights[1:] / radii[1:] ** power)
+    (own, uneven), (relative, other) = scattered(radii, heights), scattered(places, logarithms)
+    if not (own or relative):
+        return heights, ""
+    told, weights = f"{own:.2g}", heights[1:] / max(own, 1e-300)
+    if not own or (relative and other < uneven):
+        told, weights = f"{relative:.2g} of themselves", np.full_like(places, 1.0 / relative)
+    x = np.log1p((_BEND * places / places[-1]) ** power)
+    fits = [np.polynomial.Polynomial.fit(x, logarithms, degree, w=weights)(x) for degree in range(_DEGREE + 1)]
+    off = [float(np.sum((weights * (fit - logarithms)) ** 2)) for fit in fits]
+    # Schwarz's criterion: another power has to bring more than scatter alone would
+    best = int(np.argmin(x.size * np.log(off) + math.log(x.size) * np.arange(_DEGREE + 1)))
+    smooth = fits[best]
+    if off[best] > _MISFIT * x.size:
+        smooth = scipy.interpolate.splev(x, scipy.interpolate.splrep(x, logarithms, weights, k=3, s=x.size))
+    heights = np.append(0.0, places**power * np.exp(smooth))
+    return heights, f"the table of heights scatters by {told} and is smoothed"
 
 
 def _fit(radii: Array, heights: Array, sharp: bool, end: End) -> scipy.interpolate.PPoly:
@@ -115,7 +143,8 @@ class Profile(Tip):
 
     Notes
     -----
-    ζ is the cubic spline with knots at the radii whose tip has exactly the heights given. Beyond the last radius ζ goes
+    ζ is the cubic spline with knots at the radii whose tip has exactly the heights given; heights that scatter are
+    smoothed as far as their scatter goes. Beyond the last radius ζ goes
     on with its last curvature (as for a parabola), or straight (as for a cone) where that would be negative.
     """
 
@@ -126,6 +155,7 @@ class Profile(Tip):
     heights: tuple[float, ...]
     apex: str = "smooth"
     _spline: scipy.interpolate.PPoly = field(init=False, repr=False, compare=False)
+    _told: str = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         if self.apex not in ("smooth", "sharp"):
@@ -135,6 +165,8 @@ class Profile(Tip):
         if radii.size > _MOST_ROWS:
             raise InputError(f"radii: {radii.size} entries; must be at most {_MOST_ROWS}: thin out the table")
         sharp = self.apex == "sharp"
+        heights, told = _smoothed(radii, heights, self.apex_exponent)
+        object.__setattr__(self, "_told", told)
         pieces = _fit(radii, heights, sharp, "not-a-knot")
         if pieces(radii[-1], 2) < 0.0:  # would bend down beyond the table: let it end straight
             pieces = _fit(radii, heights, sharp, "natural")
@@ -153,6 +185,11 @@ class Profile(Tip):
     def _jumps(self) -> Array:
         """(n-1,) the jumps J of ζ's third derivative at all radii b > 0: a cubic J (t-b)³/6 is added there."""
         return np.diff(_third_derivatives(self._spline))
+
+    @property
+    def limitation(self) -> str:
+        """By how much the heights scatter."""
+        return self._told
 
     @property
     def apex_exponent(self) -> float:

@@ -117,7 +117,7 @@ class Reached(Event):
 
 
 class Ceiling(Event):
-    """The end of a trace: in contact, a control comes up to a value, which events may raise.
+    """The end of a trace: in contact, or in a film that stays, a control comes up to a value, which events may raise.
 
     Parameters
     ----------
@@ -147,7 +147,7 @@ class Ceiling(Event):
     def happenings(self, segment: Segment, previous: Segment | None, options: Options) -> list[Happening]:
         """The first passage from below, in contact; beyond the value already, where it rises."""
         begin, end = segment.begin, segment.end
-        if end.observables["contact_radius"] == 0.0 or self.value(end) < 0.0:
+        if self.value(end) < 0.0 or not (end.observables["contact_radius"] or equilibrium(end).endures(end)):
             return []
         arrive = self._rate(end)
         if self.value(begin) >= 0.0:

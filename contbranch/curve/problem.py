@@ -291,8 +291,12 @@ class EquilibriumProblem(Problem):
         return None
 
     def ending(self, name: str, point: Point) -> str:
-        """Why a curve that ends at a point is incomplete; `name` is a margin, or empty if it could not be followed."""
+        """Why a curve ends at a point; `name` is a margin, "end", or empty if it could not be followed."""
         return ""
+
+    def endures(self, point: Point) -> bool:
+        """Whether no load that can be computed leads from a state without contact to a fold, or to contact."""
+        return False
 
     @property
     def cornered(self) -> bool:

@@ -158,7 +158,9 @@ class _Tracing:
         problem, name = equilibrium(last), _stopped(branch)
         if name == self.end.name:
             self.complete = True
-            message = problem.ending(name, last) if problem.given else ""
+            message = problem.ending(name, last)
+            if not problem.given:
+                self.message = message
             self.marks.append(Mark(len(self.points) - 1, "end", last, message=message))
             return None
         if over():

@@ -54,6 +54,34 @@ def test_limits_of_stiff_films(law, strongest, spreads):
         assert 0.0 < excess * tabor**2 < allowed
 
 
+def test_films_under_cones_stay():
+    """The pressure of a cone at its apex, ln(2c/ℓ)/2 with ℓ ~ 1/(2 μ_T²), reaches a law's largest, μ_T, at e^(4μ_T)."""
+    laws = {tabor: cb.Exponential(-1.0, 1.0 / tabor) for tabor in (4.0, 5.0, 12.0)}
+    found = {tabor: cb.trace(cb.Contact(cb.Cone(1.0), law), accuracy=1e-4) for tabor, law in laws.items()}
+    near, far = (found[tabor].thresholds["touch_load"] * tabor**4 / math.exp(4 * tabor) for tabor in (4.0, 5.0))
+    assert near == pytest.approx(far, rel=0.1)
+    stays, branch = found[12.0], found[12.0].branches[0]
+    assert (stays.status, branch.load[-1], branch.contact_radius[-1]) == ("complete", pytest.approx(10.0), 0.0)
+    assert "The film stays" in stays.message
+    ridden = branch.displacement[-1] + branch.central_gap[-1]  # Sneddon's cone: F = (2/π) d²
+    assert branch.load[-1] == pytest.approx(2 / math.pi * ridden**2, rel=0.2)
+
+
+def test_kink_under_cone():
+    """Next to where a law ends, meshes stay as long as the interaction is felt: F → 2π ∫ p r dr of the bare tip."""
+
+    class Ramp(cb.Interaction):
+        def shape(self, x):
+            left = np.maximum(1 - x / 2, 0.0)
+            return left**2, -left, np.where(x < 2, 0.5, 0.0)
+
+    tabor = 30.0
+    branch = cb.trace(cb.Contact(cb.Cone(1.0), Ramp(-1.0, 1 / tabor)), accuracy=1e-4).branches[0]
+    depth = 2 / tabor + branch.displacement
+    early = (depth > 0.0) & (depth < 0.02 / tabor)
+    assert branch.load[early] == pytest.approx(math.pi / 6 * tabor**2 * depth[early] ** 3, rel=0.05, abs=1e-9)
+
+
 @pytest.mark.parametrize("exponent", [1.5, 1.7, 1.999])
 @pytest.mark.parametrize(("tabor", "allowed"), [(10.0, 0.05), (40.0, 0.004)])
 def test_touch_under_power_laws(exponent, tabor, allowed):

@@ -12,7 +12,7 @@ from contbranch.arrays import Array, Indices
 from contbranch.curve.problem import Defect
 from contbranch.models.quadrature import gauss_between
 
-from .equations import Equations, Fields
+from .equations import Equations, Fields, felt
 from .mesh import Mesh
 
 __all__ = ["Solver", "adapted_edges", "defect_error", "needed_reach", "panel_errors", "roughness"]
@@ -137,7 +137,8 @@ def needed_reach(equations: Equations, fields: Fields, tolerance: float) -> floa
     `tolerance`.
 
     The load beyond the mesh is taken into account with the undeformed tip's gap. What is left out is its change by the
-    tip's deformation, and the displacement that the pressure out there causes inside.
+    tip's deformation, and the displacement that the pressure out there causes inside. Without contact,
+    from within the radius over which the interaction is felt, the load beyond is not known.
     """
     mesh = equations.mesh
     if equations.interaction is None:
@@ -147,10 +148,11 @@ def needed_reach(equations: Equations, fields: Fields, tolerance: float) -> floa
     response = 2 * (fields.rim.radius + np.sqrt(2 * length))
     left_out = carried + response * mesh.nodes * np.abs(fields.pressure)
     beyond = np.flatnonzero(~(left_out <= tolerance))
-    if len(beyond) == 0:
-        return float(mesh.edges[1])
-    last = int(beyond[-1])
-    return float(mesh.nodes[last + 1]) if last + 1 < mesh.size else 1.5 * float(mesh.edges[-1])
+    last = int(beyond[-1]) if len(beyond) else -1
+    if last + 1 == mesh.size:
+        return 1.5 * float(mesh.edges[-1])
+    least = 0.0 if equations.contact else min(float(mesh.edges[-1]), felt(equations.tip, equations.interaction))
+    return max(float(mesh.nodes[last + 1]) if len(beyond) else float(mesh.edges[1]), least)
 
 
 def adapted_edges(

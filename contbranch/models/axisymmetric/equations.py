@@ -28,7 +28,7 @@ from contbranch.models.quadrature import chebyshev_values, gauss
 from .mesh import Mesh
 from .rim import Rim
 
-__all__ = ["RECENT", "ContactCoordinate", "Equations", "Fields"]
+__all__ = ["RECENT", "ContactCoordinate", "Equations", "Fields", "felt"]
 
 Array = NDArray[np.float64]
 
@@ -539,6 +539,11 @@ class Equations:
         matrix = scaled.T @ (stiffness[:, None] * scaled)
         matrix.flat[:: mesh.size + 1] += 1.0 + least
         return negative_eigenvalues(matrix)
+
+
+def felt(tip: Tip, law: Interaction | None) -> float:
+    """Radius over which an interaction is felt; 0 without."""
+    return 0.0 if law is None else tip.radius_at(min(term.range for term in law.terms))
 
 
 def upper_times_lower(upper: Array, lower: Array, block: int) -> Array:

@@ -16,13 +16,11 @@ from typing import ClassVar
 import numpy as np
 
 from contbranch.arrays import Array
-from contbranch.contact.interactions import Interaction
-from contbranch.contact.tips import Tip
 
 from .equations import Equations, Fields
 from .mesh import Mesh
 
-__all__ = ["Edge", "Front", "Kink", "felt", "steepest"]
+__all__ = ["Edge", "Front", "Kink", "steepest"]
 
 # A front begins where the pressure changes by more than this multiple of its largest value over its distance from the
 # rim, ends where it changes by less than the second, and is moved where its own change is below this share.
@@ -214,11 +212,6 @@ def _to_edge(equations: Equations, fields: Fields) -> float:
     """Distance rho of the tip's edge from the rim."""
     extent, a = equations.tip.extent, fields.rim.radius
     return math.sqrt(max((extent - a) * (extent + a), 1e-300))
-
-
-def felt(tip: Tip, law: Interaction | None) -> float:
-    """Radius over which an interaction is felt; 0 without."""
-    return 0.0 if law is None else tip.radius_at(min(term.range for term in law.terms))
 
 
 def steepest(seen: tuple[Equations, Fields], present: Front | None, unit: Mesh, radius: float) -> Front | None:

@@ -49,8 +49,8 @@ from contbranch.watch import check
 
 from .adapt import Solver, adapted_edges, defect_error, needed_reach, panel_errors, roughness
 from .azimuthal import counted, eigenvalues, mode_shape
-from .equations import RECENT, ContactCoordinate, Equations, Fields
-from .front import Edge, Front, Kink, felt, steepest
+from .equations import RECENT, ContactCoordinate, Equations, Fields, felt
+from .front import Edge, Front, Kink, steepest
 from .mesh import Mesh, mesh_on
 from .profile import profile_of
 from .relaxation import Release
@@ -135,6 +135,10 @@ INDIFFERENT = 1e-6
 LOUD = 1e5
 # A film has to be smooth as far as it bears this share of its largest pressure.
 CORE = 0.7
+# ln of the multiple of its load up to which a film is followed to its next fold, or to contact; gaps at which its
+# pressure is looked at.
+BEYOND, BARRIER = math.log(1e9), 400
+ENDURES = "The film stays: under so sharp a tip, the load at which it is squeezed out is more than 1e9 times larger."
 # At first touch a mesh aims at this share of the tolerance, since tiny contacts ask for more than the touch itself.
 AHEAD = 0.1
 
@@ -602,6 +606,8 @@ class ContactProblem(EquilibriumProblem):
 
     def ending(self, name: str, point: Point) -> str:
         """Why the curve ends."""
+        if name == "end":
+            return "" if self.equations.contact else ENDURES
         if name == "inadmissible":
             return (
                 "The branch ends where the contact set stops being a disc: the gap would close outside the contact, or "
@@ -618,6 +624,22 @@ class ContactProblem(EquilibriumProblem):
         if max(fields.rim.radius, float(felt.max(initial=0.0))) < 0.9 * tip.extent:
             return ""
         return "The contact, or the interaction around it, has reached the end of the tip."
+
+    def endures(self, point: Point) -> bool:
+        """Whether the film's next greatest pressure is out of reach: under a cone it is a logarithm of the load.
+
+        Under a tip like r^n the pressure in the middle grows with the power (n − 1)/(n + 1) of the load.
+        """
+        (equations, fields), law = self.seen(point.x, point.parameter), self.equations.interaction
+        if equations.contact or law is None or equations.load(fields) <= 0.0:
+            return False
+        along = self.rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
+        inwards = law.evaluate(np.linspace(-fields.y, 0.0, BARRIER))
+        rate = -float(inwards.stiffness[0]) * along.central_gap * equations.load(fields) / along.load
+        falls = np.flatnonzero(np.diff(inwards.pressure) < 0.0)
+        left = float(inwards.pressure[falls[0] if falls.size else -1] - inwards.pressure[0])
+        power = (equations.tip.apex_exponent - 1.0) / (equations.tip.apex_exponent + 1.0)
+        return rate > 0.0 and left > rate * (math.expm1(power * BEYOND) / power if power else BEYOND)
 
     def before(self, control: Control, value: float) -> Point | None:
         """Out there the tip feels next to nothing: its displacement is minus the gap, and so is a spring's position."""
