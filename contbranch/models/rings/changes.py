@@ -186,7 +186,7 @@ def seeded(point: Point, breach: Breach) -> Point:
 
 
 def passed(point: Point, region: int | None) -> tuple[Point, bool]:
-    """The state without a region, by default the one that has all but vanished, oriented as before, and whether a jump takes its place.
+    """The state without a region, by default the one that has all but vanished, and whether a jump takes its place.
 
     Raises
     ------
