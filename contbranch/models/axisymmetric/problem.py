@@ -628,7 +628,8 @@ class ContactProblem(EquilibriumProblem):
     def endures(self, point: Point) -> bool:
         """Whether the film's next greatest pressure is out of reach: under a cone it is a logarithm of the load.
 
-        Under a tip like r^n the pressure in the middle grows with the power (n − 1)/(n + 1) of the load.
+        Under a tip like r^n the pressure in the middle grows with the power (n − 1)/(n + 1) of the load; under a cone of
+        slope z′ by z′E/4 with every factor e (I. N. Sneddon, Int. J. Eng. Sci. 3 (1965) 47), if not by more as yet.
         """
         (equations, fields), law = self.seen(point.x, point.parameter), self.equations.interaction
         if equations.contact or law is None or equations.load(fields) <= 0.0:
@@ -636,10 +637,12 @@ class ContactProblem(EquilibriumProblem):
         along = self.rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
         inwards = law.evaluate(np.linspace(-fields.y, 0.0, BARRIER))
         rate = -float(inwards.stiffness[0]) * along.central_gap * equations.load(fields) / along.load
+        tip = equations.tip
+        rate = max(rate, float(tip.height_derivative(np.float64(felt(tip, law)))) / 4)
         falls = np.flatnonzero(np.diff(inwards.pressure) < 0.0)
         left = float(inwards.pressure[falls[0] if falls.size else -1] - inwards.pressure[0])
-        power = (equations.tip.apex_exponent - 1.0) / (equations.tip.apex_exponent + 1.0)
-        return rate > 0.0 and left > rate * (math.expm1(power * BEYOND) / power if power else BEYOND)
+        power = (tip.apex_exponent - 1.0) / (tip.apex_exponent + 1.0)
+        return left > rate * (math.expm1(power * BEYOND) / power if power else BEYOND)
 
     def before(self, control: Control, value: float) -> Point | None:
         """Out there the tip feels next to nothing: its displacement is minus the gap, and so is a spring's position."""

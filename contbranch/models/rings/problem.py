@@ -112,8 +112,8 @@ class RingProblem(RingEquations):
         if not moves:
             return Adaptation(other, start, lambda vector: self.carried(vector, x, p, other))
 
-        def moved(x: Array, tangent: Array, p: float) -> tuple[Array, Array]:
-            return self.carried(x, x, p, other), self.carried(tangent, x, p, other)
+        def moved(x: Array, p: float, x_rate: Array, p_rate: float) -> tuple[Array, Array]:
+            return self.carried(x, x, p, other), self.carried(x_rate, x, p, other)
 
         return Adaptation(other, start, moved=moved)
 
