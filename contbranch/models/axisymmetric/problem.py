@@ -47,7 +47,7 @@ from contbranch.models.quadrature import start_edges
 from contbranch.results.diagram import ModeShape, Profile
 from contbranch.watch import check
 
-from .adapt import Solver, adapted_edges, defect_error, needed_reach, panel_errors, roughness
+from .adapt import CORE, Solver, adapted_edges, defect_error, needed_reach, panel_errors, roughness
 from .azimuthal import counted, eigenvalues, mode_shape
 from .equations import RECENT, ContactCoordinate, Equations, Fields
 from .front import Edge, Front, Kink, felt, steepest
@@ -133,8 +133,6 @@ WHOLE, OUTERMOST = 0.999, 0.9
 INDIFFERENT = 1e-6
 # Changes of the state are measured in at least this multiple of the rounding errors of its slopes.
 LOUD = 1e5
-# A film has to be smooth as far as it bears this share of its largest pressure.
-CORE = 0.7
 # At first touch a mesh aims at this share of the tolerance, since tiny contacts ask for more than the touch itself.
 AHEAD = 0.1
 
