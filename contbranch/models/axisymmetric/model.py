@@ -13,8 +13,9 @@ from .problem import ROW_SAFETY, ContactProblem, first_problem
 
 __all__ = ["Axisymmetric"]
 
-# Meshes of a trace need not be as fine as those of its events, which are located anew.
-TRACE_TOLERANCE = 1e-6
+# Meshes of a trace need not be as fine as those of its events, which are located anew; coarser ones than the second
+# show events that are none, and hide others.
+TRACE_TOLERANCE, COARSEST = 1e-6, 1e-5
 
 
 @dataclass(frozen=True)
@@ -42,4 +43,4 @@ class Axisymmetric:
 
     def problem(self, contact: Contact, accuracy: float) -> ContactProblem:
         """The equilibria of a reduced contact: the problem at which its curve starts."""
-        return first_problem(contact, accuracy, max(TRACE_TOLERANCE, accuracy) / ROW_SAFETY)
+        return first_problem(contact, accuracy, min(max(TRACE_TOLERANCE, accuracy), COARSEST) / ROW_SAFETY)

@@ -47,7 +47,7 @@ from contbranch.models.quadrature import start_edges
 from contbranch.results.diagram import ModeShape, Profile
 from contbranch.watch import check
 
-from .adapt import Solver, adapted_edges, defect_error, needed_reach, panel_errors, roughness
+from .adapt import CORE, Solver, adapted_edges, defect_error, needed_reach, panel_errors, roughness
 from .azimuthal import counted, eigenvalues, mode_shape
 from .equations import RECENT, ContactCoordinate, Equations, Fields, felt
 from .front import Edge, Front, Kink, steepest
@@ -628,8 +628,8 @@ class ContactProblem(EquilibriumProblem):
     def endures(self, point: Point) -> bool:
         """Whether the film's next greatest pressure is out of reach: under a cone it is a logarithm of the load.
 
-        Under a tip like r^n the pressure in the middle grows with the power (n − 1)/(n + 1) of the load; under a cone of
-        slope z′ by z′E/4 with every factor e (I. N. Sneddon, Int. J. Eng. Sci. 3 (1965) 47), if not by more as yet.
+        Under a tip like r^n the pressure in the middle grows with the power (n − 1)/(n + 1) of the load; under a cone
+        of slope z′ by z′E/4 with every factor e (I. N. Sneddon, Int. J. Eng. Sci. 3 (1965) 47), if not by more as yet.
         """
         (equations, fields), law = self.seen(point.x, point.parameter), self.equations.interaction
         if equations.contact or law is None or equations.load(fields) <= 0.0:

@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from contbranch.arrays import Array
+from contbranch.models.axisymmetric.adapt import CORE, SMOOTH
 from contbranch.models.quadrature import start_edges
 
 from .equations import Fields, RingEquations
@@ -24,8 +25,8 @@ GRADING = 0.3
 # ... but not below this share of the piece: a pressure that answers a given gap is determined the worse the narrower
 # the panels.
 FINEST = 0.05
-# ... nor below this one next to a front.
-AT_FRONT = 0.01
+# ... or this one, where it is the law's.
+FLOATING = 2e-3
 # Neighbouring panels differ by no more than this factor in their outer ends.
 GROWTH = 3.0
 # Tail of a pressure at rest as a share of the largest in its region, beyond which a panel is split whatever it bears; a
@@ -146,6 +147,17 @@ def unresolved(problem: RingEquations, fields: Fields) -> Array:
     return found
 
 
+def roughness(fields: Fields) -> Array:
+    """Tails of v'' where a film bears much as shares of its largest value, in units of what is smooth, (P,).
+
+    As on a disc: where the film gives way next says no load.
+    """
+    grid, largest = fields.grid, float(fields.pressure.max(initial=0.0))
+    tails = np.abs(grid.coefficients(fields.stiffness)[:, -2:]).max(axis=1)
+    bears = (fields.pressure > CORE * largest).reshape(grid.count, -1).any(axis=1) & (largest > 0.0)
+    return np.where(bears, tails, 0.0) / (SMOOTH * max(float(np.abs(fields.stiffness).max(initial=0.0)), 1e-300))
+
+
 def adapted(problem: RingEquations, fields: Fields, tolerance: float) -> Panels | None:
     """Panels with those split that miss too much load and those joined that need not be apart; None: no change.
 
@@ -153,7 +165,7 @@ def adapted(problem: RingEquations, fields: Fields, tolerance: float) -> Panels 
     """
     errors = panel_errors(problem, fields)
     share = tolerance * max(1.0, abs(problem.load(fields))) / max(4.0, len(errors) ** 0.5)
-    errors = np.maximum(errors, share * unresolved(problem, fields) / RESOLVED)
+    errors = np.maximum(errors, share * np.maximum(unresolved(problem, fields) / RESOLVED, roughness(fields)))
     grid, tip = fields.grid, problem.setting.tip
     if problem.layout.regions[0].rests and tip.apex_exponent >= 2 and grid.breaks[0, 1] > TINIEST * grid.edges[0]:
         # a disc may open there
@@ -167,7 +179,7 @@ def adapted(problem: RingEquations, fields: Fields, tolerance: float) -> Panels 
         at += len(piece) + 1
         # Pieces anchored at their outer end list their panels from the centre, their breaks from the anchor.
         reverse = k == 0 or k % 2 == 0
-        finest = FINEST if k // 2 < problem.layout.edges else AT_FRONT
+        finest = FINEST if problem.layout.regions[min((k + 1) // 2, problem.layout.edges)].rests else FLOATING
         halves.append(_cut((0.0, *piece, 1.0), own[::-1] if reverse else own, share, finest, k == 0)[1:-1])
     outer = panels.outer
     if outer:
