@@ -67,6 +67,11 @@ class Front:
     weight: float
     power: float
 
+    @property
+    def film(self) -> bool:
+        """Whether a film is pressed."""
+        return self.power > 0.0
+
     def weights(self, mesh: Mesh) -> Array:
         """Weights of the inner product of states, (N + 1,): all lengths around the front count alike, down to its own.
 
@@ -171,9 +176,12 @@ class Edge:
     ----------
     place : float
         Where it ended when that began.
+    film : bool
+        Whether a stiff film has been pressed there.
     """
 
     place: float
+    film: bool = False
     power: ClassVar[float] = 0.0
 
     def weights(self, mesh: Mesh) -> Array:
@@ -202,10 +210,15 @@ class Edge:
         return math.log(_to_edge(equations, fields) / self.place)
 
     @staticmethod
-    def needed(equations: Equations, fields: Fields, reach: float, present: bool) -> Edge | None:
+    def needed(equations: Equations, fields: Fields, reach: float, front: Front | Edge | None) -> Edge | None:
         """The edge, if a mesh of that length comes close to it; one that ends there goes on to do so for longer."""
-        distance = _to_edge(equations, fields)
-        return Edge(distance) if reach > (LEAVES if present else CLOSE_TO_EDGE) * distance else None
+        distance, present = _to_edge(equations, fields), front if isinstance(front, Edge) else None
+        if not reach > (LEAVES if present else CLOSE_TO_EDGE) * distance:
+            return None
+        pressed = bool((fields.pressure[-1] > 0.0) & (np.abs(fields.stiffness).max() * distance > STIFF))
+        if present and present.film >= pressed:
+            return present
+        return replace(present, film=True) if present else Edge(distance, pressed)
 
 
 def _to_edge(equations: Equations, fields: Fields) -> float:

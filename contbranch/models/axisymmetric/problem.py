@@ -223,7 +223,7 @@ class ContactProblem(EquilibriumProblem):
         layered = law is not None and math.isfinite(law.wave)
         self.ordered = not (layered or self.flat or isinstance(front, Edge))
         self._weights = mesh.weights if front is None else front.weights(mesh)
-        self.film = front if front and (front.power > 0.0 or isinstance(front, Edge)) and equations.softens else None
+        self.film = front if front and front.film and equations.softens else None
         self._slopes = self.film.slopes(mesh) if self.film else None
         self._seen: list[tuple[Array, float, Equations, Fields]] = []
         self._corrected: tuple[Array, Solver] | None = None
@@ -832,9 +832,9 @@ class ContactProblem(EquilibriumProblem):
         present = self.front
         if math.isfinite(equations.tip.extent):
             allowed = self.resolution.tolerance * max(1.0, abs(equations.load(fields)))
-            edge = Edge.needed(equations, fields, needed_reach(equations, fields, allowed), isinstance(present, Edge))
+            edge = Edge.needed(equations, fields, needed_reach(equations, fields, allowed), present)
             if edge is not None:
-                return present if isinstance(present, Edge) else edge
+                return edge
         if not self.resolution.moving:
             return None if isinstance(present, Edge) else present
         if (kink := Kink.needed((equations, fields), present)) is not None:
@@ -845,11 +845,14 @@ class ContactProblem(EquilibriumProblem):
 
     def anchored(self, front: Front | Edge | None, x: Array, p: float) -> tuple[ContactProblem, Array]:
         """The problem with another front, or with none, and the state."""
+        if isinstance(self.front, Edge if isinstance(front, Edge) else Front) and not isinstance(front, Kink | None):
+            return ContactProblem(self.equations, self.scale, self.resolution, self.sharpness, front), x
         still, h = self.still(x)
         edges, ends = still.equations.mesh.edges, isinstance(front, Edge)
         if ends or isinstance(front, Kink) or isinstance(self.front, Edge):
             if isinstance(front, Edge):
-                edges = np.append(edges[edges < INSIDE * front.place], front.place)
+                edges = edges[:-1] if still.equations.mesh.bounded else edges[edges < INSIDE * front.place]
+                edges = np.append(edges, front.place)
             elif isinstance(front, Kink):
                 edges = front.joined(still.equations.mesh, still.fields(h, p))
             mesh = mesh_on(edges, self.resolution.order, bounded=ends)
@@ -857,8 +860,6 @@ class ContactProblem(EquilibriumProblem):
             still = still.on_mesh(mesh)
         if front is None:
             return still, h
-        if not isinstance(front, Edge | Kink) and isinstance(self.front, Front):
-            return ContactProblem(self.equations, self.scale, self.resolution, self.sharpness, front), x
         return ContactProblem(still.equations, self.scale, self.resolution, self.sharpness, front), np.append(h, 0.0)
 
     def remeshed(
