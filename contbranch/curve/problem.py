@@ -349,15 +349,15 @@ class EquilibriumProblem(Problem):
         It is asked at a few points, as a check and where the way along the curve leaves two answers open.
         """
 
-    def azimuthal(self, x: Array, p: float, unstable: int, limit: int = 32, near: int = 1) -> Count | None:
+    def azimuthal(self, x: Array, p: float, unstable: int, limit: int = 32, near: Sequence[int] = ()) -> Count | None:
         """Numbers of unstable modes cos mθ, m = 1 … limit; None where the model does not examine them.
 
         Parameters
         ----------
         unstable : int
             Morse index at fixed displacement.
-        near : int
-            A guess of the last unstable m.
+        near : sequence of int
+            A guess: n_1, n_2, … of a neighbouring state.
         """
         return None
 

@@ -86,7 +86,7 @@ def symmetry_breaking(track: Track, request: Request) -> Breaking:
     for point, index in zip(track.points, indices, strict=True):
         tell(0.97, "counting modes that break the symmetry")
         last = counts[-1] if counts else None
-        near = len(last.modes) if last is not None else 1
+        near = last.modes if last is not None else ()
         counts.append(equilibrium(point).azimuthal(point.x, point.parameter, int(index), request.modes, near))
     # An eigenvalue next to 1 may have passed it on a row's mesh alone.
     changes = [row for row, (here, there) in enumerate(pairwise(counts)) if here != there]
@@ -123,7 +123,7 @@ def _surely(point: Point, unstable: int, count: Count | None, limit: int) -> Cou
         fine = settled(moved(point, finer))
     except CorrectionError:
         return count
-    return equilibrium(fine).azimuthal(fine.x, fine.parameter, unstable, limit, max(1, len(count.modes)))
+    return equilibrium(fine).azimuthal(fine.x, fine.parameter, unstable, limit, count.modes)
 
 
 def has_modes(track: Track) -> bool:

@@ -212,7 +212,7 @@ def test_counting_between_equal_numbers_and_up_to_a_limit(cascade):
     point = cascade.points[row]
     equations, fields = cascade.problem(row).equations, cascade.problem(row).fields(point.x, point.parameter)
     for near in (1, 2, 3, 9):
-        assert counted(equations, fields, near=near).modes == (1, 1, 1)
+        assert counted(equations, fields, near=(1,) * near).modes == (1, 1, 1)
     limited = counted(equations, fields, limit=2)
     assert limited.modes == (1, 1)
     assert not limited.complete

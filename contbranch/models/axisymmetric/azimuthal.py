@@ -30,10 +30,12 @@ functions that vanish in the contact, and on the sector m the first term is ``½
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
-from scipy.linalg import eigh, lapack
+from scipy.linalg import blas, eigh, lapack
 
 from contbranch.arrays import Array
 from contbranch.curve.problem import Count
@@ -138,21 +140,24 @@ def unstable_count(equations: Equations, fields: Fields, m: int, finely: bool = 
 
 
 def counted(
-    equations: Equations, fields: Fields, unstable: int | None = None, limit: int = LARGEST_MODE, near: int = 1
+    equations: Equations,
+    fields: Fields,
+    unstable: int | None = None,
+    limit: int = LARGEST_MODE,
+    near: Sequence[int] = (),
 ) -> Count:
     """n_1, n_2, … until the order in m settles the rest, or until `limit`.
 
-    Since n_m does not grow with m, equal numbers at two m hold between them, and few m are examined.
+    Since n_m does not grow with m, equal numbers at two m hold between them, and few m are examined: where a guess is
+    right, those at which its numbers change.
 
     Parameters
     ----------
     unstable : int, optional
         n_0, the index under displacement control, if it is known.
-    near : int
-        A guess of the last unstable m.
+    near : sequence of int
+        A guess: n_1, n_2, … of a neighbouring state.
     """
-    if settled(equations, fields, unstable):
-        return Count()
     known: dict[int, int] = {}
 
     def number(m: int) -> int:
@@ -160,25 +165,27 @@ def counted(
             known[m] = unstable_count(equations, fields, m, finely=False)
         return known[m]
 
-    if number(1) == 0:
+    guess = min(len(near), limit)
+    last = guess if guess and number(guess) else 0
+    if last == 0 and (settled(equations, fields, unstable) or number(1) == 0):
         return Count()
-    last, beyond = 1, min(max(near, 1) + 1, limit + 1)
-    if 1 < near <= limit and number(near):
-        last = near
+    last, beyond = max(last, 1), last + 1 if last else max(guess, 2)
     while beyond <= limit and number(beyond):
         last, beyond = beyond, min(beyond + max(1, beyond // 4), limit + 1)
+    pace = 1
     while beyond - last > 1:  # the last unstable m lies between the two
-        middle = (last + beyond) // 2
+        middle, pace = max(beyond - pace, (last + beyond) // 2), 2 * pace
         last, beyond = (middle, beyond) if number(middle) else (last, middle)
+    steps = [m for m, (here, there) in enumerate(pairwise(near), start=1) if there != here]
 
     def between(low: int, high: int) -> list[int]:
-        """n of low … high."""
+        """n of low + 1 … high."""
         if high - low < 2 or number(low) == number(high):
-            return [number(low)] * (high - low) + [number(high)] if high > low else [number(low)]
-        middle = (low + high) // 2
-        return between(low, middle)[:-1] + between(middle, high)
+            return [number(high)] * (high - low)
+        step = next((at for m in steps for at in (m, m + 1) if low < at < high), (low + high) // 2)
+        return between(low, step) + between(step, high)
 
-    return Count(tuple(between(1, last)), complete=last < limit)
+    return Count((number(1), *between(1, last)), complete=last < limit)
 
 
 def eigenvalues(equations: Equations, fields: Fields, m: int, count: int = 1) -> Array:
@@ -215,11 +222,16 @@ def mode_shape(equations: Equations, fields: Fields, m: int, index: int = 1) -> 
 
 
 def _form(space: ModeSpace, m: int) -> Array:
-    """π ∫ k (A_m h)² r dr on trial functions that are orthonormal in ∫ dt, (N, N)."""
-    felt = space.stiffness != 0.0
-    plane = space.plane(m)[felt]
-    weights = -np.pi * (space.weights * space.rho * space.stiffness)[felt]
-    return np.asarray(plane.T @ (weights[:, None] * plane))
+    """π ∫ k (A_m h)² r dr on trial functions that are orthonormal in ∫ dt, (N, N); its lower triangle."""
+    plane, weights = space.plane(m), -np.pi * space.weights * space.rho * space.stiffness
+    form = np.zeros((plane.shape[1],) * 2, order="F")
+    for sign in (1.0, -1.0):  # sums of squares: half the work of a product
+        own = sign * weights > 0.0
+        if not own.any():
+            continue
+        rooted = np.sqrt(np.abs(weights[own]))[:, None] * plane[own]
+        form = blas.dsyrk(sign, rooted.T, beta=1.0, c=form, lower=1, overwrite_c=1)
+    return np.asarray(form)
 
 
 def _largest(space: ModeSpace, m: int, count: int) -> tuple[Array, Array]:

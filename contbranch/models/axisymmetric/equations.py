@@ -572,7 +572,7 @@ def negative_eigenvalues(matrix: Array) -> int:
     _, info = lapack.dpotrf(matrix, lower=1, clean=0)
     if info == 0:
         return 0
-    factor, pivots, _ = lapack.dsytrf(matrix, lower=1)
+    factor, pivots, _ = lapack.dsytrf(matrix, lower=1, lwork=64 * len(matrix))  # in blocks
     count, k, size = 0, 0, len(pivots)
     diagonal = np.diagonal(factor)
     while k < size:

@@ -694,7 +694,7 @@ class ContactProblem(EquilibriumProblem):
         least = INDIFFERENT if self.film and equations.contact else 0.0
         return equations.unstable_modes(fields, finely=False) and equations.unstable_modes(fields, least=least)
 
-    def azimuthal(self, x: Array, p: float, unstable: int, limit: int = 32, near: int = 1) -> Count | None:
+    def azimuthal(self, x: Array, p: float, unstable: int, limit: int = 32, near: Sequence[int] = ()) -> Count | None:
         """Numbers of unstable modes cos mθ; none where no axisymmetric one is (see `azimuthal`, order in m)."""
         return counted(*self.seen(x, p), unstable, limit, near) if unstable else Count()
 

@@ -127,7 +127,7 @@ class ExactProblem(EquilibriumProblem):
         """One where the displacement falls while the interaction spreads."""
         return int(self.slopes(p).displacement < 0.0)
 
-    def azimuthal(self, x: Array, p: float, unstable: int, limit: int = 32, near: int = 1) -> Count:
+    def azimuthal(self, x: Array, p: float, unstable: int, limit: int = 32, near: Sequence[int] = ()) -> Count:
         """None: the gap of a parabola under attraction grows with the radius, and more so where symmetry is broken."""
         return Count()
 

@@ -365,7 +365,7 @@ class AveragedProblem(EquilibriumProblem):
         """Of the state beside it."""
         return self.lattice.modes.symmetric(self.nearest(p))
 
-    def azimuthal(self, x: Vector, p: float, unstable: int, limit: int = 32, near: int = 1) -> Count | None:
+    def azimuthal(self, x: Vector, p: float, unstable: int, limit: int = 32, near: Sequence[int] = ()) -> Count | None:
         """Of the state beside it."""
         state = self.state(p)
         return self.lattice.azimuthal(state.u.ravel(), state.load, unstable, limit, near)

@@ -10,6 +10,7 @@ The branch with the opposite amplitude is the image of this one and is not follo
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -100,7 +101,7 @@ class BranchProblem(LatticeProblem):
         spectrum = self.stability.spectrum(self.state(x, p), None)
         return int((has_symmetry(spectrum, self.kept) & (spectrum.eigenvalues < 0.0)).sum())
 
-    def azimuthal(self, x: Array, p: float, unstable: int, limit: int = 32, near: int = 1) -> Count | None:
+    def azimuthal(self, x: Array, p: float, unstable: int, limit: int = 32, near: Sequence[int] = ()) -> Count | None:
         """Modes without it, but for the turn around the axis."""
         if not limit:
             return None

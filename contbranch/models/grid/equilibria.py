@@ -397,7 +397,7 @@ class LatticeProblem(EquilibriumProblem):
         """Modes with the symmetry of the tip."""
         return self.modes.symmetric(self.state(x, p))
 
-    def azimuthal(self, x: Array, p: float, unstable: int, limit: int = 32, near: int = 1) -> Count | None:
+    def azimuthal(self, x: Array, p: float, unstable: int, limit: int = 32, near: Sequence[int] = ()) -> Count | None:
         """Modes that break a symmetry of the tip, by the number of periods around the axis; None on whole lattices."""
         return self.modes.count(self.state(x, p), unstable) if self.setup.quarter and limit else None
 

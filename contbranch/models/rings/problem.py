@@ -162,7 +162,7 @@ class RingProblem(RingEquations):
         """Morse index at fixed displacement."""
         return unstable_modes(self, self.fields(x, p))
 
-    def azimuthal(self, x: Array, p: float, unstable: int, limit: int = 32, near: int = 1) -> Count | None:
+    def azimuthal(self, x: Array, p: float, unstable: int, limit: int = 32, near: Sequence[int] = ()) -> Count | None:
         """No mode of any symmetry is unstable if v″ ≥ 0 wherever the gap floats; otherwise they are not examined."""
         return Count() if (self.fields(x, p).stiffness >= 0).all() else None
 
