@@ -335,6 +335,24 @@ class TestTabulated:
         assert np.abs(stiffness[40:] - np.exp(-at[40:])).max() < 0.1
         assert Tabulated(gaps, np.exp(-gaps)).limitation == ""
 
+    @pytest.mark.parametrize("kind", [Exponential, Gauss])
+    def test_coarse_tables_of_what_decays(self, kind):
+        # logarithms of these are polynomials: nine rows tell all, far down the tail, too
+        known, gaps = kind(-1.0, 1.0), np.linspace(0.0, 8.0, 9)
+        law, at = Tabulated(gaps, known.evaluate(gaps).energy), np.linspace(0.0, 8.0, 500)
+        for value, wanted in zip(law.evaluate(at), known.evaluate(at), strict=True):
+            np.testing.assert_allclose(value, wanted, rtol=1e-6, atol=1e-8)
+
+    @pytest.mark.parametrize("kind", [Exponential, Gauss, VanDerWaals, InverseSquare])
+    @pytest.mark.parametrize(("rows", "end", "scatter"), [(9, 8.0, 0.0), (40, 10.0, 1e-3), (30, 2.0, 0.0)])
+    def test_tables_have_no_turns_of_their_own(self, kind, rows, end, scatter):
+        gaps = np.linspace(0.0, end, rows)
+        energies = kind(1.0, 1.0).evaluate(gaps).energy + scatter * np.random.default_rng(7).normal(size=rows)
+        law = Tabulated(gaps, energies)
+        _, pressure, stiffness = law.evaluate(np.linspace(0.05, 30.0, 3000))
+        assert np.all(pressure <= 0.02 * law.evaluate(0.1).pressure.clip(0.0) + 1e-12)
+        assert np.count_nonzero(np.diff(np.sign(stiffness[np.abs(stiffness) > 1e-9]))) <= 1
+
     def test_a_constant_is_not_taken_for_energy(self):
         # energies measured from a wrong zero: no force, but not decayed either
         assert Tabulated(self.gaps, 1.0 + np.exp(-self.gaps)).limitation != ""

@@ -232,6 +232,20 @@ def test_a_tip_of_the_users_own_needs_no_integrals():
 class TestProfile:
     radii = np.concatenate([np.linspace(0.0, 3.0, 25), np.linspace(3.3, 9.0, 20)])
 
+    @pytest.mark.parametrize("relative", [False, True])
+    @pytest.mark.parametrize("height", [lambda r: r**2 / 2, lambda r: np.sqrt(1 + r**2) - 1])
+    def test_scatter_is_smoothed_away_and_told(self, height, relative):
+        radii = np.linspace(0.0, 8.0, 41)
+        off = 1e-3 * np.random.default_rng(3).normal(size=radii.size) * (height(radii) if relative else 1.0)
+        tip = Profile(radii, np.append(0.0, (height(radii) + off)[1:]))
+        assert "scatters by" in tip.limitation
+        assert ("of themselves" in tip.limitation) is relative
+        at = np.linspace(0.2, 8.0, 100)
+        np.testing.assert_allclose(tip.height(at), height(at), rtol=2e-3, atol=2e-3)
+        bends = 2 * np.gradient(np.gradient(height(at), at), at)[5:-5]
+        np.testing.assert_allclose(np.gradient(2 * tip.height_derivative(at), at)[5:-5], bends, atol=0.1)
+        assert Profile(radii, height(radii)).limitation == ""
+
     def test_heights_are_those_of_the_table(self):
         heights = np.sqrt(1.0 + self.radii**2) - 1.0
         tip = Profile(self.radii, heights)

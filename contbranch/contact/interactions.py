@@ -222,8 +222,8 @@ class Tabulated(Evaluated):
 
     Notes
     -----
-    Energies are joined by a quintic spline, pressures by a cubic one; tables that scatter are smoothed as far as their
-    scatter goes. Beyond the table's end a short polynomial
+    Energies of one sign are the exponential of a spline; others are joined by a quintic spline, pressures by a cubic
+    one. Tables that scatter are smoothed as far as their scatter goes. Beyond the table's end a short polynomial
     takes them to zero smoothly. Where |v| or |p| are not below 1 % of their largest values by then, curves begin with
     the surfaces as far apart as the table goes, and say so (`limitation`).
     """
