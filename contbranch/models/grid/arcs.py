@@ -14,14 +14,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .arrays import Array, Mask
+from .linear import Change
 from .measure import Direction, Measure
 from .newton import Equilibrium, Hold, Settings, newton, tangent
-from .problem import GridProblem
+from .problem import Fields, GridProblem
 
 __all__ = ["Arc", "arcs", "onward", "pressed"]
 
 # Violations of the inequalities that are rounding, relative to the largest gap in play and to the pressure.
 LOOSE = 1e-6
+# Gap at a corner, in ranges of the law, and length of an arc that is none.
+CLOSED, SHORT = 1e-7, 1e-9
 # Targets tried for one corner, and steps along one arc.
 TARGETS, STEPS = 8, 40
 # The longest step along an arc, in rows of nodes.
@@ -52,6 +55,15 @@ class _Way:
     def direction(self) -> Direction:
         return Direction.along(self.measure, self.u, self.load)
 
+    def beyond(self, begin: Equilibrium, end: Equilibrium) -> _Way:
+        """From the way at one state that at another: a parabola's."""
+        size = self.measure.apart(begin, end)
+        if size < SHORT:
+            return self
+        begun, ended = ((one.u, one.load, one.fields.elastic) for one in (begin, end))
+        ways = zip(begun, ended, (self.u, self.load, self.pressure), strict=True)
+        return _Way(self.measure, *(2.0 * (new - old) / size - way for old, new, way in ways))
+
     def turned(self) -> _Way:
         return _Way(self.measure, -self.u, -self.load, -self.pressure)
 
@@ -69,9 +81,11 @@ class _Follower:
         self.cap = LONGEST * self.period
         self.settings = replace(self.settings, frozen=True, steps=12, inner=200, growth=1e3, patience=6, forcing=0.01)
 
-    def way(self, state: Equilibrium, towards: Direction) -> _Way | None:
-        """The tangent at a state, its progress in a direction positive."""
-        u, load, pressure, _ = tangent(self.problem, state, towards.hold(0.0, 0.0))
+    def way(self, state: Equilibrium, towards: Direction | _Way) -> _Way | None:
+        """The tangent at a state, its progress in a direction positive; it may be known to be near another."""
+        near = Change(towards.u, towards.load, towards.pressure, 0.0) if isinstance(towards, _Way) else None
+        direction = towards.direction if isinstance(towards, _Way) else towards
+        u, load, pressure, _ = tangent(self.problem, state, direction.hold(0.0, 0.0), near=near)
         measure = Measure.at(state, self.length)
         size = measure.norm(u, load)
         return _Way(measure, u / size, load / size, pressure / size) if np.isfinite(size) and size > 0.0 else None
@@ -105,14 +119,15 @@ class _Follower:
         row[node] = 1.0
         own = self.orbit(node)
         free = state.contact & ~own
-        hold = Hold(-float(self.problem.heights[node]), 0.0, row, 1e-10 * self.length)
+        hold = Hold(-float(self.problem.heights[node]), 0.0, row, CLOSED * self.length)
         found = newton(self.problem, np.where(own, -self.problem.heights, u), load, hold, free, self.settings)
         return replace(found, contact=found.contact if state.contact[node] else free | own) if found.converged else None
 
-    def beside(self, state: Equilibrium, u: Array, load: float, along: Direction) -> Equilibrium | None:
+    def beside(self, state: Equilibrium, u: Array | Fields, load: float, along: Direction) -> Equilibrium | None:
         """The state of the same contact with the progress of a trial state."""
-        slack = 1e-4 * abs(along.value(u - state.u, load - state.load))
-        hold = along.hold(along.value(u, load), slack)
+        own = u.u if isinstance(u, Fields) else u
+        slack = 1e-4 * abs(along.value(own - state.u, load - state.load))
+        hold = along.hold(along.value(own, load), slack)
         found = newton(self.problem, u, load, hold, state.contact, self.settings)
         return found if found.converged else None
 
@@ -146,7 +161,7 @@ class _Follower:
                     continue
                 target = self.first(state, there)
                 if target is None:
-                    onward = self.way(there, along)
+                    onward = self.way(there, last.beyond(state, there))
                     if onward is None:
                         return None
                     longer = 2.0 * step if there.steps <= EASY else step
@@ -160,7 +175,7 @@ class _Follower:
             if found is not None:
                 end, node = found
                 middle = self._middle(begin, end, way)
-                return Arc(begin, middle, end), node, last
+                return Arc(begin, middle, end), node, last.beyond(state, end)
             if step < 1e-6 * self.period:
                 return None
             cap = 0.5 * step
@@ -186,17 +201,19 @@ class _Follower:
         """The state half the way along an arc."""
         change = end.u - begin.u, end.load - begin.load
         size = way.measure.norm(*change)
-        if size < 1e-9:
+        if size < SHORT:
             return begin
         bend = 0.25 * size
         # a parabola through both ends with the tangent at the first
         u = begin.u + bend * way.u + 0.25 * change[0]
         load = begin.load + bend * way.load + 0.25 * change[1]
-        return self.beside(begin, u, load, Direction.along(way.measure, *change)) or begin
+        elastic = begin.fields.elastic + bend * way.pressure + 0.25 * (end.fields.elastic - begin.fields.elastic)
+        trial = self.problem.evaluated(u, load, elastic, begin.contact)
+        return self.beside(begin, trial, load, Direction.along(way.measure, *change)) or begin
 
     def onward(self, end: Equilibrium, node: tuple[int, int], way: _Way) -> _Way | None:
         """The direction of the curve behind a corner: the node is pressed, or opens."""
-        found = self.way(end, way.direction)
+        found = self.way(end, way)
         if found is None:
             return None
         rate = (found.pressure if end.contact[node] else found.u)[node]

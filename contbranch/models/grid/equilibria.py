@@ -58,8 +58,8 @@ __all__ = ["LatticeProblem"]
 FURTHEST = 1.0
 # States whose fields are kept, since more than one question is asked of each.
 RECENT = 8
-# Least error of an event, relative to max(1, |value|).
-FLOOR = 3e-7
+# Least error of an event, relative to max(1, |value|), and that of what is not controlled for which it is enough.
+FLOOR, ACROSS = 3e-7, 3e-6
 # Two states are one if no gap differs by more than this part of the law's range: relaxations and Newton's method stop
 # at different residuals, and soft states are far apart for the same one.
 SAME = 0.02
@@ -490,16 +490,16 @@ class LatticeProblem(EquilibriumProblem):
     def _moved(self, point: Point, event: Event) -> Array:
         """By how much, and a little more, an event of the film lies elsewhere on another lattice.
 
-        Without contact errors fall faster than any power of the spacing: where half the nodes a side do not change what
-        is controlled, twice as many change nothing.
+        Without contact errors fall faster than any power of the spacing: where half the nodes a side change nothing,
+        twice as many do not.
         """
         known = next((error for x, one, error in self._known if x is point.x and one == event), None)
         if known is None:
             own = np.array(event.control.weights if isinstance(event, FoldEvent) else (1.0, 1.0)) != 0.0
-            floor = FLOOR * np.maximum(1.0, np.abs(self.reading(point.x, point.parameter)[:2]))
+            floor = np.where(own, FLOOR, ACROSS) * np.maximum(1.0, np.abs(self.reading(point.x, point.parameter)[:2]))
             for other in filter(None, (self._coarser, self._finer)):
                 known = self._move(point, event, other)
-                if (known[:2] <= floor)[own].all():
+                if (known[:2] <= floor).all():
                     break
             self._known.append((point.x, event, known))
         return known.copy()

@@ -81,6 +81,13 @@ class Border:
             return self.along * float(pressure.sum())
         return float(np.vdot(self.along, pressure))
 
+    def met(self, change: Change) -> float:
+        """What a change does to what is held."""
+        row, own = self.row, self.load_weight * change.load
+        if row is None:
+            return own
+        return own + (row * float(change.field.sum()) if isinstance(row, float) else float(np.vdot(row, change.field)))
+
     def on(self, zone: Mask) -> Array:
         """The entries on the nodes of a zone, and that of δd."""
         return np.append(np.broadcast_to(self.along, zone.shape)[zone], self.across)
@@ -148,7 +155,9 @@ class Linear:
         whole.put(self.nodes, y)
         return whole
 
-    def solve(self, f: Array, g: float, tolerance: float = 1e-9, limit: int = 200) -> Change:
+    def solve(
+        self, f: Array, g: float, tolerance: float = 1e-9, limit: int = 200, near: Change | None = None
+    ) -> Change:
         """Solve for a right-hand side, to a residual relative to it.
 
         Parameters
@@ -159,14 +168,17 @@ class Linear:
         tolerance : float
         limit : int
             Products at most.
+        near : Change, optional
+            What is known to be near the solution.
         """
         problem = self.problem
-        outside = np.where(self.zone, 0.0, f)
-        right = np.append(f.take(self.nodes), self.scale * g)
-        right[:-1][self.contact] *= self.clusters.weight
-        far = float(np.linalg.norm(outside))
-        size = math.hypot(float(np.linalg.norm(right)), far)
+        outside, right, far, size = self._sized(f, g)
         goal = tolerance * size
+        if near is not None:
+            own, moved = near.pressure.copy(), near.field.take(self.nodes)
+            own.put(self.nodes, np.where(self.contact, moved, own.take(self.nodes) + self.stiffness * moved))
+            g -= self.held.met(near)
+            outside, right, far, _ = self._sized(f - own, g)
         solution, moved = np.zeros_like(right), np.zeros_like(outside)
         if far > 0.1 * goal:
             right[-1] -= self.scale * self.held.product(outside)
@@ -190,7 +202,17 @@ class Linear:
             load = wanted
         elif isinstance(row, float):
             change += (g - weight * load - row * float(change.sum())) / (row * change.size)
+        if near is not None:
+            change, load, y = change + near.field, load + near.load, y + near.pressure
         return Change(change, load, y, left / size if size > 0.0 else 0.0)
+
+    def _sized(self, f: Array, g: float) -> tuple[Array, Array, float, float]:
+        """A right-hand side outside the zone and on it, weighted as the equations are, and norms: outside, all."""
+        outside = np.where(self.zone, 0.0, f)
+        right = np.append(f.take(self.nodes), self.scale * g)
+        right[:-1][self.contact] *= self.clusters.weight
+        far = float(np.linalg.norm(outside))
+        return outside, right, far, math.hypot(float(np.linalg.norm(right)), far)
 
     def _approximate(self, vector: Array) -> Array:
         return self.clusters.solve(vector, self.coarse_border)

@@ -192,7 +192,7 @@ class Sketch(NamedTuple):
 
 def newton(
     problem: GridProblem,
-    u: Array,
+    u: Array | Fields,
     load: float,
     hold: Hold,
     contact: Mask | None = None,
@@ -203,8 +203,8 @@ def newton(
     Parameters
     ----------
     problem : GridProblem
-    u, load : array, float
-        Trial state.
+    u, load : array or Fields, float
+        Trial state, or everything at it.
     hold : Hold
     contact : array of bool, optional
         Trial contact; default: nodes where the trial state overlaps with the wall.
@@ -217,10 +217,11 @@ def newton(
     """
     before = problem.counter.equilibrium
     if contact is None or not settings.wall:
-        contact = (problem.heights + u <= 0.0) & settings.wall
+        contact = (problem.heights + (u.u if isinstance(u, Fields) else u) <= 0.0) & settings.wall
     if hold.row is None:
         load = hold.value / hold.load_weight
-    trial = _Trial.at(problem, problem.fields(u, load, contact), contact, settings.frozen)
+    fields = u if isinstance(u, Fields) else problem.fields(u, load, contact)
+    trial = _Trial.at(problem, fields, contact, settings.frozen)
     border: Border | None = None
     best = trial.merit
     steady, waited, step = False, 0, 0
@@ -290,10 +291,22 @@ class _Trial:
         return _Trial.at(problem, problem.evaluated(u, load, elastic, contact), contact, self.frozen)
 
 
-def tangent(problem: GridProblem, state: Equilibrium, hold: Hold, tolerance: float = 1e-3) -> Change:
-    """The direction of the curve at an equilibrium while its contact stays, with unit progress in what is held."""
+def tangent(
+    problem: GridProblem, state: Equilibrium, hold: Hold, tolerance: float = 1e-3, near: Change | None = None
+) -> Change:
+    """The direction of the curve at an equilibrium while its contact stays, with unit progress in what is held.
+
+    Parameters
+    ----------
+    near : Change, optional
+        A direction of any length that is near it.
+    """
     border = Border(problem, hold.row, hold.load_weight)
-    return Linear(problem, state.fields.stiffness, state.contact, border).solve(np.zeros(problem.shape), 1.0, tolerance)
+    linear = Linear(problem, state.fields.stiffness, state.contact, border)
+    if near is not None:
+        size = border.met(near)
+        near = Change(near.field / size, near.load / size, near.pressure / size, 0.0)
+    return linear.solve(np.zeros(problem.shape), 1.0, tolerance, near=near)
 
 
 def _forcing(residual: float, steady: bool, settings: Settings) -> float:

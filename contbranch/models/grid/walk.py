@@ -521,4 +521,5 @@ class Walker:
 
     def _retraced(self, state: Equilibrium, distance: float) -> bool:
         """Whether a state lies closer to an earlier one than to the last: the walk has turned round."""
-        return any(self._apart(place.state, state) < 0.9 * distance for place in self.places[:-1])
+        measure = Measure.at(state, self.setup.length)
+        return any(measure.apart(place.state, state) < 0.9 * distance for place in self.places[:-1])
