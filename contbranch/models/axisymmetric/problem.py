@@ -133,8 +133,6 @@ WHOLE, OUTERMOST = 0.999, 0.9
 INDIFFERENT = 1e-6
 # Changes of the state are measured in at least this multiple of the rounding errors of its slopes.
 LOUD = 1e5
-# A film has to be smooth as far as it bears this share of its largest pressure.
-CORE = 0.7
 # ln of the multiple of its load up to which a film is followed to its next fold, or to contact; gaps at which its
 # pressure is looked at.
 BEYOND, BARRIER = math.log(1e9), 400
