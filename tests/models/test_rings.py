@@ -10,6 +10,7 @@ import pytest
 from numpy.polynomial import Polynomial
 from ring_reference import Rings as Reference
 from scipy.optimize import brentq, minimize_scalar
+from scipy.special import ellipe
 
 import contbranch as cb
 from contbranch.continuation import Point
@@ -74,6 +75,17 @@ def test_elastic_response_of_hertz() -> None:
     grid = Grid(Panels(14, ((0.3,), (0.3,), (0.3,))), np.array([0.9, a]), bounded=True)
     pressure = 2 / np.pi * np.sqrt(a * a - grid.r**2)
     assert np.abs(grid.response() @ pressure - (a * a - grid.r**2 / 2)).max() < 1e-11
+
+
+@pytest.mark.parametrize("far", [0.3, 3.0, 30.0])
+def test_elastic_response_next_to_a_panel_that_reaches_far(far: float) -> None:
+    """Uniform pressure on a disc of radius c lifts it by (4c/π) E(r/c) (K. L. Johnson, Contact Mechanics, §3.4)."""
+    inner, outer = 0.069, 0.072
+    panels = Panels(11, ((0.82,), (0.3, 0.65), (0.09, 0.3, 0.65)), (far,), False)
+    grid = Grid(panels, np.array([inner, outer]), False)
+    c = outer + far**2
+    exact = 4 * c / np.pi * ellipe((grid.r / c) ** 2)
+    assert np.abs(grid.response().sum(axis=1) / exact - 1)[grid.of_node == 1].max() < 3e-12
 
 
 @pytest.mark.parametrize("bounded", [True, False])
