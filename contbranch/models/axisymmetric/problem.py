@@ -374,7 +374,8 @@ class ContactProblem(EquilibriumProblem):
             width = contact.axisymmetric_tip.radius_at(min(far, 4 * max(term.range for term in law.terms)))
             edges = start_edges(width, max(contact.axisymmetric_tip.radius_at(far), 2 * width))
             if kinked:
-                edges = np.union1d(edges, contact.axisymmetric_tip.radius_at(law.kink - far))
+                first = float(contact.axisymmetric_tip.radius_at(law.kink - far))
+                edges = np.union1d(_graded(edges, first), first)
             elif (stiff := abs(float(law.evaluate(np.array([far])).stiffness[0])) * edges[1]) > ABRUPT:
                 # Elasticity answers as soon as the law begins: the curve is followed from there, before anything acts.
                 far = law.reach(np.finfo(float).tiny)
