@@ -375,7 +375,8 @@ class ContactProblem(EquilibriumProblem):
             edges = start_edges(width, max(contact.axisymmetric_tip.radius_at(far), 2 * width))
             if kinked:
                 first = float(contact.axisymmetric_tip.radius_at(law.kink - far))
-                edges = np.union1d(_graded(edges, first), first)
+                sharp = contact.axisymmetric_tip.apex_exponent < 2.0  # under which the load grows with few powers of r
+                edges = np.union1d(_graded(edges, first) if sharp else edges, first)
             elif (stiff := abs(float(law.evaluate(np.array([far])).stiffness[0])) * edges[1]) > ABRUPT:
                 # Elasticity answers as soon as the law begins: the curve is followed from there, before anything acts.
                 far = law.reach(np.finfo(float).tiny)
