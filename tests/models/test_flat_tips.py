@@ -10,6 +10,7 @@ import pytest
 from scipy.optimize import brentq
 
 import contbranch as cb
+from contbranch.models.rings.equations import rings
 
 CASES = [
     (3.5, cb.Exponential(-1.0, 8.0), 6.8, (0.5, 0.62)),
@@ -75,3 +76,26 @@ def test_published_first_contact():
     d, load, _ = first_contact(*CASES[0])
     assert d == pytest.approx(0.588293324, abs=6e-9)
     assert load == pytest.approx(2.38743786, abs=6e-9)
+
+
+@pytest.mark.parametrize(
+    ("exponent", "law", "most"), [(3.5, cb.Gauss(1.0, 0.07), 150), (3.5, cb.Exponential(-1.0, 1 / 12), 100)]
+)
+def test_stiff_contacts_grow_from_rings(exponent, law, most):
+    """Steps are as long as the curve allows; on tips z ∝ rⁿ (2n + 1) V_ela + 2 V_fr − n ∫ g p d²r = n F d."""
+    contact = cb.Contact(tip=cb.PowerLaw(exponent, 1.0), interaction=law, modulus=1.0)
+    diagram = cb.trace(contact, accuracy=1e-4)
+    assert diagram.status == "complete", diagram.message
+    assert len(diagram.branches[0].load) < most
+    topology = [event for event in diagram.events if event.kind == "topology"]
+    assert topology
+    for event in [*topology, diagram.events[-1]]:
+        point = event.origin.raw.place
+        problem = rings(point)
+        fields, load = problem.fields(point.x, point.parameter), event.load
+        resting, level = problem.resting(fields.grid)
+        surface, area = problem.interaction(fields), 2 * np.pi * fields.grid.weights * fields.grid.r
+        virial = area @ (np.where(resting, level, fields.gap) * fields.pressure)
+        elastic = problem.energy(fields) - surface
+        work = exponent * load * event.displacement
+        assert (2 * exponent + 1) * elastic + 2 * surface - exponent * virial == pytest.approx(work, rel=1e-5, abs=1e-4)

@@ -277,7 +277,7 @@ class Grid:
             rates = _quotient(r, s, elliptic) + shares * (r / (r + s))
         for kernel in (shares, rates):
             kernel.reshape(self.size, self.count, self.order)[near.target, near.panel] = 0.0
-        motion, stretched = np.moveaxis([self.motion(edge) for edge in range(len(self.anchors))], 0, -1)
+        motion, stretched = np.moveaxis(np.array([self.motion(k) for k in range(len(self.anchors))]), 0, -1)
         far = rates @ (weighted * motion) + shares @ (self.r[:, None] * weighted * stretched)
         # The kernel has no length: what it gains where s moves it loses where r moves along.
         far = (4 / np.pi) * (far - motion * (rates @ (r * weighted) / r))
