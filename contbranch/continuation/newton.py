@@ -24,6 +24,9 @@ PRECISE_TANGENT_DISTANCE = 1e-10
 SMALL = 1e-3
 # Contraction, proportional to the error of a prediction, with which Newton's method still converges well.
 CONTRACTS = 0.3
+# A correction this small is followed by others with the same matrix, where that costs more than residuals, as long as
+# they contract by this; the tangent is refined as often.
+NEAR, KEEPS, REFINED = 1e-2, 0.05, 2
 # Most corrections of a predicted point; what does not contract is given up earlier.
 ITERATIONS = 10
 # ... and of a start.
@@ -145,11 +148,14 @@ def correct(
     first = previous = math.inf
     contraction = 0.0
     worst = 0.0
-    slow = False
+    slow = kept = False
     for iteration in range(1, ITERATIONS + 1):
-        last, at = (x, p), linearise(problem, x, p)
-        bordered = border(problem, x, p, at, row)
-        dx, dp = solve(bordered, -at[0], 0.0, p)
+        if kept:
+            left = residual(problem, x, p)
+        else:
+            last, at = (x, p), linearise(problem, x, p)
+            left, bordered = at[0], border(problem, x, p, at, row)
+        dx, dp = solve(bordered, -left, 0.0, p)
         x = x + dx
         p = p + dp
         size = metric.norm(problem, dx, dp)
@@ -158,13 +164,14 @@ def correct(
             done = size <= max(tolerance, floor, close * precise)  # the next one is about its square
         else:
             contraction = size / previous if previous > 0 else 0.0
-            done = size <= max(close, floor) and contraction**2 * size <= max(tolerance, floor)
+            beyond = contraction if kept else contraction**2
+            done = size <= max(close, floor) and beyond * size <= max(tolerance, floor)
             # What no longer contracts close to rounding is as good as it gets.
             if not done and contraction > 0.1:
                 rough = x * (-1.0) ** np.arange(x.size)  # as slopes see rounding
                 done = size <= max(noise, _rounding_floor(problem, rough, p, metric))
             again, slow = slow or size > SMALL, contraction > 0.5
-            if not done and ((slow and again) or not math.isfinite(size)):
+            if not done and ((slow and again and not kept) or not math.isfinite(size)):
                 basin = first * CONTRACTS / contraction
                 text = f"(Newton's corrections contract by {contraction:.2g}.)"
                 raise CorrectionError(Outcome.STEP_TOO_SMALL, text, basin)
@@ -172,7 +179,12 @@ def correct(
                 worst = max(worst, contraction)
         if done:
             u, a = solve(bordered, np.zeros_like(x), 1.0, p)
-            product = problem.product(*last, at[1])
+            if kept and (applied := problem.applied(x, p)) is not None:
+                slope = problem.parameter_derivative(x, p)
+                for _ in range(REFINED):
+                    du, da = solve(bordered, -applied(u) - a * slope, 1.0 - float(row[0] @ u) - row[1] * a, p)
+                    u, a = u + du, a + da
+            product = None if kept else problem.product(*last, at[1])
             if product is not None:
                 rest = -product(u) - a * at[2]
                 du, da = solve(bordered, rest, 1.0 - float(row[0] @ u) - row[1] * a, p)
@@ -181,6 +193,7 @@ def correct(
             problem.corrected(x, p, partial(_at_fixed_parameter, bordered, (u, a)))
             return Corrected(x, p, u, a, bordered, iteration, first, worst)
         previous = size
+        kept = size <= NEAR and (iteration == 1 or contraction <= KEEPS) and problem.applied(x, p) is not None
     raise CorrectionError(Outcome.STEP_TOO_SMALL, f"(The last correction was {previous:.2g} of the step's scale.)")
 
 
