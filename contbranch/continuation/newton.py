@@ -171,7 +171,7 @@ def correct(
                 rough = x * (-1.0) ** np.arange(x.size)  # as slopes see rounding
                 done = size <= max(noise, _rounding_floor(problem, rough, p, metric))
             again, slow = slow or size > SMALL, contraction > 0.5
-            if not done and ((slow and again and not kept) or not math.isfinite(size)):
+            if not done and ((slow and again and not kept and iteration > options.patience) or not math.isfinite(size)):
                 basin = first * CONTRACTS / contraction
                 text = f"(Newton's corrections contract by {contraction:.2g}.)"
                 raise CorrectionError(Outcome.STEP_TOO_SMALL, text, basin)

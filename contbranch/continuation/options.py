@@ -39,6 +39,8 @@ class Options:
         Newton's corrections below this multiple of rounding (relative to the state) that no longer contract are taken
         for
         rounding: larger for ill-conditioned problems.
+    patience : int
+        First Newton corrections that need not contract: for points on which more depends than the length of a step.
     maximum_points : int
         Largest number of steps in each direction.
     edge_tolerance : float
@@ -57,6 +59,7 @@ class Options:
     state_floor: float = 0.0
     tolerance: float = 1e-10
     noise: float = 1e3
+    patience: int = 0
     maximum_points: int = 10_000
     edge_tolerance: float = 1e-9
     detect_folds: bool = True

@@ -17,7 +17,7 @@ __all__ = ["OPTIONS", "Found", "Four", "at_parameter", "further", "moved", "numb
 
 Four = tuple[float, float, float, float]
 
-OPTIONS = Options(tolerance=1e-13, noise=1e8)
+OPTIONS = Options(tolerance=1e-13, noise=1e8, patience=5)
 # The finer discretisation has an error of its own, and its event is found to first order only.
 SAFETY = 3.0
 # Least error estimate as a share of the accuracy: both discretisations may happen to agree.
