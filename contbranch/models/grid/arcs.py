@@ -60,9 +60,13 @@ class _Way:
         size = self.measure.apart(begin, end)
         if size < SHORT:
             return self
-        begun, ended = ((one.u, one.load, one.fields.elastic) for one in (begin, end))
-        ways = zip(begun, ended, (self.u, self.load, self.pressure), strict=True)
-        return _Way(self.measure, *(2.0 * (new - old) / size - way for old, new, way in ways))
+        elastic = end.fields.elastic - begin.fields.elastic
+        return _Way(
+            self.measure,
+            2.0 / size * (end.u - begin.u) - self.u,
+            2.0 / size * (end.load - begin.load) - self.load,
+            2.0 / size * elastic - self.pressure,
+        )
 
     def turned(self) -> _Way:
         return _Way(self.measure, -self.u, -self.load, -self.pressure)

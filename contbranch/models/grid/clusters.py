@@ -28,8 +28,9 @@ NEAR, RESOLVED = 2, 2.0
 # Squares at most, for every node along one side of what is transformed (a half of it without mirrors) and at all: with
 # more the factorisation takes longer than what it saves. Fewer are found by making them larger, at the rim last.
 PER_SIDE, MOST = 8, 2000
-# Relative change of v'' up to which a factorisation serves on, and number of nodes at the rim that join or leave.
-STALE, CHANGES = 0.1, 24
+# Relative change of v'' up to which a factorisation serves on, and number of nodes that join or leave the contact: of
+# all, and of those in larger squares, which it does not see.
+STALE, CHANGES, HIDDEN = 0.3, 24, 8
 # Nodes by which tables of influence reach farther at least than they did.
 SLACK = 64
 
@@ -282,7 +283,7 @@ class Clusters:
 
     def _change(self) -> None:
         """The rows of nodes that have changed since: A⁻¹ - Z (1 + R Z)⁻¹ R A⁻¹ with these rows' change R, Z = A⁻¹."""
-        changed = np.flatnonzero(self.held != self._first)
+        changed = np.flatnonzero((self.held != self._first) & self.single)
         places, m = self.square[changed], self.nodes.size
         rows = np.hstack([self.influences[places], np.full((places.size, 1), -1.0)])
         rows *= (np.where(self.held, self.weight, self.stiffness)[changed] - self._scale[places])[:, None]
@@ -306,7 +307,7 @@ class Clusters:
         if (zone & ~self.zone).any():
             return False
         changed = self._first != contact[self.zone]
-        return int(changed.sum()) <= CHANGES and bool(self.single[changed].all())
+        return int(changed.sum()) <= CHANGES and int((changed & ~self.single).sum()) <= HIDDEN
 
     def renew(self, contact: Mask, stiffness: Array) -> None:
         """Go over to another contact, and another v″, given on all nodes, where it differs by more than matters."""

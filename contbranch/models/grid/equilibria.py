@@ -493,16 +493,17 @@ class LatticeProblem(EquilibriumProblem):
         Without contact errors fall faster than any power of the spacing: where half the nodes a side change nothing,
         twice as many do not.
         """
-        known = next((error for x, one, error in self._known if x is point.x and one == event), None)
-        if known is None:
-            own = np.array(event.control.weights if isinstance(event, FoldEvent) else (1.0, 1.0)) != 0.0
-            floor = np.where(own, FLOOR, ACROSS) * np.maximum(1.0, np.abs(self.reading(point.x, point.parameter)[:2]))
-            for other in filter(None, (self._coarser, self._finer)):
-                known = self._move(point, event, other)
-                if (known[:2] <= floor).all():
-                    break
-            self._known.append((point.x, event, known))
-        return known.copy()
+        for x, one, error in self._known:
+            if x is point.x and one == event:
+                return error.copy()
+        error = np.full(4, np.inf)
+        own = np.array(event.control.weights if isinstance(event, FoldEvent) else (1.0, 1.0)) != 0.0
+        floor = np.where(own, FLOOR, ACROSS) * np.maximum(1.0, np.abs(self.reading(point.x, point.parameter)[:2]))
+        for other in filter(None, (self._coarser, self._finer)):
+            if (error[:2] > floor).any():
+                error = self._move(point, event, other)
+        self._known.append((point.x, event, error))
+        return error.copy()
 
     def _move(self, point: Point, event: Event, other: LatticeProblem) -> Array:
         if self.resolution.fails(self.at(point)):

@@ -31,7 +31,7 @@ from .problem import GridProblem
 __all__ = ["Border", "Change", "Linear"]
 
 # v″ relative to the largest below which the law does not act, and that down to which clusters are made at once, so that
-# they serve on as the film spreads: on a quarter, as more squares need not have the symmetry of a state on the whole.
+# they serve on as the film spreads: more squares need not have the symmetry of a state on the whole.
 NOTHING, SPARE = 1e-7, 1e-9
 # Memory for the directions of one matrix.
 BASIS_BYTES = 2e8
@@ -111,7 +111,7 @@ class Linear:
         self.problem, self.held, self.alone = problem, border, alone
         stiffness = np.where(contact, 0.0, stiffness)
         size = np.abs(stiffness)
-        spare = SPARE if problem.lattice.quarter else NOTHING
+        spare = NOTHING if problem.mirrored else SPARE
         zone, wider = (contact | (size > part * size.max()) for part in (NOTHING, spare))
         self.clusters = problem.clusters(contact, stiffness, zone, None if alone else wider)
         self.zone = self.clusters.zone

@@ -98,6 +98,12 @@ class GridProblem:
         """Whether the tip is the same with x and y exchanged."""
         return bool(np.allclose(self.heights, self.heights.T, rtol=1e-12, atol=0.0))
 
+    @cached_property
+    def mirrored(self) -> bool:
+        """Whether the whole of a tip is here that is its own mirror image."""
+        inside = self.heights[: self.lattice.inside, : self.lattice.inside]
+        return not self.lattice.quarter and bool(np.allclose(inside, inside[::-1], rtol=1e-12, atol=0.0))
+
     @property
     def shape(self) -> tuple[int, int]:
         """Shape of a field."""
