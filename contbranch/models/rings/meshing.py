@@ -25,8 +25,8 @@ GRADING = 0.3
 # ... but not below this share of the piece: a pressure that answers a given gap is determined the worse the narrower
 # the panels.
 FINEST = 0.05
-# ... or this one, where it is the law's.
-FLOATING = 2e-3
+# ... nor below this one next to a front.
+AT_FRONT = 0.01
 # Neighbouring panels differ by no more than this factor in their outer ends.
 GROWTH = 3.0
 # Tail of a pressure at rest as a share of the largest in its region, beyond which a panel is split whatever it bears; a
@@ -179,7 +179,7 @@ def adapted(problem: RingEquations, fields: Fields, tolerance: float) -> Panels 
         at += len(piece) + 1
         # Pieces anchored at their outer end list their panels from the centre, their breaks from the anchor.
         reverse = k == 0 or k % 2 == 0
-        finest = FINEST if problem.layout.regions[min((k + 1) // 2, problem.layout.edges)].rests else FLOATING
+        finest = FINEST if k // 2 < problem.layout.edges else AT_FRONT
         halves.append(_cut((0.0, *piece, 1.0), own[::-1] if reverse else own, share, finest, k == 0)[1:-1])
     outer = panels.outer
     if outer:

@@ -67,6 +67,8 @@ class RingProblem(RingEquations):
         floor = 0.0 if self.free else STATE_FLOOR / self.scale
         rings = any(self.layout.collapsed(region) for region in range(self.layout.edges))
         noise = NOISE_ON_RINGS if rings else NOISE
+        # A gap is a difference of lengths like the displacement, whose rounding is felt over the range.
+        noise = min(noise * max(1.0, abs(start.parameter + self.origin) / self.scale), NOISE_ON_RINGS)
         return replace(STEPS, noise=noise, maximum_points=3_000, state_floor=floor)
 
     def balance(self, start: Point, step: float | None = None) -> Balance:
@@ -119,7 +121,8 @@ class RingProblem(RingEquations):
 
     def resolving(self, point: Point, tolerance: float) -> Self:
         """Panels made for a state, which stay where they are."""
-        panels = adapted(self, self.fields(point.x, point.parameter), AIM * tolerance)
+        tolerance = min(AIM * tolerance, self.setting.tolerance)  # coarser panels than the rows' hide their own errors
+        panels = adapted(self, self.fields(point.x, point.parameter), tolerance)
         own = self if panels is None else self.on(panels)
         if not own.panels.front:
             return own
