@@ -149,6 +149,18 @@ def test_a_contact_that_grows_to_the_edge_of_its_tip(range_):
             assert abs(getattr(event, key) - getattr(other, key)) <= error + other.error[key]
 
 
+@pytest.mark.parametrize(("law", "folds"), [(cb.InverseSquare(-1.0, 0.5), 0), (cb.VanDerWaals(-1.0, 0.1), 2)])
+def test_a_film_that_gives_way_at_the_edge_of_its_tip(law, folds):
+    """The gap closes next to the edge; what softens at contact is squeezed out there, at a fold, before."""
+    contact = cb.Contact(cb.SphericalCap(2.0), law, 1.0)
+    diagram, finer = (cb.trace(contact, accuracy=accuracy, modes=0) for accuracy in (1e-6, 1e-8))
+    assert diagram.status == finer.status == "complete", (diagram.message, finer.message)
+    assert [event.name for event in diagram.events] == ["squeeze-out"] * folds + ["tip-edge"]
+    for event, other in zip(diagram.events, finer.events, strict=True):
+        for key, error in event.error.items():
+            assert abs(getattr(event, key) - getattr(other, key)) <= error + other.error[key]
+
+
 def test_a_table_of_a_law_gives_the_laws_diagram():
     gaps = np.linspace(0.0, 12.0, 1200)
     law = cb.Tabulated(gaps=tuple(gaps), energies=tuple(-np.exp(-(gaps**2) / 2)))

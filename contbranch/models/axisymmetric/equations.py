@@ -270,7 +270,7 @@ class Equations:
             gap_slope = self._gap_slope(fields)
             # Beyond the end of a tip the gap is infinite and nothing answers its change.
             answer = np.zeros_like(gap_slope)
-            np.multiply(fields.stiffness, gap_slope, out=answer, where=fields.stiffness != 0.0)
+            np.multiply(fields.stiffness, gap_slope, out=answer, where=np.isfinite(gap_slope))
             fields.derived["slopes"] = gap_slope, self.mesh.abel_of(answer)
         gap_slope, residual_slope = fields.derived["slopes"]
         return gap_slope, residual_slope

@@ -17,6 +17,7 @@ import numpy as np
 
 from contbranch.arrays import Array
 
+from .adapt import needed_reach
 from .equations import Equations, Fields
 from .mesh import Mesh
 
@@ -27,9 +28,9 @@ __all__ = ["Edge", "Front", "Kink", "steepest"]
 BEGINS, ENDS, FLATTER = 1.5, 1.0, 0.2
 # ... or where the gap rises by less than this share of what it did.
 RESTS = 0.25
-# A mesh that must reach beyond the first share of the distance to the edge of the tip ends there, and goes on to do so
-# down to the second.
-CLOSE_TO_EDGE, LEAVES = 0.8, 0.5
+# A mesh that must reach beyond the first share of the distance to the edge of the tip ends there, if what ends there
+# exceeds the tolerance, and goes on to do so down to the second share of both.
+CLOSE_TO_EDGE, LEAVES = 0.8, 0.6
 # Other edges of panels are at least this share of its distance away from a kink.
 NEXT = 0.1
 # A kink counts from this share of the radius at which the tip itself has that gap; its motion counts in the inner
@@ -210,10 +211,19 @@ class Edge:
         return math.log(_to_edge(equations, fields) / self.place)
 
     @staticmethod
-    def needed(equations: Equations, fields: Fields, reach: float, front: Front | Edge | None) -> Edge | None:
-        """The edge, if a mesh of that length comes close to it; one that ends there goes on to do so for longer."""
+    def needed(seen: tuple[Equations, Fields], tolerance: float, front: Front | Edge | None = None) -> Edge | None:
+        """The edge, if a mesh for a tolerance of the load comes close to it, and what ends there matters.
+
+        It does where a film is pressed, whose own front gets there. A mesh that ends there goes on to do so for longer.
+        """
+        equations, fields = seen
         distance, present = _to_edge(equations, fields), front if isinstance(front, Edge) else None
-        if not reach > (LEAVES if present else CLOSE_TO_EDGE) * distance:
+        share, nodes = LEAVES if present else 1.0, equations.mesh.nodes
+        if not needed_reach(equations, fields, tolerance) > share * CLOSE_TO_EDGE * distance:
+            return None
+        last = max(int(np.searchsorted(nodes, distance)) - 1, 0)
+        ends = math.pi * distance**2 * max(abs(fields.pressure[last]), abs(fields.energy_density[last]))
+        if not (fields.pressure[0] > 0.0 or ends > share * tolerance):
             return None
         pressed = bool((fields.pressure[-1] > 0.0) & (np.abs(fields.stiffness).max() * distance > STIFF))
         if present and present.film >= pressed:

@@ -849,8 +849,7 @@ class ContactProblem(EquilibriumProblem):
         present = self.front
         if math.isfinite(equations.tip.extent):
             allowed = self.resolution.tolerance * max(1.0, abs(equations.load(fields)))
-            edge = Edge.needed(equations, fields, needed_reach(equations, fields, allowed), present)
-            if edge is not None:
+            if (edge := Edge.needed((equations, fields), allowed, present)) is not None:
                 return edge
         if not self.resolution.moving:
             return None if isinstance(present, Edge) else present
@@ -979,6 +978,8 @@ class ContactProblem(EquilibriumProblem):
         """
         if self.moves:
             still, h = self.still(point.x)
+            if edge := Edge.needed(still.seen(h, point.parameter), tolerance):
+                still, h = still.anchored(edge, h, point.parameter)
             return still.resolving(replace(point, problem=still, x=h), tolerance)
         x, u = point.x, point.parameter
         if self.relative_error(x, u) > tolerance:
