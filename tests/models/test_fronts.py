@@ -67,6 +67,12 @@ def test_films_under_cones_stay():
     assert branch.load[-1] == pytest.approx(2 / math.pi * ridden**2, rel=0.2)
 
 
+def test_far_from_the_film_nothing_is_said_of_it():
+    """Long before the tip is pressed upon the film the pressure below it is a power of the load."""
+    diagram = cb.trace(cb.Contact(cb.Cone(1.0), cb.InverseSquare(-1.0, 30.0)), accuracy=1e-4, max_load=5.0)
+    assert diagram.thresholds["touch_load"] > 5.0
+
+
 def test_kink_under_cone():
     """Next to where a law ends, meshes stay as long as the interaction is felt: F → 2π ∫ p r dr of the bare tip."""
 

@@ -136,8 +136,8 @@ INDIFFERENT = 1e-6
 # Changes of the state are measured in at least this multiple of the rounding errors of its slopes.
 LOUD = 1e5
 # ln of the multiple of its load up to which a film is followed to its next fold, or to contact; gaps at which its
-# pressure is looked at.
-BEYOND, BARRIER = math.log(1e9), 400
+# pressure is looked at; the gap of a film that is pressed changes by less than this share of the displacement.
+BEYOND, BARRIER, PRESSED = math.log(1e9), 400, 0.1
 ENDURES = "The film stays: under so sharp a tip, the load at which it is squeezed out is more than 1e9 times larger."
 # At first touch a mesh aims at this share of the tolerance, since tiny contacts ask for more than the touch itself.
 AHEAD = 0.1
@@ -652,6 +652,8 @@ class ContactProblem(EquilibriumProblem):
         if equations.contact or law is None or equations.load(fields) <= 0.0:
             return False
         along = self.rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
+        if not abs(along.central_gap) < PRESSED * abs(along.displacement):  # not yet pressed, but approached
+            return False
         inwards = law.evaluate(np.linspace(-fields.y, 0.0, BARRIER))
         rate = -float(inwards.stiffness[0]) * along.central_gap * equations.load(fields) / along.load
         tip = equations.tip
@@ -778,9 +780,9 @@ class ContactProblem(EquilibriumProblem):
                 state, rate = self.carried(x, x, p, problem), self.carried(x_rate, x, p, problem)
                 return state, problem.following(rate, state, p, p_rate)
 
-        elif front is None:
+        if front is None is self.front:
             transfer = self.equations.mesh.sampler(problem.equations.mesh.nodes)
-        else:
+        elif front is self.front or (self.moves and problem.moves):  # another place to follow, which moves alike
             sampler = self.equations.mesh.sampler(problem.equations.mesh.nodes)
 
             def transfer(vector: Array) -> Array:
