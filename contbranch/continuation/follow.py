@@ -19,7 +19,6 @@ from contbranch.continuation.step import AFTER_FAILURE, POINTS, Predictor, judge
 from contbranch.continuation.walk import adapted, annotated, to_point
 from contbranch.watch import INTERRUPTIONS, caught
 
-
 # What Newton's method has failed from is forgotten in some steps: by this factor with each.
 FORGETS = 1.25
 
