@@ -107,9 +107,8 @@ class _Direction:
         """Take one step, shortening it until it succeeds; raise the last failure when it has become too short."""
         here, metric, options = predictor.here, predictor.metric, self.options
         growth = options.growth
-        if here.tangent_parameter != 0.0:
-            farthest = min(options.largest_parameter_step * self.interval.width, here.problem.farthest(here.parameter))
-            step = min(step, farthest / abs(here.tangent_parameter))
+        if math.isfinite(self.interval.width) and here.tangent_parameter != 0.0:
+            step = min(step, options.largest_parameter_step * self.interval.width / abs(here.tangent_parameter))
         failure = CorrectionError(Outcome.STEP_TOO_SMALL, "(The curve turns too sharply.)")
         while step >= options.smallest_step:
             foretold = predictor.at(step)

@@ -87,7 +87,7 @@ ABRUPT = 0.1
 SOFTER = 0.05
 # ... and that of the interaction at the start where it ends with a kink.
 NEXT_TO_NOTHING = 1e-12
-# Steps of the gap in units of the wavelength of layers.
+# Steps of the gap far away in units of the wavelength of layers.
 LONGEST_IN_LAYERS = 0.15
 # Changes of h small against the range of the interaction, over the width √(2 range), do not matter for the steps.
 STATE_FLOOR = 0.3
@@ -454,19 +454,17 @@ class ContactProblem(EquilibriumProblem):
         return 0.0, self.parameter(coordinate.of(extent, 0.0)) if math.isfinite(extent) else math.inf
 
     def steps(self, start: Point) -> Options:
-        """Far away a step may be long, since the elastic body answers little."""
+        """Far away a step may be long, since the elastic body answers little; not so long as to miss a layer."""
         floor = STATE_FLOOR * self.scale * (2 * self.scale) ** 0.25
         if self.film:
             rough = start.x * (-1.0) ** np.arange(start.x.size)
             floor = max(floor, LOUD * np.finfo(float).eps * math.sqrt(self.inner(rough, rough)))
-        return replace(STEPS, state_floor=floor, noise=NOISE)
-
-    def farthest(self, p: float) -> float:
-        """Not so far as to miss a layer."""
-        law = self.equations.interaction
-        if law is None or self.equations.contact:
-            return math.inf
-        return LONGEST_IN_LAYERS * law.wave / (self.scale * math.cosh(p))
+        steps = replace(STEPS, state_floor=floor, noise=NOISE)
+        law, u = self.equations.interaction, start.parameter
+        if law is None or not math.isfinite(law.wave) or u == 0.0:
+            return steps
+        longest = LONGEST_IN_LAYERS * law.wave / (self.scale * math.cosh(u) * abs(u))
+        return replace(steps, largest_parameter_step=min(steps.largest_parameter_step, longest))
 
     def margins(self, x: Array, p: float) -> Mapping[str, float]:
         """Whether a disc is right: smallest gap outside and wall pressure inside, in the interaction's own units."""
