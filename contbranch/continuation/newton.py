@@ -22,11 +22,6 @@ PRECISE_TANGENT_DISTANCE = 1e-10
 # Corrections below this (in the metric) may grow once, and tell nothing of how long a step may be: what is stiff in a
 # prediction makes the first one small and the second, of what is soft, larger; the third is their square.
 SMALL = 1e-3
-# Contraction, proportional to the error of a prediction, with which Newton's method still converges well.
-CONTRACTS = 0.3
-# A correction this small is followed by others with the same matrix, where that costs more than residuals, as long as
-# they contract by this; the tangent is refined as often.
-NEAR, KEEPS, REFINED = 1e-2, 0.05, 2
 # Most corrections of a predicted point; what does not contract is given up earlier.
 ITERATIONS = 10
 # ... and of a start.
@@ -34,14 +29,12 @@ START_ITERATIONS = 50
 
 
 class CorrectionError(Exception):
-    """No corrected point was reached; `outcome` and `detail` say why, `basin` how far it may be for corrections to
-    contract."""
+    """No corrected point was reached; `outcome` and `detail` say why."""
 
-    def __init__(self, outcome: Outcome, detail: str, basin: float = math.inf):
+    def __init__(self, outcome: Outcome, detail: str):
         super().__init__(detail)
         self.outcome = outcome
         self.detail = detail
-        self.basin = basin
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -148,14 +141,11 @@ def correct(
     first = previous = math.inf
     contraction = 0.0
     worst = 0.0
-    slow = kept = False
+    slow = False
     for iteration in range(1, ITERATIONS + 1):
-        if kept:
-            left = residual(problem, x, p)
-        else:
-            last, at = (x, p), linearise(problem, x, p)
-            left, bordered = at[0], border(problem, x, p, at, row)
-        dx, dp = solve(bordered, -left, 0.0, p)
+        last, at = (x, p), linearise(problem, x, p)
+        bordered = border(problem, x, p, at, row)
+        dx, dp = solve(bordered, -at[0], 0.0, p)
         x = x + dx
         p = p + dp
         size = metric.norm(problem, dx, dp)
@@ -164,27 +154,19 @@ def correct(
             done = size <= max(tolerance, floor, close * precise)  # the next one is about its square
         else:
             contraction = size / previous if previous > 0 else 0.0
-            beyond = contraction if kept else contraction**2
-            done = size <= max(close, floor) and beyond * size <= max(tolerance, floor)
+            done = size <= max(close, floor) and contraction**2 * size <= max(tolerance, floor)
             # What no longer contracts close to rounding is as good as it gets.
             if not done and contraction > 0.1:
                 rough = x * (-1.0) ** np.arange(x.size)  # as slopes see rounding
                 done = size <= max(noise, _rounding_floor(problem, rough, p, metric))
             again, slow = slow or size > SMALL, contraction > 0.5
-            if not done and ((slow and again and not kept and iteration > options.patience) or not math.isfinite(size)):
-                basin = first * CONTRACTS / contraction
-                text = f"(Newton's corrections contract by {contraction:.2g}.)"
-                raise CorrectionError(Outcome.STEP_TOO_SMALL, text, basin)
+            if not done and ((slow and again and iteration > options.patience) or not math.isfinite(size)):
+                raise CorrectionError(Outcome.STEP_TOO_SMALL, f"(Newton's corrections contract by {contraction:.2g}.)")
             if size > max(SMALL, noise):
                 worst = max(worst, contraction)
         if done:
             u, a = solve(bordered, np.zeros_like(x), 1.0, p)
-            if kept and (applied := problem.applied(x, p)) is not None:
-                slope = problem.parameter_derivative(x, p)
-                for _ in range(REFINED):
-                    du, da = solve(bordered, -applied(u) - a * slope, 1.0 - float(row[0] @ u) - row[1] * a, p)
-                    u, a = u + du, a + da
-            product = None if kept else problem.product(*last, at[1])
+            product = problem.product(*last, at[1])
             if product is not None:
                 rest = -product(u) - a * at[2]
                 du, da = solve(bordered, rest, 1.0 - float(row[0] @ u) - row[1] * a, p)
@@ -193,7 +175,6 @@ def correct(
             problem.corrected(x, p, partial(_at_fixed_parameter, bordered, (u, a)))
             return Corrected(x, p, u, a, bordered, iteration, first, worst)
         previous = size
-        kept = size <= NEAR and (iteration == 1 or contraction <= KEEPS) and problem.applied(x, p) is not None
     raise CorrectionError(Outcome.STEP_TOO_SMALL, f"(The last correction was {previous:.2g} of the step's scale.)")
 
 

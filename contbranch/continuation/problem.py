@@ -118,13 +118,6 @@ class Problem(ABC):
         """
         return None
 
-    def applied(self, x: Array, p: float) -> Callable[[Array], Array] | None:
-        """Return what multiplies a vector by dF/dx without the matrix, where that costs far less.
-
-        Default: None. With it a factorised matrix serves all corrections that are small.
-        """
-        return None
-
     def second_derivative(self, x: Array, p: float, u: Array, a: float) -> Array | None:
         """Return the second derivative of F along (u, a), d²F(x + s u, p + s a)/ds² at s = 0, shape (n,).
 

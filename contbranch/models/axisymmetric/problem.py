@@ -122,8 +122,6 @@ STIFF, SEEN = 1e-3, 0.01
 SETTLED, BELOW = 1e-8, 0.1
 # By how much less than the parameter the state counts there, whose rate changes around the rim all along the kink.
 CALM = 10.0
-# Unknowns from which on a factorised matrix serves several corrections.
-LARGE = 200
 # Multiple of rounding at which corrections may stop contracting: stiff films are ill-conditioned.
 NOISE = 1e7
 # Edges of panels below this share of the distance to the edge of a tip are kept where the mesh is to end there.
@@ -276,28 +274,13 @@ class ContactProblem(EquilibriumProblem):
         equations, fields = self.seen(x, p)
         if self.front is None:
             return equations.jacobian(fields)
-        n = equations.mesh.size
+        n, power = equations.mesh.size, self.front.power
         matrix = np.empty((n + 1, n + 1))
         matrix[:n, :n] = equations.jacobian(fields)
-        matrix[n, :n], matrix[:, n] = self._bordering(self.front, x, p)
+        matrix[n, :n], spread, _ = self.front.derivatives(self.equations.mesh, equations, fields)
+        matrix[:, n] = np.append(equations.spread(fields, power)[1], spread) / self.growth(x)
+        matrix[:, n] -= power * self.residual(x, p)
         return matrix
-
-    def _bordering(self, front: Front | Edge, x: Array, p: float) -> tuple[Array, Array]:
-        """Last row (N,) and last column (N + 1,) of dR/dx with a front."""
-        equations, fields = self.seen(x, p)
-        row, spread, _ = front.derivatives(self.equations.mesh, equations, fields)
-        column = np.append(equations.spread(fields, front.power)[1], spread) / self.growth(x)
-        return row, column - front.power * self.residual(x, p)
-
-    def applied(self, x: Array, p: float) -> Callable[[Array], Array] | None:
-        """What multiplies by dR/dx; None for small matrices."""
-        if self.size < LARGE:
-            return None
-        (equations, fields), n = self.seen(x, p), self.size
-        if self.front is None:
-            return partial(equations.multiplied, fields)
-        row, column = self._bordering(self.front, x, p)
-        return lambda v: np.append(equations.multiplied(fields, v[:n]), row @ v[:n]) + column * v[n]
 
     def parameter_derivative(self, x: Array, p: float) -> Array:
         """dR/du, (N,), and that of the front's equation."""
