@@ -10,17 +10,14 @@ from contbranch.continuation.curve import End, Fold, Located, Outcome, Point
 from contbranch.continuation.edge import Range, closes, land
 from contbranch.continuation.events import Event, Happening
 from contbranch.continuation.metric import Balance, Metric
-from contbranch.continuation.newton import CONTRACTS, CorrectionError, correct
+from contbranch.continuation.newton import CorrectionError, correct
 from contbranch.continuation.options import Options, StopAt
 from contbranch.continuation.problem import size_of
 from contbranch.continuation.scan import LeapError, scan
 from contbranch.continuation.segment import Segment
-from contbranch.continuation.step import AFTER_FAILURE, POINTS, Predictor, judge
+from contbranch.continuation.step import AFTER_FAILURE, CONTRACTS, POINTS, Predictor, judge
 from contbranch.continuation.walk import adapted, annotated, to_point
 from contbranch.watch import INTERRUPTIONS, caught
-
-# What Newton's method has failed from is forgotten in some steps: by this factor with each.
-FORGETS = 1.25
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,15 +31,13 @@ class Branch:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Step:
-    """An accepted step; how long the next one should be in units of it, from how many points to predict it, and how far
-    off that may be."""
+    """An accepted step; how long the next one should be in units of it, and from how many points to predict it."""
 
     segment: Segment
     happenings: list[Happening]
     end: End | None
     factor: float
     count: int
-    basin: float
 
 
 def follow(
@@ -74,11 +69,11 @@ class _Direction:
         step = options.first_step * metric.norm(self.start.problem, self.start.tangent_x, self.start.tangent_parameter)
         branch = Branch([], [], End(Outcome.MAXIMUM_POINTS))
         last: Segment | None = None
-        count, basin = 1, math.inf
+        count = 1
         for _ in range(options.maximum_points):
             recent[-1] = _unit(recent[-1], metric)
             try:
-                taken = self._take(Predictor(recent, metric), last, step, count, FORGETS * basin, bool(branch.points))
+                taken = self._take(Predictor(recent, metric), last, step, count, bool(branch.points))
                 end = self._record(branch, taken)
                 if end is not None:
                     return replace(branch, end=end)
@@ -87,7 +82,6 @@ class _Direction:
                 balance = balance.advance(size_of(begin.problem, dx), abs(dp))
                 metric = balance.metric(options.weight, options.state_floor)
                 step, count = taken.factor * metric.norm(begin.problem, dx, dp), taken.count
-                basin = taken.basin
                 here, carry = adapted(here, metric, options)
             except CorrectionError as error:
                 return replace(branch, end=End(error.outcome, error.detail, error.__cause__))
@@ -101,9 +95,7 @@ class _Direction:
             last = Segment(recent[-2], here, metric) if len(recent) > 1 else None
         return branch
 
-    def _take(
-        self, predictor: Predictor, last: Segment | None, step: float, count: int, basin: float, away: bool
-    ) -> _Step:
+    def _take(self, predictor: Predictor, last: Segment | None, step: float, count: int, away: bool) -> _Step:
         """Take one step, shortening it until it succeeds; raise the last failure when it has become too short."""
         here, metric, options = predictor.here, predictor.metric, self.options
         growth = options.growth
@@ -118,14 +110,14 @@ class _Direction:
                 end = to_point(here.problem, corrected, metric, options.detect_branch_points)
                 judgement = judge(here, end, corrected, metric, options)
                 largest = corrected.first_correction * CONTRACTS / max(corrected.contraction, 1e-9)
-                longest, count = predictor.longest(step, foretold, end, growth, min(largest, basin))
+                longest, count = predictor.longest(step, foretold, end, growth, largest)
                 if judgement.accepted:
                     segment = Segment(here, annotated(end), metric)
                     segment, happenings, stop = self._look_inside(segment, last, away)
-                    return _Step(segment, happenings, stop, min(judgement.factor, longest, growth), count, basin)
+                    return _Step(segment, happenings, stop, min(judgement.factor, longest, growth), count)
                 step *= judgement.factor
             except CorrectionError as error:
-                failure, basin = error, min(basin, error.basin)
+                failure = error
                 step *= AFTER_FAILURE
             except LeapError:
                 failure = CorrectionError(Outcome.STEP_TOO_SMALL, "(Every step leaps to another part of the curve.)")

@@ -141,6 +141,8 @@ class Predictor:
         return best
 
 
+# ... and at most what the one of a step foretells, which is proportional to the error of the prediction.
+CONTRACTS = 0.3
 # Newton's contraction that the step control aims at: a few digits more with every iteration (P. Deuflhard, Newton
 # Methods for Nonlinear Problems, Springer 2011, sec. 5.1, aims at 1/4 to 1/8).
 CONTRACTION = 0.1
