@@ -307,7 +307,7 @@ def test_defect_is_the_difference_to_finer_panels(step: Track, displacement: flo
     """One step of Newton's method on finer panels tells what the solution there is, across the curve."""
     point = nearest(step, displacement)
     coarse = rings(point)
-    coarse = coarse.on(replace(coarse.panels, order=5))
+    coarse = coarse.on(replace(coarse.panels, order=4))
     here = settled(moved(point, coarse))
     defect, there = coarse.defect(here), coarse.finer()
     direction = moved(here, there)

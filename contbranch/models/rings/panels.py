@@ -30,9 +30,6 @@ NEAR = 1.0
 # Exponent of the substitution that clusters nodes at the logarithm, and Gauss nodes beyond twice the panel's: the lift
 # by a panel ten thousand times longer than another is right to 3e-12 there.
 CLUSTER, MORE = 4, 16
-# How far beyond the end of a panel a logarithm lies, in panels, where nodes are equally spaced in the logarithm of the
-# distance from it down to there. Narrow panels next to one that reaches far tell their pressure by the last digits.
-BEYOND = tuple(0.25**k for k in range(11))
 
 
 @dataclass(frozen=True)
@@ -66,8 +63,7 @@ class Panels:
 
 @cache
 def clustered(order: int) -> tuple[Array, Array, Array]:
-    """Rules on [0, 1] whose nodes cluster: at 0, down to nothing and to `BEYOND`, at 1, and at every node of a panel,
-    from below and from above.
+    """Rules on [0, 1] whose nodes cluster: at 0, at 1, and at every node of a panel, from below and from above.
 
     Returns
     -------
@@ -79,12 +75,9 @@ def clustered(order: int) -> tuple[Array, Array, Array]:
     z, w = gauss(2 * order + MORE)
     u = ((z + 1) / 2) ** CLUSTER
     density = CLUSTER * ((z + 1) / 2) ** (CLUSTER - 1) * w / 2
-    node, far = (rule.nodes[:, None] + 1) / 2, np.array(BEYOND)[:, None]
-    rate = np.log1p(1 / far)
-    end = np.concatenate([[u], far * np.expm1(rate * (z + 1) / 2)])
-    share = np.concatenate([[density], rate * (far + end[1:]) * w / 2])
-    places = np.concatenate([end, 1 - end, node * (1 - u), node + (1 - node) * u])
-    weights = np.concatenate([share, share, node * density, (1 - node) * density])
+    node = (rule.nodes[:, None] + 1) / 2
+    places = np.concatenate([[u, 1 - u], node * (1 - u), node + (1 - node) * u])
+    weights = np.concatenate([[density, density], node * density, (1 - node) * density])
     values = np.moveaxis(legendre_values(order, 2 * places - 1), 0, -1) @ rule.to_legendre
     return places, weights, values
 
@@ -218,28 +211,15 @@ class Grid:
         distance = np.maximum(0.0, np.maximum(self.inner - r[:, None], r[:, None] - self.outer))
         return np.asarray(distance < NEAR * self.length)
 
-    def _end(self, panel: Indices, r: Array) -> Indices:
-        """The rules, see `clustered`, for radii beyond an end of panels, or at one."""
-        sign, after = self.sign[panel], np.abs(self.outer[panel] - r) < np.abs(self.inner[panel] - r)
-        # The panels' x runs from the centre outwards; beyond its anchor y is imaginary.
-        squared = sign * (r - self.anchor[panel])
-        with np.errstate(divide="ignore", invalid="ignore"):
-            y = np.where(np.abs(sign) == 1, np.sqrt(squared.astype(complex)), r)
-            x = (y - self.start[panel]) / (self.stop - self.start)[panel]
-            x = np.where(sign == 2, 1 - self.anchor[panel] / r, x)
-            power = np.rint(np.log(np.abs(x - after)) / math.log(BEYOND[1]))
-        own = np.where(power < len(BEYOND), np.maximum(power, 0.0) + 1, 0.0)
-        return np.asarray(own.astype(int) + after * (len(BEYOND) + 1))
-
     def _elliptic(self) -> tuple[Array, Near]:
         """K(m) between all nodes, (N, N), and the pairs of nodes and panels near each other."""
         if self._pairs is None:
             target, panel = np.nonzero(self._near(self.r))
             own, node = panel == target // self.order, target % self.order
-            first = 2 * (len(BEYOND) + 1)
-            rule = np.where(own, first + node, self._end(panel, self.r[target]))
+            # At the end nearest to the target; the panels' x runs from the centre outwards.
+            rule = np.where(own, 2 + node, self.r[target] > self.outer[panel] - 1e-300)
             target, panel = np.append(target, target[own]), np.append(panel, panel[own])
-            rule = np.append(rule, first + self.order + node[own])
+            rule = np.append(rule, 2 + self.order + node[own])
             order = np.argsort(rule, kind="stable")
             target, panel, rule = target[order], panel[order], rule[order]
             places, weights, _ = clustered(self.order)
@@ -318,7 +298,7 @@ class Grid:
         panel = np.flatnonzero(self._near(np.array([radius]))[0])
         row = (_kernel(r, self.r, _elliptic(r, self.r)) * self.weights)[0]
         places, weights, values = clustered(self.order)
-        rule = self._end(panel, np.full(len(panel), radius))
+        rule = (np.abs(self.outer - radius) < np.abs(self.inner - radius))[panel].astype(int)
         s, slope = self._map(panel[:, None], places[rule])
         carried = values[rule] * (slope * weights[rule])[:, :, None]
         kernel = _kernel(r, s, _elliptic(r, s))
