@@ -77,7 +77,7 @@ def test_axes_have_units(figure):
 def test_the_first_and_the_last_layer_are_named():
     axes = gallery.cascade().axes[0]
     shown = {one.get_text() for one in labels(axes)}
-    assert {"squeeze-out-1", "squeeze-out-7", "pull-off-2", "pull-off-7"} <= shown
+    assert {"squeeze-out-1", "squeeze-out-6", "pull-off-2", "pull-off-7"} <= shown
     assert not {"squeeze-out-3", "pull-off-4"} & shown
 
 
