@@ -224,9 +224,7 @@ class Edge:
         last = max(int(np.searchsorted(nodes, distance)) - 1, 0)
         ends = math.pi * distance**2 * max(abs(fields.pressure[last]), abs(fields.energy_density[last]))
         layered = equations.interaction is not None and math.isfinite(equations.interaction.wave)
-        if not (
-            fields.pressure[0] > 0.0 or layered or ends > share * tolerance
-        ):  # between layers it vanishes
+        if not (fields.pressure[0] > 0.0 or layered or ends > share * tolerance):  # between layers it vanishes
             return None
         pressed = bool((fields.pressure[-1] > 0.0) & (np.abs(fields.stiffness).max() * distance > STIFF))
         if present and present.film >= pressed:
