@@ -10,6 +10,7 @@ import numpy as np
 
 from contbranch.arrays import Array, Indices
 from contbranch.curve.problem import Defect
+from contbranch.models.fronts import SMOOTH
 from contbranch.models.quadrature import gauss_between
 
 from .equations import Equations, Fields, felt
@@ -37,9 +38,6 @@ SOFT = 4.0
 MERGE = 0.1
 # Edges of panels at which the gap is this close to the law's kink stay.
 AT_KINK = 1e-6
-# Share of its largest value up to which v'' may be unresolved inside a film, as far as that bears this share of its
-# largest pressure.
-SMOOTH, CORE = 1e-4, 0.7
 
 
 def defect_error(equations: Equations, fields: Fields, solve: Solver | None = None) -> Defect:

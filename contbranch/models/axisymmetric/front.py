@@ -16,6 +16,7 @@ from typing import ClassVar
 import numpy as np
 
 from contbranch.arrays import Array
+from contbranch.models.fronts import BEGINS, ENDS, FLATTER, STIFF
 
 from .adapt import needed_reach
 from .equations import Equations, Fields
@@ -23,10 +24,7 @@ from .mesh import Mesh
 
 __all__ = ["Edge", "Front", "Kink", "steepest"]
 
-# A front begins where the pressure changes by more than this multiple of its largest value over its distance from the
-# rim, ends where it changes by less than the second, and is moved where its own change is below this share.
-BEGINS, ENDS, FLATTER = 1.5, 1.0, 0.2
-# ... or where the gap rises by less than this share of what it did.
+# A front is moved where the gap rises by less than this share of what it did, too.
 RESTS = 0.25
 # A mesh that must reach beyond the first share of the distance to the edge of the tip ends there, if what ends there
 # exceeds the tolerance, and goes on to do so down to the second share of both.
@@ -37,8 +35,8 @@ NEXT = 0.1
 # product of states at least like an h of this share of its gap.
 SEEN, LIFTED = 4e-3, 0.3
 # Radius over which the interaction is felt in units of the length on which elasticity answers it, from which on steps
-# are limited by fronts; and from which on by such as are flatter by this factor, like the edges of large films.
-STIFF, LARGE, OF_FILMS = 16.0, 1000.0, 0.2
+# are limited by fronts that are flatter by this factor, like the edges of large films.
+LARGE, OF_FILMS = 1000.0, 0.2
 # How much stiffer it has to be where only a film as large as its contact is: below that fixed meshes cost less.
 FAR_OUT = 4.0
 

@@ -25,9 +25,10 @@ from contbranch.curve.problem import (
     Work,
 )
 from contbranch.errors import ModelError
+from contbranch.models.fronts import CORE
 from contbranch.watch import check
 
-from .adapt import CORE, Solver, adapted_edges, defect_error, needed_reach, panel_errors, roughness
+from .adapt import Solver, adapted_edges, defect_error, needed_reach, panel_errors, roughness
 from .equations import RECENT, Equations, Fields
 from .front import Edge, Front, Kink, steepest
 from .mesh import Mesh, mesh_on

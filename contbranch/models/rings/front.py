@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from contbranch.models.axisymmetric.front import BEGINS, ENDS, FLATTER, STIFF
+from contbranch.models.fronts import BEGINS, ENDS, FLATTER, STIFF
 
 from .equations import Fields, RingEquations
 from .meshing import pieces

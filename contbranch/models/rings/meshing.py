@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from contbranch.arrays import Array
-from contbranch.models.axisymmetric.adapt import CORE, SMOOTH
+from contbranch.models.fronts import CORE, SMOOTH
 from contbranch.models.quadrature import start_edges
 
 from .equations import Fields, RingEquations
