@@ -13,6 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from numpy.polynomial.chebyshev import chebvander
 from scipy.integrate import quad
 from scipy.interpolate import CubicSpline
 from scipy.special import ellipkm1
@@ -46,7 +47,7 @@ class Basis:
 
     def _functions(self, psi: Array) -> Array:
         """T_k at tau = L tan(psi/2), xi = −cos(psi)."""
-        return np.cos(np.outer(np.pi - psi, np.arange(self.count)))
+        return chebvander(-np.cos(psi), self.count - 1)
 
     def _share(self, tau: Array) -> Array:
         """dt/dtau."""
@@ -57,7 +58,7 @@ class Basis:
         alpha = np.pi / 2 * (np.arange(points) + 0.5) / points
         root = np.hypot(self.tau, self.length)
         xi = 1 - 2 * (self.length / root)[:, None] ** 2 * np.cos(alpha) ** 2
-        functions = np.cos(np.arccos(np.clip(xi, -1, 1))[..., None] * np.arange(self.count))
+        functions = chebvander(xi, self.count - 1)
         return (2 * np.pi * self.length**2 / root)[:, None] * functions.mean(axis=1) @ self.to_coefficients
 
     def _plane_row(self, end: float) -> Array:
