@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -189,7 +190,9 @@ def test_a_signal_leaves_the_old_file_or_a_readable_one(name: signal.Signals, le
     path = tmp_path / "x.h5"
     path.write_text("old")
     command = [sys.executable, "-c", CODE, "trace", str(tmp_path / "c.toml"), "--accuracy", "1e-10", "-o", str(path)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as program:
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    heard = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)  # what a job in the background inherits ignores it
+    with subprocess.Popen(command, preexec_fn=heard, **pipes) as program:
         # after the lock, which comes before the libraries
         while not list(tmp_path.glob("*.part")):
             time.sleep(0.01)
