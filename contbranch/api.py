@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from contbranch.arrays import Array
 from contbranch.contact.contact import Contact
 from contbranch.contact.family import Vary, family_of
 from contbranch.contact.law_check import check_laws
@@ -102,7 +101,7 @@ def trace(
         request = replace(asked.request, target=_limit(contact, max_load), modes=modes)
         raw = asked.answer(partial(asked.curves.trace, request), no_curve())
         asked.refuse_below(request, raw)
-        message = asked.noted(raw.message, raw.load, raw.contact_radius)
+        message = asked.noted(raw.message, raw)
         raw = replace(raw, cost=asked.timed(raw.cost), message=message)
         diagram = assemble(contact, raw, asked.choice(raw.unknowns), asked.control, accuracy)
     return watch.passed(diagram)
@@ -175,7 +174,7 @@ def _solution(asked: _Asked, found: Coexisting, states: tuple[State, ...], near:
         model=asked.choice(found.unknowns),
         cost=asked.timed(found.cost),
         status="complete" if found.complete else "incomplete",
-        message=asked.noted_of(message, found.states),
+        message=asked.noted(message, *found.states),
         states=(best, *(state for state in states if state is not best))[: len(states)],
         contact=asked.contact,
     )
@@ -248,7 +247,7 @@ def _found(asked: _Asked, found: Coexisting) -> Equilibria:
         model=asked.choice(found.unknowns),
         cost=asked.timed(found.cost),
         status="complete" if found.complete else "incomplete",
-        message=asked.noted_of(f"{words}; {found.searched}. {found.message}".strip(), found.states),
+        message=asked.noted(f"{words}; {found.searched}. {found.message}".strip(), *found.states),
         contact=contact,
     )
 
@@ -321,7 +320,7 @@ def hysteresis(
         route = asked.answer(partial(asked.curves.path, request), Route(CurveWalk.empty(asked.request.control)))
         curve = route.curve
         asked.refuse_below(request, curve)
-        route = replace(route, message=asked.noted(route.message, curve.load, curve.contact_radius))
+        route = replace(route, message=asked.noted(route.message, curve))
         found = loop(contact, route, asked.control, asked.choice(curve.unknowns), asked.timed(curve.cost))
     return watch.passed(found)
 
@@ -431,16 +430,18 @@ class _Asked:
                 f"{curve.load[0] * unit:.4g}"
             )
 
-    def noted(self, message: str, load: Array, contact_radius: Array) -> str:
-        """A message, and what is to be said of states outside of the theory; loads and radii in reduced units."""
+    def noted(self, message: str, *reached: RawCurve | State) -> str:
+        """A message, and what is to be said of states outside of the theory or of what describes the contact."""
         scales = self.contact.scales
-        said = notes(self.contact, np.multiply(load, scales.load), np.multiply(contact_radius, scales.in_plane))
-        return f"{message} {said}".strip()
-
-    def noted_of(self, message: str, states: Sequence[State]) -> str:
-        """The same for single states."""
-        load, contact_radius = np.array([(one.load, one.contact_radius) for one in states]).reshape(-1, 2).T
-        return self.noted(message, load, contact_radius)
+        load, shift, radius = (
+            np.concatenate([np.atleast_1d(getattr(one, name)) for one in reached] or [np.empty(0)]) * unit
+            for name, unit in (
+                ("load", scales.load),
+                ("displacement", scales.normal),
+                ("contact_radius", scales.in_plane),
+            )
+        )
+        return f"{message} {notes(self.contact, load, shift, radius)}".strip()
 
     def timed(self, cost: Cost) -> Cost:
         """A cost with the time since the question was asked."""

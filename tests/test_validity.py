@@ -32,6 +32,21 @@ def test_a_contact_wider_than_the_tip_is_blunt_is_noted_once() -> None:
     assert "(largest 0.4)" in cb.solve(cone, load=10.0).message
 
 
+def test_a_table_of_heights_that_ends_inside_of_what_bears_load_is_noted() -> None:
+    """The table of a parabola: Hertz's contact reaches its end at F = 4 a³/3, a film at the displacement a²."""
+    radii = np.linspace(0.0, 1.5, 12)
+    tip = cb.Profile(tuple(radii), tuple(radii**2 / 2.0))
+    bare, covered = cb.Contact(tip), cb.Contact(tip, cb.VanDerWaals(-1.0, 0.02))
+    assert "table" not in cb.solve(bare, load=0.99 * 4.5).message
+    assert (
+        "tip: its table ends at a radius of 1.5; from a load of 4.545 on, what continues it bears load, too."
+        in cb.solve(bare, load=1.01 * 4.5).message
+    )
+    states = [cb.solve(covered, displacement=share * 1.5**2) for share in (0.99, 1.01)]
+    assert [state.contact_radius for state in states] == [0.0, 0.0]
+    assert ["table ends" in state.message for state in states] == [False, True]
+
+
 def test_a_range_below_an_atoms_size_is_noted() -> None:
     assert "interaction.range: 0.05 nm is less than an atom's size (0.1 nm)." in cb.trace(physical(range=0.05)).message
     assert cb.trace(physical(range=0.11)).message == ""

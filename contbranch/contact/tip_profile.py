@@ -144,8 +144,8 @@ class Profile(Tip):
     Notes
     -----
     ζ is the cubic spline with knots at the radii whose tip has exactly the heights given; heights that scatter are
-    smoothed as far as their scatter goes. Beyond the last radius ζ goes
-    on with its last curvature (as for a parabola), or straight (as for a cone) where that would be negative.
+    smoothed as far as their scatter goes. Beyond the last radius ζ goes on with its last curvature (as for a
+    parabola), or straight (as for a cone) where that would be negative; results say from which load on it matters.
     """
 
     name = "profile"
@@ -190,6 +190,11 @@ class Profile(Tip):
     def limitation(self) -> str:
         """By how much the heights scatter."""
         return self._told
+
+    @property
+    def table_end(self) -> float:
+        """The last radius of the table."""
+        return self.radii[-1]
 
     @property
     def apex_exponent(self) -> float:

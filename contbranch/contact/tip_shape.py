@@ -129,6 +129,11 @@ class Tip(TipShape):
         return math.inf
 
     @property
+    def table_end(self) -> float:
+        """The radius beyond which the tip is the continuation of a description that ends."""
+        return math.inf
+
+    @property
     def apex_exponent(self) -> float:
         """The exponent n with which the profile starts, z ∝ r^n."""
         return 2.0

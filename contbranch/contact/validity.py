@@ -8,8 +8,8 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
+from contbranch.arrays import Array
 from contbranch.contact.interaction_law import places_of, terms_of
 
 if TYPE_CHECKING:
@@ -62,22 +62,34 @@ def energy_pole(tip: Tip, law: Interaction | None) -> float:
     return second if abs(second - first) < 0.01 * abs(first) else 0.0
 
 
-def notes(contact: Contact, load: ArrayLike, contact_radius: ArrayLike) -> str:
-    """Sentences on limits of tip and laws, and on physical states outside of what the theory holds for; mostly none."""
+def notes(contact: Contact, load: Array, displacement: Array, contact_radius: Array) -> str:
+    """Sentences on limits of tip and laws, and on states outside of what is described or holds; mostly none."""
     found = [f"{name}: {part.limitation}." for name, part in _named(contact) if part.limitation]
-    if (own := contact.tip.axisymmetric) is not None and energy_pole(own, contact.interaction):
-        found.append("The law decays so slowly that the energy around this tip is infinite: energies are differences.")
+    tip = contact.tip.axisymmetric
+    if tip is not None:
+        if energy_pole(tip, contact.interaction):
+            found.append(
+                "The law decays so slowly that the energy around this tip is infinite: energies are differences."
+            )
+        if math.isfinite(end := tip.table_end):
+            film = (contact_radius == 0.0) & (displacement > tip.transform(end))  # ζ(r): to bear load out to r
+            beyond = load[film | (contact_radius > end)]
+            if beyond.size:
+                found.append(
+                    f"tip: its table ends at a radius of {end:.4g}; from a load of {beyond.min():.4g} on, what "
+                    "continues it bears load, too."
+                )
     if not contact.units.physical:
         return " ".join(found)
-    tip, radius, force = contact.tip.axisymmetric, np.asarray(contact_radius), np.asarray(load)
-    if tip is not None and radius.size:
-        inside = np.minimum(radius, (1.0 - 1e-9) * tip.extent)
-        slope = np.where(radius > 0.0, tip.height_derivative(np.maximum(inside, 1e-12 * contact.scales.in_plane)), 0.0)
+    if tip is not None and contact_radius.size:
+        inside = np.minimum(contact_radius, (1.0 - 1e-9) * tip.extent)
+        places = np.maximum(inside, 1e-12 * contact.scales.in_plane)
+        slope = np.where(contact_radius > 0.0, tip.height_derivative(places), 0.0)
         steep = slope > STEEPEST
         if steep.any():
             found.append(
                 f"The tip's slope at the rim of the contact exceeds {STEEPEST:g} from a load of "
-                f"{force[steep].min():.4g} nN on (largest {slope.max():.2g}): beyond linear elasticity, which "
+                f"{load[steep].min():.4g} nN on (largest {slope.max():.2g}): beyond linear elasticity, which "
                 "holds for small slopes."
             )
     for name, part in _named(contact):

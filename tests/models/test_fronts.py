@@ -67,6 +67,18 @@ def test_films_under_cones_stay():
     assert branch.load[-1] == pytest.approx(2 / math.pi * ridden**2, rel=0.2)
 
 
+@pytest.mark.parametrize("law", [cb.InverseSquare, cb.MaugisDugdale])
+def test_films_under_cones_with_rounded_apexes_stay(law):
+    """A hyperboloid of slope 1 (radius 1): the pressure at its apex grows by 1/4 with every factor e of the load."""
+    radii = np.linspace(0.0, 8.0, 40)
+    hyperboloid = cb.Profile(tuple(radii), tuple(radii**2 / (1.0 + np.sqrt(1.0 + radii**2))))
+    stays, ends = (cb.trace(cb.Contact(hyperboloid, law(-1.0, 1 / tabor)), accuracy=1e-4) for tabor in (12.0, 1.0))
+    assert (stays.status, list(stays.folds()), ends.status) == ("complete", [], "complete")
+    assert "The film stays" in stays.message
+    assert "The film stays" not in ends.message
+    assert ends.branches[0].contact_radius[-1] > 0.0
+
+
 def test_far_from_the_film_nothing_is_said_of_it():
     """Long before the tip is pressed upon the film the pressure below it is a power of the load."""
     diagram = cb.trace(cb.Contact(cb.Cone(1.0), cb.InverseSquare(-1.0, 30.0)), accuracy=1e-4, max_load=5.0)

@@ -35,6 +35,7 @@ from contbranch.curve.problem import (
     oriented,
 )
 from contbranch.errors import ModelError
+from contbranch.models.fronts import ENDURES, lasts
 from contbranch.models.quadrature import start_edges
 from contbranch.results.diagram import ModeShape, Profile
 
@@ -98,10 +99,9 @@ WHOLE, OUTERMOST = 0.999, 0.9
 INDIFFERENT = 1e-6
 # Changes of the state are measured in at least this multiple of the rounding errors of its slopes.
 LOUD = 1e5
-# ln of the multiple of its load up to which a film is followed to its next fold, or to contact; gaps at which its
-# pressure is looked at; the gap of a film that is pressed changes by less than this share of the displacement.
-BEYOND, BARRIER, PRESSED = math.log(1e9), 400, 0.1
-ENDURES = "The film stays: under so sharp a tip, the load at which it is squeezed out is more than 1e9 times larger."
+# Gaps at which a film's pressure is looked at; the gap of one that is pressed changes by less than this share of the
+# displacement.
+BARRIER, PRESSED = 400, 0.1
 # At first touch a mesh aims at this share of the tolerance, since tiny contacts ask for more than the touch itself.
 AHEAD = 0.1
 
@@ -371,11 +371,7 @@ class ContactProblem(MeshedContact):
         return "The contact, or the interaction around it, has reached the end of the tip."
 
     def endures(self, point: Point) -> bool:
-        """Whether the film's next greatest pressure is out of reach: under a cone it is a logarithm of the load.
-
-        Under a tip like r^n the pressure in the middle grows with the power (n − 1)/(n + 1) of the load; under a cone
-        of slope z′ by z′E/4 with every factor e (I. N. Sneddon, Int. J. Eng. Sci. 3 (1965) 47), if not by more as yet.
-        """
+        """Whether the film's next greatest pressure is out of reach, see `lasts`."""
         (equations, fields), law = self.seen(point.x, point.parameter), self.equations.interaction
         if equations.contact or law is None or equations.load(fields) <= 0.0:
             return False
@@ -388,8 +384,7 @@ class ContactProblem(MeshedContact):
         rate = max(rate, float(tip.height_derivative(np.float64(felt(tip, law)))) / 4)
         falls = np.flatnonzero(np.diff(inwards.pressure) < 0.0)
         left = float(inwards.pressure[falls[0] if falls.size else -1] - inwards.pressure[0])
-        power = (tip.apex_exponent - 1.0) / (tip.apex_exponent + 1.0)
-        return left > rate * (math.expm1(power * BEYOND) / power if power else BEYOND)
+        return lasts(tip, equations.displacement(fields), left, rate)
 
     def before(self, control: Control, value: float) -> Point | None:
         """Out there the tip feels next to nothing: its displacement is minus the gap, and so is a spring's position."""

@@ -16,6 +16,7 @@ from contbranch.continuation.metric import Balance
 from contbranch.continuation.newton import border, linearise, solve
 from contbranch.control import Control
 from contbranch.curve.problem import STEPS, Count, Defect, Succession
+from contbranch.models.fronts import ENDURES, lasts
 from contbranch.results.profile import Profile
 
 from .changes import born, vanished
@@ -96,8 +97,20 @@ class RingProblem(RingEquations):
         return None if name == "tip-edge" else born(points[-1]) if name == "breach" else vanished(points[-1])
 
     def ending(self, name: str, point: Point) -> str:
-        """A sentence if the contact has come to the edge of a tip of finite extent."""
+        """A sentence if the contact has come to the edge of a tip of finite extent, or a film that stays to the end."""
+        if name == "end":
+            return ENDURES if self.endures(point) else ""
         return "The contact has come to the edge of the tip, where its description ends." if name == "tip-edge" else ""
+
+    def endures(self, point: Point) -> bool:
+        """Whether the pressure with which the middle rests on a film is out of reach of that which breaks it."""
+        fields, middle = self.fields(point.x, point.parameter), self.layout.regions[0]
+        rising = self.load_rate(fields, point.tangent_x)
+        if not (middle.rests and middle.index and rising > 0.0):
+            return False
+        left = self.setting.law.bounds(middle.index)[1] - float(fields.pressure[0])
+        rate = float(point.tangent_x[0]) * self.load(fields) / rising
+        return lasts(self.setting.tip, point.parameter + self.origin, left, rate)
 
     # -- discretisations ----------------------------------------------------------------------------------------------
     def adapt(self, x: Array, p: float) -> Adaptation | None:
