@@ -116,12 +116,8 @@ class HeightMap(TipShape):
         cell: float,
         hurst: float,
         *,
-        rms_slope: float | None = None,
-        rms_height: float | None = None,
-        seed: int = 0,
-        short_cutoff: float | None = None,
-        long_cutoff: float | None = None,
         radius: float | None = None,
+        **waves: Any,
     ) -> HeightMap:
         """Return a random surface with the power spectrum C(q) ∝ q^(-2(1+H)) between two cutoffs.
 
@@ -142,17 +138,7 @@ class HeightMap(TipShape):
         radius
             As for any map.
         """
-        heights = self_affine_heights(
-            n,
-            cell,
-            hurst,
-            rms_slope=rms_slope,
-            rms_height=rms_height,
-            seed=seed,
-            short_cutoff=short_cutoff,
-            long_cutoff=long_cutoff,
-        )
-        return HeightMap(heights, cell, radius)
+        return HeightMap(self_affine_heights(n, cell, hurst, **waves), cell, radius)
 
     @property
     def points(self) -> int:

@@ -68,15 +68,10 @@ class _Monomial(Tip):
         """Return c n t^(n-1)."""
         return _power(self._transformed * self.apex_exponent, t, self.apex_exponent - 1.0)
 
-    def transform_integral(self, a: ArrayLike) -> Array:
-        """Return c a^(n+1)/(n+1)."""
-        order = self.apex_exponent + 1.0
-        return _power(self._transformed / order, a, order)
-
-    def transform_square_integral(self, a: ArrayLike) -> Array:
-        """Return c² a^(2n+1)/(2n+1)."""
-        order = 2.0 * self.apex_exponent + 1.0
-        return _power(self._transformed**2 / order, a, order)
+    def _integral(self, a: ArrayLike, power: int) -> Array:
+        """Return c^m a^(mn+1)/(mn+1)."""
+        order = power * self.apex_exponent + 1.0
+        return _power(self._transformed**power / order, a, order)
 
     def contact_radius(self, y: ArrayLike) -> Array:
         """Return (y/c)^(1/n)."""
@@ -300,14 +295,6 @@ class SphericalCap(Tip):
         inside = x < 1.0
         value = np.arctanh(x, out=np.full_like(x, math.inf), where=inside)
         return np.asarray(self.steepness * (value + np.divide(x, 1.0 - x * x, out=np.zeros_like(x), where=inside)))
-
-    def transform_integral(self, a: ArrayLike) -> Array:
-        """Return σ ∫_0^a t artanh(t/R) dt."""
-        return self._integral(a, 1)
-
-    def transform_square_integral(self, a: ArrayLike) -> Array:
-        """Return σ² ∫_0^a (t artanh(t/R))² dt."""
-        return self._integral(a, 2)
 
     def _integral(self, a: ArrayLike, power: int) -> Array:
         """Return ∫_0^a ζ^m dt; with t = R tanh u, σ^m R^(m+1) ∫ (u tanh u)^m/cosh² u du, u < 19: on 20 panels."""
