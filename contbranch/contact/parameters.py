@@ -38,7 +38,7 @@ def numbers_of(contact: Contact) -> dict[str, Parameter]:
     parts: list[Any] = [contact.tip, *terms_of(contact.interaction)]
 
     def changed(value: float, k: int, name: str) -> Contact:
-        tip, *terms = [*parts[:k], with_number(parts[k], name, value), *parts[k + 1 :]]
+        tip, *terms = (with_number(part, name, value) if i == k else part for i, part in enumerate(parts))
         return replace(contact, tip=tip, interaction=sum(terms) or None)
 
     modulus = Parameter("modulus", contact.modulus, "pressure", lambda value: replace(contact, modulus=value))

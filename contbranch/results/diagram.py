@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from contbranch.arrays import AnyArray, Array, Integers
-from contbranch.contact.contact import Contact
 from contbranch.control import Control
 from contbranch.errors import InputError, ModelError
 from contbranch.results.profile import CellFields, ModeShape, Profile
@@ -20,7 +19,6 @@ from contbranch.results.record import (
     OBSERVABLES,
     Record,
     Result,
-    Status,
     UnitNames,
     Values,
     described,
@@ -447,7 +445,6 @@ class Diagram(Result):
     """
 
     format = "contbranch-diagram"
-    contact: Contact | None
     branches: tuple[Branch, ...]
     events: tuple[Event, ...]
     thresholds: Mapping[str, float]
@@ -455,8 +452,6 @@ class Diagram(Result):
     cost: Cost
     control: str = "load"
     accuracy: float = 1e-6
-    status: Status = "complete"
-    message: str = ""
     description: Mapping[str, Any] = described(default_factory=dict)
     unit_names: UnitNames = described(default_factory=dict)
     local_exponents: Callable[[Event], LocalExponent] | Mapping[int, LocalExponent] | None = described(
@@ -600,12 +595,9 @@ class Solution(State, Result):
     """
 
     format = "contbranch-solution"
-    model: ModelChoice = described(written=False, default_factory=lambda: ModelChoice("axisymmetric", "", 0))
-    cost: Cost = described(written=False, default_factory=lambda: Cost(0.0, 0))
-    status: Status = described(written=False, default="complete")
-    message: str = described(written=False, default="")
+    model: ModelChoice = described(default_factory=lambda: ModelChoice("axisymmetric", "", 0))
+    cost: Cost = described(default_factory=lambda: Cost(0.0, 0))
     states: tuple[State, ...] = described(written=False, default=())
-    contact: Contact | None = None
 
     def told(self) -> str:
         """Where the state is."""
@@ -629,4 +621,5 @@ class Solution(State, Result):
     def body(self) -> Values:
         """All states found, or this one."""
         told = {name: getattr(self, name) for name in ("model", "cost", "status", "message")}
-        return {"states": [state.items() for state in self.known], **told}
+        listed = (state.items() for state in self.known)
+        return {"states": [{key: value for key, value in one.items() if key not in told} for one in listed], **told}

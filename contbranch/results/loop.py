@@ -7,9 +7,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from contbranch.arrays import AnyArray, Array, Integers
-from contbranch.contact.contact import Contact
 from contbranch.results.diagram import Cost, ModelChoice, State
-from contbranch.results.record import Record, Result, Status, described, given, record
+from contbranch.results.record import Record, Result, described, given, record
 from contbranch.results.table import Tables, of_columns
 
 if TYPE_CHECKING:
@@ -128,9 +127,6 @@ class Hysteresis(Result):
     cost: Cost
     control: str
     stiffness: float | None = described(written="if known", default=None)
-    status: Status = "complete"
-    message: str = ""
-    contact: Contact | None = None
     _area: float | Callable[[], float] | None = described(
         unit="dissipated", written=False, computed=lambda loop: loop.area, default=None
     )

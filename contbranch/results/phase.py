@@ -10,7 +10,7 @@ from contbranch.arrays import Array, Integers
 from contbranch.contact.contact import Contact
 from contbranch.results.diagram import Cost
 from contbranch.results.followed import Followed
-from contbranch.results.record import Record, Result, Status, UnitNames, described, record
+from contbranch.results.record import Record, Result, UnitNames, described, record
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -72,11 +72,9 @@ class PhaseDiagram(Result):
     parts: tuple[tuple[Part, ...], ...]
     levels: Array
     boundaries: tuple[Followed, ...]
-    contact: Contact
+    contact: Contact = described(kw_only=True)
     cost: Cost
     logarithmic: bool = False
-    status: Status = "complete"
-    message: str = ""
     unit_names: UnitNames = described(default_factory=dict)
 
     @property

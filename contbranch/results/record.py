@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
+    from contbranch.contact.contact import Contact
     from contbranch.results.table import Table, Tables
 
 
@@ -183,6 +184,9 @@ class Result(Record):
     """What a computation returns: it is written to files and documents of a format."""
 
     format: ClassVar[str]
+    contact: Contact | None = described(kw_only=True, default=None)
+    status: Status = described(kw_only=True, default="complete")
+    message: str = described(kw_only=True, default="")
 
     def told(self) -> str:
         """What it says of itself in a line."""
@@ -191,14 +195,12 @@ class Result(Record):
     @property
     def units(self) -> UnitNames:
         """Units of its numbers by quantity; none where they are reduced."""
-        about: Any = self
-        return getattr(self, "unit_names", {}) if about.contact is None else about.contact.units.names
+        return getattr(self, "unit_names", {}) if self.contact is None else self.contact.units.names
 
     def __repr__(self) -> str:
         """Kind, contact and status, what there is to say in a line, and the message: three lines at most."""
-        about: Any = self
-        contact = "" if about.contact is None else f" of {about.contact.brief}"
-        lines = [f"{type(self).__name__}{contact}: {about.status}", self.told(), about.message]
+        contact = "" if self.contact is None else f" of {self.contact.brief}"
+        lines = [f"{type(self).__name__}{contact}: {self.status}", self.told(), self.message]
         return "\n".join(shorten(line, 1) for line in lines if line)
 
     def __str__(self) -> str:

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from contbranch.contact.contact import Contact
 from contbranch.errors import InputError
 from contbranch.results.diagram import Cost, Diagram
-from contbranch.results.record import Record, Result, Status, UnitNames, Values, described, record
+from contbranch.results.record import Record, Result, UnitNames, Values, described, record
 from contbranch.results.table import Tables, of_columns
 
 if TYPE_CHECKING:
@@ -79,11 +78,8 @@ class Sweep(Result):
     reused: int
     cost: Cost
     path: Path = described(written=False)
-    contact: Contact | None = None
     description: Mapping[str, Any] = described(default_factory=dict)
     unit_names: UnitNames = described(default_factory=dict)
-    status: Status = "complete"
-    message: str = ""
 
     def __len__(self) -> int:
         return len(self.tasks)
@@ -156,6 +152,13 @@ class Sweep(Result):
         from contbranch.output.plot_sweep import sweep_figure
 
         return sweep_figure(self, thresholds, level)
+
+
+def values_at(axes: Mapping[str, tuple[float, ...]], mode: str, index: int) -> dict[str, float]:
+    """The values of a grid, or of lists side by side, at an index."""
+    shape = [len(values) for values in axes.values()]
+    places: Any = np.unravel_index(index, shape) if mode == "grid" else [index] * len(axes)
+    return {name: values[int(k)] for (name, values), k in zip(axes.items(), places, strict=True)}
 
 
 def quantity(threshold: str, known: Collection[str] = ()) -> str:
