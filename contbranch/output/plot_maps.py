@@ -40,8 +40,8 @@ def cell_maps(state: State, unit_names: UnitNames | None = None) -> Figure:
     if len(x) < 2 or len(y) < 2:
         raise InputError("state: its cell has fewer than two nodes a side to be shown")
     fields: list[tuple[str, Any, Style]] = [
-        (axis_label("gap", names, False), cell.gap, {"cmap": "viridis", "norm": Normalize(0.0)}),
-        (axis_label("pressure", names, False), cell.pressure, _pressure_colours(cell.pressure)),
+        (axis_label("gap", names), cell.gap, {"cmap": "viridis", "norm": Normalize(0.0)}),
+        (axis_label("pressure", names), cell.pressure, _pressure_colours(cell.pressure)),
         (f"contact: {share:.3g} of the cell", contact, {"cmap": CONTACT, "vmin": 0, "vmax": 1}),
     ]
     unit = f" ({names['radius']})" if names.get("radius") else ""
