@@ -326,4 +326,4 @@ def _finer(values: Array, n: int) -> Array:
     spectrum = np.fft.rfft(values, axis=0)
     if rows % 2 == 0:
         spectrum[-1] *= 0.5  # the shortest wave, cos(πi) on the nodes, is now one of a pair
-    return np.asarray(np.fft.irfft(spectrum, n, axis=0) * (n / rows))
+    return np.fft.irfft(spectrum, n, axis=0) * (n / rows)

@@ -124,7 +124,7 @@ class MaugisDugdale(Interaction):
 
     def _shape_tail(self, x: Array) -> Array:
         """Return (1 - x)²/2 for x < 1."""
-        return np.asarray(0.5 * np.maximum(1.0 - x, 0.0) ** 2)
+        return 0.5 * np.maximum(1.0 - x, 0.0) ** 2
 
 
 @dataclass(frozen=True)
@@ -274,7 +274,7 @@ class Tabulated(Evaluated):
     def tail_energy(self, gap: ArrayLike) -> Array:
         """Return ∫ v dg from `gap` to infinity."""
         integral = self._table.energy.antiderivative()
-        return np.asarray(integral(self._end) - integral(np.minimum(gap, self._end)))
+        return integral(self._end) - integral(np.minimum(gap, self._end))
 
     def scaled(self, normal: float, energy: float) -> Tabulated:
         """Return the table in other units."""

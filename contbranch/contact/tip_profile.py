@@ -88,7 +88,7 @@ def _third_derivatives(pieces: scipy.interpolate.PPoly) -> Array:
     So they agree to rounding with a second derivative that is continuous; those of the pieces themselves do not, and
     the difference grows with the cube of the distance from the knot.
     """
-    return np.asarray(np.diff(pieces(pieces.x, 2)) / np.diff(pieces.x))
+    return np.diff(pieces(pieces.x, 2)) / np.diff(pieces.x)
 
 
 def _continued(pieces: scipy.interpolate.PPoly) -> scipy.interpolate.PPoly:
@@ -113,7 +113,7 @@ def _moment(m: int, angle: Array) -> Array:
     """Return K_m(θ) = ∫_0^θ (cos φ - cos θ)^m dφ for θ in [0, π/2], m = 1, 2, 3, of the shape of `angle`."""
     square = angle * angle
     x = square * (2.0 / _QUARTER**2) - 1.0
-    return np.asarray(np.polynomial.chebyshev.chebval(x, _moment_series(m)) * square**m * angle)
+    return np.polynomial.chebyshev.chebval(x, _moment_series(m)) * square**m * angle
 
 
 @cache
@@ -275,4 +275,4 @@ class Profile(Tip):
 
 
 def _at(pieces: scipy.interpolate.PPoly, places: ArrayLike, order: int = 0) -> Array:
-    return np.asarray(pieces(np.asarray(places, dtype=np.float64), order))
+    return pieces(np.asarray(places, dtype=np.float64), order)

@@ -165,7 +165,7 @@ class Tip(TipShape):
         """Return ∫_0^a ζ^m dt."""
         x, w = gauss_rule()
         end = np.asarray(a, dtype=np.float64)
-        return np.asarray(end * (self.transform(end[..., None] * x) ** power @ w))
+        return end * (self.transform(end[..., None] * x) ** power @ w)
 
     def contact_radius(self, y: ArrayLike) -> Array:
         """Return a ≥ 0 with ζ(a) = y ≥ 0."""

@@ -89,7 +89,7 @@ class _Monomial(Tip):
 
 
 def _power(factor: float, base: ArrayLike, exponent: float) -> Array:
-    return np.asarray(factor * np.asarray(base, dtype=np.float64) ** exponent)
+    return factor * np.asarray(base, dtype=np.float64) ** exponent
 
 
 @dataclass(frozen=True)
@@ -287,14 +287,14 @@ class SphericalCap(Tip):
         """Return σ t artanh(t/R), infinite from R on."""
         x = np.asarray(t, dtype=np.float64) / self.radius
         value = np.arctanh(x, out=np.full_like(x, math.inf), where=x < 1.0)
-        return np.asarray(self.steepness * self.radius * x * value)
+        return self.steepness * self.radius * x * value
 
     def transform_derivative(self, t: ArrayLike) -> Array:
         """Return σ [artanh(x) + x/(1-x²)], x = t/R, infinite from R on."""
         x = np.asarray(t, dtype=np.float64) / self.radius
         inside = x < 1.0
         value = np.arctanh(x, out=np.full_like(x, math.inf), where=inside)
-        return np.asarray(self.steepness * (value + np.divide(x, 1.0 - x * x, out=np.zeros_like(x), where=inside)))
+        return self.steepness * (value + np.divide(x, 1.0 - x * x, out=np.zeros_like(x), where=inside))
 
     def _integral(self, a: ArrayLike, power: int) -> Array:
         """Return ∫_0^a ζ^m dt; with t = R tanh u, σ^m R^(m+1) ∫ (u tanh u)^m/cosh² u du, u < 19: on 20 panels."""
@@ -346,7 +346,7 @@ class SphericalCap(Tip):
 
 def _root(square: Array) -> Array:
     """Return √(1-square), 0 where the root would be imaginary."""
-    return np.asarray(np.sqrt(np.maximum(1.0 - square, 0.0)))
+    return np.sqrt(np.maximum(1.0 - square, 0.0))
 
 
 _SHAPES: tuple[type[TipShape], ...] = (

@@ -702,7 +702,7 @@ def _moved(x: Array, k: int, value: float) -> Array:
 
 def _errors(covariance: Array, least: float = 0.0) -> Array:
     """Standard deviations."""
-    return np.asarray(np.sqrt(np.maximum(np.diag(covariance), least)))
+    return np.sqrt(np.maximum(np.diag(covariance), least))
 
 
 def _with_law(contact: Contact, name: str) -> Contact:

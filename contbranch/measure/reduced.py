@@ -190,7 +190,7 @@ def _finer(rows: Array, smooth: bool = True) -> Array:
 
     last = rows.shape[1] - 1
     spline = (CubicSpline if smooth else Akima1DInterpolator)(np.arange(last + 1), rows, axis=1)
-    return np.asarray(spline(np.linspace(0, last, FINER * last + 1)))
+    return spline(np.linspace(0, last, FINER * last + 1))
 
 
 def _made(law: type[Interaction], sign: float, node: int, top: float) -> Array:

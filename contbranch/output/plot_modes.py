@@ -76,7 +76,7 @@ def _profile(r: Array, values: Array, at: Array) -> Array:
     """Return a mode's profile between its radii; up to the first it rises from zero on the axis."""
     if at[0] < r[0]:
         r, values = np.concatenate([[0.0], r]), np.concatenate([[0.0], values])
-    return np.asarray(Akima1DInterpolator(r, values)(at))
+    return Akima1DInterpolator(r, values)(at)
 
 
 def _draw_map(axes: Axes, shape: ModeShape, contact_radius: float, reach: float) -> None:

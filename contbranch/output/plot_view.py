@@ -256,7 +256,7 @@ def _core(line: Line, positions: Sequence[float]) -> Flags:
     crossing = np.flatnonzero((sign[1:] * sign[:-1] < 0) & (line.columns["contact_radius"][1:] > 0.0))
     if crossing.size:
         first, last = min(first, line.position[crossing[0]]), max(last, line.position[crossing[-1] + 1])
-    return np.asarray((line.position >= first) & (line.position <= last))
+    return (line.position >= first) & (line.position <= last)
 
 
 class _PlainTicks(ScalarFormatter):

@@ -195,7 +195,7 @@ class Zone:
             tau = tau * np.exp(-np.clip(step, -3.0, 3.0))
             if np.all(np.abs(step) < 4e-16):
                 break
-        return np.asarray(np.where(open_contact, tau, np.inf))
+        return np.where(open_contact, tau, np.inf)
 
     def tangent_range(self) -> tuple[Array, Array]:
         """Return tangents far below and far above those of any fold: tau is 1.2/mu_T at the folds for short and
