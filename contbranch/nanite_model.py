@@ -64,7 +64,7 @@ def adhesive_force(law: str, delta: Array, retract: bool, **parameters: float) -
         work_of_adhesion=own["w"],
         range=own["z0"] * 1e9,
     )
-    displacement = (own["contact_point"] - np.asarray(delta, dtype=np.float64)) * 1e9
+    displacement = (own["contact_point"] - np.asarray(delta, dtype=float)) * 1e9
     deepest = max(float(displacement.max(initial=0.0)), 0.0) + 3 * contact.scales.normal
     largest = 4 / 3 * contact.modulus * (own["R"] * 1e9 * deepest**3) ** 0.5
     leg = legs(curve_of(contact, largest), np.inf)[int(retract)]

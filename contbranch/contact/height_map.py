@@ -202,9 +202,9 @@ class HeightMap(TipShape):
         from scipy.ndimage import map_coordinates  # slow to import, and seldom needed
 
         spacing = self.cell / self.points
-        places = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
+        places = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=np.float64))
         found = map_coordinates(self.heights, [place / spacing for place in places], order=3, mode="grid-wrap")
-        return np.asarray(found, dtype=np.float64)
+        return np.asarray(found, dtype=float)
 
     def covers(self, cell: float) -> bool:
         """Whether the edge of a cell is that of the map, to rounding."""

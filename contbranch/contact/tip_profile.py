@@ -209,7 +209,7 @@ class Profile(Tip):
 
     def height_derivative(self, r: ArrayLike) -> Array:
         """Return z'(r) = (2/π) ∫_0^r ζ' t/√(r²-t²) dt/r."""
-        r = np.asarray(r, dtype=np.float64)
+        r = np.asarray(r, dtype=float)
         with np.errstate(divide="ignore", invalid="ignore"):
             slope = (2.0 / math.pi) * self._moments(r, 0.0)[1] / r
         return np.where(r > 0.0, slope, (2.0 / math.pi) * self.transform_derivative(0.0))
@@ -228,7 +228,7 @@ class Profile(Tip):
 
     def shape_gap(self, rho: ArrayLike, a: float) -> tuple[Array, Array]:
         """Return g = (2/π) ∫_a^r (ζ(t) - ζ(a))/√(r²-t²) dt and its derivative with respect to `a` at fixed ρ."""
-        gap, moment, r2, angle = self._moments(np.asarray(rho, dtype=np.float64), a)
+        gap, moment, r2, angle = self._moments(np.asarray(rho, dtype=float), a)
         ratio = np.divide(a, r2, out=np.zeros_like(r2), where=r2 > 0.0)
         slope = ratio * moment - float(self._spline(a, 1)) * angle
         return (2.0 / math.pi) * gap, (2.0 / math.pi) * slope
@@ -275,4 +275,4 @@ class Profile(Tip):
 
 
 def _at(pieces: scipy.interpolate.PPoly, places: ArrayLike, order: int = 0) -> Array:
-    return pieces(np.asarray(places, dtype=np.float64), order)
+    return pieces(np.asarray(places, dtype=float), order)

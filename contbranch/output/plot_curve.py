@@ -140,7 +140,7 @@ def _knots(diagram: Diagram, branch: Branch, events: list[Event]) -> tuple[Colum
     Unstable modes are -1 at a fold of the diagram's control and -2 at other events. Points that are events themselves,
     and points that are not finite, are left out.
     """
-    rows = np.arange(len(branch), dtype=np.float64)
+    rows = np.arange(len(branch), dtype=float)
     keep = np.isfinite([getattr(branch, name) for name in COORDINATES[:4]]).all(axis=0)
     for event in events:
         keep &= np.abs(rows - event.position) > 1e-6

@@ -75,7 +75,7 @@ def place_labels(axes: Axes, points: Array, texts: Sequence[str], colors: Sequen
     busy[_PAD:-_PAD, _PAD:-_PAD] = 0.0
     for line in axes.get_lines():
         if line.get_linestyle() != "None":
-            xy = np.asarray(line.get_xydata(), dtype=np.float64)
+            xy = np.asarray(line.get_xydata(), dtype=float)
             pixels = line.get_transform().transform(xy[np.isfinite(xy).all(axis=1)])
             on = _resampled((pixels - corner) / cell)
             inside = np.floor(on[np.all((on >= 0.0) & (on < extent), axis=1)]).astype(int) + _PAD
@@ -131,7 +131,7 @@ def _size(figure: Any, text: str) -> Array:
     extent = Text(0.0, 0.0, text, fontsize=rcParams["legend.fontsize"], figure=figure).get_window_extent(
         figure.canvas.get_renderer()
     )
-    return np.array([extent.width, extent.height], dtype=np.float64) + 2.0 * _ROOM * float(figure.dpi) / 72.0
+    return np.array([extent.width, extent.height], dtype=float) + 2.0 * _ROOM * float(figure.dpi) / 72.0
 
 
 def _resampled(points: Array) -> Array:

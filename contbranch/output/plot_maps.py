@@ -48,7 +48,7 @@ def cell_maps(state: State, unit_names: UnitNames | None = None) -> Figure:
     with new_figure(2.3) as figure:
         figure.set_figwidth(2.2 * WIDTH)
         for axes, (title, field, style) in zip(figure.subplots(1, 3, sharey=True), fields, strict=True):
-            shown = np.asarray(field, dtype=np.float64)
+            shown = np.asarray(field, dtype=float)
             image = axes.pcolormesh(x, y, shown.T, shading="nearest", rasterized=True, **style)
             if field is not contact:
                 tall = 0.8 * min(1.0, float(np.ptp(y) / np.ptp(x)))
