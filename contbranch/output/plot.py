@@ -9,10 +9,11 @@ from __future__ import annotations
 import io
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from matplotlib import rcParams
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
@@ -38,14 +39,9 @@ from contbranch.output.plot_view import (
     styled,
     view,
 )
-from contbranch.results.diagram import Diagram, Solution
+from contbranch.results.diagram import Diagram, Event, Solution, State
 from contbranch.results.record import UnitNames
 from contbranch.results.table import with_unit
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from contbranch.results.diagram import Event, State
 
 __all__ = [
     "SUFFIXES",

@@ -4,17 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from contbranch.arrays import AnyArray, Array, Flags, Integers
 from contbranch.output.smooth import smooth
-from contbranch.results.diagram import Profile
-
-if TYPE_CHECKING:
-    from contbranch.results.diagram import Branch, Diagram, Event
-
+from contbranch.results.diagram import Branch, Diagram, Event, Profile
 
 Columns = dict[str, Array]
 

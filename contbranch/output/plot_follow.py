@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
@@ -16,17 +18,10 @@ from contbranch.errors import look_up
 from contbranch.output.plot_labels import place_labels
 from contbranch.output.plot_view import BLUE, DASHES, GREY, ORANGE, axis_label, figure_of, handle, new_figure
 from contbranch.output.smooth import smooth_path
+from contbranch.results.followed import Followed, Special
+from contbranch.results.phase import PhaseDiagram
 from contbranch.results.record import OBSERVABLES, UnitNames
 from contbranch.results.table import with_unit
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.axis import Axis
-    from matplotlib.figure import Figure
-
-    from contbranch.results.followed import Followed, Special
-    from contbranch.results.phase import PhaseDiagram
-
 
 _NAMES = {
     "tabor": r"Tabor coefficient $\mu_\mathrm{T}$",

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib import rcParams
+from matplotlib.axes import Axes
 from matplotlib.text import Text
 
 from contbranch.arrays import Array, Integers
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 _CELL = 1.5  # points, of the map of what is in the way
 _PAD = 80  # cells around the frame

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from matplotlib import rcParams
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from contbranch.arrays import Array
 from contbranch.output.plot_curve import observable
@@ -22,13 +24,7 @@ from contbranch.output.plot_view import (
     styled,
 )
 from contbranch.output.smooth import smooth_path
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from contbranch.results.loop import Hysteresis
-
+from contbranch.results.loop import Hysteresis
 
 _UP, _DOWN = BLUE, ORANGE
 _PAD = 0.6  # of the extent of the jumps, shown on either side of them

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from matplotlib.colors import CenteredNorm, ListedColormap, Normalize
+from matplotlib.figure import Figure
 
 from contbranch.errors import InputError
 from contbranch.output.plot_view import WIDTH, Style, axis_label, new_figure
 from contbranch.results.diagram import State
 from contbranch.results.record import UnitNames
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 
 CONTACT = ListedColormap(["#F2F2F2", "#404040"])
 

@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.interpolate import Akima1DInterpolator
 
 from contbranch.arrays import Array
 from contbranch.output.plot_view import BLUE, GREY, ORANGE, axis_label, figure_of, mark_rim, new_figure
+from contbranch.results.diagram import ModeShape
 from contbranch.results.record import UnitNames
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from contbranch.results.diagram import ModeShape
-
 
 _FAINT = 0.03  # the mode is shown out to where its gap, or its pressure, falls below this part of its largest
 _NAMED = 0.1  # a contact of at least this part of what is shown has its radius named

@@ -7,10 +7,11 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from io import BytesIO
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from matplotlib import rc_context, rcParams, rcParamsDefault
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
@@ -18,16 +19,11 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator, ScalarFormatter
 
 from contbranch.arrays import Flags
+from contbranch.contact.contact import Contact
 from contbranch.errors import InputError, look_up
 from contbranch.output.plot_curve import COORDINATES, OF_SPRINGS, Line, coordinate
+from contbranch.results.diagram import Diagram
 from contbranch.results.record import UnitNames
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from contbranch.contact.contact import Contact
-    from contbranch.results.diagram import Diagram
-
 
 # What matplotlib takes.
 Style = dict[str, Any]

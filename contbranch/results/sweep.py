@@ -10,7 +10,7 @@ import numpy as np
 
 from contbranch.errors import InputError
 from contbranch.results.diagram import Cost, Diagram
-from contbranch.results.record import Record, Result, UnitNames, Values, described, record
+from contbranch.results.record import Record, Result, UnitNames, described, record
 from contbranch.results.table import Tables, of_columns
 
 if TYPE_CHECKING:
@@ -123,14 +123,12 @@ class Sweep(Result):
 
     def tables(self) -> Tables:
         """A row a task: its parameters, thresholds and status."""
-        blank = float("nan")
-        found: Values = {"index": np.array([task.index for task in self.tasks])}
-        for name in self.parameters:
-            found[name] = np.array([task.parameters[name] for task in self.tasks])
-        for name in self.names:
-            found[name] = np.array([task.thresholds.get(name, blank) for task in self.tasks])
-        found["status"] = np.array([task.status for task in self.tasks])
-        found["message"] = np.array([task.message for task in self.tasks])
+        blank = dict.fromkeys(self.names, float("nan"))
+        ends = [{"status": task.status, "message": task.message} for task in self.tasks]
+        rows = [{"index": task.index, **task.parameters, **blank, **task.thresholds, **end}
+                for task, end in zip(self.tasks, ends, strict=True)]  # fmt: skip
+        names = ("index", *self.parameters, *self.names, "status", "message")
+        found = {name: np.array([row[name] for row in rows]) for name in names}
         units = {name: quantity(name, self.unit_names) for name in self.names}
         return {"task": of_columns(found, self.unit_names, **units)}
 
