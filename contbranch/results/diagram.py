@@ -23,7 +23,6 @@ from contbranch.results.record import (
     Values,
     described,
     given,
-    late,
     record,
 )
 from contbranch.results.table import Tables, joined, of_columns, of_records
@@ -299,8 +298,9 @@ class Branch(Record):
     cells : sequence of CellFields or callable
         Fields on the nodes of the cell, of grid models, or what computes them: ask for them as ``state(i).cell``. Files
         hold the part with pressure, at 64 nodes a side or fewer.
-    critical : array (M,), callable or None
-        The critical eigenvalue, or what computes it: ask for it as ``branch.critical_eigenvalue``.
+    critical_eigenvalue : array (M,) or None
+        Largest eigenvalue of the azimuthal modes at every point; computed when asked for, None where unknown. It is
+        that of m = 1, which is the largest of all m ≥ 1; a state is stable to all of them if and only if it is below 1.
     fft_pairs : integer array (M,) or None
         Pairs of transforms spent on each point by a grid model.
     contact_area, contact_perimeter : array (M,) or None
@@ -314,8 +314,8 @@ class Branch(Record):
     energy: Array
     unstable_load: Integers
     unstable_displacement: Integers
-    load_error: Array
-    displacement_error: Array
+    load_error: Array = described(late=True, compare=True)
+    displacement_error: Array = described(late=True, compare=True)
     profiles: Sequence[Profile | Callable[[], Profile]] = described(
         written=False,
         computed=lambda branch: tuple(map(given, branch.profiles)),
@@ -328,9 +328,7 @@ class Branch(Record):
     )
     unstable_spring: Integers | None = described(written="if known", default=None)
     unstable_azimuthal: Integers | None = described(written="if known", default=None)
-    critical: Array | Callable[[], Array] | None = described(
-        key="critical_eigenvalue", written=False, computed=lambda branch: branch.critical_eigenvalue, default=None
-    )
+    critical_eigenvalue: Array | None = described(written=False, late=True, default=None)
     fft_pairs: Integers | None = described(written="if known", default=None)
     contact_area: Array | None = described(written="if known", default=None)
     contact_perimeter: Array | None = described(written="if known", default=None)
@@ -342,16 +340,6 @@ class Branch(Record):
     def columns(self) -> dict[str, AnyArray]:
         """The arrays by name, those that the branch has."""
         return self.items()
-
-    @cached_property
-    def critical_eigenvalue(self) -> Array | None:
-        """Largest eigenvalue of the azimuthal modes at every point, (M,); computed when asked for, None where unknown.
-
-        It is that of m = 1, which is the largest of all m ≥ 1; a state is stable to all of them if and only if it is
-        below 1.
-        """
-        eigenvalue: Array | None = given(self.critical)
-        return eigenvalue
 
     def state(self, i: int) -> State:
         """Point `i` with its profile: r, gap, pressure and wall_pressure."""
@@ -390,9 +378,6 @@ def _of_control(source: State | Branch, control: str | Control) -> Any:
     if found is None:
         raise InputError(f"control: {kind!r}; must be load, displacement, or spring where one was asked for")
     return found
-
-
-late(Branch, "load_error", "displacement_error")
 
 
 @record
@@ -458,9 +443,7 @@ class Diagram(Result):
         written=False, computed=lambda diagram: diagram.known_exponents(), default=None
     )
     stiffness: float | None = described(written="if known", default=None)
-    sensitivities: Mapping[str, Mapping[str, float]] | None = described(
-        written="if known", computed=lambda diagram: diagram.sensitivities, default=None
-    )
+    sensitivities: Mapping[str, Mapping[str, float]] | None = described(written="if known", late=True, default=None)
     uncertainties: Mapping[str, float] | None = described(written="if known", default=None)
 
     def propagate(self, uncertainties: Mapping[str, object]) -> dict[str, float]:
@@ -575,9 +558,6 @@ class Diagram(Result):
         from contbranch.output.plot import bifurcation_diagram
 
         return bifurcation_diagram(self, x, y, **options)
-
-
-late(Diagram, "sensitivities")
 
 
 @record
