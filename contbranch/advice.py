@@ -85,14 +85,16 @@ def advise(contact: Contact, accuracy: float = 0.01, control: str | Spring = "lo
         candidates.append(_own(reduced, wanted, accuracy, truth))
     candidates.sort(key=lambda one: one.seconds)
     chosen, reason = _choice(candidates, accuracy, truth)
+    note, unknowns, cost = (
+        "The tip has no axial symmetry: there is no cheap truth to judge theories by.",
+        0,
+        Cost(0.0, 0),
+    )
     complete = truth is None or truth.status == "complete"
-    if truth is None:
-        note = "The tip has no axial symmetry: there is no cheap truth to judge theories by."
-    elif not complete:
-        note = f"The trace that judges the others: {truth.message}"
-    else:
+    if truth is not None:
         note = "" if wanted else f"Under {held.kind} control there is no fold to judge by."
-    unknowns, cost = (0, Cost(0.0, 0)) if truth is None else (truth.model.unknowns, truth.cost)
+        note = note if complete else f"The trace that judges the others: {truth.message}"
+        unknowns, cost = truth.model.unknowns, truth.cost
     return Advice(
         contact=contact,
         tabor=contact.tabor,
@@ -120,13 +122,13 @@ def regime(contact: Contact, pull_off: float | None = None) -> str:
     """
     tabor, reduced = f"Tabor coefficient {contact.tabor:.4g}", contact.to_reduced()
     limits = {"JKR": _jkr(reduced), "DMT": _dmt(reduced)}
-    if reduced.interaction is None or not isinstance(reduced.tip, Parabola) or None in limits.values():
-        return f"{tabor}: adhesion (or repulsion) of this work deforms the body by about as many ranges."
     known = {name: found["pull_off_load"] for name, found in limits.items() if found is not None}
-    work, length = _work(reduced), reduced.interaction.range
-    substitute = float(maugis.load_fold(work_of_adhesion=work, interaction_range=length).load)
+    law = reduced.interaction
+    if law is None or len(known) < len(limits):
+        return f"{tabor}: adhesion (or repulsion) of this work deforms the body by about as many ranges."
+    substitute = float(maugis.load_fold(work_of_adhesion=_work(reduced), interaction_range=law.range).load)
     truth = substitute if pull_off is None else pull_off / contact.scales.load
-    if pull_off is not None and not isinstance(reduced.interaction, MaugisDugdale):
+    if pull_off is not None and not isinstance(law, MaugisDugdale):
         known["Maugis-Dugdale"] = substitute
     errors = {name: abs(value / truth - 1.0) for name, value in known.items()}
     near = min(limits, key=errors.__getitem__)

@@ -29,7 +29,7 @@ from contbranch.models.choice import choose, curves
 from contbranch.results.diagram import Cost, Diagram, ModelChoice, Solution, State
 from contbranch.results.equilibria import Barrier, Equilibria
 from contbranch.results.loop import Hysteresis
-from contbranch.results.record import OBSERVABLES
+from contbranch.results.record import OBSERVABLES, Values
 from contbranch.threads import one_thread
 from contbranch.watch import Progress, Watch, kept, of_users, over, told, watched
 
@@ -169,15 +169,8 @@ def _solution(asked: _Asked, found: Coexisting, states: tuple[State, ...], near:
     best = UNKNOWN if not states else _lowest(states, asked.control)
     if near is not None:
         best = min(states, key=lambda one: _apart(one, near), default=UNKNOWN)
-    return _as_solution(
-        best,
-        model=asked.choice(found.unknowns),
-        cost=asked.timed(found.cost),
-        status="complete" if found.complete else "incomplete",
-        message=asked.noted(message, *found.states),
-        states=(best, *(state for state in states if state is not best))[: len(states)],
-        contact=asked.contact,
-    )
+    listed = (best, *(state for state in states if state is not best))[: len(states)]
+    return _as_solution(best, states=listed, **asked.about(found, message))
 
 
 @one_thread
@@ -233,8 +226,8 @@ def find_all(
 
 def _found(asked: _Asked, found: Coexisting) -> Equilibria:
     """The states found, in the contact's units."""
-    contact, normal = asked.contact, asked.contact.scales.normal
-    states = tuple(state_in_units(contact, state) for state in found.states)
+    normal = asked.contact.scales.normal
+    states = tuple(state_in_units(asked.contact, state) for state in found.states)
     stable = sum(state.stable(asked.control) for state in states)
     words = f"{_equilibria(len(states))} in the window, {stable} stable under {asked.control.kind} control"
     return Equilibria(
@@ -244,11 +237,7 @@ def _found(asked: _Asked, found: Coexisting) -> Equilibria:
         window=(found.window[0] * normal, found.window[1] * normal),
         control=asked.control.kind,
         stiffness=asked.control.spring_stiffness,
-        model=asked.choice(found.unknowns),
-        cost=asked.timed(found.cost),
-        status="complete" if found.complete else "incomplete",
-        message=asked.noted(f"{words}; {found.searched}. {found.message}".strip(), *found.states),
-        contact=contact,
+        **asked.about(found, f"{words}; {found.searched}. {found.message}".strip()),
     )
 
 
@@ -442,6 +431,12 @@ class _Asked:
             )
         )
         return f"{message} {notes(self.contact, load, shift, radius)}".strip()
+
+    def about(self, found: Coexisting, message: str) -> Values:
+        """What is said of states found, besides themselves."""
+        status = "complete" if found.complete else "incomplete"
+        about = {"model": self.choice(found.unknowns), "cost": self.timed(found.cost), "contact": self.contact}
+        return {**about, "status": status, "message": self.noted(message, *found.states)}
 
     def timed(self, cost: Cost) -> Cost:
         """A cost with the time since the question was asked."""

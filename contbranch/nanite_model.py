@@ -64,11 +64,11 @@ def adhesive_force(law: str, delta: Array, retract: bool, **parameters: float) -
         work_of_adhesion=own["w"],
         range=own["z0"] * 1e9,
     )
-    displacement = (own["contact_point"] - np.asarray(delta, dtype=np.float64)) * 1e9
+    displacement = (own["contact_point"] - np.asarray(delta, dtype=float)) * 1e9
     deepest = max(float(displacement.max(initial=0.0)), 0.0) + 3 * contact.scales.normal
     largest = 4 / 3 * contact.modulus * (own["R"] * 1e9 * deepest**3) ** 0.5
     leg = legs(curve_of(contact, largest), np.inf)[int(retract)]
-    return np.asarray(leg.at(displacement) * 1e-9 + own["baseline"])
+    return leg.at(displacement) * 1e-9 + own["baseline"]
 
 
 def get_parameter_defaults() -> Any:
@@ -93,7 +93,7 @@ def model_of(law: str = "maugis-dugdale", retract: bool = False) -> Any:
     setattr(model_func, "__signature__", Signature(names))  # noqa: B010
 
     def residual(params: Any, delta: Array, force: Array, weight_cp: float = 0.0) -> Array:
-        return np.asarray(force - model_func(delta, **params.valuesdict()))
+        return force - model_func(delta, **params.valuesdict())
 
     return SimpleNamespace(
         __name__=LAWS[law],

@@ -78,7 +78,7 @@ class Watch:
             raise Interruption(self.reason)
         self._next = min(now + SILENCE, self._deadline)
         if self._progress is not None and self._said[1]:
-            own = _present.set(None)  # a callback may compute something of its own
+            own = _present.set(_NOBODY)  # a callback may compute something of its own
             try:
                 self._progress(*self._said)
             except BaseException as error:
@@ -93,14 +93,16 @@ class Watch:
         self._look()
 
 
-_present: ContextVar[Watch | None] = ContextVar("present", default=None)
+# Of computations that nobody watches: it never ends one.
+_NOBODY = Watch()
+_present: ContextVar[Watch] = ContextVar("present", default=_NOBODY)
 
 
 @contextmanager
 def watched(progress: Progress | None = None, limit: float | None = None) -> Iterator[Watch]:
     """Watch a computation; what is part of another one has that one's watch. In notebooks a bar is the default."""
     outer = _present.get()
-    if outer is not None:
+    if outer is not _NOBODY:
         yield outer
         return
     with _bar() if progress is None and _in_notebook() else nullcontext(progress) as report:
@@ -130,34 +132,28 @@ def _bar() -> AbstractContextManager[Progress]:
 
 def check() -> None:
     """Raise Interruption if the present computation is to end; asked wherever the next answer may take long."""
-    watch = _present.get()
-    if watch is not None:
-        watch._look()
+    _present.get()._look()
 
 
 def tell(fraction: float, text: str) -> None:
     """Say how far the present computation is (a guess), and what is being done; raises as `check` does."""
-    watch = _present.get()
-    if watch is not None:
-        watch._tell(fraction, text)
+    _present.get()._tell(fraction, text)
 
 
 def over() -> bool:
     """Whether the present computation has been interrupted."""
-    watch = _present.get()
-    return watch is not None and bool(watch.reason)
+    return bool(_present.get().reason)
 
 
 def told(message: str) -> str:
     """The message of a result, behind why its computation was interrupted."""
-    watch = _present.get()
-    return message if watch is None else " ".join(dict.fromkeys(filter(None, (watch.reason, message))))
+    return " ".join(dict.fromkeys(filter(None, (_present.get().reason, message))))
 
 
 def caught(error: BaseException) -> None:
     """Go on to the result of an interrupted computation; where none is watched, the error is raised again."""
     watch = _present.get()
-    if watch is None:
+    if watch is _NOBODY:
         raise error
     watch.end(error)
 
@@ -165,7 +161,7 @@ def caught(error: BaseException) -> None:
 def blame(error: BaseException | None) -> None:
     """Pass on with the result what a user's own code has raised, which has ended a computation."""
     watch = _present.get()
-    if watch is not None and watch.cause is None and error is not None and of_users(error):
+    if watch is not _NOBODY and watch.cause is None and error is not None and of_users(error):
         watch.cause = error
 
 
@@ -192,7 +188,7 @@ def kept(compute: Callable[[], Kind], otherwise: Kind) -> Kind:
 @contextmanager
 def finishing() -> Iterator[None]:
     """The little that an interrupted computation still has to do for its result is not interrupted."""
-    watch = _present.get() or Watch()
+    watch = _present.get()
     before, watch._finishing = watch._finishing, True
     try:
         yield
@@ -203,7 +199,7 @@ def finishing() -> Iterator[None]:
 @contextmanager
 def part(begin: float, end: float) -> Iterator[None]:
     """Fractions told are of this part of the whole."""
-    watch = _present.get() or Watch()
+    watch = _present.get()
     before, watch._span = watch._span, (begin, end)
     try:
         yield
@@ -220,6 +216,6 @@ def patient(seconds: float) -> Iterator[None]:
         yield
     finally:
         _present.reset(own)
-    if outer is not None and watch.cause is not None:
+    if outer is not _NOBODY and watch.cause is not None:
         outer.end(watch.cause)
     check()

@@ -48,11 +48,6 @@ def make(kind: type[TipShape] | type[Interaction], values: Mapping[str, object],
         raise InputError(f"{prefix}{error}") from None
 
 
-def _quantity(value: object, dimension: str, field: str) -> object:
-    """Return a text with a unit as a number in nN and nm; what is no text is left to the class that takes it."""
-    return parse(value, dimension, field) if isinstance(value, str) and dimension != "text" else value
-
-
 def _plain(value: object) -> object:
     """Return `value` as JSON has it; what JSON cannot hold as its representation."""
     if isinstance(value, np.ndarray | np.generic):
@@ -189,7 +184,8 @@ class Contact:
         refuse_unknown(quantities, known)
         if modulus is None:
             raise InputError("modulus: missing; give the effective modulus, for example '5 GPa'")
-        values = {name: _quantity(value, known[name], name) for name, value in quantities.items()}
+        read = {k: isinstance(value, str) and known[k] != "text" for k, value in quantities.items()}
+        values = {k: parse(value, known[k], k) if read[k] else value for k, value in quantities.items()}
 
         def built(kind: Any) -> Any:
             return make(kind, {name: values[name] for name in dimensions(kind) if name in values})

@@ -116,12 +116,8 @@ class HeightMap(TipShape):
         cell: float,
         hurst: float,
         *,
-        rms_slope: float | None = None,
-        rms_height: float | None = None,
-        seed: int = 0,
-        short_cutoff: float | None = None,
-        long_cutoff: float | None = None,
         radius: float | None = None,
+        **waves: Any,
     ) -> HeightMap:
         """Return a random surface with the power spectrum C(q) ∝ q^(-2(1+H)) between two cutoffs.
 
@@ -142,17 +138,7 @@ class HeightMap(TipShape):
         radius
             As for any map.
         """
-        heights = self_affine_heights(
-            n,
-            cell,
-            hurst,
-            rms_slope=rms_slope,
-            rms_height=rms_height,
-            seed=seed,
-            short_cutoff=short_cutoff,
-            long_cutoff=long_cutoff,
-        )
-        return HeightMap(heights, cell, radius)
+        return HeightMap(self_affine_heights(n, cell, hurst, **waves), cell, radius)
 
     @property
     def points(self) -> int:
@@ -216,9 +202,9 @@ class HeightMap(TipShape):
         from scipy.ndimage import map_coordinates  # slow to import, and seldom needed
 
         spacing = self.cell / self.points
-        places = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
+        places = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=np.float64))
         found = map_coordinates(self.heights, [place / spacing for place in places], order=3, mode="grid-wrap")
-        return np.asarray(found, dtype=np.float64)
+        return np.asarray(found, dtype=float)
 
     def covers(self, cell: float) -> bool:
         """Whether the edge of a cell is that of the map, to rounding."""
@@ -340,4 +326,4 @@ def _finer(values: Array, n: int) -> Array:
     spectrum = np.fft.rfft(values, axis=0)
     if rows % 2 == 0:
         spectrum[-1] *= 0.5  # the shortest wave, cos(πi) on the nodes, is now one of a pair
-    return np.asarray(np.fft.irfft(spectrum, n, axis=0) * (n / rows))
+    return np.fft.irfft(spectrum, n, axis=0) * (n / rows)

@@ -153,7 +153,7 @@ def checked(values: object) -> Array:
         raise InputError(
             f"heights: shape {array.shape}; must be (N, N) with N at least {LEAST_POINTS}: as many rows as columns"
         )
-    copied = np.array(array, dtype=np.float64, order="C")
+    copied = np.array(array, dtype=float, order="C")
     if holes is not None:
         copied[holes] = np.nan
     bad = np.argwhere(~np.isfinite(copied))
@@ -210,7 +210,7 @@ def _read_image(path: Path, grey: tuple[float, float] | None) -> Array:
 
     with Image.open(path) as image:
         if image.mode == "F":  # numbers, not shades
-            return np.asarray(image, dtype=np.float64)
+            return np.asarray(image, dtype=float)
         values = np.asarray(image.convert() if image.mode == "P" else image)
     if values.ndim == 3:
         colours = values[..., : min(3, values.shape[2] - 1 + values.shape[2] % 2)]

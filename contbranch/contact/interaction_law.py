@@ -150,7 +150,7 @@ class Interaction:
 
     def tail_energy(self, gap: ArrayLike) -> Array:
         """Return ∫ v dg from `gap` (any shape) to infinity, a force per length (Derjaguin's F = -2πR times it)."""
-        return np.asarray(-self.work_of_adhesion * self.range * self._shape_tail(np.asarray(gap) / self.range))
+        return -self.work_of_adhesion * self.range * self._shape_tail(np.asarray(gap) / self.range)
 
     def _shape_reach(self, tolerance: float) -> float:
         """Return x beyond which |f| ≤ `tolerance`; where a law does not have it in closed form, by search."""
@@ -158,7 +158,7 @@ class Interaction:
 
         def exceeds(at: Array) -> Flags:
             energy = self.evaluate(at * self.range).energy
-            return np.asarray(np.abs(energy) > tolerance * self.reference_work)  # NaN, beyond the law's end, does not
+            return np.abs(energy) > tolerance * self.reference_work  # NaN, beyond the law's end, does not
 
         # From far away inwards, so that a law which fails close to the wall is not asked there.
         for stop in range(x.size, 0, -_CHUNK):
@@ -181,7 +181,7 @@ class Interaction:
         """Return ∫ f dx from `x` to infinity; where a law does not have it in closed form, by quadrature."""
         nodes, weights = _TAIL_RULE
         energy = self.evaluate(self.range * (x[..., None] + nodes)).energy
-        return np.asarray(energy @ weights / -self.work_of_adhesion)
+        return energy @ weights / -self.work_of_adhesion
 
     def scaled(self, normal: float, energy: float) -> Interaction:
         """Return the law in other units, worth `normal` (gaps) and `energy` (per area) of the present ones."""

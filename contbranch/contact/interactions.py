@@ -13,7 +13,6 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
-import scipy
 from numpy.typing import ArrayLike
 
 from contbranch.arrays import Array
@@ -52,10 +51,6 @@ class Exponential(Interaction):
         """Return ln(1/tolerance)."""
         return -math.log(tolerance)
 
-    def _shape_tail(self, x: Array) -> Array:
-        """Return e^-x."""
-        return np.exp(-x)
-
 
 @dataclass(frozen=True)
 class Gauss(Interaction):
@@ -72,10 +67,6 @@ class Gauss(Interaction):
     def _shape_reach(self, tolerance: float) -> float:
         """Return sqrt(2 ln(1/tolerance))."""
         return math.sqrt(max(0.0, -2.0 * math.log(tolerance)))
-
-    def _shape_tail(self, x: Array) -> Array:
-        """Return sqrt(π/2) erfc(x/sqrt 2)."""
-        return np.asarray(math.sqrt(0.5 * math.pi) * scipy.special.erfc(x / math.sqrt(2.0)))
 
 
 @dataclass(frozen=True)
@@ -95,10 +86,6 @@ class VanDerWaals(Interaction):
         """Return sqrt(1/tolerance - 1)."""
         return math.sqrt(max(0.0, 1.0 / tolerance - 1.0))
 
-    def _shape_tail(self, x: Array) -> Array:
-        """Return arccot x."""
-        return np.arctan2(1.0, x)
-
 
 @dataclass(frozen=True)
 class InverseSquare(Interaction):
@@ -115,10 +102,6 @@ class InverseSquare(Interaction):
     def _shape_reach(self, tolerance: float) -> float:
         """Return 1/sqrt(tolerance) - 1."""
         return 1.0 / math.sqrt(tolerance) - 1.0
-
-    def _shape_tail(self, x: Array) -> Array:
-        """Return 1/(1 + x)."""
-        return 1.0 / (1.0 + x)
 
 
 @dataclass(frozen=True)
@@ -141,7 +124,7 @@ class MaugisDugdale(Interaction):
 
     def _shape_tail(self, x: Array) -> Array:
         """Return (1 - x)²/2 for x < 1."""
-        return np.asarray(0.5 * np.maximum(1.0 - x, 0.0) ** 2)
+        return 0.5 * np.maximum(1.0 - x, 0.0) ** 2
 
 
 @dataclass(frozen=True)
@@ -173,14 +156,9 @@ class Layered(Interaction):
                 f"phase: {self.phase:g}; must not be an odd multiple of π/2, where the law vanishes at contact"
             )
 
-    @property
-    def _wave_number(self) -> float:
-        """2π z0/λ."""
-        return 2.0 * math.pi * self.range / self.wave
-
     def shape(self, x: Array) -> tuple[Array, Array, Array]:
         """Return e^-x cos(kx + φ)/cos φ and its derivatives, k = 2π z0/λ."""
-        k = self._wave_number
+        k = 2.0 * math.pi * self.range / self.wave
         angle = k * x + self.phase
         envelope = np.exp(-x) / math.cos(self.phase)
         cosine, sine = envelope * np.cos(angle), envelope * np.sin(angle)
@@ -197,8 +175,8 @@ class Layered(Interaction):
 
     def _shape_tail(self, x: Array) -> Array:
         """Return Re[e^((ik-1)x + iφ)/(1-ik)]/cos φ."""
-        k = self._wave_number
-        return np.asarray((np.exp((1j * k - 1.0) * x + 1j * self.phase) / (1.0 - 1j * k)).real / math.cos(self.phase))
+        rate = 2j * math.pi * self.range / self.wave - 1.0
+        return np.asarray((np.exp(rate * x + 1j * self.phase) / -rate).real / math.cos(self.phase))
 
     def scaled(self, normal: float, energy: float) -> Layered:
         """Return the law in other units; the wavelength is a length, too."""
@@ -296,7 +274,7 @@ class Tabulated(Evaluated):
     def tail_energy(self, gap: ArrayLike) -> Array:
         """Return ∫ v dg from `gap` to infinity."""
         integral = self._table.energy.antiderivative()
-        return np.asarray(integral(self._end) - integral(np.minimum(gap, self._end)))
+        return integral(self._end) - integral(np.minimum(gap, self._end))
 
     def scaled(self, normal: float, energy: float) -> Tabulated:
         """Return the table in other units."""

@@ -6,7 +6,6 @@ import warnings
 
 import numpy as np
 
-from contbranch.arrays import Array
 from contbranch.contact.interaction_law import Evaluated, Interaction, Response, places_of, terms_of
 from contbranch.contact.interactions import INTERACTIONS
 from contbranch.errors import InputError
@@ -56,8 +55,7 @@ def _check(law: Interaction, field: str) -> None:
     if failure is not None and not found:
         raise failure
     _check_values(law, name, found)
-    for order, words in ((0, "f' is not the derivative of f"), (1, "f'' is not the derivative of f'")):
-        _check_derivative(law, f"{name}: {words}", found, order)
+    _check_derivatives(law, name, found)
 
 
 def _check_values(law: Interaction, name: str, found: list[tuple[float, Response]]) -> None:
@@ -74,19 +72,21 @@ def _check_values(law: Interaction, name: str, found: list[tuple[float, Response
 
 
 @np.errstate(all="ignore")  # what is not finite is told apart
-def _check_derivative(law: Interaction, words: str, found: list[tuple[float, Response]], order: int) -> None:
-    """Refuse a law whose derivative disagrees with differences at most gaps; at some it may have a kink."""
-    # p = -v' and v'' = -p', with v = -Δγ f and p = Δγ/z0 f'
-    unit = (-law.work_of_adhesion, law.work_of_adhesion / law.range)[order] / law.range
-    rows: list[tuple[float, float, float, float]] = []
-    for x, answer in found:
-        values: Array = np.asarray(answer[order], dtype=float)
-        wide, narrow = (values[[4, 3]] - values[[0, 1]]) / (np.array([2.0, 1.0]) * STEP * law.range)
-        told, extrapolated = -float(answer[order + 1][2]), narrow + (narrow - wide) / 3.0
-        if np.isfinite([told, extrapolated]).all():
-            rows.append((x, told / unit, extrapolated / unit, abs(narrow - wide) / abs(unit)))
-    size = max((abs(told) for _, told, _, _ in rows), default=0.0)
-    wrong = [row for row in rows if abs(row[1] - row[2]) > SHARE * (abs(row[1]) + size) + 3.0 * row[3]]
-    if 2 * len(wrong) > len(rows):
-        x, told, seen, _ = max(wrong, key=lambda row: abs(row[1] - row[2]))
-        raise InputError(f"{words}: at x = {x:g} it is {told:.6g}, and differences give {seen:.6g}")
+def _check_derivatives(law: Interaction, name: str, found: list[tuple[float, Response]]) -> None:
+    """Refuse a law of which a derivative disagrees with differences at most gaps; at some it may have a kink."""
+    places = np.array([x for x, _ in found])
+    # f, f' and f'' (gaps, steps): v = -Δγ f
+    shapes = np.array([answer for _, answer in found], dtype=float) / -law.work_of_adhesion
+    shapes = np.moveaxis(shapes, 1, 0) * (np.array([1.0, -law.range, law.range**2])[:, None, None])
+    for order, words in enumerate(("f' is not the derivative of f", "f'' is not the derivative of f'")):
+        values, told = shapes[order], shapes[order + 1][:, 2]
+        wide, narrow = (values[:, [4, 3]] - values[:, [0, 1]]).T / (STEP * np.array([[2.0], [1.0]]))
+        seen = narrow + (narrow - wide) / 3.0
+        finite = np.isfinite(told + seen)
+        size = np.abs(told[finite]).max(initial=0.0)
+        off = np.where(finite, np.abs(told - seen), 0.0)
+        wrong = off > SHARE * (np.abs(told) + size) + 3.0 * np.abs(narrow - wide)
+        if 2 * wrong.sum() > finite.sum():
+            k = int(np.argmax(off * wrong))
+            text = f"at x = {places[k]:g} it is {told[k]:.6g}, and differences give {seen[k]:.6g}"
+            raise InputError(f"{name}: {words}: {text}")

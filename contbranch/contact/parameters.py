@@ -35,25 +35,22 @@ class Parameter:
 
 def numbers_of(contact: Contact) -> dict[str, Parameter]:
     """Return all numbers of a contact by their places: ``modulus``, ``tip.radius``, ``interaction[0].range``."""
-    terms = terms_of(contact.interaction)
+    parts: list[Any] = [contact.tip, *terms_of(contact.interaction)]
 
-    def with_term(term: Any, k: int) -> Contact:
-        return replace(contact, interaction=sum([*terms[:k], term, *terms[k + 1 :]]) or None)
+    def changed(value: float, k: int, name: str) -> Contact:
+        tip, *terms = (with_number(part, name, value) if i == k else part for i, part in enumerate(parts))
+        return replace(contact, tip=tip, interaction=sum(terms) or None)
 
-    def changed(value: float, part: Any, name: str, put: Callable[[Any], Contact]) -> Contact:
-        return put(with_number(part, name, value))
-
-    parts: list[Any] = [("tip", "", contact.tip, lambda tip: replace(contact, tip=tip))]
-    for k, term in enumerate(terms):
-        parts.append((f"interaction[{k}]", f"[{k}]" if len(terms) > 1 else "", term, partial(with_term, k=k)))
     modulus = Parameter("modulus", contact.modulus, "pressure", lambda value: replace(contact, modulus=value))
     found = {"modulus": modulus}
-    for place, end, part, put in parts:
-        known = dimensions(type(part))
+    for k, part in enumerate(parts):
+        known, end = dimensions(type(part)), f"[{k - 1}]"
+        place = f"interaction{end}" if k else "tip"
         for name, value in part.parameters().items():
             if isinstance(value, int | float) and not isinstance(value, bool) and name in known:
-                made = partial(changed, part=part, name=name, put=put)
-                found[f"{place}.{name}"] = Parameter(name + end, float(value), known[name], made)
+                own = name + end if k and len(parts) > 2 else name
+                made = partial(changed, k=k, name=name)
+                found[f"{place}.{name}"] = Parameter(own, float(value), known[name], made)
     return found
 
 

@@ -82,7 +82,7 @@ def self_affine_heights(
     waves = amplitude * np.exp(1j * phase)
     spectrum[k, m] = waves
     spectrum[-k, -m] = np.conj(waves)
-    return np.asarray(np.fft.ifft2(spectrum).real * n**2)
+    return np.fft.ifft2(spectrum).real * n**2
 
 
 def _half_plane(largest: int) -> tuple[Integers, Integers]:

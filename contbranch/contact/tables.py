@@ -32,7 +32,7 @@ _DECAYED = 0.01  # a law whose table ends below this part of its maximum is take
 def numbers(values: object, field: str) -> Array:
     """Return `values` as a (n,) array of finite floats, n ≥ 4; InputError, naming `field`, if they are not."""
     try:
-        array = np.array(values, dtype=np.float64)
+        array = np.array(values, dtype=float)
     except (TypeError, ValueError):
         raise InputError(f"{field}: not all are numbers; must be a list of numbers") from None
     if array.ndim != 1 or array.size < _LEAST_ROWS:
@@ -128,7 +128,7 @@ def _fading(gaps: Array, values: Array, scatter: float, tail: scipy.interpolate.
     knots = np.append(pieces.x[:-1], end)
     powers = [np.polynomial.Polynomial([1.0 - knot / end, -1.0 / end]) ** _FADING for knot in knots[:-1]]
     products = [np.convolve(own, np.float64(power.coef[::-1])) for own, power in zip(pieces.c.T, powers, strict=True)]
-    return scipy.interpolate.PPoly(np.array(products, dtype=np.float64).T, knots)
+    return scipy.interpolate.PPoly(np.array(products, dtype=float).T, knots)
 
 
 def _pieces(spline: scipy.interpolate.BSpline) -> scipy.interpolate.PPoly:

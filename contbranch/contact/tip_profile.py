@@ -88,7 +88,7 @@ def _third_derivatives(pieces: scipy.interpolate.PPoly) -> Array:
     So they agree to rounding with a second derivative that is continuous; those of the pieces themselves do not, and
     the difference grows with the cube of the distance from the knot.
     """
-    return np.asarray(np.diff(pieces(pieces.x, 2)) / np.diff(pieces.x))
+    return np.diff(pieces(pieces.x, 2)) / np.diff(pieces.x)
 
 
 def _continued(pieces: scipy.interpolate.PPoly) -> scipy.interpolate.PPoly:
@@ -113,7 +113,7 @@ def _moment(m: int, angle: Array) -> Array:
     """Return K_m(θ) = ∫_0^θ (cos φ - cos θ)^m dφ for θ in [0, π/2], m = 1, 2, 3, of the shape of `angle`."""
     square = angle * angle
     x = square * (2.0 / _QUARTER**2) - 1.0
-    return np.asarray(np.polynomial.chebyshev.chebval(x, _moment_series(m)) * square**m * angle)
+    return np.polynomial.chebyshev.chebval(x, _moment_series(m)) * square**m * angle
 
 
 @cache
@@ -214,7 +214,7 @@ class Profile(Tip):
 
     def height_derivative(self, r: ArrayLike) -> Array:
         """Return z'(r) = (2/π) ∫_0^r ζ' t/√(r²-t²) dt/r."""
-        r = np.asarray(r, dtype=np.float64)
+        r = np.asarray(r, dtype=float)
         with np.errstate(divide="ignore", invalid="ignore"):
             slope = (2.0 / math.pi) * self._moments(r, 0.0)[1] / r
         return np.where(r > 0.0, slope, (2.0 / math.pi) * self.transform_derivative(0.0))
@@ -233,7 +233,7 @@ class Profile(Tip):
 
     def shape_gap(self, rho: ArrayLike, a: float) -> tuple[Array, Array]:
         """Return g = (2/π) ∫_a^r (ζ(t) - ζ(a))/√(r²-t²) dt and its derivative with respect to `a` at fixed ρ."""
-        gap, moment, r2, angle = self._moments(np.asarray(rho, dtype=np.float64), a)
+        gap, moment, r2, angle = self._moments(np.asarray(rho, dtype=float), a)
         ratio = np.divide(a, r2, out=np.zeros_like(r2), where=r2 > 0.0)
         slope = ratio * moment - float(self._spline(a, 1)) * angle
         return (2.0 / math.pi) * gap, (2.0 / math.pi) * slope
@@ -280,4 +280,4 @@ class Profile(Tip):
 
 
 def _at(pieces: scipy.interpolate.PPoly, places: ArrayLike, order: int = 0) -> Array:
-    return np.asarray(pieces(np.asarray(places, dtype=np.float64), order))
+    return pieces(np.asarray(places, dtype=float), order)

@@ -169,8 +169,8 @@ class Tip(TipShape):
     def _integral(self, a: ArrayLike, power: int) -> Array:
         """Return ∫_0^a ζ^m dt."""
         x, w = gauss_rule()
-        end = np.asarray(a, dtype=np.float64)
-        return np.asarray(end * (self.transform(end[..., None] * x) ** power @ w))
+        end = np.asarray(a, dtype=float)
+        return end * (self.transform(end[..., None] * x) ** power @ w)
 
     def contact_radius(self, y: ArrayLike) -> Array:
         """Return a ≥ 0 with ζ(a) = y ≥ 0."""
@@ -196,7 +196,7 @@ class Tip(TipShape):
         gap, slope
             g = (2/π) ∫_a^r (ζ(t) - ζ(a))/√(r² - t²) dt and (∂g/∂a) at fixed ρ, of the shape of `rho`.
         """
-        rho = np.asarray(rho, dtype=np.float64)
+        rho = np.asarray(rho, dtype=float)
         gap, slope = np.empty_like(rho), np.empty_like(rho)
         near = rho < a
         gap[near], slope[near] = self._gap_near(rho[near], a)

@@ -60,7 +60,7 @@ class EllipticParaboloid(TipShape):
 
     def surface(self, x: ArrayLike, y: ArrayLike) -> Array:
         """Return x²/(2 R_x) + y²/(2 R_y)."""
-        return np.asarray(np.square(x) / (2.0 * self.radius_x) + np.square(y) / (2.0 * self.radius_y))
+        return np.square(x) / (2.0 * self.radius_x) + np.square(y) / (2.0 * self.radius_y)
 
     def scaled(self, in_plane: float, normal: float) -> EllipticParaboloid:
         """Return the paraboloid in other units."""

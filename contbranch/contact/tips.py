@@ -68,15 +68,10 @@ class _Monomial(Tip):
         """Return c n t^(n-1)."""
         return _power(self._transformed * self.apex_exponent, t, self.apex_exponent - 1.0)
 
-    def transform_integral(self, a: ArrayLike) -> Array:
-        """Return c a^(n+1)/(n+1)."""
-        order = self.apex_exponent + 1.0
-        return _power(self._transformed / order, a, order)
-
-    def transform_square_integral(self, a: ArrayLike) -> Array:
-        """Return c² a^(2n+1)/(2n+1)."""
-        order = 2.0 * self.apex_exponent + 1.0
-        return _power(self._transformed**2 / order, a, order)
+    def _integral(self, a: ArrayLike, power: int) -> Array:
+        """Return c^m a^(mn+1)/(mn+1)."""
+        order = power * self.apex_exponent + 1.0
+        return _power(self._transformed**power / order, a, order)
 
     def contact_radius(self, y: ArrayLike) -> Array:
         """Return (y/c)^(1/n)."""
@@ -94,7 +89,7 @@ class _Monomial(Tip):
 
 
 def _power(factor: float, base: ArrayLike, exponent: float) -> Array:
-    return np.asarray(factor * np.asarray(base, dtype=np.float64) ** exponent)
+    return factor * np.asarray(base, dtype=float) ** exponent
 
 
 @dataclass(frozen=True)
@@ -123,7 +118,7 @@ class Parabola(_Monomial):
 
     def shape_gap(self, rho: ArrayLike, a: float) -> tuple[Array, Array]:
         """Return (2/π) [(r²/2 - a²) arccos(a/r) + aρ/2]/R and its derivative, (2a/πR) [aρ/r² - arccos(a/r)]."""
-        rho = np.asarray(rho, dtype=np.float64)
+        rho = np.asarray(rho, dtype=float)
         square = rho * rho
         if a == 0.0:
             return square * (0.5 / self.radius), np.zeros_like(rho)
@@ -168,7 +163,7 @@ class Cone(_Monomial):
 
     def shape_gap(self, rho: ArrayLike, a: float) -> tuple[Array, Array]:
         """Return s [ρ - a arccos(a/r)] and its derivative, s [aρ/r² - arccos(a/r)]."""
-        rho = np.asarray(rho, dtype=np.float64)
+        rho = np.asarray(rho, dtype=float)
         if a == 0.0:
             return self.slope * rho, np.full_like(rho, -0.5 * math.pi * self.slope)
         angle = np.arctan2(rho, a)
@@ -278,49 +273,41 @@ class SphericalCap(Tip):
 
     def height(self, r: ArrayLike) -> Array:
         """Return σ r²/(R + √(R²-r²)), infinite beyond R."""
-        x = np.asarray(r, dtype=np.float64) / self.radius
+        x = np.asarray(r, dtype=float) / self.radius
         square = x * x
         inside = square <= 1.0
         return np.where(inside, self.steepness * self.radius * square / (1.0 + _root(square)), math.inf)
 
     def height_derivative(self, r: ArrayLike) -> Array:
         """Return σ r/√(R²-r²), infinite from R on."""
-        x = np.asarray(r, dtype=np.float64) / self.radius
+        x = np.asarray(r, dtype=float) / self.radius
         return np.divide(self.steepness * x, _root(x * x), out=np.full_like(x, math.inf), where=np.abs(x) < 1.0)
 
     def transform(self, t: ArrayLike) -> Array:
         """Return σ t artanh(t/R), infinite from R on."""
-        x = np.asarray(t, dtype=np.float64) / self.radius
+        x = np.asarray(t, dtype=float) / self.radius
         value = np.arctanh(x, out=np.full_like(x, math.inf), where=x < 1.0)
-        return np.asarray(self.steepness * self.radius * x * value)
+        return self.steepness * self.radius * x * value
 
     def transform_derivative(self, t: ArrayLike) -> Array:
         """Return σ [artanh(x) + x/(1-x²)], x = t/R, infinite from R on."""
-        x = np.asarray(t, dtype=np.float64) / self.radius
+        x = np.asarray(t, dtype=float) / self.radius
         inside = x < 1.0
         value = np.arctanh(x, out=np.full_like(x, math.inf), where=inside)
-        return np.asarray(self.steepness * (value + np.divide(x, 1.0 - x * x, out=np.zeros_like(x), where=inside)))
-
-    def transform_integral(self, a: ArrayLike) -> Array:
-        """Return σ ∫_0^a t artanh(t/R) dt."""
-        return self._integral(a, 1)
-
-    def transform_square_integral(self, a: ArrayLike) -> Array:
-        """Return σ² ∫_0^a (t artanh(t/R))² dt."""
-        return self._integral(a, 2)
+        return self.steepness * (value + np.divide(x, 1.0 - x * x, out=np.zeros_like(x), where=inside))
 
     def _integral(self, a: ArrayLike, power: int) -> Array:
         """Return ∫_0^a ζ^m dt; with t = R tanh u, σ^m R^(m+1) ∫ (u tanh u)^m/cosh² u du, u < 19: on 20 panels."""
         x, w = gauss_rule()
         x, w = ((x + np.arange(20.0)[:, None]) / 20.0).ravel(), np.tile(w / 20.0, 20)
-        end = np.arctanh(np.asarray(a, dtype=np.float64) / self.radius)
+        end = np.arctanh(np.asarray(a, dtype=float) / self.radius)
         u = end[..., None] * x
         scale = self.steepness**power * self.radius ** (power + 1) * end
         return np.asarray(scale * (((u * np.tanh(u)) ** power / np.cosh(u) ** 2) @ w))
 
     def shape_gap(self, rho: ArrayLike, a: float) -> tuple[Array, Array]:
         """Return gap and slope; by quadrature far from the equator, in closed form near it, infinite beyond."""
-        rho = np.asarray(rho, dtype=np.float64)
+        rho = np.asarray(rho, dtype=float)
         gap, slope = np.full_like(rho, math.inf), np.full_like(rho, math.inf)
         r = np.hypot(rho, a)
         low, high = r < 0.5 * self.radius, (r >= 0.5 * self.radius) & (r < self.radius)
@@ -359,7 +346,7 @@ class SphericalCap(Tip):
 
 def _root(square: Array) -> Array:
     """Return √(1-square), 0 where the root would be imaginary."""
-    return np.asarray(np.sqrt(np.maximum(1.0 - square, 0.0)))
+    return np.sqrt(np.maximum(1.0 - square, 0.0))
 
 
 _SHAPES: tuple[type[TipShape], ...] = (

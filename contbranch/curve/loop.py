@@ -67,7 +67,7 @@ class _Loop:
             status="complete" if complete else "incomplete",
             message=self._message(jumps, lost, closed),
             contact=self.contact,
-            _area=self._work if closed else None,
+            area=self._work if closed else None,  # type: ignore[arg-type]
         )
 
     def _message(self, jumps: Sequence[Jump], lost: Sequence[Jump], closed: bool) -> str:
@@ -105,7 +105,7 @@ class _Loop:
             (before - after) * units.energy,
             self._uncertainty(begin, end) * units.energy,
             others,
-            lambda: self._area(begin, end, value) * units.energy,
+            lambda: self._area(begin, end, value) * units.energy,  # type: ignore[arg-type]
         )
 
     def _uncertainty(self, begin: Stop, end: Stop) -> float:

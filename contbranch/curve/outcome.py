@@ -241,7 +241,7 @@ def _branch(scales: Scales, curve: RawCurve) -> Branch:
         profiles=[lambda source=source: in_units(source(), scales) for source in curve.profiles],  # type: ignore[misc]
         unstable_spring=curve.unstable_spring,
         unstable_azimuthal=curve.unstable_azimuthal,
-        critical=curve.critical and one_thread(curve.critical),
+        critical_eigenvalue=curve.critical and one_thread(curve.critical),  # type: ignore[arg-type]
         fft_pairs=curve.fft_pairs,
         cells=[lambda source=source: in_units(source(), scales) for source in curve.cells],  # type: ignore[misc]
     )

@@ -6,6 +6,7 @@ import math
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import combinations
 from time import perf_counter
 
@@ -47,9 +48,9 @@ ROBUST = 3.0
 # Where the residuals' standard deviation exceeds the noise by this, or their correlation length a sample, the model is
 # not the curve's, and weights are those of residuals with that deviation and correlation.
 MISFIT, LONG = 1.25, 2.0
-# Largest relative error of a value that the data determine, largest correlation with one that they do not, and the
-# part of the length of the contact by which its place is to be known.
-KNOWN, TIED, PLACED = 0.2, 0.98, 0.3
+# Largest relative error of a value that the data determine, and the part of the length of the contact by which its
+# place is to be known.
+KNOWN, PLACED = 0.2, 0.3
 # Unknowns with larger errors (of their logarithm) are held at other values, a range at so many between its bounds.
 SHARP, GRID, HELD = 0.04, 6, 1e-7
 # Criterion above the best law's at which a law is as good as excluded.
@@ -341,7 +342,7 @@ class _Fitting:
         largest = (self.seen.largest + 3 * self.seen.noise) * max(state.sensitivity, 1.0) * 1.1
         if self.curve.deflected:
             largest *= max(1.0, state.spring / self.stiffness)
-        return legs(curve_of(state.contact, largest, problem.limit), state.spring)
+        return _legs_of(state.contact, largest, problem.limit, state.spring)
 
     def _gain(self, state: State) -> float:
         """The recorded force over the contact's."""
@@ -389,32 +390,21 @@ class _Fitting:
         if held is not None:
             low[held], high[held] = x[held] - HELD, x[held] + HELD
         residuals = self._residuals(problem, comparison, spread)
-        middle = self.curve.piezo[comparison.samples] - problem.middle
 
         def slopes(at: Array) -> Array:
-            base, columns = residuals(at), []
-            for k, name in enumerate(problem.names):
-                if name in ("baseline", "tilt"):
-                    column = (np.ones_like(middle) if name == "baseline" else middle) / spread
-                    columns.append(np.append(column, np.zeros(base.size - middle.size)))
-                    continue
-                step = STEP * (1.0 if name != "contact_point" else problem.state(at).contact.scales.normal)
-                step = step if at[k] + step < high[k] else -step
-                columns.append((residuals(at + step * np.eye(at.size)[k]) - base) / step)
-            return np.array(columns).T
+            reached[:] = at
+            length = problem.state(at).contact.scales.normal
+            steps = STEP * np.array([length if name == "contact_point" else 1.0 for name in problem.names])
+            steps = np.where(at + steps < high, steps, -steps)
+            base = residuals(at)
+            return np.array([(residuals(at + step) - base) / step.sum() for step in np.diag(steps)]).T
 
         reached = np.clip(x, low, high)
-
-        def derivatives(at: Array) -> Array:
-            nonlocal reached
-            reached = at.copy()
-            return slopes(at)
-
         try:
             found = scipy.optimize.least_squares(
                 residuals,
-                reached,
-                jac=derivatives,
+                reached.copy(),
+                jac=slopes,
                 bounds=(low, high),
                 x_scale=self._scale(problem, reached),
                 loss="soft_l1",
@@ -669,6 +659,12 @@ class _Fitting:
         return " ".join([*words, *_disagreements(fit.jumps)])
 
 
+@lru_cache(maxsize=2)
+def _legs_of(contact: Contact, largest: float, limit: str, spring: float) -> tuple[Leg, Leg]:
+    """Kept while other numbers than the contact's change."""
+    return legs(curve_of(contact, largest, limit), spring)
+
+
 def _disagreements(jumps: tuple[FitJump, ...]) -> Iterator[str]:
     """Sentences on jumps that are not fitted."""
     for jump in jumps:
@@ -702,7 +698,7 @@ def _moved(x: Array, k: int, value: float) -> Array:
 
 def _errors(covariance: Array, least: float = 0.0) -> Array:
     """Standard deviations."""
-    return np.asarray(np.sqrt(np.maximum(np.diag(covariance), least)))
+    return np.sqrt(np.maximum(np.diag(covariance), least))
 
 
 def _with_law(contact: Contact, name: str) -> Contact:

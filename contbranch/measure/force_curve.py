@@ -166,7 +166,7 @@ def _stiffness(spring: object) -> float:
 def _column(values: ArrayLike, name: str, unit: str | None) -> Array:
     """Values in nm or nN."""
     try:
-        found = np.array(values, dtype=np.float64).ravel()
+        found = np.array(values, dtype=float).ravel()
     except (TypeError, ValueError) as error:
         raise InputError(f"curve: {name} must be numbers ({error})") from None
     if found.size < 2 * LEAST:

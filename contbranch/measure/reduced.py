@@ -190,13 +190,13 @@ def _finer(rows: Array, smooth: bool = True) -> Array:
 
     last = rows.shape[1] - 1
     spline = (CubicSpline if smooth else Akima1DInterpolator)(np.arange(last + 1), rows, axis=1)
-    return np.asarray(spline(np.linspace(0, last, FINER * last + 1)))
+    return spline(np.linspace(0, last, FINER * last + 1))
 
 
 def _made(law: type[Interaction], sign: float, node: int, top: float) -> Array:
     """A curve that is shipped with the package, made by ``studies/reduced_curves.py``, or a new one."""
     if sign > 0 and top == TOP and node in nodes() and law.name in _shipped():
-        return np.asarray(_shipped()[law.name][nodes().index(node)], dtype=np.float64)
+        return np.asarray(_shipped()[law.name][nodes().index(node)], dtype=float)
     return traced_node(law, sign, node, top)
 
 

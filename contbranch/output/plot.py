@@ -7,13 +7,13 @@ those of Okabe and Ito, which stay apart for colour-blind readers; line style an
 from __future__ import annotations
 
 import io
-import textwrap
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from matplotlib import rcParams
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
@@ -28,23 +28,20 @@ from contbranch.output.plot_view import (
     GREY,
     SERIES,
     Style,
-    arrange_panels,
     axis_label,
     check_observables,
+    figure_of,
     handle,
-    has_natural_units,
+    mark_rim,
     new_figure,
-    panel_title,
+    said,
+    stacked,
+    styled,
     view,
 )
-from contbranch.results.diagram import Diagram, Solution
+from contbranch.results.diagram import Diagram, Event, Solution, State
 from contbranch.results.record import UnitNames
 from contbranch.results.table import with_unit
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from contbranch.results.diagram import Event, State
 
 __all__ = [
     "SUFFIXES",
@@ -110,13 +107,12 @@ def bifurcation_diagram(
     check_observables(x, y, diagram.stiffness)
     if ax is not None:
         _draw_curve(ax, diagram, _lines(diagram), (x, y), {"color": f"C{_curves(ax)}", **line})
-        figure = ax.get_figure(root=True)
-        assert figure is not None
+        found: Figure = figure_of(ax)
         if labels:
-            figure.draw_without_rendering()  # what is placed last must know where everything else is
+            found.draw_without_rendering()  # what is placed last must know where everything else is
             _place_labels(ax, diagram, x, y)
-        return figure
-    return _figure(diagram, [(x, y)], 2.7, labels, line)
+        return found
+    return _figure(diagram, [(x, y)], labels, line)
 
 
 def _curves(axes: Axes) -> int:
@@ -126,23 +122,18 @@ def _curves(axes: Axes) -> int:
 
 def overview(diagram: Diagram) -> Figure:
     """Draw contact radius against load above load against displacement, as `bifurcation_diagram` draws one of them."""
-    return _figure(diagram, [("load", "contact_radius"), ("displacement", "load")], 4.9, True, {})
+    return _figure(diagram, [("load", "contact_radius"), ("displacement", "load")], True, {})
 
 
-def _figure(diagram: Diagram, panels: Sequence[tuple[str, str]], height: float, labels: bool, line: Style) -> Figure:
+def _figure(diagram: Diagram, panels: Sequence[tuple[str, str]], labels: bool, line: Style) -> Figure:
     """Draw panels one above the other; where a branch has no line, of two points at least, say why there is none."""
     if not diagram.branches or any(len(branch) < 2 for branch in diagram.branches):
-        with new_figure(1.2) as figure:
-            words = textwrap.fill(f"No curve could be traced. {diagram.message}", 60)
-            figure.text(0.5, 0.5, words, ha="center", va="center")
-        return figure
-    with new_figure(height, None) as figure:
-        every, lines = np.atleast_1d(figure.subplots(len(panels), 1)).tolist(), _lines(diagram)
-        for axes, shown, letter in zip(every, panels, "ab", strict=False):
-            _draw_curve(axes, diagram, lines, shown, line)
-            if len(panels) > 1:
-                panel_title(axes, letter)
-        _finish(figure, every, diagram, panels if labels else [])
+        return said(f"No curve could be traced. {diagram.message}")
+    with styled():
+        lines, handles = _lines(diagram), _legend(diagram)
+        figure = stacked(len(panels), lambda axes, k: _draw_curve(axes, diagram, lines, panels[k], line), handles, 2)
+        for axes, (x, y) in zip(figure.axes, panels if labels else [], strict=False):
+            _place_labels(axes, diagram, x, y)  # now that the layout is final
     return figure
 
 
@@ -169,19 +160,13 @@ def profiles(state: State, unit_names: UnitNames | None = None) -> Figure:
             below.plot(r, fine.wall_pressure[shown], color=_UNSTABLE, linestyle="--", label="wall")
             below.legend()
         below.axhline(0.0, color=GREY, linewidth=0.5, zorder=0)
+        mark_rim((above, below), state.contact_radius, True, -1)
         for axes in (above, below):
-            if state.contact_radius > 0.0:
-                axes.axvline(state.contact_radius, color=GREY, linewidth=0.6, linestyle=":", zorder=0)
             axes.margins(x=0.0)
-        if state.contact_radius > 0.0:
-            above.annotate(
-                "$a_c$", (state.contact_radius, 1.0), (3.0, -3.0), xycoords=above.get_xaxis_transform(),
-                textcoords="offset points", va="top", color=GREY,
-            )  # fmt: skip
         above.set_ylim(bottom=-0.04 * float(np.max(fine.gap[shown], initial=1e-300)))
-        above.set_ylabel(axis_label("gap", names, False))
-        below.set_ylabel(axis_label("pressure", names, False))
-        below.set_xlabel(axis_label("r", names, False))
+        above.set_ylabel(axis_label("gap", names))
+        below.set_ylabel(axis_label("pressure", names))
+        below.set_xlabel(axis_label("r", names))
         figure.align_ylabels()
     return figure
 
@@ -266,10 +251,8 @@ def _interesting_radius(state: State) -> float:
 def _draw_curve(axes: Axes, diagram: Diagram, lines: Sequence[Line], shown: tuple[str, str], style: Style) -> None:
     """Draw the branches with their stability, mark the events and set limits and axis labels."""
     x, y = shown
-    contact = diagram.contact
-    reduced = not diagram.unit_names and contact is not None and has_natural_units(contact)
-    axes.set_xlabel(axis_label(x, diagram.unit_names, reduced))
-    axes.set_ylabel(axis_label(y, diagram.unit_names, reduced))
+    axes.set_xlabel(axis_label(x, diagram.unit_names, diagram.contact))
+    axes.set_ylabel(axis_label(y, diagram.unit_names, diagram.contact))
     known = (axes.get_xlim(), axes.get_ylim()) if axes.get_lines() else None
     style = {"gid": f"curve {_curves(axes)}", **style}
     for line in lines:
@@ -327,23 +310,6 @@ def _draw_marker(axes: Axes, diagram: Diagram, event: Event, x: str, y: str) -> 
     level = 5.0 if event.kind == "touch" else 6.0 if event.control == diagram.control else 4.0
     place = coordinate(diagram, event, x), coordinate(diagram, event, y)
     axes.plot(*place, linestyle="none", markeredgewidth=0.7, zorder=level, **_marker(diagram, event))
-
-
-def _finish(figure: Figure, panels: Sequence[Axes], diagram: Diagram, observables: Sequence[tuple[str, str]]) -> None:
-    """Add the legend above the panels, then, when the layout is final, labels where they hide nothing."""
-    figure.legend(
-        handles=_legend(diagram),
-        loc="upper center",
-        bbox_to_anchor=(0.5, 1.0),
-        ncols=2,
-        columnspacing=1.6,
-        handletextpad=0.5,
-        borderpad=0.1,
-        borderaxespad=0.2,
-    )
-    arrange_panels(figure, panels)
-    for axes, (x, y) in zip(panels, observables, strict=False):
-        _place_labels(axes, diagram, x, y)
 
 
 def _place_labels(axes: Axes, diagram: Diagram, x: str, y: str) -> None:

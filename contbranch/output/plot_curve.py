@@ -4,17 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from contbranch.arrays import AnyArray, Array, Flags, Integers
 from contbranch.output.smooth import smooth
-from contbranch.results.diagram import Profile
-
-if TYPE_CHECKING:
-    from contbranch.results.diagram import Branch, Diagram, Event
-
+from contbranch.results.diagram import Branch, Diagram, Event, Profile
 
 Columns = dict[str, Array]
 
@@ -140,7 +136,7 @@ def _knots(diagram: Diagram, branch: Branch, events: list[Event]) -> tuple[Colum
     Unstable modes are -1 at a fold of the diagram's control and -2 at other events. Points that are events themselves,
     and points that are not finite, are left out.
     """
-    rows = np.arange(len(branch), dtype=np.float64)
+    rows = np.arange(len(branch), dtype=float)
     keep = np.isfinite([getattr(branch, name) for name in COORDINATES[:4]]).all(axis=0)
     for event in events:
         keep &= np.abs(rows - event.position) > 1e-6

@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from contbranch.output.plot_view import BLUE, GREY, ORANGE, WIDTH, handle, new_figure
+from contbranch.results.fit import Fit
+from contbranch.results.fit_map import FitMap
 from contbranch.results.table import with_unit
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from contbranch.results.fit import Fit
-    from contbranch.results.fit_map import FitMap
-
 
 # Units as one says them.
 PEOPLE = {"nN/nm²": ("MPa", 1e3), "nN/nm": ("mN/m", 1e3)}

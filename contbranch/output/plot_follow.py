@@ -4,29 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from contbranch.arrays import Array
 from contbranch.errors import look_up
 from contbranch.output.plot_labels import place_labels
-from contbranch.output.plot_view import BLUE, DASHES, GREY, ORANGE, axis_label, handle, has_natural_units, new_figure
+from contbranch.output.plot_view import BLUE, DASHES, GREY, ORANGE, axis_label, figure_of, handle, new_figure
 from contbranch.output.smooth import smooth_path
+from contbranch.results.followed import Followed, Special
+from contbranch.results.phase import PhaseDiagram
 from contbranch.results.record import OBSERVABLES, UnitNames
 from contbranch.results.table import with_unit
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.axis import Axis
-    from matplotlib.figure import Figure
-
-    from contbranch.results.followed import Followed, Special
-    from contbranch.results.phase import PhaseDiagram
-
 
 _NAMES = {
     "tabor": r"Tabor coefficient $\mu_\mathrm{T}$",
@@ -165,7 +160,7 @@ def _lines(followed: Followed, y: str, logarithmic: bool) -> list[tuple[Array, A
 
 def _mark(axes: Axes, shown: Followed | PhaseDiagram, y: str, special: Sequence[Special]) -> None:
     """Label the axes, which are complete but for the special points, and mark and name these."""
-    natural = shown.parameter in ("tabor", "stiffness", "share") and has_natural_units(shown.contact)
+    natural = shown.contact if shown.parameter in ("tabor", "stiffness", "share") else None
     axes.set_xlabel(parameter_label(shown.parameter, shown.unit_names))
     axes.set_ylabel(axis_label(y, shown.unit_names, natural))  # reduced units do not change along such a curve
     marked = [one for one in special if one.kind in _MARKERS]
@@ -176,7 +171,7 @@ def _mark(axes: Axes, shown: Followed | PhaseDiagram, y: str, special: Sequence[
             *point, linestyle="none", marker=_MARKERS[one.kind], markersize=4.6, markerfacecolor=face,
             markeredgecolor="white", markeredgewidth=0.7, zorder=5,
         )  # fmt: skip
-    figure: Any = axes.get_figure(root=True)
+    figure = figure_of(axes)
     figure.canvas.draw()
     figure.set_layout_engine("none")
     place_labels(axes, points, [one.kind.replace("-", " ") for one in marked], ["black"] * len(marked))

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib import rcParams
+from matplotlib.axes import Axes
 from matplotlib.text import Text
 
 from contbranch.arrays import Array, Integers
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 _CELL = 1.5  # points, of the map of what is in the way
 _PAD = 80  # cells around the frame
@@ -75,7 +72,7 @@ def place_labels(axes: Axes, points: Array, texts: Sequence[str], colors: Sequen
     busy[_PAD:-_PAD, _PAD:-_PAD] = 0.0
     for line in axes.get_lines():
         if line.get_linestyle() != "None":
-            xy = np.asarray(line.get_xydata(), dtype=np.float64)
+            xy = np.asarray(line.get_xydata(), dtype=float)
             pixels = line.get_transform().transform(xy[np.isfinite(xy).all(axis=1)])
             on = _resampled((pixels - corner) / cell)
             inside = np.floor(on[np.all((on >= 0.0) & (on < extent), axis=1)]).astype(int) + _PAD
@@ -131,7 +128,7 @@ def _size(figure: Any, text: str) -> Array:
     extent = Text(0.0, 0.0, text, fontsize=rcParams["legend.fontsize"], figure=figure).get_window_extent(
         figure.canvas.get_renderer()
     )
-    return np.array([extent.width, extent.height], dtype=np.float64) + 2.0 * _ROOM * float(figure.dpi) / 72.0
+    return np.array([extent.width, extent.height], dtype=float) + 2.0 * _ROOM * float(figure.dpi) / 72.0
 
 
 def _resampled(points: Array) -> Array:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from matplotlib import rcParams
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from contbranch.arrays import Array
 from contbranch.output.plot_curve import observable
@@ -13,22 +15,16 @@ from contbranch.output.plot_view import (
     BLUE,
     GREY,
     ORANGE,
-    arrange_panels,
     axis_label,
     check_observables,
+    figure_of,
     handle,
-    has_natural_units,
-    new_figure,
-    panel_title,
+    said,
+    stacked,
+    styled,
 )
 from contbranch.output.smooth import smooth_path
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from contbranch.results.loop import Hysteresis
-
+from contbranch.results.loop import Hysteresis
 
 _UP, _DOWN = BLUE, ORANGE
 _PAD = 0.6  # of the extent of the jumps, shown on either side of them
@@ -61,36 +57,24 @@ def loop_figure(loop: Hysteresis, x: str | None = None, y: str | None = None, *,
     first = y or ("displacement" if loop.control == "load" else "load")
     if ax is not None:
         _draw(ax, loop, x, first)
-        figure = ax.get_figure(root=True)
-        assert figure is not None
-        return figure
+        found: Figure = figure_of(ax)
+        return found
+    if len(loop.path) < 2:
+        return said(loop.message or "No path.")
     touching = bool(np.any(loop.path.contact_radius > 0.0))
     shown = [y] if y else [first, "contact_radius" if touching else "central_gap"]
-    with new_figure(2.7 if y else 4.9, None) as figure:
-        if len(loop.path) < 2:
-            figure.text(0.5, 0.5, loop.message or "No path.", ha="center", va="center", wrap=True)
-            return figure
-        panels = np.atleast_1d(figure.subplots(len(shown), 1)).tolist()
-        for axes, name, letter in zip(panels, shown, "ab", strict=False):
-            _draw(axes, loop, x, name)
-            if len(panels) > 1:
-                panel_title(axes, letter)
-        handles = [
-            handle("approach" if loop.control != "load" else "loading", color=_UP),
-            handle("retraction" if loop.control != "load" else "unloading", color=_DOWN),
-        ]
+    up, down = ("loading", "unloading") if loop.control == "load" else ("approach", "retraction")
+    with styled():
+        handles = [handle(up, color=_UP), handle(down, color=_DOWN)]
         if loop.jumps:
             handles.append(handle("jump", color="black", linestyle=":"))
-        figure.legend(handles=handles, loc="upper center", ncols=3, bbox_to_anchor=(0.5, 1.0), borderaxespad=0.2)
-        arrange_panels(figure, panels)
-    return figure
+        return stacked(len(shown), lambda axes, k: _draw(axes, loop, x, shown[k]), handles, 3)
 
 
 def _draw(axes: Axes, loop: Hysteresis, across: str, name: str) -> None:
     path, stiffness = loop.path, loop.stiffness
-    natural = loop.contact is not None and has_natural_units(loop.contact)
-    axes.set_xlabel(axis_label(across, loop.units, natural))
-    axes.set_ylabel(axis_label(name, loop.units, natural))
+    axes.set_xlabel(axis_label(across, loop.units, loop.contact))
+    axes.set_ylabel(axis_label(name, loop.units, loop.contact))
     low, high = _window(loop)
     shown: list[Array] = []
     for number in np.unique(path.leg):

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from matplotlib.colors import CenteredNorm, ListedColormap, Normalize
+from matplotlib.figure import Figure
 
 from contbranch.errors import InputError
 from contbranch.output.plot_view import WIDTH, Style, axis_label, new_figure
 from contbranch.results.diagram import State
 from contbranch.results.record import UnitNames
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 
 CONTACT = ListedColormap(["#F2F2F2", "#404040"])
 
@@ -40,15 +37,15 @@ def cell_maps(state: State, unit_names: UnitNames | None = None) -> Figure:
     if len(x) < 2 or len(y) < 2:
         raise InputError("state: its cell has fewer than two nodes a side to be shown")
     fields: list[tuple[str, Any, Style]] = [
-        (axis_label("gap", names, False), cell.gap, {"cmap": "viridis", "norm": Normalize(0.0)}),
-        (axis_label("pressure", names, False), cell.pressure, _pressure_colours(cell.pressure)),
+        (axis_label("gap", names), cell.gap, {"cmap": "viridis", "norm": Normalize(0.0)}),
+        (axis_label("pressure", names), cell.pressure, _pressure_colours(cell.pressure)),
         (f"contact: {share:.3g} of the cell", contact, {"cmap": CONTACT, "vmin": 0, "vmax": 1}),
     ]
     unit = f" ({names['radius']})" if names.get("radius") else ""
     with new_figure(2.3) as figure:
         figure.set_figwidth(2.2 * WIDTH)
         for axes, (title, field, style) in zip(figure.subplots(1, 3, sharey=True), fields, strict=True):
-            shown = np.asarray(field, dtype=np.float64)
+            shown = np.asarray(field, dtype=float)
             image = axes.pcolormesh(x, y, shown.T, shading="nearest", rasterized=True, **style)
             if field is not contact:
                 tall = 0.8 * min(1.0, float(np.ptp(y) / np.ptp(x)))

@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.interpolate import Akima1DInterpolator
 
 from contbranch.arrays import Array
-from contbranch.output.plot_view import BLUE, GREY, ORANGE, axis_label, new_figure
+from contbranch.output.plot_view import BLUE, GREY, ORANGE, axis_label, figure_of, mark_rim, new_figure
+from contbranch.results.diagram import ModeShape
 from contbranch.results.record import UnitNames
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from contbranch.results.diagram import ModeShape
-
 
 _FAINT = 0.03  # the mode is shown out to where its gap, or its pressure, falls below this part of its largest
 _NAMED = 0.1  # a contact of at least this part of what is shown has its radius named
@@ -49,18 +43,12 @@ def mode_figure(shape: ModeShape, contact_radius: float = 0.0, unit_names: UnitN
         _draw_pressure(pressure, shape, contact_radius, r)
         unit = f"{names['pressure']} per {names['displacement']}" if "pressure" in names else ""
         pressure.set_ylabel(r"$\delta p\,/\,\max|\delta g|$" + (f"\n({unit})" if unit else ""))
-        pressure.set_xlabel(axis_label("r", names, False))
+        pressure.set_xlabel(axis_label("r", names))
         gap.tick_params(labelbottom=False)
         for axes in (gap, pressure):
             axes.axhline(0.0, color=GREY, linewidth=0.5, zorder=0)
             axes.set_xlim(0.0, reach)
-            if contact_radius > 0.0:
-                axes.axvline(contact_radius, color=GREY, linewidth=0.6, linestyle=":", zorder=0)
-        if contact_radius > _NAMED * reach:
-            gap.annotate(
-                "$a_c$", (contact_radius, 1.0), (-3.0, -3.0), xycoords=gap.get_xaxis_transform(),
-                textcoords="offset points", va="top", ha="right", color=GREY,
-            )  # fmt: skip
+        mark_rim((gap, pressure), contact_radius, contact_radius > _NAMED * reach, 1)
         figure.align_ylabels([gap, pressure])
     return figure
 
@@ -82,7 +70,7 @@ def _profile(r: Array, values: Array, at: Array) -> Array:
     """Return a mode's profile between its radii; up to the first it rises from zero on the axis."""
     if at[0] < r[0]:
         r, values = np.concatenate([[0.0], r]), np.concatenate([[0.0], values])
-    return np.asarray(Akima1DInterpolator(r, values)(at))
+    return Akima1DInterpolator(r, values)(at)
 
 
 def _draw_map(axes: Axes, shape: ModeShape, contact_radius: float, reach: float) -> None:
@@ -100,9 +88,7 @@ def _draw_map(axes: Axes, shape: ModeShape, contact_radius: float, reach: float)
     axes.set_aspect("equal")
     axes.set_axis_off()
     axes.set_title(rf"$\delta g = \eta(r)\,\cos\,{shape.mode if shape.mode > 1 else ''}\theta$", fontsize=8.5, pad=3.0)
-    figure = axes.get_figure(root=True)
-    assert figure is not None
-    bar = figure.colorbar(image, ax=axes, shrink=0.85, aspect=16, ticks=[-1, 0, 1], pad=0.04)
+    bar = figure_of(axes).colorbar(image, ax=axes, shrink=0.85, aspect=16, ticks=[-1, 0, 1], pad=0.04)
     bar.outline.set_linewidth(0.5)
     bar.ax.minorticks_off()
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import cycle, zip_longest
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from matplotlib import rcParams
+from matplotlib.figure import Figure
 
 from contbranch.arrays import Array
 from contbranch.errors import InputError
@@ -15,10 +16,6 @@ from contbranch.output.plot_follow import is_logarithmic, parameter_label, scale
 from contbranch.output.plot_view import SERIES, new_figure
 from contbranch.results.sweep import Sweep, quantity
 from contbranch.results.table import with_unit
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 
 _MOST = 4  # maps beside each other
 _NONE = "#E4E4E4"

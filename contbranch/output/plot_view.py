@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import textwrap
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from io import BytesIO
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from matplotlib import rc_context, rcParams, rcParamsDefault
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
@@ -17,16 +19,11 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator, ScalarFormatter
 
 from contbranch.arrays import Flags
+from contbranch.contact.contact import Contact
 from contbranch.errors import InputError, look_up
 from contbranch.output.plot_curve import COORDINATES, OF_SPRINGS, Line, coordinate
+from contbranch.results.diagram import Diagram
 from contbranch.results.record import UnitNames
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from contbranch.contact.contact import Contact
-    from contbranch.results.diagram import Diagram
-
 
 # What matplotlib takes.
 Style = dict[str, Any]
@@ -101,7 +98,7 @@ class _Picture(Figure):
 
     def savefig(self, fname: Any, **options: Any) -> None:
         """Write the figure to a file, with 300 points an inch unless another ``dpi`` or ``rcParams`` say otherwise."""
-        with rc_context(_style()):
+        with styled():
             super().savefig(fname, **options)
 
     def _repr_png_(self) -> tuple[bytes, dict[str, float]]:
@@ -110,9 +107,9 @@ class _Picture(Figure):
         return held.getvalue(), {"width": round(SCREEN * self.get_figwidth())}
 
 
-def _style() -> Any:
+def styled() -> Any:
     """The style of all figures, without what the user has set in ``matplotlib.rcParams``."""
-    return {key: value for key, value in STYLE.items() if rcParams[key] == rcParamsDefault[key]}
+    return rc_context({key: value for key, value in STYLE.items() if rcParams[key] == rcParamsDefault[key]})
 
 
 @contextmanager
@@ -123,15 +120,48 @@ def new_figure(height: float, layout: Literal["constrained"] | None = "constrain
     """
     own = list(rcParams["figure.figsize"]) != list(rcParamsDefault["figure.figsize"])
     size = rcParams["figure.figsize"] if own else (WIDTH, height)
-    with rc_context(_style()):
+    with styled():
         figure = _Picture(figsize=size, layout=layout)
         FigureCanvasAgg(figure)
         yield figure
 
 
-def panel_title(axes: Axes, letter: str) -> None:
-    """Write (a), (b), … above a panel."""
-    axes.set_title(f"({letter})", loc="left", fontsize=rcParams["axes.labelsize"], pad=4.0, y=1.0)
+def stacked(count: int, draw: Callable[[Axes, int], None], handles: Sequence[Line2D], ncols: int) -> Figure:
+    """A figure of panels one above the other, (a), (b), … if there are several, below a legend."""
+    with new_figure(2.7 if count == 1 else 4.9, None) as figure:
+        panels = figure.subplots(count, 1, squeeze=False)[:, 0].tolist()
+        for number, axes in enumerate(panels):
+            draw(axes, number)
+            if count > 1:
+                axes.set_title(f"({'ab'[number]})", loc="left", fontsize=rcParams["axes.labelsize"], pad=4.0, y=1.0)
+        figure.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, 1.0), ncols=ncols, columnspacing=1.6,
+                      handletextpad=0.5, borderpad=0.1, borderaxespad=0.2)  # fmt: skip
+        arrange_panels(figure, panels)
+    return figure
+
+
+def said(words: str) -> Figure:
+    """A figure that says why there is none."""
+    with new_figure(1.2) as figure:
+        figure.text(0.5, 0.5, textwrap.fill(words, 60), ha="center", va="center")
+    return figure
+
+
+def figure_of(axes: Axes) -> Any:
+    """The figure in which axes are."""
+    return axes.get_figure(root=True)
+
+
+def mark_rim(panels: Sequence[Axes], contact_radius: float, named: bool, inwards: int) -> None:
+    """Draw zero in the last panel, the rim of the contact in all of them, and name it in the first."""
+    if contact_radius > 0.0:
+        for axes in panels:
+            axes.axvline(contact_radius, color=GREY, linewidth=0.6, linestyle=":", zorder=0)
+    if contact_radius > 0.0 and named:
+        panels[0].annotate(
+            "$a_c$", (contact_radius, 1.0), (-3.0 * inwards, -3.0), xycoords=panels[0].get_xaxis_transform(),
+            textcoords="offset points", va="top", ha="right" if inwards > 0 else "left", color=GREY,
+        )  # fmt: skip
 
 
 def handle(label: str, **style: Any) -> Line2D:
@@ -139,14 +169,14 @@ def handle(label: str, **style: Any) -> Line2D:
     return Line2D([], [], label=label, **style)
 
 
-def axis_label(name: str, unit_names: UnitNames, natural: bool) -> str:
-    """Return words, symbol and unit of an observable; `natural`: the unit is made of R, E and |Δγ|."""
+def axis_label(name: str, unit_names: UnitNames, contact: Contact | None = None) -> str:
+    """Return words, symbol and unit of an observable; that of a contact may be made of R, E and |Δγ|."""
     words, symbol, reduced_unit = _AXES[name]
     quantity = {"r": "radius", **dict.fromkeys(OF_SPRINGS, "displacement")}.get(name, name)
     unit = unit_names.get(quantity, "")
     if unit:
         return f"{words} ${symbol}$ ({unit})"
-    if natural and reduced_unit:
+    if reduced_unit and contact is not None and has_natural_units(contact):
         bracketed = reduced_unit if reduced_unit.startswith("(") else f"({reduced_unit})"
         return f"${symbol}\\,/\\,{bracketed}$"
     return f"{words} ${symbol}$"
@@ -222,7 +252,7 @@ def _core(line: Line, positions: Sequence[float]) -> Flags:
     crossing = np.flatnonzero((sign[1:] * sign[:-1] < 0) & (line.columns["contact_radius"][1:] > 0.0))
     if crossing.size:
         first, last = min(first, line.position[crossing[0]]), max(last, line.position[crossing[-1] + 1])
-    return np.asarray((line.position >= first) & (line.position <= last))
+    return (line.position >= first) & (line.position <= last)
 
 
 class _PlainTicks(ScalarFormatter):

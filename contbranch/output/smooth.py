@@ -37,7 +37,7 @@ def smooth(knots: Array, values: Array, at: Array, *, bounded: bool = True, flat
         slopes = np.sign(before) * np.clip(np.sign(before) * slopes, 0.0, largest)
     i = np.clip(np.searchsorted(knots, at, side="right") - 1, 0, len(step) - 1)
     t, rise, start, stop = (at - knots[i]) / step[i], step[i] * chord[i], step[i] * slopes[i], step[i] * slopes[i + 1]
-    return np.asarray(values[i] + t * (start + t * (3.0 * rise - 2.0 * start - stop + t * (start + stop - 2.0 * rise))))
+    return values[i] + t * (start + t * (3.0 * rise - 2.0 * start - stop + t * (start + stop - 2.0 * rise)))
 
 
 def smooth_path(*columns: Array, bounded: bool = True, flat: bool = False) -> list[Array]:

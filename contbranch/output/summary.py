@@ -61,7 +61,7 @@ def as_text(result: Result) -> str:
 
 def parts(result: Result) -> Parts:
     """What a result holds as tables with error estimates, then its model, cost, status and message."""
-    told: Any = result  # every result that is shown has contact, cost, status and message
+    told: Any = result  # every result that is shown has a cost
     units = {name: _FOR_PEOPLE.get(unit, unit) for name, unit in result.units.items()}
     if type(result) in _SHOWN:
         yield from _SHOWN[type(result)](result, units)

@@ -23,7 +23,7 @@ from contbranch.results.diagram import Branch, Cost, Diagram, Event, ModelChoice
 from contbranch.results.fit_map import FitMap
 from contbranch.results.profile import Profile
 from contbranch.results.record import OBSERVABLES, Values
-from contbranch.results.sweep import Sweep, SweepTask, quantity
+from contbranch.results.sweep import Sweep, SweepTask, quantity, values_at
 
 if TYPE_CHECKING:
     import h5py
@@ -184,33 +184,25 @@ def load_sweep(path: str | Path) -> Sweep:
 
 
 def _sweep(file: h5py.File, path: Path) -> Sweep:
-    names: list[str] = json.loads(file.attrs["parameters"])
-    mode = str(file.attrs["mode"])
-    axes = {name: tuple(file[name][()].tolist()) for name in names}
-    known = {*names, *_ABOUT, "task", "description", "unit_names", _GROUP}
-    data = {name: file[name] for name in file if name not in known or name in _ABOUT}
-    data = {name: one.asstr() if one.dtype.kind == "O" else one for name, one in data.items()}
-    found = {name: one[()].ravel().tolist() for name, one in data.items()}
-    thresholds = sorted(set(found) - set(_ABOUT))
-    count = len(found["status"])
-    shape = tuple(map(len, axes.values()))
-    places = np.array(np.unravel_index(np.arange(count), shape)).T if mode == "grid" else np.arange(count)[:, None]
+    mode: Any = file.attrs["mode"]
+    axes = {name: tuple(file[name][()].tolist()) for name in json.loads(file.attrs["parameters"])}
+    data = {name: file[name] for name in file.keys() - {*axes, "task", "description", "unit_names", _GROUP}}
+    found = {n: (one.asstr() if one.dtype.kind == "O" else one)[()].ravel().tolist() for n, one in data.items()}
+    about = [found.pop(name) for name in _ABOUT]
     tasks = []
-    for index in range(count):
-        at = np.broadcast_to(places[index], len(names))
-        about = {name: found[name][index] for name in _ABOUT}
-        values = {name: found[name][index] for name in thresholds if found[name][index] == found[name][index]}
-        parameters = {name: axes[name][k] for name, k in zip(names, at, strict=True)}
-        tasks.append(SweepTask(index=index, parameters=parameters, thresholds=values, **about))
+    for index, said in enumerate(zip(*about, strict=True)):
+        values = {name: found[name][index] for name in sorted(found) if found[name][index] == found[name][index]}
+        known: Values = {"parameters": values_at(axes, mode, index), "thresholds": values}
+        tasks.append(SweepTask(index=index, **known, **dict(zip(_ABOUT, said, strict=True))))
     described: Values = {name: json.loads(file[name][()]) for name in ("description", "unit_names")}
     kind = FitMap if file.attrs["format"] == FitMap.format else Sweep
     return kind(
-        parameters=tuple(names),
+        parameters=tuple(axes),
         axes=axes,
-        mode="grid" if mode == "grid" else "zip",
+        mode=mode,
         tasks=tuple(tasks),
         computed=0,
-        reused=count,
+        reused=len(tasks),
         cost=Cost(sum(task.wall_s for task in tasks), 0),
         path=path,
         contact=rebuilt(described["description"]),

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from contbranch.contact.contact import Contact
 from contbranch.results.diagram import Cost, ModelChoice
-from contbranch.results.record import Record, Result, Status, UnitNames, described, record
+from contbranch.results.record import Record, Result, UnitNames, described, record
 from contbranch.results.table import Tables, of_records
 
 
@@ -61,7 +61,7 @@ class Advice(Result):
     """
 
     format = "contbranch-advice"
-    contact: Contact
+    contact: Contact = described(kw_only=True)
     tabor: float | None
     chosen: str
     why: str
@@ -71,8 +71,6 @@ class Advice(Result):
     cost: Cost
     accuracy: float
     control: str = "load"
-    status: Status = "complete"
-    message: str = ""
     unit_names: UnitNames = described(default_factory=dict)
 
     def told(self) -> str:

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from contbranch.arrays import AnyArray, Array, Integers
-from contbranch.contact.contact import Contact
 from contbranch.control import Control
 from contbranch.errors import InputError, ModelError
 from contbranch.results.profile import CellFields, ModeShape, Profile
@@ -20,12 +19,10 @@ from contbranch.results.record import (
     OBSERVABLES,
     Record,
     Result,
-    Status,
     UnitNames,
     Values,
     described,
     given,
-    late,
     record,
 )
 from contbranch.results.table import Tables, joined, of_columns, of_records
@@ -301,8 +298,9 @@ class Branch(Record):
     cells : sequence of CellFields or callable
         Fields on the nodes of the cell, of grid models, or what computes them: ask for them as ``state(i).cell``. Files
         hold the part with pressure, at 64 nodes a side or fewer.
-    critical : array (M,), callable or None
-        The critical eigenvalue, or what computes it: ask for it as ``branch.critical_eigenvalue``.
+    critical_eigenvalue : array (M,) or None
+        Largest eigenvalue of the azimuthal modes at every point; computed when asked for, None where unknown. It is
+        that of m = 1, which is the largest of all m ≥ 1; a state is stable to all of them if and only if it is below 1.
     fft_pairs : integer array (M,) or None
         Pairs of transforms spent on each point by a grid model.
     contact_area, contact_perimeter : array (M,) or None
@@ -316,8 +314,8 @@ class Branch(Record):
     energy: Array
     unstable_load: Integers
     unstable_displacement: Integers
-    load_error: Array
-    displacement_error: Array
+    load_error: Array = described(late=True, compare=True)
+    displacement_error: Array = described(late=True, compare=True)
     profiles: Sequence[Profile | Callable[[], Profile]] = described(
         written=False,
         computed=lambda branch: tuple(map(given, branch.profiles)),
@@ -330,9 +328,7 @@ class Branch(Record):
     )
     unstable_spring: Integers | None = described(written="if known", default=None)
     unstable_azimuthal: Integers | None = described(written="if known", default=None)
-    critical: Array | Callable[[], Array] | None = described(
-        key="critical_eigenvalue", written=False, computed=lambda branch: branch.critical_eigenvalue, default=None
-    )
+    critical_eigenvalue: Array | None = described(written=False, late=True, default=None)
     fft_pairs: Integers | None = described(written="if known", default=None)
     contact_area: Array | None = described(written="if known", default=None)
     contact_perimeter: Array | None = described(written="if known", default=None)
@@ -344,16 +340,6 @@ class Branch(Record):
     def columns(self) -> dict[str, AnyArray]:
         """The arrays by name, those that the branch has."""
         return self.items()
-
-    @cached_property
-    def critical_eigenvalue(self) -> Array | None:
-        """Largest eigenvalue of the azimuthal modes at every point, (M,); computed when asked for, None where unknown.
-
-        It is that of m = 1, which is the largest of all m ≥ 1; a state is stable to all of them if and only if it is
-        below 1.
-        """
-        eigenvalue: Array | None = given(self.critical)
-        return eigenvalue
 
     def state(self, i: int) -> State:
         """Point `i` with its profile: r, gap, pressure and wall_pressure."""
@@ -392,9 +378,6 @@ def _of_control(source: State | Branch, control: str | Control) -> Any:
     if found is None:
         raise InputError(f"control: {kind!r}; must be load, displacement, or spring where one was asked for")
     return found
-
-
-late(Branch, "load_error", "displacement_error")
 
 
 @record
@@ -447,7 +430,6 @@ class Diagram(Result):
     """
 
     format = "contbranch-diagram"
-    contact: Contact | None
     branches: tuple[Branch, ...]
     events: tuple[Event, ...]
     thresholds: Mapping[str, float]
@@ -455,17 +437,13 @@ class Diagram(Result):
     cost: Cost
     control: str = "load"
     accuracy: float = 1e-6
-    status: Status = "complete"
-    message: str = ""
     description: Mapping[str, Any] = described(default_factory=dict)
     unit_names: UnitNames = described(default_factory=dict)
     local_exponents: Callable[[Event], LocalExponent] | Mapping[int, LocalExponent] | None = described(
         written=False, computed=lambda diagram: diagram.known_exponents(), default=None
     )
     stiffness: float | None = described(written="if known", default=None)
-    sensitivities: Mapping[str, Mapping[str, float]] | None = described(
-        written="if known", computed=lambda diagram: diagram.sensitivities, default=None
-    )
+    sensitivities: Mapping[str, Mapping[str, float]] | None = described(written="if known", late=True, default=None)
     uncertainties: Mapping[str, float] | None = described(written="if known", default=None)
 
     def propagate(self, uncertainties: Mapping[str, object]) -> dict[str, float]:
@@ -582,9 +560,6 @@ class Diagram(Result):
         return bifurcation_diagram(self, x, y, **options)
 
 
-late(Diagram, "sensitivities")
-
-
 @record
 class Solution(State, Result):
     """The equilibrium that `solve` returns: a State, and where it comes from.
@@ -600,12 +575,9 @@ class Solution(State, Result):
     """
 
     format = "contbranch-solution"
-    model: ModelChoice = described(written=False, default_factory=lambda: ModelChoice("axisymmetric", "", 0))
-    cost: Cost = described(written=False, default_factory=lambda: Cost(0.0, 0))
-    status: Status = described(written=False, default="complete")
-    message: str = described(written=False, default="")
+    model: ModelChoice = described(default_factory=lambda: ModelChoice("axisymmetric", "", 0))
+    cost: Cost = described(default_factory=lambda: Cost(0.0, 0))
     states: tuple[State, ...] = described(written=False, default=())
-    contact: Contact | None = None
 
     def told(self) -> str:
         """Where the state is."""
@@ -629,4 +601,5 @@ class Solution(State, Result):
     def body(self) -> Values:
         """All states found, or this one."""
         told = {name: getattr(self, name) for name in ("model", "cost", "status", "message")}
-        return {"states": [state.items() for state in self.known], **told}
+        listed = (state.items() for state in self.known)
+        return {"states": [{key: value for key, value in one.items() if key not in told} for one in listed], **told}

@@ -7,9 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from contbranch.contact.contact import Contact
 from contbranch.results.diagram import Cost, ModelChoice, State
-from contbranch.results.record import Result, Status, described, record
+from contbranch.results.record import Result, described, record
 from contbranch.results.table import Tables, of_records
 
 
@@ -62,9 +61,6 @@ class Equilibria(Result):
     model: ModelChoice
     cost: Cost
     stiffness: float | None = described(written="if known", default=None)
-    status: Status = "complete"
-    message: str = ""
-    contact: Contact | None = None
 
     def __len__(self) -> int:
         return len(self.states)

@@ -13,7 +13,7 @@ from contbranch.contact.contact import Contact
 from contbranch.errors import InputError
 from contbranch.results.diagram import Cost
 from contbranch.results.loop import Hysteresis
-from contbranch.results.record import Record, Result, Status, described, given, record
+from contbranch.results.record import Record, Result, described, given, record
 from contbranch.results.table import Table, Tables
 
 if TYPE_CHECKING:
@@ -111,10 +111,8 @@ class Fit(Result):
     jumps: tuple[FitJump, ...]
     rms: float
     noise: float
-    contact: Contact
+    contact: Contact = described(kw_only=True)
     law: str
-    status: Status
-    message: str
     cost: Cost
     laws: tuple[LawFit, ...] = described(written="if known", default=())
     spring: float = described(written=False, default=float("inf"))

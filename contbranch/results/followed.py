@@ -11,7 +11,7 @@ from contbranch.contact.contact import Contact
 from contbranch.contact.family import dimension_of
 from contbranch.errors import InputError
 from contbranch.results.diagram import Cost, Event, ModelChoice
-from contbranch.results.record import Record, Result, Status, UnitNames, Values, described, record
+from contbranch.results.record import Record, Result, UnitNames, Values, described, record
 from contbranch.results.table import Tables, of_columns
 
 if TYPE_CHECKING:
@@ -97,12 +97,10 @@ class Followed(Result):
     error: Mapping[str, Array]
     special: tuple[Special, ...]
     event: Event
-    contact: Contact
+    contact: Contact = described(kw_only=True)
     model: ModelChoice
     cost: Cost
     accuracy: float
-    status: Status = "complete"
-    message: str = ""
     unit_names: UnitNames = described(default_factory=dict)
     solver: Callable[[float], tuple[FollowedPoint, ...]] | None = described(
         written=False, computed=lambda followed: None, default=None

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from contbranch.arrays import AnyArray, Array, Integers
-from contbranch.contact.contact import Contact
 from contbranch.results.diagram import Cost, ModelChoice, State
-from contbranch.results.record import Record, Result, Status, described, given, record
+from contbranch.results.record import Record, Result, described, record
 from contbranch.results.table import Tables, of_columns
 
 if TYPE_CHECKING:
@@ -68,6 +65,11 @@ class Jump(Record):
         Its error estimate.
     others : tuple of State
         Stable states of lower energy than the fold that the relaxation does not reach.
+    area : float or None
+        Area between the branches: ∫ (F_drive − F) dd along the curve, by quadrature, computed when asked for: a check
+        of `dissipated`. Both agree to about the accuracy asked, relative to the energies of the contact: on the meshes
+        along the way dV = F dd holds to their discretisation errors only, while `dissipated` needs the ends alone. None
+        where there is no state after the jump, or no curve that joins it with the fold.
     """
 
     name: str | None
@@ -77,20 +79,7 @@ class Jump(Record):
     dissipated: float | None
     error: float | None = described(unit="dissipated")
     others: tuple[State, ...] = described(written=False, default=(), repr=False)
-    _area: float | Callable[[], float] | None = described(
-        unit="dissipated", written=False, computed=lambda jump: jump.area, default=None
-    )
-
-    @cached_property
-    def area(self) -> float | None:
-        """Area between the branches: ∫ (F_drive − F) dd along the curve, by quadrature: a check of `dissipated`.
-
-        Both agree to about the accuracy asked, relative to the energies of the contact: on the meshes along the way
-        dV = F dd holds to their discretisation errors only, while `dissipated` needs the ends alone. None where there
-        is no state after the jump, or no curve that joins it with the fold.
-        """
-        area: float | None = given(self._area)
-        return area
+    area: float | None = described(unit="dissipated", written=False, late=True, default=None)
 
 
 # The document's key is a keyword of the language, which only getattr can spell.
@@ -115,6 +104,9 @@ class Hysteresis(Result):
     model, cost, status, message
         As of a Diagram; the message says so where the loop does not close.
     control, stiffness : str, float or None
+    area : float or None
+        Work done by the drive over the closed loop, by quadrature along the stable legs, computed when asked for;
+        equals `dissipated`.
     contact : Contact or None
     """
 
@@ -128,18 +120,7 @@ class Hysteresis(Result):
     cost: Cost
     control: str
     stiffness: float | None = described(written="if known", default=None)
-    status: Status = "complete"
-    message: str = ""
-    contact: Contact | None = None
-    _area: float | Callable[[], float] | None = described(
-        unit="dissipated", written=False, computed=lambda loop: loop.area, default=None
-    )
-
-    @cached_property
-    def area(self) -> float | None:
-        """Work done by the drive over the closed loop, by quadrature along the stable legs; equals `dissipated`."""
-        area: float | None = given(self._area)
-        return area
+    area: float | None = described(unit="dissipated", written=False, late=True, default=None)
 
     def told(self) -> str:
         """Its jumps and what they dissipate."""

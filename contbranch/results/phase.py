@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -10,7 +11,7 @@ from contbranch.arrays import Array, Integers
 from contbranch.contact.contact import Contact
 from contbranch.results.diagram import Cost
 from contbranch.results.followed import Followed
-from contbranch.results.record import Record, Result, Status, UnitNames, described, record
+from contbranch.results.record import Record, Result, UnitNames, described, record
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -72,11 +73,9 @@ class PhaseDiagram(Result):
     parts: tuple[tuple[Part, ...], ...]
     levels: Array
     boundaries: tuple[Followed, ...]
-    contact: Contact
+    contact: Contact = described(kw_only=True)
     cost: Cost
     logarithmic: bool = False
-    status: Status = "complete"
-    message: str = ""
     unit_names: UnitNames = described(default_factory=dict)
 
     @property
@@ -108,24 +107,20 @@ class PhaseDiagram(Result):
         q = self._coordinate(self.values)
         fine = np.linspace(q[0], q[-1], FINE)
         levels = np.linspace(self.levels[0], self.levels[-1], FINE)
-        runs = self._runs()
-        limits = [q[0], *(self._change(runs[i][-1]) for i in range(len(runs) - 1)), q[-1]]
-        without, within = np.zeros((2, FINE, FINE), dtype=np.int64)
-        for k, at in enumerate(fine):
-            which = min(max(int(np.searchsorted(limits, at, side="right")) - 1, 0), len(runs) - 1)
-            without[k], within[k] = counted(self._interpolated(q, runs[which], at), levels)
-        return (np.exp(fine) if self.logarithmic else fine), levels, without, within
+        kinds = [[part.kind for part in parts] for parts in self.parts]
+        turns = [k + 1 for k in range(len(kinds) - 1) if kinds[k] != kinds[k + 1]]
+        which = np.searchsorted([self._change(k - 1) for k in turns], fine, side="right")
+        counts = np.zeros((2, FINE, FINE), dtype=np.int64)
+        for number, (first, stop) in enumerate(pairwise([0, *turns, len(kinds)])):
+            own = np.flatnonzero(which == number)
+            for k, limits in zip(own, self._ends(q, first, stop, fine[own]), strict=True):
+                counts[:, k] = counted(
+                    [Part(a, b, *kind) for (a, b), kind in zip(pairwise(limits), kinds[first], strict=True)], levels
+                )
+        return (np.exp(fine) if self.logarithmic else fine), levels, counts[0], counts[1]
 
     def _coordinate(self, values: Array) -> Array:
         return np.log(values) if self.logarithmic else np.asarray(values)
-
-    def _runs(self) -> list[list[int]]:
-        """Neighbouring curves with the same parts."""
-        runs: list[list[int]] = [[0]]
-        for k in range(1, len(self.parts)):
-            same = [p.kind for p in self.parts[k]] == [p.kind for p in self.parts[k - 1]]
-            runs[-1].append(k) if same else runs.append([k])
-        return runs
 
     def _between(self, last: int) -> Any | None:
         """The special point between a curve and the next, if there is one."""
@@ -141,29 +136,24 @@ class PhaseDiagram(Result):
             return float(q[0] + q[1]) / 2
         return float(self._coordinate(np.array([special.value]))[0])
 
-    def _interpolated(self, q: Array, run: list[int], at: float) -> list[Part]:
-        """The parts at a coordinate within (or close to) a run of curves with the same parts.
+    def _ends(self, q: Array, first: int, stop: int, at: Array) -> Array:
+        """Ends of the parts, (N, parts + 1), at coordinates within (or close to) neighbouring curves with the same.
 
-        Ends of parts are interpolated; those that merge in a special point beside the run go through it.
+        They are interpolated; those that merge in a special point beside the curves go through it.
         """
-        model = self.parts[run[0]]
-        rows = [np.array([self.parts[k][0].start, *(part.stop for part in self.parts[k])]) for k in run]
-        knots: list[dict[float, float]] = [
-            {float(q[k]): float(row[j]) for k, row in zip(run, rows, strict=True)} for j in range(len(model) + 1)
-        ]
-        for inner, outer, row in ((run[0], run[0] - 1, rows[0]), (run[-1], run[-1] + 1, rows[-1])):
-            if not 0 <= outer < len(self.parts) or len(self.parts[outer]) > len(model):
-                continue
-            special = self._between(min(inner, outer))
-            count = MERGING.get(special.kind, 0) if special is not None else 0
-            if special is None or not 0 < count <= len(model) - 1:
-                continue
-            place, level = self._change(min(inner, outer)), getattr(special, self.control)
-            first = min(range(1, len(model) - count + 1), key=lambda k: float(np.abs(row[k : k + count] - level).max()))
-            for j in range(first, first + count):
-                knots[j][place] = level
-        limits = [_through(knot, at) for knot in knots]
-        return [Part(limits[j], limits[j + 1], part.contact, part.stable) for j, part in enumerate(model)]
+        levels = np.array([[parts[0].start, *(part.stop for part in parts)] for parts in self.parts[first:stop]])
+        places, width = q[first:stop], len(self.parts[first])
+        for last, outer, row in ((first - 1, first - 1, levels[0]), (stop - 1, stop, levels[-1])):
+            special = self._between(last) if 0 <= outer < len(q) else None
+            count = 0 if special is None else MERGING.get(special.kind, 0)
+            if special is not None and 0 < count < width and len(self.parts[outer]) <= width:
+                level, merged = getattr(special, self.control), np.full(width + 1, np.nan)
+                off = [np.abs(row[k : k + count] - level).max() for k in range(1, width - count + 1)]
+                begin = 1 + int(np.argmin(off))
+                merged[begin : begin + count] = level
+                places, levels = np.append(places, self._change(last)), np.vstack([levels, merged])
+        known = ~np.isnan(levels.T)
+        return np.array([_through(places[own], one[own], at) for one, own in zip(levels.T, known, strict=True)]).T
 
     def plot(self) -> Figure:
         """Draw the regions, their boundaries, and the special points."""
@@ -172,15 +162,14 @@ class PhaseDiagram(Result):
         return phase_figure(self)
 
 
-def _through(knots: dict[float, float], at: float) -> float:
-    """Interpolation without overshoot through knots."""
+def _through(places: Array, levels: Array, at: Array) -> Array:
+    """Interpolation without overshoot; infinite levels stay."""
     from contbranch.output.smooth import smooth
 
-    places = np.array(sorted(knots))
-    levels = np.array([knots[place] for place in places])
-    if len(places) < 2 or not np.isfinite(levels).all():
-        return float(levels[0])
-    return float(smooth(places, levels, np.array([at]))[0])
+    order = np.argsort(places)
+    if len(order) < 2 or not np.isfinite(levels).all():
+        return np.full(len(at), levels[order[0]])
+    return smooth(places[order], levels[order], at)
 
 
 def counted(parts: tuple[Part, ...] | list[Part], levels: Array) -> tuple[Integers, Integers]:

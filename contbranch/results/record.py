@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
+    from contbranch.contact.contact import Contact
     from contbranch.results.table import Table, Tables
 
 
@@ -53,11 +54,15 @@ def described(**options: Any) -> Any:
     computed : callable
         What returns the value, from the record, of a field that may hold a callable instead, which computes it when it
         is asked for. Files and pickles hold the value; comparisons leave it aside.
+    late : bool
+        Likewise of a field that computes it itself, as a `Late`.
     **options
         As for `dataclasses.field`.
     """
-    said = {name: options.pop(name) for name in ("unit", "kind", "key", "written", "computed") if name in options}
-    if "computed" in said:
+    said = {
+        name: options.pop(name) for name in ("unit", "kind", "key", "written", "computed", "late") if name in options
+    }
+    if said.keys() & {"computed", "late"}:
         options = {"repr": False, "compare": False, **options}
     return field(metadata=said, **options)
 
@@ -86,7 +91,11 @@ def kind_of(item: Field[Any]) -> Any:
 @dataclass_transform(frozen_default=True, eq_default=False, field_specifiers=(described,))
 def record(kind: type[Kind]) -> type[Kind]:
     """Make a class a dataclass, frozen and compared as `Record` says."""
-    return dataclass(frozen=True, eq=False, repr=False)(kind)
+    made = dataclass(frozen=True, eq=False, repr=False)(kind)
+    for item in fields(made):  # type: ignore[arg-type]
+        if "late" in item.metadata:
+            setattr(made, item.name, Late(item.name))
+    return made
 
 
 def given(value: Any) -> Any:
@@ -100,7 +109,7 @@ class Late:
     It is put in the place of the field once the class is a dataclass.
     """
 
-    def __set_name__(self, owner: type, name: str) -> None:
+    def __init__(self, name: str) -> None:
         self.name = name
 
     def __get__(self, instance: object, owner: type) -> Any:
@@ -113,15 +122,6 @@ class Late:
 
     def __set__(self, instance: object, value: Any) -> None:
         instance.__dict__[self.name] = value
-
-
-def late(kind: type[Kind], *names: str) -> type[Kind]:
-    """Let fields of a record be computed when they are first asked for."""
-    for name in names:
-        descriptor = Late()
-        descriptor.__set_name__(kind, name)
-        setattr(kind, name, descriptor)
-    return kind
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -169,7 +169,7 @@ class Record:
         return self._with(self.__dict__)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
-        shared = {item.name for item in fields(self) if "computed" in item.metadata}
+        shared = {item.name for item in fields(self) if item.metadata.keys() & {"computed", "late"}}
         return self._with({k: v if k in shared else deepcopy(v, memo) for k, v in self.__dict__.items()})
 
     def _with(self, values: Mapping[str, Any]) -> Self:
@@ -183,6 +183,9 @@ class Result(Record):
     """What a computation returns: it is written to files and documents of a format."""
 
     format: ClassVar[str]
+    contact: Contact | None = described(kw_only=True, default=None)
+    status: Status = described(kw_only=True, default="complete")
+    message: str = described(kw_only=True, default="")
 
     def told(self) -> str:
         """What it says of itself in a line."""
@@ -191,14 +194,12 @@ class Result(Record):
     @property
     def units(self) -> UnitNames:
         """Units of its numbers by quantity; none where they are reduced."""
-        about: Any = self
-        return getattr(self, "unit_names", {}) if about.contact is None else about.contact.units.names
+        return getattr(self, "unit_names", {}) if self.contact is None else self.contact.units.names
 
     def __repr__(self) -> str:
         """Kind, contact and status, what there is to say in a line, and the message: three lines at most."""
-        about: Any = self
-        contact = "" if about.contact is None else f" of {about.contact.brief}"
-        lines = [f"{type(self).__name__}{contact}: {about.status}", self.told(), about.message]
+        contact = "" if self.contact is None else f" of {self.contact.brief}"
+        lines = [f"{type(self).__name__}{contact}: {self.status}", self.told(), self.message]
         return "\n".join(shorten(line, 1) for line in lines if line)
 
     def __str__(self) -> str:

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from contbranch.contact.contact import Contact
 from contbranch.errors import InputError
 from contbranch.results.diagram import Cost, Diagram
-from contbranch.results.record import Record, Result, Status, UnitNames, Values, described, record
+from contbranch.results.record import Record, Result, UnitNames, described, record
 from contbranch.results.table import Tables, of_columns
 
 if TYPE_CHECKING:
@@ -79,11 +78,8 @@ class Sweep(Result):
     reused: int
     cost: Cost
     path: Path = described(written=False)
-    contact: Contact | None = None
     description: Mapping[str, Any] = described(default_factory=dict)
     unit_names: UnitNames = described(default_factory=dict)
-    status: Status = "complete"
-    message: str = ""
 
     def __len__(self) -> int:
         return len(self.tasks)
@@ -127,14 +123,12 @@ class Sweep(Result):
 
     def tables(self) -> Tables:
         """A row a task: its parameters, thresholds and status."""
-        blank = float("nan")
-        found: Values = {"index": np.array([task.index for task in self.tasks])}
-        for name in self.parameters:
-            found[name] = np.array([task.parameters[name] for task in self.tasks])
-        for name in self.names:
-            found[name] = np.array([task.thresholds.get(name, blank) for task in self.tasks])
-        found["status"] = np.array([task.status for task in self.tasks])
-        found["message"] = np.array([task.message for task in self.tasks])
+        blank = dict.fromkeys(self.names, float("nan"))
+        ends = [{"status": task.status, "message": task.message} for task in self.tasks]
+        rows = [{"index": task.index, **task.parameters, **blank, **task.thresholds, **end}
+                for task, end in zip(self.tasks, ends, strict=True)]  # fmt: skip
+        names = ("index", *self.parameters, *self.names, "status", "message")
+        found = {name: np.array([row[name] for row in rows]) for name in names}
         units = {name: quantity(name, self.unit_names) for name in self.names}
         return {"task": of_columns(found, self.unit_names, **units)}
 
@@ -156,6 +150,13 @@ class Sweep(Result):
         from contbranch.output.plot_sweep import sweep_figure
 
         return sweep_figure(self, thresholds, level)
+
+
+def values_at(axes: Mapping[str, tuple[float, ...]], mode: str, index: int) -> dict[str, float]:
+    """The values of a grid, or of lists side by side, at an index."""
+    shape = [len(values) for values in axes.values()]
+    places: Any = np.unravel_index(index, shape) if mode == "grid" else [index] * len(axes)
+    return {name: values[int(k)] for (name, values), k in zip(axes.items(), places, strict=True)}
 
 
 def quantity(threshold: str, known: Collection[str] = ()) -> str:

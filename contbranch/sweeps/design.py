@@ -16,6 +16,7 @@ from contbranch.contact.file import parsed, read_contact
 from contbranch.contact.units import finite_number, positive_number
 from contbranch.errors import InputError, look_up, refuse_unknown
 from contbranch.grid_size import named_model
+from contbranch.results.sweep import values_at
 
 _RANGE = ("from", "to", "count", "spacing")
 _SWEEP = ("mode", "vary", "keep", "task_limit")
@@ -50,7 +51,7 @@ class Design(Sequence[Contact]):
 
     def parameters(self, index: int) -> dict[str, float]:
         """Values of a contact's parameters."""
-        return _at(self.axes, self.mode, index)
+        return values_at(self.axes, self.mode, index)
 
     def __getitem__(self, index: Any) -> Any:
         if isinstance(index, slice):
@@ -85,14 +86,7 @@ class Listed(Sequence[Any]):
 
     def parameters(self, index: int) -> dict[str, float]:
         """Values of a contact's parameters."""
-        return _at(self.axes, self.mode, index)
-
-
-def _at(axes: Mapping[str, tuple[float, ...]], mode: str, index: int) -> dict[str, float]:
-    """The values of a grid, or of a list, at an index."""
-    shape = [len(values) for values in axes.values()]
-    places: Any = np.unravel_index(index, shape) if mode == "grid" else [index] * len(axes)
-    return {name: values[int(k)] for (name, values), k in zip(axes.items(), places, strict=True)}
+        return values_at(self.axes, self.mode, index)
 
 
 def listed(contacts: Sequence[Any]) -> Listed:

@@ -14,7 +14,7 @@ __all__ = ["finite", "not_below", "not_negative", "positive"]
 def finite(field: str, value: ArrayLike) -> Array:
     """Return ``value`` as an array of floats, or raise `InputError` where it is not a finite number."""
     try:
-        array = np.asarray(value, dtype=np.float64)
+        array = np.asarray(value, dtype=float)
     except (TypeError, ValueError):
         raise InputError(f"{field} must be a number or an array of numbers, not {value!r}") from None
     if not np.all(np.isfinite(array)):
@@ -36,7 +36,7 @@ def not_below(field: str, value: ArrayLike, lowest: ArrayLike, why: str) -> Arra
     A value below by no more than rounding is taken for the lowest itself, so that a fold computed here can be passed
     back.
     """
-    array, bound = np.broadcast_arrays(finite(field, value), np.asarray(lowest, dtype=np.float64))
+    array, bound = np.broadcast_arrays(finite(field, value), np.asarray(lowest, dtype=float))
     slack = 8.0 * np.finfo(float).eps * np.abs(bound)
     low = array < bound - slack
     if np.any(low):

@@ -43,12 +43,12 @@ class PowerLaw:
 
     def transform(self, t: Array) -> Array:
         """Return zeta(t)."""
-        return np.asarray(self.strength * t**self.exponent)
+        return self.strength * t**self.exponent
 
     def deficit(self, t: Array) -> Array:
         """Return t zeta(t) - int_0^t zeta, which is the Hertzian load over 2 E."""
         n = self.exponent
-        return np.asarray(self.strength * n / (n + 1.0) * t ** (n + 1.0))
+        return self.strength * n / (n + 1.0) * t ** (n + 1.0)
 
     def stress(self, r: Array, contact_radius: Array) -> Array:
         """Return (1/pi) int_r^a zeta'(t)/sqrt(t^2-r^2) dt, the Hertzian pressure over E; 0 outside."""
@@ -56,4 +56,4 @@ class PowerLaw:
         y = np.sqrt(np.maximum((a - r) * (a + r), 0.0)) / np.where(a > 0.0, a, 1.0)
         # Pfaff's form of the hypergeometric function is finite at the centre for n > 1 and gives artanh for the cone
         shape = y * scipy.special.hyp2f1(1.0, 1.0 - 0.5 * n, 1.5, y * y)
-        return np.asarray(self.strength * n * a ** (n - 1.0) / np.pi * shape)
+        return self.strength * n * a ** (n - 1.0) / np.pi * shape

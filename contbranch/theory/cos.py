@@ -84,7 +84,7 @@ def contact_radius(
     force = not_below("load", load, -peak, "pull-off; lower loads have no contact")
     mix = not_below("alpha", alpha, 0.0, "0 is DMT, 1 is JKR")
     root = np.sqrt(np.maximum(1.0 + force / peak, 0.0))
-    return np.asarray(positive("zero_load_radius", zero_load_radius) * np.cbrt(((mix + root) / (1.0 + mix)) ** 2))
+    return positive("zero_load_radius", zero_load_radius) * np.cbrt(((mix + root) / (1.0 + mix)) ** 2)
 
 
 def modified_offset(
@@ -104,7 +104,7 @@ def modified_offset(
     """
     a = not_negative("pull_off_radius", pull_off_radius)
     stiffness = 4.0 / 3.0 * positive("modulus", modulus) / positive("radius", radius)
-    return np.asarray(positive("pull_off_load", pull_off_load) + stiffness * a**3)
+    return positive("pull_off_load", pull_off_load) + stiffness * a**3
 
 
 def modified_contact_radius(
@@ -136,7 +136,7 @@ def modified_contact_radius(
     force = not_below("load", load, -peak, "pull-off; lower loads have no contact")
     offset = modified_offset(pull_off_load=peak, pull_off_radius=pull_off_radius, radius=radius, modulus=modulus)
     bracket = force + offset + finite("alpha", alpha) * np.sqrt(np.maximum(force + peak, 0.0))
-    return np.asarray(np.cbrt(0.75 * positive("radius", radius) / positive("modulus", modulus) * bracket))
+    return np.cbrt(0.75 * positive("radius", radius) / positive("modulus", modulus) * bracket)
 
 
 def modified_alpha(
@@ -153,12 +153,12 @@ def modified_alpha(
     peak = positive("pull_off_load", pull_off_load)
     stiffness = 4.0 / 3.0 * positive("modulus", modulus) / positive("radius", radius)
     offset = modified_offset(pull_off_load=peak, pull_off_radius=pull_off_radius, radius=radius, modulus=modulus)
-    return np.asarray((stiffness * positive("zero_load_radius", zero_load_radius) ** 3 - offset) / np.sqrt(peak))
+    return (stiffness * positive("zero_load_radius", zero_load_radius) ** 3 - offset) / np.sqrt(peak)
 
 
 def alpha(maugis_lambda: ArrayLike) -> Array:
     """Return the transition parameter for Maugis' lambda, alpha = [1 - exp(-lambda/0.924)] / 1.02, COS (10)."""
-    return np.asarray(-np.expm1(-positive("maugis_lambda", maugis_lambda) / 0.924) / 1.02)
+    return -np.expm1(-positive("maugis_lambda", maugis_lambda) / 0.924) / 1.02
 
 
 def pull_off(maugis_lambda: ArrayLike) -> Array:
@@ -166,7 +166,7 @@ def pull_off(maugis_lambda: ArrayLike) -> Array:
     = lambda^1.4.
     """
     x = 4.04 * positive("maugis_lambda", maugis_lambda) ** 1.4
-    return np.asarray(1.75 - 0.25 * (x - 1.0) / (x + 1.0))
+    return 1.75 - 0.25 * (x - 1.0) / (x + 1.0)
 
 
 def empirical_zero_load_radius(maugis_lambda: ArrayLike) -> Array:
@@ -174,7 +174,7 @@ def empirical_zero_load_radius(maugis_lambda: ArrayLike) -> Array:
     = lambda^1.3.
     """
     x = 2.28 * positive("maugis_lambda", maugis_lambda) ** 1.3
-    return np.asarray(1.54 + 0.279 * (x - 1.0) / (x + 1.0))
+    return 1.54 + 0.279 * (x - 1.0) / (x + 1.0)
 
 
 def zero_load_radius(
@@ -259,16 +259,16 @@ class Fitted:
     def _radius(self, above: Array) -> Array:
         if self.form == "cos":
             root = np.sqrt(above / self.pull_off_load)
-            return np.asarray(self.zero_load_radius * np.cbrt(((self.alpha + root) / (1.0 + self.alpha)) ** 2))
+            return self.zero_load_radius * np.cbrt(((self.alpha + root) / (1.0 + self.alpha)) ** 2)
         excess = (above + self.alpha * above**self.exponent) * 0.75 * self.radius / self.modulus
-        return np.asarray(np.cbrt(self.pull_off_radius**3 + excess))
+        return np.cbrt(self.pull_off_radius**3 + excess)
 
     def load(self, contact_radius: ArrayLike) -> Array:
         """Return the load at contact radii, also below that of pull-off, where it rises again."""
         a = not_negative("contact_radius", contact_radius)
         if self.form == "cos":
             root = (1.0 + self.alpha) * (a / self.zero_load_radius) ** 1.5 - self.alpha
-            return np.asarray(self.pull_off_load * (root**2 - 1.0))
+            return self.pull_off_load * (root**2 - 1.0)
         # s = +-x^exponent, of which |s|^(1/exponent) + alpha s is convex: Newton's method comes from above
         power, alpha = 1.0 / self.exponent, max(self.alpha, 0.0)
         least = (alpha / power) ** (1.0 / (power - 1.0))  # -s where the sum is smallest
@@ -278,12 +278,12 @@ class Fitted:
             rate = power * np.sign(s) * np.abs(s) ** (power - 1.0) + self.alpha
             change = (np.abs(s) ** power + self.alpha * s - target) / np.where(rate > 0.0, rate, np.inf)
             s = np.maximum(s - change, -least)
-        return np.asarray(np.abs(s) ** power - self.pull_off_load)
+        return np.abs(s) ** power - self.pull_off_load
 
     def displacement(self, contact_radius: ArrayLike) -> Array:
         """Return the displacement at contact radii."""
         a = not_negative("contact_radius", contact_radius)
-        return np.asarray(a**2 / self.radius - np.sqrt(np.maximum(self.lift[0] + self.lift[1] * a, 0.0)))
+        return a**2 / self.radius - np.sqrt(np.maximum(self.lift[0] + self.lift[1] * a, 0.0))
 
     @property
     def detachment_radius(self) -> float:
@@ -356,7 +356,7 @@ def fit(
         return Fitted(*head, (np.nan, np.nan), np.nan, np.nan, radius, modulus)
 
     def wrong(parameters: Array) -> Array:
-        return np.asarray(made(parameters)._radius(force + peak) / a - 1.0)
+        return made(parameters)._radius(force + peak) / a - 1.0
 
     start = 0.5 if form == "cos" else float(modified_alpha(**constants, **elastic))
     guess = np.array([start, 0.5][: 1 + (form == "free")])

@@ -17,7 +17,7 @@ __all__ = ["contact_radius", "displacement", "load", "pull_off_load"]
 
 def pull_off_load(*, radius: ArrayLike = 1.0, work_of_adhesion: ArrayLike = 1.0) -> Array:
     """Return the lowest load in contact, F = -2 pi w R, where the contact radius vanishes."""
-    return np.asarray(-2.0 * np.pi * positive("work_of_adhesion", work_of_adhesion) * positive("radius", radius))
+    return -2.0 * np.pi * positive("work_of_adhesion", work_of_adhesion) * positive("radius", radius)
 
 
 def load(
@@ -38,7 +38,7 @@ def load(
         If a length is negative or a constant not positive; so for every function here.
     """
     attraction = pull_off_load(radius=radius, work_of_adhesion=work_of_adhesion)
-    return np.asarray(hertz.load(contact_radius, radius=radius, modulus=modulus) + attraction)
+    return hertz.load(contact_radius, radius=radius, modulus=modulus) + attraction
 
 
 def displacement(contact_radius: ArrayLike, *, radius: ArrayLike = 1.0) -> Array:

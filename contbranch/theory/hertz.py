@@ -50,24 +50,24 @@ def load(contact_radius: ArrayLike, *, radius: ArrayLike = 1.0, modulus: ArrayLi
         If a length is negative or a constant not positive; so for every function here.
     """
     a = not_negative("contact_radius", contact_radius)
-    return np.asarray(4.0 / 3.0 * positive("modulus", modulus) / positive("radius", radius) * a**3)
+    return 4.0 / 3.0 * positive("modulus", modulus) / positive("radius", radius) * a**3
 
 
 def displacement(contact_radius: ArrayLike, *, radius: ArrayLike = 1.0) -> Array:
     """Return the displacement of a parabola, d = a^2 / R; parameters as in `load`."""
-    return np.asarray(not_negative("contact_radius", contact_radius) ** 2 / positive("radius", radius))
+    return not_negative("contact_radius", contact_radius) ** 2 / positive("radius", radius)
 
 
 def contact_radius(load: ArrayLike, *, radius: ArrayLike = 1.0, modulus: ArrayLike = 1.0) -> Array:
     """Return the contact radius under a load F >= 0 on a parabola, a^3 = 3 R F / (4 E)."""
     force = not_below("load", load, 0.0, _PRESSES)
-    return np.asarray(np.cbrt(0.75 * positive("radius", radius) * force / positive("modulus", modulus)))
+    return np.cbrt(0.75 * positive("radius", radius) * force / positive("modulus", modulus))
 
 
 def contact_radius_at_displacement(displacement: ArrayLike, *, radius: ArrayLike = 1.0) -> Array:
     """Return the contact radius at a displacement d >= 0 of a parabola, a = sqrt(R d)."""
     d = not_below("displacement", displacement, 0.0, "a contact without adhesion starts at 0")
-    return np.asarray(np.sqrt(positive("radius", radius) * d))
+    return np.sqrt(positive("radius", radius) * d)
 
 
 def pressure(r: ArrayLike, contact_radius: ArrayLike, *, radius: ArrayLike = 1.0, modulus: ArrayLike = 1.0) -> Array:
@@ -75,7 +75,7 @@ def pressure(r: ArrayLike, contact_radius: ArrayLike, *, radius: ArrayLike = 1.0
     a = not_negative("contact_radius", contact_radius)
     distance = not_negative("r", r)
     y = np.sqrt(np.maximum((a - distance) * (a + distance), 0.0))
-    return np.asarray(2.0 / np.pi * positive("modulus", modulus) / positive("radius", radius) * y)
+    return 2.0 / np.pi * positive("modulus", modulus) / positive("radius", radius) * y
 
 
 def gap(r: ArrayLike, contact_radius: ArrayLike, *, radius: ArrayLike = 1.0) -> Array:
@@ -84,13 +84,13 @@ def gap(r: ArrayLike, contact_radius: ArrayLike, *, radius: ArrayLike = 1.0) -> 
     distance = not_negative("r", r)
     rho = np.sqrt(np.maximum((distance - a) * (distance + a), 0.0))
     bracket = (0.5 * distance**2 - a**2) * np.arctan2(rho, a) + 0.5 * a * rho
-    return np.asarray(np.where(rho > 0.0, 2.0 / np.pi * bracket / positive("radius", radius), 0.0))
+    return np.where(rho > 0.0, 2.0 / np.pi * bracket / positive("radius", radius), 0.0)
 
 
 def cone_load(contact_radius: ArrayLike, *, slope: ArrayLike = 1.0, modulus: ArrayLike = 1.0) -> Array:
     """Return the load on a cone z = slope * r, F = (pi/2) E slope a^2 (Love, Sneddon)."""
     a = not_negative("contact_radius", contact_radius)
-    return np.asarray(2.0 * positive("modulus", modulus) * PowerLaw.cone(slope).deficit(a))
+    return 2.0 * positive("modulus", modulus) * PowerLaw.cone(slope).deficit(a)
 
 
 def cone_displacement(contact_radius: ArrayLike, *, slope: ArrayLike = 1.0) -> Array:
@@ -106,7 +106,7 @@ def cone_pressure(
     """
     a = not_negative("contact_radius", contact_radius)
     ratio = np.maximum(a / positive("r", r), 1.0)
-    return np.asarray(0.5 * positive("modulus", modulus) * positive("slope", slope) * np.arccosh(ratio))
+    return 0.5 * positive("modulus", modulus) * positive("slope", slope) * np.arccosh(ratio)
 
 
 def power_law_load(
@@ -124,7 +124,7 @@ def power_law_load(
         Length L of the tip and effective modulus E, both > 0.
     """
     a = not_negative("contact_radius", contact_radius)
-    return np.asarray(2.0 * positive("modulus", modulus) * PowerLaw.of(exponent, length).deficit(a))
+    return 2.0 * positive("modulus", modulus) * PowerLaw.of(exponent, length).deficit(a)
 
 
 def power_law_displacement(contact_radius: ArrayLike, *, exponent: ArrayLike, length: ArrayLike = 1.0) -> Array:
@@ -141,7 +141,7 @@ def power_law_contact_radius(
     tip = PowerLaw.of(exponent, length)
     n = tip.exponent
     force = not_below("load", load, 0.0, _PRESSES) / positive("modulus", modulus)
-    return np.asarray((force * (n + 1.0) / (2.0 * n * tip.strength)) ** (1.0 / (n + 1.0)))
+    return (force * (n + 1.0) / (2.0 * n * tip.strength)) ** (1.0 / (n + 1.0))
 
 
 def power_law_pressure(
@@ -153,4 +153,4 @@ def power_law_pressure(
     """
     a = not_negative("contact_radius", contact_radius)
     stress = PowerLaw.of(exponent, length).stress(not_negative("r", r), a)
-    return np.asarray(positive("modulus", modulus) * stress)
+    return positive("modulus", modulus) * stress

@@ -107,7 +107,7 @@ def contact_radius(
     if not stable:
         not_below("the negative of load", -force, 0.0, "the unstable part ends at load 0")
         outer = force**2 / outer  # the product of both roots is F^2, and this form does not cancel
-    return np.asarray(np.cbrt(0.75 * rim / positive("modulus", modulus) * outer))
+    return np.cbrt(0.75 * rim / positive("modulus", modulus) * outer)
 
 
 def contact_radius_at_displacement(
@@ -138,7 +138,7 @@ def contact_radius_at_displacement(
         x = x - step
         if np.all(np.abs(step) <= 1e-16 * (base + x)):
             break
-    return np.asarray((base + x) ** 2)
+    return (base + x) ** 2
 
 
 def load_fold(*, radius: ArrayLike = 1.0, modulus: ArrayLike = 1.0, work_of_adhesion: ArrayLike = 1.0) -> Fold:
@@ -235,19 +235,19 @@ def _parabola(radius: ArrayLike) -> PowerLaw:
 
 def _neck(contact_radius: Array, modulus: Array, work_of_adhesion: Array) -> Array:
     """Return sqrt(2 pi a w / E), by which adhesion lowers the displacement at fixed contact radius."""
-    return np.asarray(np.sqrt(2.0 * np.pi * contact_radius * work_of_adhesion / modulus))
+    return np.sqrt(2.0 * np.pi * contact_radius * work_of_adhesion / modulus)
 
 
 def _load(tip: PowerLaw, contact_radius: ArrayLike, modulus: ArrayLike, work_of_adhesion: ArrayLike) -> Array:
     a = not_negative("contact_radius", contact_radius)
     e, w = positive("modulus", modulus), positive("work_of_adhesion", work_of_adhesion)
-    return np.asarray(2.0 * e * (tip.deficit(a) - a * _neck(a, e, w)))
+    return 2.0 * e * (tip.deficit(a) - a * _neck(a, e, w))
 
 
 def _displacement(tip: PowerLaw, contact_radius: ArrayLike, modulus: ArrayLike, work_of_adhesion: ArrayLike) -> Array:
     a = not_negative("contact_radius", contact_radius)
     neck = _neck(a, positive("modulus", modulus), positive("work_of_adhesion", work_of_adhesion))
-    return np.asarray(tip.transform(a) - neck)
+    return tip.transform(a) - neck
 
 
 def fold(tip: PowerLaw, share: float, modulus: ArrayLike, work_of_adhesion: ArrayLike) -> Fold:

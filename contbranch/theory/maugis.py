@@ -230,8 +230,8 @@ def gap(
     parabola = safe**2 / zone.radius * opening_of_contact(Angle(open_angle, a / safe, rho / safe))
     lift = np.where(a > 0.0, 2.0 * zone.strain * s, -state.displacement)  # a^2/R - d
     elastic = _zone_integral(safe, rho, a, c, s)
-    return np.asarray(
-        np.where(outside, 2.0 / np.pi * (parabola + lift * open_angle - 2.0 * zone.strain * elastic), state.central_gap)
+    return np.where(
+        outside, 2.0 / np.pi * (parabola + lift * open_angle - 2.0 * zone.strain * elastic), state.central_gap
     )
 
 
@@ -320,4 +320,4 @@ def _zone_integral(r: Array, rho: Array, a: Array, c: Array, s: Array) -> Array:
         * scipy.special.elliprd(np.where(beyond, rho, 1.0) ** 2, past * (a / width) ** 2, past)
     )
     middle = 2.0 * width * np.sin(0.5 * np.arctan2(s, a)) ** 2
-    return np.asarray(np.where(inside, within, np.where(beyond, outer, middle)))
+    return np.where(inside, within, np.where(beyond, outer, middle))
