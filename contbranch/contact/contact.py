@@ -267,6 +267,7 @@ class Contact:
             scales = Scales(*self.tip.reduced_scales(length), self.modulus)
             sizes = [*scales.of_fields.values(), scales.stiffness, scales.energy_per_area]
             ranges = [law.range / scales.normal for law in terms_of(self.interaction)]
+            ranges += [law.wave / scales.normal for law in terms_of(self.interaction) if law.wave < math.inf]
         except ArithmeticError:
             sizes, ranges = [math.inf], []
         wrong = [size for size in sizes if not 1.0 / LARGEST < size < LARGEST]
@@ -277,7 +278,7 @@ class Contact:
             )
         if not all(1.0 / WIDEST < size < WIDEST for size in ranges):
             raise InputError(
-                f"interaction: a range of {max(ranges, key=lambda size: abs(math.log(size or 1.0 / LARGEST))):.3g} "
+                f"interaction: a range or wavelength of {max(ranges, key=lambda size: abs(math.log(size or 1.0 / LARGEST))):.3g} "
                 f"deformations (1/μ_T); must be between {1.0 / WIDEST:g} and {WIDEST:g}"
             )
         return scales
