@@ -19,7 +19,7 @@ def _blas() -> ThreadpoolController:
 
 
 def one_thread(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
-    """Run a function with one BLAS thread; numbers too large are answered by shorter steps, or reported, not warned of."""
+    """Run a function with one BLAS thread; numbers too large are answered by shorter steps or reported."""
 
     @wraps(function)
     def limited(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
