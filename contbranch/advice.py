@@ -24,6 +24,7 @@ from contbranch.results.diagram import Cost, Diagram, ModelChoice
 from contbranch.theory import dmt, jkr, maugis
 from contbranch.theory._power_law import PowerLaw as Transformed
 from contbranch.threads import one_thread
+from contbranch.watch import patient
 
 FINEST, COARSEST = 1e-13, 0.5
 # The trace that tells the truth: a tenth of what is asked, within limits that keep it short, and seconds at most.
@@ -78,7 +79,8 @@ def advise(contact: Contact, accuracy: float = 0.01, control: str | Spring = "lo
             if truth.status == "complete":
                 break
     wanted: Judged = {} if truth is None else _judged(truth, held)
-    candidates = list(_grids(reduced, wanted, accuracy, truth))
+    with patient(PATIENCE):
+        candidates = list(_grids(reduced, wanted, accuracy, truth))
     if truth is not None:
         candidates += _theories(reduced, wanted, held)
         candidates += _substitute(reduced, wanted, held)
@@ -243,8 +245,11 @@ def _grids(contact: Contact, wanted: Judged, accuracy: float, truth: Diagram | N
     """Grids of the size that they would choose for themselves."""
     from contbranch.models.grid.size import COARSE_ERROR, ORDER, chosen_size, expected_seconds
 
-    rows = truth.branches[0].displacement if truth is not None and truth.branches else ()
-    depth = float(np.max(rows)) if len(rows) else None
+    depth = (
+        None
+        if truth is None
+        else max([1.0, *(float(branch.displacement.max(initial=1.0)) for branch in truth.branches)])
+    )
     length = 1.0 if contact.interaction is None else contact.interaction.range
     for kind in ("free", "periodic"):
         try:

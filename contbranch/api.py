@@ -476,7 +476,8 @@ def _only(contact: Contact, **given: Quantity) -> tuple[str, float]:
 def _limit(contact: Contact, max_load: Quantity) -> float | None:
     if max_load is None:
         return None
-    return positive_number(contact.units.read(max_load, "force", "max_load"), "max_load") / contact.scales.load
+    load = positive_number(contact.units.read(max_load, "force", "max_load"), "max_load")
+    return positive_number(load / contact.scales.load, "max_load, in reduced units,")
 
 
 def _contact(contact: object) -> Contact:

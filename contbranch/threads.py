@@ -1,4 +1,4 @@
-"""One BLAS thread for matrices of a few hundred rows, which lose more by waiting for threads than they gain."""
+"""How computations run: with one BLAS thread, as matrices of a few hundred rows lose more by waiting than they gain."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Callable
 from functools import cache, wraps
 from typing import ParamSpec, TypeVar
 
+import numpy as np
 from threadpoolctl import ThreadpoolController
 
 Result = TypeVar("Result")
@@ -18,11 +19,11 @@ def _blas() -> ThreadpoolController:
 
 
 def one_thread(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
-    """Run a function with one BLAS thread, whatever the process has otherwise."""
+    """Run a function with one BLAS thread; numbers too large are answered by shorter steps or reported."""
 
     @wraps(function)
     def limited(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
-        with _blas().limit(limits=1, user_api="blas"):
+        with _blas().limit(limits=1, user_api="blas"), np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             return function(*args, **kwargs)
 
     return limited

@@ -211,6 +211,12 @@ def part(begin: float, end: float) -> Iterator[None]:
 def patient(seconds: float) -> Iterator[None]:
     """What is part of a computation ends with what it has after so many seconds, and the whole goes on."""
     outer, watch = _present.get(), Watch(limit=seconds)
+    if outer is not None:
+        watch._progress, watch._said, watch._deadline = (
+            outer._progress,
+            outer._said,
+            min(watch._deadline, outer._deadline),
+        )
     own = _present.set(watch)
     try:
         yield

@@ -516,7 +516,7 @@ def _deliver(result: Result, asked: Values, places: Sequence[Place]) -> None:
     else:
         print(result)
     if failures:
-        raise failures[0]
+        raise InputError("; ".join(map(str, failures)))
 
 
 def _content(result: Result, place: Place) -> bytes:

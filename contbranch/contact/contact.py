@@ -263,6 +263,7 @@ class Contact:
             scales = Scales(*self.tip.reduced_scales(length), self.modulus)
             sizes = [*scales.of_fields.values(), scales.stiffness, scales.energy_per_area]
             ranges = [law.range / scales.normal for law in terms_of(self.interaction)]
+            ranges += [law.wave / scales.normal for law in terms_of(self.interaction) if law.wave < math.inf]
         except ArithmeticError:
             sizes, ranges = [math.inf], []
         wrong = [size for size in sizes if not 1.0 / LARGEST < size < LARGEST]
@@ -271,10 +272,10 @@ class Contact:
                 "tip, modulus, interaction: their numbers are of too different a size to be computed with (a reduced "
                 f"unit would be {wrong[0]:.3g}); take other units or values"
             )
-        if not all(1.0 / WIDEST < size < WIDEST for size in ranges):
+        if wrong := [size for size in ranges if not 1.0 / WIDEST < size < WIDEST]:
             raise InputError(
-                f"interaction: a range of {max(ranges, key=lambda size: abs(math.log(size or 1.0 / LARGEST))):.3g} "
-                f"deformations (1/μ_T); must be between {1.0 / WIDEST:g} and {WIDEST:g}"
+                f"interaction: a range or wavelength of {wrong[0]:.3g} deformations (1/μ_T); must be between "
+                f"{1.0 / WIDEST:g} and {WIDEST:g}"
             )
         return scales
 

@@ -14,6 +14,8 @@ from contbranch.errors import InputError
 __all__ = ["Table", "columns", "energy_of_table", "increasing_from_zero"]
 
 _LEAST_ROWS = 4
+# Bounds of a table, within which no power of its numbers overflows: of entries, and of their distances in the last one.
+_LARGEST, _CLOSEST = 1e30, 1e-12
 _QUINTIC_ROWS = 8
 # A table scatters where fourth differences change sign more often than this, as those of smooth numbers do not, by more
 # than this share of its largest entry; in that many rows at least.
@@ -55,7 +57,12 @@ def columns(part: object, first: str, second: str) -> tuple[Array, Array]:
     increasing_from_zero(one, first)
     if other.size != one.size:
         raise InputError(f"{second}: {other.size} numbers for {one.size} {first}; must be as many")
+    if np.diff(one).min() < _CLOSEST * one[-1]:
+        raise InputError(f"{first}: entries closer than {_CLOSEST:g} of the last one; thin out the table")
     for name, array in ((first, one), (second, other)):
+        size = float(np.abs(array).max())
+        if size and not 1.0 / _LARGEST < size < _LARGEST:
+            raise InputError(f"{name}: up to {size:g}; must be between {1.0 / _LARGEST:g} and {_LARGEST:g}")
         object.__setattr__(part, name, tuple(array.tolist()))
     return one, other
 
@@ -168,7 +175,7 @@ def _exponential(gaps: Array, values: Array, scatter: float, degree: int) -> sci
     last = end - max(level - math.log(seen[0]) + _NOTHING, 1.0) / (slope + bow * length)
 
     def rates(at: Array) -> Array:  # s and its derivatives
-        fade = np.exp(-(at - end) / length)
+        fade = np.exp(-np.maximum(at - end, 0.0) / length)
         straight = np.array([
             level + slope * (at - end) + bow * length * (at - end - length * (1.0 - fade)),
             slope + bow * length * (1.0 - fade), bow * fade, -bow / length * fade,

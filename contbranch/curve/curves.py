@@ -186,7 +186,7 @@ class FollowedCurves:
         curve = raw_curve(track, replace(request, events=False))
         if window is None:
             # farther away than the trace begins, too
-            reached = [*curve.displacement, *([value] if field == "displacement" else [])]
+            reached = [*curve.displacement, *([value] if field == "displacement" else [])] or [0.0]
             window = (float(min(reached)), float(max(reached)))
         others: list[Found] | None = []
         searched = ""

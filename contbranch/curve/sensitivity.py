@@ -251,7 +251,7 @@ class _Event:
         sides = [(s, self.state + s * tangent + 0.5 * s * s * curved) for s in (-h, h)]
         before, behind = (self._along(state, tangent + s * curved) for s, state in sides)
         bend = (behind - before) / (2 * h)
-        aside = -float(weights @ along) / float(weights @ bend)
+        aside = -(weights @ along) / (weights @ bend)
         turn = float(weights @ (bend + aside * (before - 2 * along + behind) / h**2))
         along = along + aside * bend
         rates = {}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, ClassVar, Self
 
-from contbranch.contact.contact import Contact
+from contbranch.contact.contact import WIDEST, Contact
 from contbranch.contact.height_map import HeightMap
 from contbranch.contact.units import positive_number
 from contbranch.errors import InputError
@@ -69,7 +69,12 @@ class _Cell:
         """Return the model with its cell in the reduced units of a contact."""
         scales = contact.scales
         units = UnitValues(scales.in_plane, scales.normal, scales.load)
-        return replace(self, cell=None if self.cell is None else self.cell / scales.in_plane, units=units)
+        cell = None if self.cell is None else self.cell / scales.in_plane
+        if cell is not None and not 1.0 / WIDEST < cell < WIDEST:
+            raise InputError(
+                f"cell: {cell:.3g} of the contact's own lengths; must be within {1.0 / WIDEST:g} to {WIDEST:g}"
+            )
+        return replace(self, cell=cell, units=units)
 
     def obstacle(self, contact: Contact) -> str | None:
         """Return why the model does not represent a contact, as the end of a sentence, or None if it does."""

@@ -10,6 +10,7 @@ import numpy as np
 from contbranch.contact.contact import Contact
 from contbranch.contact.height_map import HeightMap
 from contbranch.contact.interactions import Interaction
+from contbranch.errors import InputError
 
 from .arrays import Array
 from .lattice import Kind, Lattice
@@ -75,6 +76,8 @@ class Setup:
         else:
             axis = lattice.axis[: lattice.inside]
             heights = tip.surface(axis[:, None], axis[None, :])
+            if not np.isfinite(heights).any():
+                raise InputError("grid: no node of it lies under the tip; take a finer grid or a smaller cell")
         return GridProblem(lattice, lattice.fill(heights), self.law, self.threads, self.counter)
 
     @cached_property
