@@ -25,10 +25,9 @@ from contbranch.models.axisymmetric.equations import ContactCoordinate, Equation
 from contbranch.models.axisymmetric.mesh import mesh_on
 from contbranch.models.grid.newton import Equilibrium, Hold, control_held
 from contbranch.models.grid.problem import GridProblem
-from contbranch.models.grid.relaxation import LatticeMotion, equilibrium
 from contbranch.models.grid.setup import Setup
 from contbranch.models.grid.size import chosen_size
-from contbranch.models.grid.solvers.motion import DEFAULT, Ending, Motion, MotionSettings, Place, System
+from studies.dynamics import DEFAULT, Ending, LatticeMotion, Motion, MotionSettings, Place, System, equilibrium
 
 __all__ = [
     "MINIMISERS",

@@ -168,7 +168,7 @@ def by_dynamics(cycle: Cycle, steps: int) -> Iterator[tuple[int, float, Equilibr
         for value in values:
             hold = hold_control(problem, 0.0, 1.0, float(value))
             with np.errstate(over="ignore", invalid="ignore"):
-                state = land(problem, state.u, state.load, hold)
+                state = land(problem, state.u, hold)
             yield direction, float(value), state, distance(cycle, state)
 
 

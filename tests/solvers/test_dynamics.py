@@ -1,4 +1,4 @@
-"""Damped dynamics and the lowest eigenvalue, on small problems whose answers come from dense linear algebra."""
+"""Damped dynamics on small problems whose answers come from dense linear algebra."""
 
 from __future__ import annotations
 
@@ -11,8 +11,7 @@ import pytest
 from scipy.linalg import eigh
 from scipy.optimize import nnls
 
-from contbranch.models.grid.solvers.lowest import lowest
-from contbranch.models.grid.solvers.motion import Ending, Motion, MotionSettings, curvature
+from studies.dynamics import Ending, Motion, MotionSettings, curvature
 from studies.elsewhere import Fire
 
 METHODS = [Motion, Fire]
@@ -119,24 +118,3 @@ def test_rayleigh_quotient_of_a_mode():
     assert curvature(before, after, time * velocity, masses @ velocity, velocity, time) == pytest.approx(
         values[3], rel=1e-10
     )
-
-
-@pytest.mark.parametrize("shift", [0.0, 0.3])
-def test_lowest_eigenvalue(shift):
-    """Compared with that of the dense pencil; a negative one need be known by its sign alone."""
-    n = 80
-    rng = np.random.default_rng(1)
-    stiffness, _, masses = a_spring_chain(n)
-    stiffness = stiffness - shift * np.diag(np.exp(-(((np.arange(n) - 40) / 6.0) ** 2)))
-    exact = eigh(stiffness, masses, eigvals_only=True)[0]
-    found = lowest(
-        lambda v: stiffness @ v, lambda y: np.linalg.solve(masses, y), rng.standard_normal(n), accuracy=1e-6, limit=300
-    )
-    assert (found.value < 0.0) == (exact < 0.0) == (shift > 0.0)
-    assert found.value >= exact * (1.0 + 1e-12) if exact < 0.0 else found.value >= exact * (1.0 - 1e-12)
-    if exact > 0.0:
-        assert found.value == pytest.approx(exact, rel=1e-5)
-
-
-def test_lowest_eigenvalue_where_nothing_moves():
-    assert lowest(lambda v: v, np.zeros_like, np.ones(5)).value == math.inf

@@ -589,7 +589,7 @@ class LatticeProblem(EquilibriumProblem):
         for _ in range(PUSHES):
             with quietly():
                 hold = control_held(self.nodes, control, value + direction * push)
-                end = land(self.nodes, begin.u, begin.load, hold, self.sharp.tolerance)
+                end = land(self.nodes, begin.u, hold, self.sharp.tolerance)
                 back = newton(self.nodes, end.u, end.load, control_held(self.nodes, control, value), end.contact)
             end = back if end.converged and back.converged and self._apart(back, end) < LEFT else end
             apart = [equilibrium(other).away(other, end) for other in others]  # type: ignore[attr-defined]

@@ -39,6 +39,7 @@ __all__ = [
     "control_held",
     "hold_control",
     "newton",
+    "rms",
     "settings_for",
     "tangent",
 ]
@@ -277,8 +278,8 @@ class _Trial:
         missed = problem.stiffest * np.where(contact, problem.heights + fields.u, 0.0)
         kept = contact & ((excess > missed) | frozen)
         violated = np.where(contact, 0.0 if frozen else np.minimum(excess - missed, 0.0), excess)
-        size = _rms(fields.elastic) or 1.0
-        own, wall = _rms(violated) / size, _rms(missed) / size
+        size = rms(fields.elastic) or 1.0
+        own, wall = rms(violated) / size, rms(missed) / size
         rounding = problem.rounding(fields.u) / size
         return _Trial(fields, contact, own + wall, own + LONGER * wall, rounding, kept, frozen)
 
@@ -315,5 +316,6 @@ def _forcing(residual: float, steady: bool, settings: Settings) -> float:
     return max(wanted, 0.02 * settings.tolerance / max(residual, settings.tolerance))
 
 
-def _rms(values: Array) -> float:
+def rms(values: Array) -> float:
+    """Root mean square."""
     return float(np.sqrt(np.mean(values * values)))

@@ -104,13 +104,13 @@ def _unreached(setup: Setup, field: str, value: float, known: bool) -> InputErro
 
 
 def reached(setup: Setup, sketch: Sketch, hold: Hold, settings: Settings) -> Equilibrium | None:
-    """The equilibrium next to a sketch, by Newton's method; where that fails, the stable one that dynamics reach."""
-    from .landing import settle
+    """The equilibrium next to a sketch, by Newton's method; where that fails, the stable one where it comes to rest."""
+    from .landing import land
 
     problem = setup.problem
     found = newton(problem, sketch.u, sketch.load, hold, sketch.contact, settings)
     if not found.converged:
-        found = settle(problem, sketch.u, sketch.load, hold, settings.tolerance)
+        found = land(problem, sketch.u, hold, settings.tolerance)
     return found if found.converged else None
 
 

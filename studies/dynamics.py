@@ -1,6 +1,12 @@
-"""Damped dynamics of a tip on a lattice towards a stable equilibrium; they never end in an unstable one.
+"""Damped dynamics of a tip on a lattice (GFMD) towards a stable equilibrium, to compare with.
 
-The mean of u is driven by a constant force, or through a compliance: with F = (value + w mean(u))/c, as a displacement
+Minimise an energy of u under inequalities. With the force f = -∂energy/∂u on what is free to move (0 elsewhere), a
+momentum π and a mobility W (symmetric, positive on what is free to move, the inverse of the masses), motion is
+
+    dπ/dt = f - (damping),      du/dt = W π.
+
+A mobility that resembles the inverse of the energy's second variation makes all modes equally fast. On a lattice the
+mean of u is driven by a constant force, or through a compliance: with F = (value + w mean(u))/c, as a displacement
 or a spring has it, the mean mode gets the stiffness K̂(0) = w/(c A), and the load pressure that u demands is
 
     K u + F/A = K_c u + b,      b = value/(c A).
@@ -13,29 +19,188 @@ nodes that the wall would have to pull leave it.
 
 from __future__ import annotations
 
+import enum
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from contbranch.errors import InputError
-from contbranch.models.grid.solvers.motion import Ending
+from contbranch.models.grid.newton import Equilibrium, Hold, rms
+from contbranch.models.grid.problem import Fields, GridProblem
 
-from .arrays import Array, Mask
-from .newton import Equilibrium, Hold
-from .problem import Fields, GridProblem
+__all__ = ["DEFAULT", "Ending", "LatticeMotion", "Motion", "MotionSettings", "Place", "System", "equilibrium"]
 
-__all__ = ["LatticeMotion", "Place", "equilibrium", "stiffest_interaction"]
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+P = TypeVar("P")
+
+
+class Ending(enum.StrEnum):
+    """Why the motion was ended."""
+
+    CONVERGED = "the residual asked for was reached"
+    STEPS = "the number of steps allowed was reached before the residual asked for"
+    INTERRUPTED = "interrupted on request before the residual asked for was reached"
+    ESCAPED = "no stable state is reached: the load pulls the surfaces apart, and nothing further out can hold them"
+    UNSTABLE = "the state reached is unstable, and the motion comes back to it whenever it is pushed"
+    DIVERGED = "the force is not finite"
+
+
+@dataclass(frozen=True)
+class MotionSettings:
+    """When to end, and how long the steps are.
+
+    Attributes
+    ----------
+    tolerance : float
+        Residual to reach, as the problem defines it.
+    steps : int
+        Steps at most.
+    safety : float
+        Time step relative to that of marginal stability.
+    """
+
+    tolerance: float = 1e-8
+    steps: int = 2000
+    safety: float = 0.8
+
+
+DEFAULT = MotionSettings()
+
+
+class System(Protocol[P]):
+    """A problem as dynamics see it; P is one with everything known there."""
+
+    @property
+    def stiffest(self) -> float:
+        """Estimate of the largest eigenvalue of W · (second variation); should it be too low, steps are corrected."""
+        ...
+
+    def force(self, place: P) -> Array:
+        """f, zero where nothing can move."""
+        ...
+
+    def residual(self, place: P) -> float:
+        """The measure of convergence."""
+        ...
+
+    def confine(self, place: P, momentum: Array) -> Array:
+        """The momentum without the part of what cannot move."""
+        ...
+
+    def mobility(self, place: P, momentum: Array) -> Array:
+        """W π."""
+        ...
+
+    def move(self, place: P, momentum: Array | None, velocity: Array, time: float) -> P:
+        """The place reached, made admissible; ``velocity`` is W π, unless no momentum is given."""
+        ...
+
+    def change(self, before: P, after: P) -> Array:
+        """The change of u from one place to another: not that of the velocity where it had to be made admissible."""
+        ...
+
+    def slowing(self, place: P, change: Array) -> float:
+        """By what factor, at most 1, a change of u must be shortened lest the interactions change altogether."""
+        ...
+
+    def ending(self, place: P, velocity: Array) -> Ending | None:
+        """A reason of the problem's own to end."""
+        ...
+
+
+class Relaxed(NamedTuple, Generic[P]):
+    """Where the motion ended, after how many steps, and why."""
+
+    place: P
+    steps: int
+    ending: Ending
+
+
+def curvature(before: Array, after: Array, change: Array, momentum: Array, velocity: Array, time: float) -> float:
+    """Rayleigh's quotient v·Hv / v·π along the last step, from the forces before and after it; a squared frequency.
+
+    What is held at either end is left out, and so is what the velocity would have done but for inequalities: then it is
+    an underestimate.
+    """
+    kinetic = float(np.vdot(momentum, velocity))
+    if kinetic <= 0.0:
+        return 0.0
+    moved = (before != 0.0) & (after != 0.0)
+    return float(np.vdot(change, (before - after) * moved)) / (time * time * kinetic)
+
+
+class Motion(Generic[P]):
+    """Green's-function molecular dynamics: damped motion of modes whose masses are weighted with their stiffness.
+
+    Damped leapfrog, with the damping of the slowest mode that still moves, critical for it:
+
+        (1 + γτ/2) π' = (1 - γτ/2) π + τ f,      u' = u + τ W π',      γ = 2ω,   ω² = v·Hv / v·π,
+
+    H the second variation, Hv from the change of the force in the last step. Momentum that works against the force is
+    dropped.
+
+    References: Campañá & Müser, Phys. Rev. B 74, 075420 (2006) (dynamics of the modes); Underwood, in Computational
+    Methods for Transient Analysis (1983), 245 (damping from Rayleigh's quotient); O'Donoghue & Candès, Found. Comput.
+    Math. 15, 715 (2015) (restarts).
+
+    The motion begins at rest; steps are at the limit of stability, which is corrected as stiffer modes show up.
+    """
+
+    def __init__(self, system: System[P], place: P, settings: MotionSettings = DEFAULT) -> None:
+        self.system, self.place, self.settings = system, place, settings
+        self.force = system.force(place)
+        self.momentum = self.change = np.zeros_like(self.force)
+        self.steep, self.stiffest = 0.0, system.stiffest
+        self.time = self.longest
+
+    @property
+    def longest(self) -> float:
+        """The longest time step."""
+        return 2.0 * self.settings.safety / math.sqrt(self.stiffest)
+
+    def steer(self, against: bool) -> None:
+        """Change the momentum before a step; whether the last one worked against the force."""
+        damping = min(math.sqrt(max(self.steep, 0.0)) * self.time, 1.0)
+        kept = 0.0 if against else 1.0 - damping
+        self.momentum = (kept * self.momentum + self.time * self.force) / (1.0 + damping)
+
+    def ended(self, step: int, velocity: Array) -> Ending | None:
+        """Whether the motion ends here, and why."""
+        residual = self.system.residual(self.place)
+        if not math.isfinite(residual):
+            return Ending.DIVERGED
+        if residual <= self.settings.tolerance:
+            return Ending.CONVERGED
+        return self.system.ending(self.place, velocity) or (Ending.STEPS if step == self.settings.steps else None)
+
+    def run(self) -> Relaxed[P]:
+        """Relax until the residual asked for is reached."""
+        system, velocity = self.system, self.change
+        step = 0
+        while (ending := self.ended(step, velocity)) is None:
+            self.momentum = system.confine(self.place, self.momentum)
+            self.steer(bool(np.vdot(self.force, self.change) < 0.0))
+            velocity = system.mobility(self.place, self.momentum)
+            slowing = system.slowing(self.place, self.time * velocity)
+            self.momentum, velocity = slowing * self.momentum, slowing * velocity
+            before, start = self.force, self.place
+            self.place = system.move(start, self.momentum, velocity, self.time)
+            self.force, self.change = system.force(self.place), system.change(start, self.place)
+            self.steep = curvature(before, self.force, self.change, self.momentum, velocity, self.time)
+            self.stiffest = max(self.stiffest, self.steep)
+            self.time = min(self.time, self.longest)
+            step += 1
+        return Relaxed(self.place, step, ending)
+
 
 # Steps after which K u, kept up to date without transforms, is computed anew.
 _RENEW = 50
-
-
-# Change of gaps, relative to the interaction's range plus the gap, up to which two states are near each other.
-_CLOSE = 0.1
 
 
 class Place(NamedTuple):
@@ -50,7 +215,7 @@ class Place(NamedTuple):
 
 @dataclass
 class LatticeMotion:
-    """A problem on a lattice with what is held, as dynamics see it (`contbranch.models.grid.solvers.motion.System`).
+    """A problem on a lattice with what is held, as dynamics see it (`System`).
 
     Attributes
     ----------
@@ -126,7 +291,7 @@ class LatticeMotion:
         excess = fields.excess
         held = (gap <= 0.0) & (excess > 0.0)
         force = np.where(held, 0.0, -excess)
-        residual = _rms(force) / (_rms(elastic) or 1.0)
+        residual = rms(force) / (rms(elastic) or 1.0)
         return Place(fields, held, force, residual, age)
 
     def force(self, place: Place) -> Array:
@@ -177,29 +342,6 @@ class LatticeMotion:
         change += place.fields.stiffness * velocity + self.mean_stiffness * velocity.mean()
         change[place.held] = 0.0
         return change
-
-    def leads_to(self, place: Place, u: Array) -> bool:
-        """Whether a state is near, and the energy falls on the straight line to it as it does towards a minimum.
-
-        Near means that gaps change by less than the interaction notices. The slope of the energy must be that of a
-        parabola at three points, but for a third: forces (less the wall's) work along the change, half as much on half
-        the way, and no more at its end. One pair.
-        """
-        change = u - place.fields.u
-        if self.extent(place, change) > _CLOSE:
-            return False
-        start = float(np.vdot(place.force, change))
-        if not np.any(change):
-            return True
-        middle = self.place(place.fields.u + 0.5 * change)
-        half = float(np.vdot(np.where(place.held, 0.0, middle.force), change))
-        return start > 0.0 and abs(half / start - 0.5) < 0.3
-
-    def push(self, place: Place, seed: int) -> Array:
-        """A small change of u at random, at most a tenth of the interaction's range; one pair."""
-        noise = self.confine(place, np.random.default_rng(seed).standard_normal(self.problem.shape))
-        change = self.mobility(place, noise)
-        return np.asarray(0.1 * _length(self.problem) / float(np.abs(change).max()) * change)
 
     def energy(self, place: Place) -> float:
         """The energy that the motion minimises, less a constant: elastic, interaction, and work of what is held."""
@@ -252,7 +394,3 @@ def equilibrium(motion: LatticeMotion, place: Place, steps: int, pairs: int, end
     converged = ending is Ending.CONVERGED
     reason = "" if converged else ending.value
     return Equilibrium(fields, place.held, place.residual, displacement, converged, steps, pairs, reason)
-
-
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(values * values)))

@@ -10,8 +10,7 @@ from contbranch.errors import InputError
 from contbranch.models.grid.lattice import Lattice
 from contbranch.models.grid.newton import Hold, Settings, hold_control, newton
 from contbranch.models.grid.problem import GridProblem
-from contbranch.models.grid.relaxation import LatticeMotion
-from contbranch.models.grid.solvers.motion import Ending, Motion, MotionSettings
+from studies.dynamics import Ending, LatticeMotion, Motion, MotionSettings
 from studies.elsewhere import Fire, relax
 
 METHODS = [Motion, Fire]

@@ -1,1 +1,0 @@
-"""Linear and nonlinear algorithms that know an equilibrium problem only by its operators."""
