@@ -11,7 +11,7 @@ import numpy as np
 
 from contbranch.arrays import Array
 
-__all__ = ["Adaptation", "Array", "Direction", "Linearisation", "Problem", "Solution", "size_of"]
+__all__ = ["Adaptation", "Array", "Direction", "Linearisation", "Problem", "Solution", "UnresolvedError", "size_of"]
 
 
 # A state and a parameter, or their rates.
@@ -23,6 +23,13 @@ _CUBE_ROOT_OF_ROUNDING = float(np.finfo(float).eps ** (1 / 3))
 def size_of(problem: Problem, u: Array) -> float:
     """Return the norm of a state that belongs to `Problem.inner`."""
     return math.sqrt(max(problem.inner(u, u), 0.0))
+
+
+class UnresolvedError(Exception):
+    """Raised by `Problem.observables`: a solution that its discretisation does not resolve.
+
+    A step to it is repeated on the discretisation that `Problem.adapt` offers for it, or shorter.
+    """
 
 
 class Linearisation(NamedTuple):

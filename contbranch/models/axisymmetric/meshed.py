@@ -18,13 +18,13 @@ from contbranch.continuation import (
     Linearisation,
     Point,
 )
+from contbranch.continuation.problem import UnresolvedError
 from contbranch.curve.problem import (
     Defect,
     EquilibriumProblem,
     Values,
     Work,
 )
-from contbranch.errors import ModelError
 from contbranch.models.fronts import CORE
 from contbranch.watch import check
 
@@ -295,7 +295,8 @@ class MeshedContact(EquilibriumProblem):
         """The values, by name, where the mesh resolves them."""
         unresolved = self.relative_error(x, p) > UNRESOLVED * self.resolution.tolerance
         if unresolved and not abs(p - self._row) < JUMP * abs(p):
-            raise ModelError("the mesh does not resolve the solution")  # which repeats the step shorter
+            raise UnresolvedError("the mesh does not resolve the solution")
+        self._row = p
         return self.values(x, p)._asdict()
 
     def defect(self, point: Point) -> Defect:
@@ -331,7 +332,6 @@ class MeshedContact(EquilibriumProblem):
 
     def adapt(self, x: Array, p: float) -> Adaptation | None:
         """A better mesh where the error estimate exceeds the tolerance, or where far fewer panels would do."""
-        self._row = p
         problem, start = self._refitted(x, p)
         front = problem._fronted(start, p)
         if problem is self and front is self.front:
@@ -352,7 +352,6 @@ class MeshedContact(EquilibriumProblem):
             def transfer(vector: Array) -> Array:
                 return np.append(sampler(vector[:-1]), vector[-1])
 
-        problem._row = p
         self._corrected = None
         self._seen = []
         self.equations.forget()  # its points stay, by the thousand in cascades of layers, but are seldom asked again
