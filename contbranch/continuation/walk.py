@@ -108,8 +108,8 @@ def adapted(
         upright = abs(point.tangent_parameter) > NEARLY_VERTICAL * metric.parameter_scale
         along = (np.zeros_like(there.x), 1.0) if upright else (there.tangent_x, there.tangent_parameter)
         row = metric.row(offer.problem, *along)
-        found = correct(offer.problem, (there.x, point.parameter), row, metric, options)
-        there = replace(there, x=found.x, parameter=point.parameter if upright else found.parameter)
+        corrected = correct(offer.problem, (there.x, point.parameter), row, metric, options)
+        there = replace(there, x=corrected.x, parameter=point.parameter if upright else corrected.parameter)
         return annotated(there, label=point.label), carry
     row = metric.row(offer.problem, *metric.unit(offer.problem, *_direction(point, offer, metric)))
     corrected = correct(offer.problem, (offer.x, point.parameter), row, metric, options)
