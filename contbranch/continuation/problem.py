@@ -82,9 +82,12 @@ class Problem(ABC):
     ordered : bool
         Whether the parameter changes one way along the curve, and so is a coordinate on it: a step that turns it is
         repeated shorter.
+    delicate : bool
+        Whether rounding in factorised matrices spoils every point, so that all are refined by `product`.
     """
 
     ordered: bool = False
+    delicate: bool = False
 
     @abstractmethod
     def residual(self, x: Array, p: float) -> Array:
@@ -118,10 +121,11 @@ class Problem(ABC):
         """Return residual, Jacobian and parameter derivative together, for problems where they share work."""
         return Linearisation(self.residual(x, p), self.jacobian(x, p), self.parameter_derivative(x, p))
 
-    def product(self, x: Array, p: float, jacobian: Any) -> Callable[[Array], Array] | None:
-        """Return what multiplies a vector by dF/dx with smaller rounding errors than the matrix, given too, has.
+    def product(self, x: Array, p: float) -> Callable[[Array], Array] | None:
+        """Return what multiplies a vector by dF/dx at little cost, and with as small rounding errors as that allows.
 
-        Default: None. With it points and tangents are refined with the factorised matrix, at little cost.
+        Default: None. With it accurate points and tangents need no factorisation of their own: the one of a point next
+        to them serves, see `delicate`.
         """
         return None
 
