@@ -146,7 +146,7 @@ def correct(
     contraction = 0.0
     worst = 0.0
     slow = False
-    polishes, kept = precise and type(problem).product is not Problem.product, False
+    polishes, kept = type(problem).product is not Problem.product, False
     for iteration in range(1, ITERATIONS + 1):
         if kept:
             left = residual(problem, x, p)
