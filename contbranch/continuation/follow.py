@@ -12,7 +12,7 @@ from contbranch.continuation.events import Event, Happening
 from contbranch.continuation.metric import Balance, Metric
 from contbranch.continuation.newton import CorrectionError, correct
 from contbranch.continuation.options import Options, StopAt
-from contbranch.continuation.problem import size_of
+from contbranch.continuation.problem import UnresolvedError, size_of
 from contbranch.continuation.scan import LeapError, scan
 from contbranch.continuation.segment import Segment
 from contbranch.continuation.step import AFTER_FAILURE, CONTRACTS, POINTS, Predictor, judge
@@ -22,11 +22,15 @@ from contbranch.watch import INTERRUPTIONS, caught
 
 @dataclass(frozen=True, slots=True)
 class Branch:
-    """One direction from the start: its points, its events with their index among them, and its end."""
+    """One direction from the start: its points, its events with their index among them, and its end.
+
+    The start as well, where it has been carried to the discretisation on which the first step was taken.
+    """
 
     points: list[Point]
     events: list[tuple[Located, int]]
     end: End
+    start: Point | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,6 +42,14 @@ class _Step:
     end: End | None
     factor: float
     count: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Ahead:
+    """Where a step of some length leads, which the discretisation does not resolve."""
+
+    point: Point
+    step: float
 
 
 def follow(
@@ -69,11 +81,29 @@ class _Direction:
         step = options.first_step * metric.norm(self.start.problem, self.start.tangent_x, self.start.tangent_parameter)
         branch = Branch([], [], End(Outcome.MAXIMUM_POINTS))
         last: Segment | None = None
-        count = 1
+        count, foresee = 1, True
         for _ in range(options.maximum_points):
             recent[-1] = _unit(recent[-1], metric)
             try:
-                taken = self._take(Predictor(recent, metric), last, step, count, bool(branch.points))
+                taken = self._take(Predictor(recent, metric), last, step, (count, bool(branch.points), foresee))
+                foresee = not isinstance(taken, _Ahead)
+                if isinstance(taken, _Ahead):
+                    step, begin = taken.step, recent[-1]
+                    try:
+                        here, carry = adapted(begin, metric, options, taken.point)
+                    except CorrectionError:
+                        here = begin
+                    if here is begin:
+                        step *= AFTER_FAILURE
+                        continue
+                    assert carry is not None
+                    if branch.points:
+                        branch.points[-1] = here
+                    else:
+                        branch = replace(branch, start=here)
+                    recent = [*map(carry, recent[:-1]), here]
+                    last = Segment(recent[-2], here, metric) if len(recent) > 1 else None
+                    continue
                 end = self._record(branch, taken)
                 if end is not None:
                     return replace(branch, end=end)
@@ -95,8 +125,15 @@ class _Direction:
             last = Segment(recent[-2], here, metric) if len(recent) > 1 else None
         return branch
 
-    def _take(self, predictor: Predictor, last: Segment | None, step: float, count: int, away: bool) -> _Step:
-        """Take one step, shortening it until it succeeds; raise the last failure when it has become too short."""
+    def _take(
+        self, predictor: Predictor, last: Segment | None, step: float, how: tuple[int, bool, bool]
+    ) -> _Step | _Ahead:
+        """Take one step, shortening it until it succeeds; raise the last failure when it has become too short.
+
+        How: from how many points it is foretold, whether the curve has left its start, and whether a step that leads to
+        what is not resolved is given back.
+        """
+        count, away, foresee = how
         here, metric, options = predictor.here, predictor.metric, self.options
         growth = options.growth
         if math.isfinite(self.interval.width) and here.tangent_parameter != 0.0:
@@ -117,6 +154,8 @@ class _Direction:
                     return _Step(segment, happenings, stop, min(judgement.factor, longest, growth), count)
                 step *= judgement.factor
             except CorrectionError as error:
+                if foresee and isinstance(error.__cause__, UnresolvedError):
+                    return _Ahead(end, step)
                 failure = error
                 step *= AFTER_FAILURE
             except LeapError:

@@ -22,6 +22,10 @@ PRECISE_TANGENT_DISTANCE = 1e-10
 # Corrections below this (in the metric) may grow once, and tell nothing of how long a step may be: what is stiff in a
 # prediction makes the first one small and the second, of what is soft, larger; the third is their square.
 SMALL = 1e-3
+# Where a problem multiplies by its Jacobian at little cost, the matrix factorised for a correction of that size serves
+# for the next ones as long as they contract by this factor, and for the tangent, refined so often, or until its changes
+# are this share of it: the next is as much smaller again.
+CONTRACTS, POLISHINGS, SHARP = 0.1, 3, 1e-5
 # Most corrections of a predicted point; what does not contract is given up earlier.
 ITERATIONS = 10
 # ... and of a start.
@@ -142,10 +146,14 @@ def correct(
     contraction = 0.0
     worst = 0.0
     slow = False
+    polishes, kept = type(problem).product is not Problem.product, False
     for iteration in range(1, ITERATIONS + 1):
-        last, at = (x, p), linearise(problem, x, p)
-        bordered = border(problem, x, p, at, row)
-        dx, dp = solve(bordered, -at[0], 0.0, p)
+        if kept:
+            left = residual(problem, x, p)
+        else:
+            at = linearise(problem, x, p)
+            left, bordered = at[0], border(problem, x, p, at, row)
+        dx, dp = solve(bordered, -left, 0.0, p)
         x = x + dx
         p = p + dp
         size = metric.norm(problem, dx, dp)
@@ -155,6 +163,8 @@ def correct(
         else:
             contraction = size / previous if previous > 0 else 0.0
             done = size <= max(close, floor) and contraction**2 * size <= max(tolerance, floor)
+            if kept:
+                done = contraction * size <= max(tolerance, floor)
             # What no longer contracts close to rounding is as good as it gets.
             if not done and contraction > 0.1:
                 rough = x * (-1.0) ** np.arange(x.size)  # as slopes see rounding
@@ -165,17 +175,31 @@ def correct(
             if size > max(SMALL, noise):
                 worst = max(worst, contraction)
         if done:
-            u, a = solve(bordered, np.zeros_like(x), 1.0, p)
-            product = problem.product(*last, at[1])
-            if product is not None:
-                rest = -product(u) - a * at[2]
-                du, da = solve(bordered, rest, 1.0 - float(row[0] @ u) - row[1] * a, p)
+            if problem.delicate:
                 dx, dp = solve(bordered, -residual(problem, x, p), 0.0, p)
-                x, p, u, a = x + dx, p + dp, u + du, a + da
+                x, p = x + dx, p + dp
+            u, a = solve(bordered, np.zeros_like(x), 1.0, p)
+            if kept or problem.delicate:
+                u, a = _refined(problem, (x, p), row, bordered, (u, a), metric)
             problem.corrected(x, p, partial(_at_fixed_parameter, bordered, (u, a)))
             return Corrected(x, p, u, a, bordered, iteration, first, worst)
         previous = size
+        kept = polishes and size < SMALL and contraction < (CONTRACTS if kept else 1.0)
     raise CorrectionError(Outcome.STEP_TOO_SMALL, f"(The last correction was {previous:.2g} of the step's scale.)")
+
+
+def _refined(
+    problem: Problem, at: Direction, row: Direction, bordered: Bordered, tangent: Direction, metric: Metric
+) -> Direction:
+    """The tangent at a point, from a matrix factorised next to it and products at the point itself."""
+    (u, a), product, slope = tangent, problem.product(*at), problem.parameter_derivative(*at)
+    for _ in range(POLISHINGS if product else 0):
+        assert product is not None
+        du, da = solve(bordered, -product(u) - a * slope, 1.0 - float(row[0] @ u) - row[1] * a, at[1])
+        u, a = u + du, a + da
+        if metric.norm(problem, du, da) <= SHARP * metric.norm(problem, u, a):
+            break
+    return u, a
 
 
 def _at_fixed_parameter(bordered: Bordered, tangent: Direction, f: Array) -> Array:

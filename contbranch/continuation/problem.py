@@ -11,7 +11,7 @@ import numpy as np
 
 from contbranch.arrays import Array
 
-__all__ = ["Adaptation", "Array", "Direction", "Linearisation", "Problem", "Solution", "size_of"]
+__all__ = ["Adaptation", "Array", "Direction", "Linearisation", "Problem", "Solution", "UnresolvedError", "size_of"]
 
 
 # A state and a parameter, or their rates.
@@ -23,6 +23,13 @@ _CUBE_ROOT_OF_ROUNDING = float(np.finfo(float).eps ** (1 / 3))
 def size_of(problem: Problem, u: Array) -> float:
     """Return the norm of a state that belongs to `Problem.inner`."""
     return math.sqrt(max(problem.inner(u, u), 0.0))
+
+
+class UnresolvedError(Exception):
+    """Raised by `Problem.observables`: a solution that its discretisation does not resolve.
+
+    A step to it is repeated on the discretisation that `Problem.adapt` offers for it, or shorter.
+    """
 
 
 class Linearisation(NamedTuple):
@@ -75,9 +82,12 @@ class Problem(ABC):
     ordered : bool
         Whether the parameter changes one way along the curve, and so is a coordinate on it: a step that turns it is
         repeated shorter.
+    delicate : bool
+        Whether rounding in factorised matrices spoils every point, so that all are refined by `product`.
     """
 
     ordered: bool = False
+    delicate: bool = False
 
     @abstractmethod
     def residual(self, x: Array, p: float) -> Array:
@@ -111,10 +121,11 @@ class Problem(ABC):
         """Return residual, Jacobian and parameter derivative together, for problems where they share work."""
         return Linearisation(self.residual(x, p), self.jacobian(x, p), self.parameter_derivative(x, p))
 
-    def product(self, x: Array, p: float, jacobian: Any) -> Callable[[Array], Array] | None:
-        """Return what multiplies a vector by dF/dx with smaller rounding errors than the matrix, given too, has.
+    def product(self, x: Array, p: float) -> Callable[[Array], Array] | None:
+        """Return what multiplies a vector by dF/dx at little cost, and with as small rounding errors as that allows.
 
-        Default: None. With it points and tangents are refined with the factorised matrix, at little cost.
+        Default: None. With it accurate points and tangents need no factorisation of their own: the one of a point next
+        to them serves, see `delicate`.
         """
         return None
 

@@ -6,6 +6,8 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
+
 from contbranch.continuation.bordered import Bordered
 from contbranch.continuation.curve import Outcome, Point
 from contbranch.continuation.metric import Metric
@@ -73,8 +75,15 @@ def _in_plane(
 NEARLY_VERTICAL = 0.05
 
 
-def adapted(point: Point, metric: Metric, options: Options) -> tuple[Point, Callable[[Point], Point] | None]:
+def adapted(
+    point: Point, metric: Metric, options: Options, ahead: Point | None = None
+) -> tuple[Point, Callable[[Point], Point] | None]:
     """Return the point on the discretisation its problem prefers, and what carries earlier ones there, if possible.
+
+    Parameters
+    ----------
+    ahead : Point, optional
+        Where a step from the point leads, for which the discretisation is to be made.
 
     Raises
     ------
@@ -84,18 +93,30 @@ def adapted(point: Point, metric: Metric, options: Options) -> tuple[Point, Call
     problem = point.problem
     if type(problem).adapt is Problem.adapt:
         return point, None
-    with evaluating(point.parameter, " in adapt"):
-        offer = problem.adapt(point.x, point.parameter)
+    at = ahead or point
+    with evaluating(at.parameter, " in adapt"):
+        offer = problem.adapt(at.x, at.parameter)
     if offer is None:
         return point, None
     if not isinstance(offer, Adaptation):
         offer = Adaptation(problem, offer)
+    carry = _carry(offer)
+    if ahead is not None:
+        if carry is None or offer.moved is not None:  # what the state ahead asks for may not suit this one
+            return point, None
+        there = carry(point)
+        upright = abs(point.tangent_parameter) > NEARLY_VERTICAL * metric.parameter_scale
+        along = (np.zeros_like(there.x), 1.0) if upright else (there.tangent_x, there.tangent_parameter)
+        row = metric.row(offer.problem, *along)
+        corrected = correct(offer.problem, (there.x, point.parameter), row, metric, options)
+        there = replace(there, x=corrected.x, parameter=point.parameter if upright else corrected.parameter)
+        return annotated(there, label=point.label), carry
     row = metric.row(offer.problem, *metric.unit(offer.problem, *_direction(point, offer, metric)))
     corrected = correct(offer.problem, (offer.x, point.parameter), row, metric, options)
     found = to_point(offer.problem, corrected, metric)
     if problem.ordered and found.tangent_parameter * point.tangent_parameter < 0.0:
         found = found.turned()
-    return annotated(found, label=point.label), _carry(offer)
+    return annotated(found, label=point.label), carry
 
 
 def _carry(offer: Adaptation) -> Callable[[Point], Point] | None:

@@ -183,8 +183,9 @@ class _Event:
         for _ in range(CORRECTIONS):  # by the same matrix: they are tiny
             dx, dp = solve(matrix, -left, 0.0, p)
             if metric.norm(problem, dx, dp) > CLOSE:
-                exact, matrix = corrected_point(problem, x, p, along, metric, OPTIONS)
+                exact, _ = corrected_point(problem, x, p, along, metric, OPTIONS)
                 x, p = exact.x, exact.parameter
+                matrix = border(problem, x, p, linearise(problem, x, p), row)
                 break
             x, p = x + dx, p + dp
             left = residual(problem, x, p)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence, Set
+from itertools import chain, pairwise
 
 import numpy as np
 
@@ -20,8 +21,8 @@ SEEN = ("load", "displacement", "contact_radius")
 # A straight line between neighbouring rows strays at most about this far from the curve, in units of the curve's
 # extent in load, displacement and contact radius.
 STRAY = 0.002
-# How often a piece is halved for that.
-HALVINGS = 5
+# How often a piece is divided for that, and into how many parts at once.
+DIVISIONS, PARTS = 4, 8
 
 
 class Spacing:
@@ -63,17 +64,19 @@ class Spacing:
             return []
         try:
             segment = piece(*(point if point.observables else annotated(point) for point in linked(begin, end)))
-            return self._halved(segment, HALVINGS)
+            return self._divided(segment, DIVISIONS)
         except CorrectionError:  # two rows that no piece of curve joins: nothing is known between them
             return []
 
-    def _halved(self, segment: Segment, halvings: int) -> list[Point]:
-        middle = annotated(point_on(segment, 0.5, STEPS, precise=False)[0])
+    def _divided(self, segment: Segment, divisions: int) -> list[Point]:
+        """Rows inside a piece, evenly along its cubic: the distance of an arc from its chord falls like its square."""
+        stray = self.stray(segment.begin, segment.end)
+        parts = min(math.ceil(math.sqrt(stray / STRAY)), PARTS) if divisions and stray > STRAY else 1
+        inner = (annotated(point_on(segment, k / parts, STEPS, precise=False)[0]) for k in range(1, parts))
         found = []
-        for begin, end in ((segment.begin, middle), (middle, segment.end)):
-            if halvings > 0 and self.stray(begin, end) > STRAY:
-                found += self._halved(Segment(begin, end, segment.metric), halvings - 1)
-            found += [adapted(middle, segment.metric, STEPS)[0]] if end is middle else []
+        for begin, end in pairwise(chain([segment.begin], inner, [segment.end])) if parts > 1 else ():
+            found += self._divided(Segment(begin, end, segment.metric), divisions - 1)
+            found += [adapted(end, segment.metric, STEPS)[0]] if end is not segment.end else []
         return found
 
 

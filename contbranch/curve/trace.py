@@ -148,6 +148,8 @@ class _Tracing:
         """Follow one problem; return what succeeds it, or None at the end of the curve."""
         first = len(self.points)
         branch = self._leaving(joint)
+        if branch.start is not None:
+            (self.onward if first - 1 in self.onward else self.points)[first - 1] = branch.start
         start = self.onward.get(first - 1, self.points[-1])
         self.points += branch.points
         controls = {control.kind: control for control in self.request.controls}

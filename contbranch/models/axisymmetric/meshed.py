@@ -18,13 +18,13 @@ from contbranch.continuation import (
     Linearisation,
     Point,
 )
+from contbranch.continuation.problem import UnresolvedError
 from contbranch.curve.problem import (
     Defect,
     EquilibriumProblem,
     Values,
     Work,
 )
-from contbranch.errors import ModelError
 from contbranch.models.fronts import CORE
 from contbranch.watch import check
 
@@ -136,6 +136,7 @@ class MeshedContact(EquilibriumProblem):
         self.ordered = not (layered or self.flat or isinstance(front, Edge))
         self._weights = mesh.weights if front is None else front.weights(mesh)
         self.film = front if front and front.film and equations.softens else None
+        self.delicate = self.film is not None
         self._slopes = self.film.slopes(mesh) if self.film else None
         self._seen: list[tuple[Array, float, Equations, Fields]] = []
         self._corrected: tuple[Array, Solver] | None = None
@@ -187,13 +188,20 @@ class MeshedContact(EquilibriumProblem):
         equations, fields = self.seen(x, p)
         if self.front is None:
             return equations.jacobian(fields)
-        n, power = equations.mesh.size, self.front.power
+        n = self.size
         matrix = np.empty((n + 1, n + 1))
         matrix[:n, :n] = equations.jacobian(fields)
-        matrix[n, :n], spread, _ = self.front.derivatives(self.equations.mesh, equations, fields)
-        matrix[:, n] = np.append(equations.spread(fields, power)[1], spread) / self.growth(x)
-        matrix[:, n] -= power * self.residual(x, p)
+        matrix[n, :n], matrix[:n, n], matrix[n, n] = self._border(x, p)
         return matrix
+
+    def _border(self, x: Array, p: float) -> tuple[Array, Array, float]:
+        """What borders dR/dh: the derivatives of the front's equation, those with respect to σ, and the corner."""
+        equations, fields = self.seen(x, p)
+        assert self.front is not None
+        row, spread, _ = self.front.derivatives(self.equations.mesh, equations, fields)
+        column = np.append(equations.spread(fields, self.front.power)[1], spread) / self.growth(x)
+        column -= self.front.power * self.residual(x, p)
+        return row, column[:-1], float(column[-1])
 
     def parameter_derivative(self, x: Array, p: float) -> Array:
         """dR/du, (N,), and that of the front's equation."""
@@ -212,17 +220,13 @@ class MeshedContact(EquilibriumProblem):
             return Linearisation(fields.residual, np.empty((0, 0)), fields.residual)
         return Linearisation(self.residual(x, p), self.jacobian(x, p), self.parameter_derivative(x, p))
 
-    def product(self, x: Array, p: float, jacobian: Array) -> Callable[[Array], Array] | None:
-        """What multiplies by dR/dx in a pressed film."""
-        if not self.film:
-            return None
-        (equations, fields), n = self.seen(x, p), self.size
-
-        def multiplied(v: Array) -> Array:
-            own = equations.multiplied(fields, v[:n])
-            return np.asarray(np.append(own, jacobian[n, :n] @ v[:n]) + jacobian[:, n] * v[n])
-
-        return multiplied
+    def product(self, x: Array, p: float) -> Callable[[Array], Array]:
+        """What multiplies by dR/dx, without that matrix."""
+        equations, fields = self.seen(x, p)
+        if self.front is None:
+            return partial(equations.multiplied, fields)
+        n, (row, column, corner) = self.size, self._border(x, p)
+        return lambda v: np.append(equations.multiplied(fields, v[:n]) + column * v[n], row @ v[:n] + corner * v[n])
 
     def moving(self, x_rate: Array, x: Array, through: bool = True) -> Array:
         """The rate of h where it is, (N,), of a direction of states: the mesh may move through it, or take h along."""
@@ -295,7 +299,8 @@ class MeshedContact(EquilibriumProblem):
         """The values, by name, where the mesh resolves them."""
         unresolved = self.relative_error(x, p) > UNRESOLVED * self.resolution.tolerance
         if unresolved and not abs(p - self._row) < JUMP * abs(p):
-            raise ModelError("the mesh does not resolve the solution")  # which repeats the step shorter
+            raise UnresolvedError("the mesh does not resolve the solution")
+        self._row = p
         return self.values(x, p)._asdict()
 
     def defect(self, point: Point) -> Defect:
@@ -331,7 +336,6 @@ class MeshedContact(EquilibriumProblem):
 
     def adapt(self, x: Array, p: float) -> Adaptation | None:
         """A better mesh where the error estimate exceeds the tolerance, or where far fewer panels would do."""
-        self._row = p
         problem, start = self._refitted(x, p)
         front = problem._fronted(start, p)
         if problem is self and front is self.front:
@@ -352,7 +356,6 @@ class MeshedContact(EquilibriumProblem):
             def transfer(vector: Array) -> Array:
                 return np.append(sampler(vector[:-1]), vector[-1])
 
-        problem._row = p
         self._corrected = None
         self._seen = []
         self.equations.forget()  # its points stay, by the thousand in cascades of layers, but are seldom asked again

@@ -23,6 +23,7 @@ from contbranch.continuation import (
 )
 from contbranch.continuation.edge import Range
 from contbranch.continuation.follow import follow
+from contbranch.continuation.problem import UnresolvedError
 from contbranch.control import Control
 from contbranch.curve.events import Margin
 from contbranch.curve.problem import (
@@ -339,7 +340,7 @@ class ContactProblem(MeshedContact):
                 found, x = problem.resolved(x, ahead, problem.resolution.tolerance)
                 rate, one = found.direction(x, ahead)
                 seen = found.observables(x, ahead)
-            except (CorrectionError, np.linalg.LinAlgError, ModelError):
+            except (CorrectionError, np.linalg.LinAlgError, UnresolvedError):
                 continue
             yield Point(found, x, ahead, rate, one, observables=seen, label="start")
 
