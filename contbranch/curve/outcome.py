@@ -61,7 +61,7 @@ class RawEvent:
         Its row among the curve's.
     before, after : int
         Morse indices under its control on both sides along the curve (folds).
-    lost_on_increase : bool
+    maximum : bool
         Whether the control has a maximum here (folds).
     stiffness : float or None
         Of the spring (folds of a spring).
