@@ -252,7 +252,7 @@ def refine(point: Point, event: Event | None, accuracy: float, beside: Point | N
                 break
             carried = moved(aimed, problem)
             aimed = at_parameter(carried) if event is None else settled(carried)
-    except CorrectionError:
+    except (CorrectionError, ModelError):
         aimed = point
     best = _best(_Place(aimed, accuracy, settled=event is not None or aimed is not point), event, accuracy)
     if aimed is not point and (best is None or best.relative_error() > accuracy):
