@@ -15,11 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from contbranch.arrays import Array
+from contbranch.arrays import Array, plain
 from contbranch.contact.contact import Contact
 from contbranch.contact.family import member
 from contbranch.errors import InputError
-from contbranch.output.document import plain
 from contbranch.output.plot_curve import COORDINATES, coordinate, smooth_line
 from contbranch.results.diagram import Branch, Diagram
 from contbranch.results.fit_map import FitMap
