@@ -11,8 +11,6 @@ import scipy
 from contbranch.arrays import Array
 from contbranch.errors import InputError
 
-__all__ = ["Table", "columns", "energy_of_table", "increasing_from_zero"]
-
 _LEAST_ROWS = 4
 _QUINTIC_ROWS = 8
 # A table scatters where fourth differences change sign more often than this, as those of smooth numbers do not, by more

@@ -43,18 +43,6 @@ from contbranch.results.diagram import Diagram, Event, Solution, State
 from contbranch.results.record import UnitNames
 from contbranch.results.table import with_unit
 
-__all__ = [
-    "SUFFIXES",
-    "bifurcation_diagram",
-    "draw",
-    "figure_content",
-    "local_exponent",
-    "overview",
-    "profiles",
-    "save_figure",
-]
-
-
 SUFFIXES = (".pdf", ".png", ".svg")
 
 _STABLE, _UNSTABLE, _TOUCH, _SYMMETRY = SERIES[:4]

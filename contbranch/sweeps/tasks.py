@@ -19,8 +19,6 @@ from contbranch.results.profile import Profile
 from contbranch.results.record import Values, columns, given
 from contbranch.results.table import joined
 
-__all__ = ["KEEP", "Outcome", "Task", "Tracing", "key_of"]
-
 KEEP = ("thresholds", "curves", "profiles")
 _POINT = ("load", "displacement", "contact_radius", "central_gap", "energy", "unstable_load",
                  "unstable_displacement", "unstable_spring", "unstable_azimuthal", "contact_area",
