@@ -214,12 +214,12 @@ def save_figure(figure: Figure, path: str | Path) -> None:
     write(path, figure_content(figure, Path(path).suffix))
 
 
-def figure_content(figure: Figure, suffix: str) -> bytes:
+def figure_content(figure: Figure, suffix: str, **options: Any) -> bytes:
     """What `save_figure` writes."""
     drawn = io.BytesIO()
     kind = suffix.lower()[1:]
     dates = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}.get(kind)
-    figure.savefig(drawn, metadata=dates, format=kind)
+    figure.savefig(drawn, metadata=dates, format=kind, **options)
     return drawn.getvalue()
 
 
