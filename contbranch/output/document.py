@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from contbranch.arrays import plain
 from contbranch.results.record import Result, Values
 
@@ -20,7 +18,7 @@ def document(result: Result) -> Values:
 
 def head(result: Result) -> Values:
     """What every document begins with: its format, the contact, and the unit of every quantity if it is physical."""
-    contact: Any = getattr(result, "contact", None)
+    contact = result.contact
     described = getattr(result, "description", None) or ({} if contact is None else contact.describe())
     names = dict(result.units)
     units = {"units": "physical", "unit_names": names} if names else {"units": "reduced"}
