@@ -22,6 +22,26 @@ from contbranch.arrays import Array
 from contbranch.errors import InputError
 from contbranch.theory._inputs import finite, not_below, not_negative, positive
 
+__all__ = [
+    "ASYMPTOTIC_DISPLACEMENT_C5",
+    "ASYMPTOTIC_DISPLACEMENT_C6",
+    "ASYMPTOTIC_RADIUS_C1",
+    "DISPLACEMENT_CONSTANTS",
+    "FORMS",
+    "RADIUS_CONSTANTS",
+    "Fitted",
+    "alpha",
+    "contact_radius",
+    "empirical_zero_load_radius",
+    "fit",
+    "modified_alpha",
+    "modified_contact_radius",
+    "modified_offset",
+    "pull_off",
+    "zero_load_displacement",
+    "zero_load_radius",
+]
+
 RADIUS_CONSTANTS = (0.8, -1.285, 0.8, -0.435)
 """c1 to c4 of (52) as printed; the leading constants are the exact limits, the rest is a fit."""
 

@@ -12,6 +12,8 @@ from contbranch.arrays import Array
 from contbranch.theory import hertz
 from contbranch.theory._inputs import not_below, positive
 
+__all__ = ["contact_radius", "displacement", "load", "pull_off_load"]
+
 
 def pull_off_load(*, radius: ArrayLike = 1.0, work_of_adhesion: ArrayLike = 1.0) -> Array:
     """Return the lowest load in contact, F = -2 pi w R, where the contact radius vanishes."""

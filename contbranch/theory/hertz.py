@@ -15,6 +15,22 @@ from contbranch.arrays import Array
 from contbranch.theory._inputs import not_below, not_negative, positive
 from contbranch.theory._power_law import PowerLaw
 
+__all__ = [
+    "cone_displacement",
+    "cone_load",
+    "cone_pressure",
+    "contact_radius",
+    "contact_radius_at_displacement",
+    "displacement",
+    "gap",
+    "load",
+    "power_law_contact_radius",
+    "power_law_displacement",
+    "power_law_load",
+    "power_law_pressure",
+    "pressure",
+]
+
 _PRESSES = "without adhesion a contact only bears pressing loads"
 
 

@@ -21,6 +21,24 @@ from contbranch.arrays import Array
 from contbranch.theory._inputs import not_below, not_negative, positive
 from contbranch.theory._power_law import PowerLaw
 
+__all__ = [
+    "Fold",
+    "cone_displacement",
+    "cone_displacement_fold",
+    "cone_load",
+    "cone_load_fold",
+    "contact_radius",
+    "contact_radius_at_displacement",
+    "displacement",
+    "displacement_fold",
+    "load",
+    "load_fold",
+    "power_law_displacement",
+    "power_law_displacement_fold",
+    "power_law_load",
+    "power_law_load_fold",
+]
+
 
 class Fold(NamedTuple):
     """A fold of the curve of equilibria: its load, displacement and contact radius."""

@@ -27,6 +27,21 @@ from contbranch.errors import InputError
 from contbranch.theory._dugdale import Angle, Zone, opening_of_contact, opening_of_zone
 from contbranch.theory._inputs import finite, not_negative
 
+__all__ = [
+    "CRITICAL_TABOR",
+    "AuxiliaryFunctions",
+    "Curve",
+    "auxiliary_functions",
+    "contact",
+    "displacement_fold",
+    "first_touch",
+    "gap",
+    "load_fold",
+    "pressure",
+    "separated",
+    "zero_load",
+]
+
 CRITICAL_TABOR = float(np.cbrt(np.pi / (8.0 * (1.0 - 1.0 / np.pi))))
 """Tabor coefficient below which the fold under displacement control has no contact, [pi/(8(1-1/pi))]^(1/3) =
 0.832065719951667.
