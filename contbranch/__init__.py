@@ -9,130 +9,75 @@ from contbranch._lazy import lazily
 
 TYPE_CHECKING = False  # of `typing`, which takes as long to import as everything else here
 if TYPE_CHECKING:
-    from contbranch.advice import advise
-    from contbranch.api import find_all, hysteresis, phase_diagram, solve, trace
-    from contbranch.contact.contact import Contact
+    from contbranch.advice import advise as advise
+    from contbranch.api import (
+        find_all as find_all,
+        hysteresis as hysteresis,
+        phase_diagram as phase_diagram,
+        solve as solve,
+        trace as trace,
+    )
+    from contbranch.contact.contact import Contact as Contact
     from contbranch.contact.interactions import (
-        Exponential,
-        Gauss,
-        Interaction,
-        InverseSquare,
-        Layered,
-        MaugisDugdale,
-        Response,
-        Sum,
-        Tabulated,
-        VanDerWaals,
+        Exponential as Exponential,
+        Gauss as Gauss,
+        Interaction as Interaction,
+        InverseSquare as InverseSquare,
+        Layered as Layered,
+        MaugisDugdale as MaugisDugdale,
+        Response as Response,
+        Sum as Sum,
+        Tabulated as Tabulated,
+        VanDerWaals as VanDerWaals,
     )
     from contbranch.contact.tips import (
-        Cone,
-        EllipticParaboloid,
-        HeightMap,
-        Parabola,
-        PowerLaw,
-        Profile,
-        SphericalCap,
-        Tip,
-        TipShape,
+        Cone as Cone,
+        EllipticParaboloid as EllipticParaboloid,
+        HeightMap as HeightMap,
+        Parabola as Parabola,
+        PowerLaw as PowerLaw,
+        Profile as Profile,
+        SphericalCap as SphericalCap,
+        Tip as Tip,
+        TipShape as TipShape,
     )
-    from contbranch.control import Spring
-    from contbranch.curve.follow import follow
-    from contbranch.errors import InputError, ModelError, Stop
-    from contbranch.measure.fit import fit
-    from contbranch.measure.force_curve import ForceCurve
-    from contbranch.measure.maps import fit_map
-    from contbranch.measure.reading import read_force_curve, read_force_curves
-    from contbranch.models.axisymmetric.model import Axisymmetric
-    from contbranch.models.exact.model import Exact
-    from contbranch.models.grid.model import FreeSpace, Periodic
-    from contbranch.models.grid.resolution import GridWarning
-    from contbranch.output.hdf5 import load
-    from contbranch.results.advice import Advice, Candidate
-    from contbranch.results.diagram import Branch, Diagram, Event, Exponent, LocalExponent, Solution, State, Window
-    from contbranch.results.equilibria import Barrier, Equilibria
-    from contbranch.results.fit import Fit
-    from contbranch.results.fit_map import FitMap
-    from contbranch.results.followed import Followed, FollowedPoint, Special
-    from contbranch.results.loop import Hysteresis
-    from contbranch.results.phase import PhaseDiagram
-    from contbranch.results.profile import CellFields
-    from contbranch.results.sweep import Sweep, SweepTask
-    from contbranch.sweeps.design import Design, varied
-    from contbranch.sweeps.sweep import sweep
+    from contbranch.control import Spring as Spring
+    from contbranch.curve.follow import follow as follow
+    from contbranch.errors import InputError as InputError, ModelError as ModelError, Stop as Stop
+    from contbranch.measure.fit import fit as fit
+    from contbranch.measure.force_curve import ForceCurve as ForceCurve
+    from contbranch.measure.maps import fit_map as fit_map
+    from contbranch.measure.reading import read_force_curve as read_force_curve, read_force_curves as read_force_curves
+    from contbranch.models.axisymmetric.model import Axisymmetric as Axisymmetric
+    from contbranch.models.exact.model import Exact as Exact
+    from contbranch.models.grid.model import FreeSpace as FreeSpace, Periodic as Periodic
+    from contbranch.models.grid.resolution import GridWarning as GridWarning
+    from contbranch.output.hdf5 import load as load
+    from contbranch.results.advice import Advice as Advice, Candidate as Candidate
+    from contbranch.results.diagram import (
+        Branch as Branch,
+        Diagram as Diagram,
+        Event as Event,
+        Exponent as Exponent,
+        LocalExponent as LocalExponent,
+        Solution as Solution,
+        State as State,
+        Window as Window,
+    )
+    from contbranch.results.equilibria import Barrier as Barrier, Equilibria as Equilibria
+    from contbranch.results.fit import Fit as Fit
+    from contbranch.results.fit_map import FitMap as FitMap
+    from contbranch.results.followed import Followed as Followed, FollowedPoint as FollowedPoint, Special as Special
+    from contbranch.results.loop import Hysteresis as Hysteresis
+    from contbranch.results.phase import PhaseDiagram as PhaseDiagram
+    from contbranch.results.profile import CellFields as CellFields
+    from contbranch.results.sweep import Sweep as Sweep, SweepTask as SweepTask
+    from contbranch.sweeps.design import Design as Design, varied as varied
+    from contbranch.sweeps.sweep import sweep as sweep
 
 __version__ = "0.2.0"
 
-__all__ = [
-    "Advice",
-    "Axisymmetric",
-    "Barrier",
-    "Branch",
-    "Candidate",
-    "CellFields",
-    "Cone",
-    "Contact",
-    "Design",
-    "Diagram",
-    "EllipticParaboloid",
-    "Equilibria",
-    "Event",
-    "Exact",
-    "Exponent",
-    "Exponential",
-    "Fit",
-    "FitMap",
-    "Followed",
-    "FollowedPoint",
-    "ForceCurve",
-    "FreeSpace",
-    "Gauss",
-    "GridWarning",
-    "HeightMap",
-    "Hysteresis",
-    "InputError",
-    "Interaction",
-    "InverseSquare",
-    "Layered",
-    "LocalExponent",
-    "MaugisDugdale",
-    "ModelError",
-    "Parabola",
-    "Periodic",
-    "PhaseDiagram",
-    "PowerLaw",
-    "Profile",
-    "Response",
-    "Solution",
-    "Special",
-    "SphericalCap",
-    "Spring",
-    "State",
-    "Stop",
-    "Sum",
-    "Sweep",
-    "SweepTask",
-    "Tabulated",
-    "Tip",
-    "TipShape",
-    "VanDerWaals",
-    "Window",
-    "advise",
-    "find_all",
-    "fit",
-    "fit_map",
-    "follow",
-    "hysteresis",
-    "load",
-    "phase_diagram",
-    "read_force_curve",
-    "read_force_curves",
-    "solve",
-    "sweep",
-    "trace",
-    "varied",
-]
-
-__getattr__, __dir__ = lazily(
+__getattr__, __dir__, __all__ = lazily(
     __name__,
     {
         ".contact.contact": "Contact",

@@ -10,8 +10,8 @@ if TYPE_CHECKING:
     from typing import Any
 
 
-def lazily(package: str, homes: Mapping[str, str]) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
-    """Return ``__getattr__`` and ``__dir__`` of a package whose names come from other modules.
+def lazily(package: str, homes: Mapping[str, str]) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
+    """Return ``__getattr__``, ``__dir__`` and ``__all__`` of a package whose names come from other modules.
 
     Parameters
     ----------
@@ -37,4 +37,4 @@ def lazily(package: str, homes: Mapping[str, str]) -> tuple[Callable[[str], Any]
     def __dir__() -> list[str]:
         return sorted({*vars(sys.modules[package]), *where, *modules})
 
-    return __getattr__, __dir__
+    return __getattr__, __dir__, sorted(where)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from contextlib import suppress
 from typing import Any
-
-import numpy as np
 
 from contbranch.errors import InputError
 
@@ -54,16 +54,15 @@ def grid_points(value: object, field: str) -> int:
     InputError
         If it is none; the message suggests the nearest number that is fast to transform.
     """
-    if isinstance(value, str):
-        try:
-            value = float(value)
-        except ValueError:
-            raise InputError(f"{field}: {value!r}; must be a whole number of nodes, for example 256") from None
-    if isinstance(value, bool) or not isinstance(value, int | float | np.integer) or not np.isfinite(value):
+    number = math.nan
+    with suppress(TypeError, ValueError):
+        if not isinstance(value, bool):
+            value = number = float(value)  # type: ignore[arg-type]
+    if not math.isfinite(number):
         raise InputError(f"{field}: {value!r}; must be a whole number of nodes, for example 256")
-    if value != int(value) or value < LEAST_GRID or int(value) % 2:
+    if number != int(number) or number < LEAST_GRID or int(number) % 2:
         raise InputError(
-            f"{field}: {value:g}; must be a whole and even number of nodes, at least {LEAST_GRID}, best without prime "
-            f"factors above 7: for example {nearest_fast(float(value))}"
+            f"{field}: {number:g}; must be a whole and even number of nodes, at least {LEAST_GRID}, best without prime "
+            f"factors above 7: for example {nearest_fast(number)}"
         )
-    return int(value)
+    return int(number)

@@ -20,8 +20,17 @@ if str(ROOT) not in sys.path:
 
 from contbranch.theory import jkr, maugis  # noqa: E402
 from contbranch.threads import one_thread  # noqa: E402
-from studies.paper import all as every  # noqa: E402
-from studies.paper import common, cos_fits, fig04, fig08, fig09, fig12, fig18, table1  # noqa: E402
+from studies.paper import (  # noqa: E402
+    all as every,
+    common,
+    cos_fits,
+    fig04,
+    fig08,
+    fig09,
+    fig12,
+    fig18,
+    table1,
+)
 
 # Of every figure some numbers that do not come from this package: closed forms, other programs, the paper.
 KNOWN = {

@@ -118,9 +118,7 @@ class Command(NamedTuple):
         for flags in self.options:
             value, words = _OPTIONS[flags]
             kind: dict[str, Any] = {"metavar": value} if value else {"action": "store_true", "default": False}
-            kind |= {"action": "append", "default": []} if flags == "--uncertainty" else {}
-            if flags == "--plot":
-                kind["action"] = "append"
+            kind |= {"action": "append"} if flags in ("--uncertainty", "--plot") else {}
             parser.add_option(*flags.split(), help=words, **kind)
         absent = ("json", "output", "plot", "csv", "events_csv", "model", "cell", "grid", "time_limit")
         parser.set_defaults(**dict.fromkeys(absent))

@@ -5,8 +5,6 @@ from typing import TYPE_CHECKING
 from contbranch._lazy import lazily
 
 if TYPE_CHECKING:
-    from contbranch.contact.contact import Contact
+    from contbranch.contact.contact import Contact as Contact
 
-__all__ = ["Contact"]
-
-__getattr__, __dir__ = lazily(__name__, {".contact": "Contact"})
+__getattr__, __dir__, __all__ = lazily(__name__, {".contact": "Contact"})

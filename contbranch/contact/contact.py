@@ -10,8 +10,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
+from contbranch.arrays import plain
 from contbranch.contact.interaction_law import terms_of
 from contbranch.contact.interactions import INTERACTIONS, Interaction
 from contbranch.contact.tips import TIPS, HeightMap, Parabola, Tip, TipShape
@@ -48,20 +47,11 @@ def make(kind: type[TipShape] | type[Interaction], values: Mapping[str, object],
         raise InputError(f"{prefix}{error}") from None
 
 
-def _plain(value: object) -> object:
-    """Return `value` as JSON has it; what JSON cannot hold as its representation."""
-    if isinstance(value, np.ndarray | np.generic):
-        return _plain(value.tolist())
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    return value if value is None or isinstance(value, bool | int | float | str) else repr(value)
-
-
 def _description(part: TipShape | Interaction, known: Mapping[str, Any], key: str) -> dict[str, object]:
     """Return the parameters of a tip or law under its name; under its class and marked if the user has written it."""
     kind = type(part)
     values = part.described() if isinstance(part, TipShape) else part.parameters()
-    parameters = {name: _plain(value) for name, value in values.items() if value is not None}
+    parameters = {name: plain(value) for name, value in values.items() if value is not None}
     if known.get(part.name) is kind:
         return {key: part.name, **parameters}
     return {key: f"{kind.__module__}.{kind.__qualname__}", "user_defined": True, **parameters}

@@ -81,11 +81,8 @@ class Source:
             raise InputError(f"dataset: {self.dataset!r}; only a file has data sets: leave it out")
         elif self.grey is not None:
             raise InputError(f"grey: {self.grey}; only an image file has shades: leave it out")
-        unit = (
-            _unit(own, "; it is the one that the heights came with: give what it is worth as unit=")
-            if self.unit is None
-            else (_unit(self.unit))
-        )
+        whose = "; it is the one that the heights came with: give what it is worth as unit="
+        unit = _unit(own, whose) if self.unit is None else _unit(self.unit)
         if topography:
             values, edge = read_topography(given, unit, edge)
         heights = checked(values)

@@ -11,8 +11,6 @@ import scipy
 from contbranch.arrays import Array
 from contbranch.errors import InputError
 
-__all__ = ["Table", "columns", "energy_of_table", "increasing_from_zero"]
-
 _LEAST_ROWS = 4
 # Bounds of a table, within which no power of its numbers overflows: of entries, and of their distances in the last one.
 _LARGEST, _CLOSEST = 1e30, 1e-12

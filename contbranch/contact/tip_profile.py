@@ -17,8 +17,6 @@ from contbranch.contact.tables import columns, increasing_from_zero, scattered
 from contbranch.contact.tip_shape import Tip, gauss_rule
 from contbranch.errors import InputError
 
-__all__ = ["Profile"]
-
 End = Literal["not-a-knot", "clamped", "natural"]
 
 _MOST_ROWS = 1000  # the fit solves a dense system of that order

@@ -13,8 +13,7 @@ from contbranch.contact.contact import Contact
 from contbranch.control import Control
 from contbranch.curve.curves import Route
 from contbranch.curve.outcome import fold_names, state_in_units
-from contbranch.curve.quasi_static import Jump as RawJump
-from contbranch.curve.quasi_static import Leg, Stop
+from contbranch.curve.quasi_static import Jump as RawJump, Leg, Stop
 from contbranch.results.diagram import Cost, ModelChoice, State
 from contbranch.results.loop import Hysteresis, Jump, Path
 from contbranch.results.record import OBSERVABLES

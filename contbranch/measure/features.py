@@ -11,8 +11,6 @@ from contbranch.arrays import Array, Indices
 from contbranch.errors import InputError
 from contbranch.measure.force_curve import ForceCurve
 
-__all__ = ["Features", "MeasuredJump", "features"]
-
 # A jump takes so many samples at most, is so many times larger than noise, and than steps beside it.
 SAMPLES, ABOVE_NOISE, ABOVE_STEPS = 3, 8.0, 5.0
 # Steps beside a jump are those this near to it.

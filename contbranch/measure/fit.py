@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import combinations
@@ -218,40 +218,41 @@ class _Fitting:
         """The best of several laws."""
         if not tabulated(_with_law(self.contact, "exponential")):
             raise InputError("law: compare; is for a parabola")
-        found: list[tuple[str, _Minimum]] = []
+        found: dict[str, _Minimum] = {}
         for k, name in enumerate(COMPARED):
             with part(k / len(COMPARED), (k + 1) / len(COMPARED)):
-                found.append((name, self.law(name)))
+                found[name] = self.law(name)
             if over():
                 break
         # what else fits as well is asked of those that may be the best
         first = self._scores(found)
-        found = [
-            (name, self.profiled(one) if first[name] < min(first.values()) + EXCLUDED else one) for name, one in found
-        ]
+        found |= {
+            name: self.profiled(one) for name, one in found.items() if first[name] < min(first.values()) + EXCLUDED
+        }
         scores = self._scores(found)
-        best = min(scores.values())
-        order = sorted(found, key=lambda item: scores[item[0]])
-        fits = [LawFit(name, one.rms, scores[name] - best, one.problem.values(one.x)) for name, one in order]
-        result = self.result(order[0][1])
+        order = sorted(scores, key=scores.__getitem__)
+        best = scores[order[0]]
+        listed = ((name, found[name]) for name in order)
+        fits = [LawFit(name, one.rms, scores[name] - best, one.problem.values(one.x)) for name, one in listed]
+        result = self.result(found[order[0]])
         near = [one.law for one in fits[1:] if one.criterion < EXCLUDED]
         words = f"Of the laws compared {fits[0].law} fits best"
         words += f"; the curve does not exclude {' and '.join(near)}." if near else "; the others are excluded by it."
         return replace(result, laws=tuple(fits), message=f"{words} {result.message}")
 
-    def _scores(self, found: Sequence[tuple[str, _Minimum]]) -> dict[str, float]:
+    def _scores(self, found: Mapping[str, _Minimum]) -> dict[str, float]:
         """Bayesian information criteria, by law; residuals that are correlated are worth fewer."""
         count, noise = len(self.curve), self.seen.noise
         losses = {}
-        for name, one in found:
+        for name, one in found.items():
             with finishing():
                 losses[name] = _loss(self._residuals(one.problem, one.comparison, noise)(one.x))
-        close = min(found, key=lambda item: losses[item[0]])[1]
+        close = found[min(losses, key=losses.__getitem__)]
         misfit, length = max(1.0, min(losses.values()) / count), 1.0
         if misfit > MISFIT**2:
             length = max(1.0, _correlation_length(close.forces))
         penalty = math.log(max(count / length, 8.0))
-        return {name: losses[name] / (misfit * length) + one.x.size * penalty for name, one in found}
+        return {name: losses[name] / (misfit * length) + one.x.size * penalty for name, one in found.items()}
 
     # -- starts -------------------------------------------------------------------------------------------------------
     def _guess(self, problem: Problem) -> State:

@@ -39,27 +39,26 @@ from contbranch.results.diagram import (
     Window,
 )
 from contbranch.results.followed import Followed, Special
-from contbranch.results.loop import Hysteresis, Jump
-from contbranch.results.loop import Path as LoopPath
+from contbranch.results.loop import Hysteresis, Jump, Path as LoopPath
 from contbranch.results.profile import CellFields, ModeShape, Profile
 from contbranch.results.record import Record, Result, UnitNames, Values, columns, key_of, kind_of, same, unit_of
 
 if TYPE_CHECKING:
     import h5py
 
-    from contbranch.contact.contact import Contact
     from contbranch.results.sweep import Sweep
 
 
 Kind = TypeVar("Kind", bound=Record)
 Kept = TypeVar("Kept")
 
-_HEAD = ("control", "stiffness", "accuracy", "status", "message")
+# What of a diagram is not read as a document is.
+_APART = {"contact", "unit_names", "tip", "events", "mode_shapes", "local_exponents"}
 # What stands in a column of a table where there is no value: modes are counted from 1.
 _BLANK = {float: math.nan, int: 0, str: ""}
 # Records within documents.
 _PARTS: Values = {
-    one.__name__: one for one in (LoopPath, Jump, State, ModelChoice, Cost, Event, Special, Exponent, Window)
+    one.__name__: one for one in (Branch, LoopPath, Jump, State, ModelChoice, Cost, Event, Special, Exponent, Window)
 }
 # The block before what HDF5 reads: the least size that it allows, and what is written there.
 _BLOCK = 512
@@ -151,9 +150,8 @@ def _write_object(group: h5py.Group, content: Mapping[str, Any]) -> None:
 
 def _as_diagram(solution: Solution) -> Diagram:
     """A diagram of the states found."""
-    contact = solution.contact
     return Diagram(
-        contact=contact,
+        contact=solution.contact,
         branches=tuple(_point(state) for state in solution.known),
         events=(),
         thresholds={},
@@ -161,7 +159,6 @@ def _as_diagram(solution: Solution) -> Diagram:
         cost=solution.cost,
         status=solution.status,
         message=solution.message,
-        description={} if contact is None else contact.describe(),
         unit_names=solution.units,
     )
 
@@ -316,23 +313,13 @@ def _write_table(group: h5py.Group, kind: type[Record], records: Sequence[Record
 
 
 def _read_diagram(file: h5py.File) -> Diagram:
-    description = json.loads(file["contact"].asstr()[()])
-    branches = file["branches"]
-    return Diagram(
-        contact=_rebuilt(description, file.get("tip")),
-        branches=tuple(_read_record(Branch, branches[str(number)]) for number in range(len(branches))),
-        events=_read_events(file["events"], file.get("mode_shapes", {})),
-        thresholds=_read_object(file["thresholds"]),
-        model=_read_record(ModelChoice, file["model"]),
-        cost=_read_record(Cost, file["cost"]),
-        description=description,
-        unit_names=json.loads(file["unit_names"].asstr()[()]),
-        local_exponents={
-            int(key): _read_record(LocalExponent, group) for key, group in file["local_exponents"].items()
-        },
-        **{key: _read_object(file[key]) for key in ("sensitivities", "uncertainties") if key in file},
-        **{key: _python(file.attrs[key]) for key in _HEAD if key in file.attrs},
-    )
+    content = {key: _read_object(file[key]) for key in file.keys() - _APART}
+    content |= {key: _python(value) for key, value in file.attrs.items()} | {"events": ()}
+    texts = {key: json.loads(file[key].asstr()[()]) for key in ("contact", "unit_names")}
+    found = _made(Diagram, {**content, **texts, "description": texts["contact"]}, file.get("tip"))
+    exponents = {int(key): _read_record(LocalExponent, group) for key, group in file["local_exponents"].items()}
+    events = _read_events(file["events"], file.get("mode_shapes", {}))
+    return replace(found, events=events, local_exponents=exponents)
 
 
 def _read_object(group: h5py.Group) -> Any:
@@ -348,15 +335,19 @@ def _python(value: Any) -> Any:
     return value.item() if isinstance(value, np.generic) else value
 
 
-def _made(kind: type[Kind], content: Mapping[str, Any]) -> Kind:
-    """The record of an object of a document; KeyError where something is missing that has no default."""
+def _made(kind: type[Kind], content: Mapping[str, Any], tip: h5py.Group | None = None) -> Kind:
+    """The record of an object of a document; KeyError where something is missing that has no default.
+
+    `tip`: where the heights of its contact's height map are, which are not in the document.
+    """
     found: Values = {}
     for item in fields(kind):
         name, said = key_of(item), str(item.type)
         inner = next((_PARTS[word] for word in re.findall(r"\w+", said) if word in _PARTS), None)
         value = content.get(name)
         if name == "contact":
-            value = _rebuilt(content[name], None)
+            own = {} if tip is None else {"tip": {**content[name]["tip"], "heights": tip["heights"][()]}}
+            value = rebuilt({**content[name], **own})
         elif name == "profiles" and value is not None:
             joined, parts = _made(Profile, value), pairwise(value["offsets"])
             value = tuple(Profile(*(getattr(joined, one.name)[i:j] for one in fields(Profile))) for i, j in parts)
@@ -403,10 +394,3 @@ def _assembled(kind: type[Kind], cells: Mapping[tuple[str, ...], Any], path: tup
         else:
             found[item.name] = {one[-1]: cell for one, cell in inside.items()} if held is dict else cells[within]
     return kind(**found)
-
-
-def _rebuilt(description: Mapping[str, Any], tip: h5py.Group | None) -> Contact | None:
-    """Return the contact of a description, if it is known; a height map has its heights in the group `tip`."""
-    if tip is not None:
-        description = {**description, "tip": {**description["tip"], "heights": tip["heights"][()]}}
-    return rebuilt(description)

@@ -8,10 +8,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from html import escape
 from importlib import import_module
-from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
-from contbranch.output.plot import draw
+from contbranch.output.plot import draw, figure_content
 from contbranch.output.summary import Cells, parts
 
 if TYPE_CHECKING:
@@ -25,9 +24,7 @@ PATIENCE = 1.0
 
 def as_png(result: Result) -> bytes:
     """The figure of a result, as `contbranch.output.plot.draw` draws it."""
-    held = BytesIO()
-    draw(result).savefig(held, format="png", dpi=200)
-    return held.getvalue()
+    return figure_content(draw(result), ".png", dpi=200)
 
 
 def as_html(result: Result) -> str:

@@ -15,11 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from contbranch.arrays import Array
+from contbranch.arrays import Array, plain
 from contbranch.contact.contact import Contact
 from contbranch.contact.family import member
 from contbranch.errors import InputError
-from contbranch.output.document import plain
 from contbranch.output.plot_curve import COORDINATES, coordinate, smooth_line
 from contbranch.results.diagram import Branch, Diagram
 from contbranch.results.fit_map import FitMap
@@ -57,14 +56,14 @@ def page(result: Result, curve: Diagram | None = None) -> str:
         raise InputError("result: a map of fits has no curves to show; draw it with contbranch show --plot")
     if isinstance(result, Sweep):
         title = f"{title.partition(', μ_T')[0]} over {' × '.join(result.parameters) or 'contacts'}"
-    known: _Json = {"title": title, "parameters": [], "axes": {}}
+    known: _Json = {"title": title, "parameters": [], "axes": {}, "units": result.units}
     if isinstance(result, Diagram):
-        known |= {"items": [packed.diagram(result, result.contact, {})], "units": result.unit_names}
+        known["items"] = [packed.diagram(result, result.contact, {})]
     elif isinstance(result, Hysteresis):
-        known |= _of_loop(result, curve, packed)
+        known["items"] = [_of_loop(result, curve, packed)]
     elif isinstance(result, Sweep):
         known |= {"items": list(_of_sweep(result, packed)), "units": result.unit_names}
-        known |= {"parameters": result.parameters, "axes": result.axes, "mode": result.mode}
+        known |= {name: getattr(result, name) for name in ("parameters", "axes", "mode")}
     else:
         raise InputError(f"result: {type(result).__name__}; a page shows a diagram, a loop or a sweep")
     text = json.dumps(plain(known), ensure_ascii=False, allow_nan=False).replace("<", "\\u003c")
@@ -200,4 +199,4 @@ def _of_loop(loop: Hysteresis, curve: Diagram | None, packed: _Packed) -> _Json:
         item = packed.diagram(curve, loop.contact, {})
     found = {name: packed.put(getattr(path, name)) for name in (*COORDINATES, "leg", "direction")}
     jumps = [{"name": jump.name, "dissipated": jump.dissipated, "closed": jump.to is not None} for jump in loop.jumps]
-    return {"items": [{**item, **about, "loop": {**found, "jumps": jumps}}], "units": loop.units}
+    return {**item, **about, "loop": {**found, "jumps": jumps}}

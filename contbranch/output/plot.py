@@ -43,18 +43,6 @@ from contbranch.results.diagram import Diagram, Event, Solution, State
 from contbranch.results.record import UnitNames
 from contbranch.results.table import with_unit
 
-__all__ = [
-    "SUFFIXES",
-    "bifurcation_diagram",
-    "draw",
-    "figure_content",
-    "local_exponent",
-    "overview",
-    "profiles",
-    "save_figure",
-]
-
-
 SUFFIXES = (".pdf", ".png", ".svg")
 
 _STABLE, _UNSTABLE, _TOUCH, _SYMMETRY = SERIES[:4]
@@ -226,12 +214,12 @@ def save_figure(figure: Figure, path: str | Path) -> None:
     write(path, figure_content(figure, Path(path).suffix))
 
 
-def figure_content(figure: Figure, suffix: str) -> bytes:
+def figure_content(figure: Figure, suffix: str, **options: Any) -> bytes:
     """What `save_figure` writes."""
     drawn = io.BytesIO()
     kind = suffix.lower()[1:]
     dates = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}.get(kind)
-    figure.savefig(drawn, metadata=dates, format=kind)
+    figure.savefig(drawn, metadata=dates, format=kind, **options)
     return drawn.getvalue()
 
 

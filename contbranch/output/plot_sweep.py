@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import cycle, zip_longest
+from itertools import cycle
 from typing import Any
 
 import numpy as np
@@ -69,15 +69,9 @@ def _curves(sweep: Sweep, x: Array, values: dict[str, Array], levels: Sequence[f
         panels = figure.subplots(len(kinds), 1, sharex=True, squeeze=False)[:, 0]
         for panel, kind in zip(panels, kinds, strict=True):
             own = [name for name in values if quantity(name) == kind]
-            for name, marker in zip_longest(own, _MARKERS[: len(own)], fillvalue="."):
-                panel.plot(
-                    x[order],
-                    values[name][order],
-                    marker=marker,
-                    markersize=3.5,
-                    color=next(colours),
-                    label=name.replace("_", " "),
-                )
+            for name, marker in zip(own, cycle(_MARKERS)):
+                look = {"marker": marker, "markersize": 3.5, "color": next(colours), "label": name.replace("_", " ")}
+                panel.plot(x[order], values[name][order], **look)
             for level in levels:
                 panel.axhline(level, color="0.4", linewidth=0.8, linestyle="--")
             panel.set_ylabel(_label(sweep, own[0] if len(own) == 1 else kind))

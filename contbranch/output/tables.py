@@ -5,8 +5,9 @@ from __future__ import annotations
 import csv
 import io
 import json
+from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from contbranch.errors import InputError
 from contbranch.output.document import head
@@ -52,11 +53,9 @@ def as_dataframe(table: Table) -> pd.DataFrame:
     InputError
         If pandas is not installed.
     """
-    try:
-        import pandas as pd
-    except ModuleNotFoundError:
-        raise InputError("to_dataframe: pandas is not installed; install contbranch[tables]") from None
-    return pd.DataFrame(dict(zip(table.headings, table.columns.values(), strict=True)))
+    columns = dict(zip(table.headings, table.columns.values(), strict=True))
+    frame: pd.DataFrame = _library("pandas", "to_dataframe").DataFrame(columns)
+    return frame
 
 
 def as_xarray(result: Result) -> xr.Dataset:
@@ -67,14 +66,20 @@ def as_xarray(result: Result) -> xr.Dataset:
     InputError
         If xarray is not installed.
     """
-    try:
-        import xarray as xr
-    except ModuleNotFoundError:
-        raise InputError("to_xarray: xarray is not installed; install contbranch[tables]") from None
-    found: Values = {}
+    library, found = _library("xarray", "to_xarray"), dict[str, Any]()
     for number, (row, table) in enumerate(result.tables().items()):
         for name, values in table.columns.items():
             units = {"units": table.units[name]} if name in table.units else {}
             found[f"{row}_{name}" if number else name] = (row, values, units)
     about: Values = {**head(result), **{key: getattr(result, key) for key in ("status", "message")}}
-    return xr.Dataset(found, attrs={key: json.dumps(v) if isinstance(v, dict) else v for key, v in about.items()})
+    attrs = {key: json.dumps(value) if isinstance(value, dict) else value for key, value in about.items()}
+    data: xr.Dataset = library.Dataset(found, attrs=attrs)
+    return data
+
+
+def _library(name: str, field: str) -> Any:
+    """An optional library."""
+    try:
+        return import_module(name)
+    except ModuleNotFoundError:
+        raise InputError(f"{field}: {name} is not installed; install contbranch[tables]") from None

@@ -10,17 +10,14 @@ from typing import Any, Literal, NamedTuple, Protocol
 import numpy as np
 
 from contbranch import __version__
-from contbranch.arrays import AnyArray, Columns
+from contbranch.arrays import AnyArray, Columns, plain
 from contbranch.contact.contact import Contact
 from contbranch.control import Spring, as_control
 from contbranch.errors import look_up
-from contbranch.output.document import plain
 from contbranch.results.diagram import Branch, Diagram, Event
 from contbranch.results.profile import Profile
 from contbranch.results.record import Values, columns, given
 from contbranch.results.table import joined
-
-__all__ = ["KEEP", "Outcome", "Task", "Tracing", "key_of"]
 
 KEEP = ("thresholds", "curves", "profiles")
 _POINT = ("load", "displacement", "contact_radius", "central_gap", "energy", "unstable_load",

@@ -26,8 +26,6 @@ from contbranch.arrays import Array
 from contbranch.errors import InputError
 from contbranch.theory._inputs import finite, positive
 
-__all__ = ["Angle", "Slopes", "Zone"]
-
 
 def _either(number: Callable[..., Any], array: Callable[..., Any]) -> Callable[..., Array]:
     """A function of numbers, or of arrays if its last argument is one: of a number it takes a tenth of the time."""

@@ -8,8 +8,6 @@ from numpy.typing import ArrayLike
 from contbranch.arrays import Array
 from contbranch.errors import InputError
 
-__all__ = ["finite", "not_below", "not_negative", "positive"]
-
 
 def finite(field: str, value: ArrayLike) -> Array:
     """Return ``value`` as an array of floats, or raise `InputError` where it is not a finite number."""

@@ -11,8 +11,6 @@ from numpy.typing import ArrayLike
 from contbranch.arrays import Array
 from contbranch.theory._inputs import not_below, positive
 
-__all__ = ["PowerLaw"]
-
 
 @dataclass(frozen=True)
 class PowerLaw:

@@ -11,8 +11,6 @@ from typing import TYPE_CHECKING
 from contbranch._lazy import lazily
 
 if TYPE_CHECKING:
-    from contbranch.models.axisymmetric.model import Axisymmetric
+    from contbranch.models.axisymmetric.model import Axisymmetric as Axisymmetric
 
-__all__ = ["Axisymmetric"]
-
-__getattr__, __dir__ = lazily(__name__, {".model": "Axisymmetric"})
+__getattr__, __dir__, __all__ = lazily(__name__, {".model": "Axisymmetric"})

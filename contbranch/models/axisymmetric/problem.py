@@ -141,10 +141,16 @@ class ContactProblem(MeshedContact):
                 first = float(contact.axisymmetric_tip.radius_at(law.kink - far))
                 sharp = contact.axisymmetric_tip.apex_exponent < 2.0  # under which the load grows with few powers of r
                 edges = np.union1d(_graded(edges, first) if sharp else edges, first)
-            elif (stiff := abs(float(law.evaluate(np.array([far])).stiffness[0])) * edges[1]) > ABRUPT:
-                # Elasticity answers as soon as the law begins: the curve is followed from there, before anything acts.
-                far = law.reach(np.finfo(float).tiny)
-                edges = _graded(edges, edges[1] * ABRUPT / stiff)
+            else:
+                first, coarse = edges[1], edges
+                while (stiff := abs(float(law.evaluate(np.array([far])).stiffness[0])) * first) > ABRUPT:
+                    # Elasticity answers as soon as the law begins: the curve is followed from farther away.
+                    edges = edges if edges is not coarse else _graded(edges, first * ABRUPT / stiff)
+                    negligible *= ABRUPT / (2.0 * stiff)
+                    farther = law.reach(max(negligible, np.finfo(float).tiny))
+                    if farther == far:  # the end of the law
+                        break
+                    far = farther
             problem = self.on_mesh(mesh_on(edges, self.resolution.order))
             u, ends = self.parameter(-max(far, self.scale)), law.ends
         self.resolution.far, x = u, np.zeros(problem.size)

@@ -5,8 +5,6 @@ from typing import TYPE_CHECKING
 from contbranch._lazy import lazily
 
 if TYPE_CHECKING:
-    from contbranch.models.exact.model import Exact
+    from contbranch.models.exact.model import Exact as Exact
 
-__all__ = ["Exact"]
-
-__getattr__, __dir__ = lazily(__name__, {".model": "Exact"})
+__getattr__, __dir__, __all__ = lazily(__name__, {".model": "Exact"})

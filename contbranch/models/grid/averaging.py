@@ -22,8 +22,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from contbranch.continuation import Options, Point
-from contbranch.continuation.problem import Array as Vector
-from contbranch.continuation.problem import Linearisation
+from contbranch.continuation.problem import Array as Vector, Linearisation
 from contbranch.control import Control
 from contbranch.curve.problem import STEPS, Count, Defect, EquilibriumProblem, Rates, Succession, Values
 from contbranch.results.profile import Profile

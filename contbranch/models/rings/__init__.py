@@ -11,8 +11,6 @@ from typing import TYPE_CHECKING
 from contbranch._lazy import lazily
 
 if TYPE_CHECKING:
-    from contbranch.models.rings.model import Rings
+    from contbranch.models.rings.model import Rings as Rings
 
-__all__ = ["Rings"]
-
-__getattr__, __dir__ = lazily(__name__, {".model": "Rings"})
+__getattr__, __dir__, __all__ = lazily(__name__, {".model": "Rings"})

@@ -14,8 +14,7 @@ import contbranch as cb
 from contbranch.control import DISPLACEMENT, LOAD
 from contbranch.curve.rows import raw_curve
 from contbranch.curve.trace import Request
-from contbranch.models.grid import LatticeCurves
-from contbranch.models.grid import branches as branches_module
+from contbranch.models.grid import LatticeCurves, branches as branches_module
 from contbranch.models.grid.branches import departure, follow_branch
 from contbranch.models.grid.measure import quietly
 from contbranch.models.grid.newton import Hold, Settings, hold_control, newton
