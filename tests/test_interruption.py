@@ -238,3 +238,30 @@ def test_a_part_that_is_given_up_does_not_end_the_whole() -> None:
 
 def interrupt() -> None:
     raise KeyboardInterrupt
+
+
+def test_patience_within_a_computation_ends_with_its_time() -> None:
+    began = time.perf_counter()
+
+    def waiting() -> None:
+        while time.perf_counter() - began < 5.0:
+            watch.check()
+
+    def patient() -> None:
+        with watch.patient(30.0):
+            watch.kept(waiting, None)
+
+    with watch.watched(limit=0.2) as outer:
+        watch.kept(patient, None)
+    assert outer.reason == "The time limit of 0.2 s was reached."
+    assert time.perf_counter() - began < 2.0
+
+
+def test_what_was_not_found_is_drawn_and_told_as_such() -> None:
+    def stop(fraction: float, text: str) -> None:
+        raise cb.Stop
+
+    assert cb.solve(REPULSION, load=1.0, progress=stop).plot().texts[0].get_text() == "no state was found"
+    told = cb.find_all(REPULSION, load=1.0, progress=stop).message
+    assert "; ." not in told
+    assert len(cb.trace(REPULSION, cb.Spring(1.0), time_limit=1e-9).branches[0].unstable("spring")) == 0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -114,3 +115,29 @@ def test_numbers_of_absurd_size_end_in_a_result_or_in_one_line(given: dict[str, 
             told = str(error)
         assert told
         assert "\n" not in told
+
+
+GAPS, ENERGIES = (0.0, 1.0, 2.0, 3.0), (-1.0, -0.5, -0.1, -0.0)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: cb.Tabulated(tuple(1e300 * gap for gap in GAPS), ENERGIES), "gaps: up to 3e.300; must be between"),
+        (lambda: cb.Tabulated(GAPS, tuple(1e-200 * energy for energy in ENERGIES)), "energies: up to 1e-200"),
+        (lambda: cb.Profile((0.0, 1e-20, 1.0, 2.0), (0.0, 1e-40, 0.5, 2.0)), "radii: entries closer than"),
+        (lambda: cb.Contact(cb.Parabola(1.0), cb.Layered(1.0, 0.5, 1e-300)).scales, "a range or wavelength of 1e-300"),
+        (lambda: cb.trace(absurd(), model=cb.Periodic(cell=1e300, grid=64)), "cell: 1e.300 of the contact's own"),
+        (lambda: cb.trace(SMALL, model=cb.Periodic(cell=5.0, grid=16)), "grid: no node of it lies under the tip"),
+        (lambda: cb.trace(cb.Contact(cb.EllipticParaboloid(0.1, 0.2)), max_load=1.7e308), "max_load, in reduced units"),
+        (lambda: cb.trace(cb.Contact(cb.Cone(1.0), cb.MaugisDugdale(1.0, 1.0))), "take a smooth law"),
+    ],
+)
+def test_tables_cells_and_loads_of_absurd_size_are_refused(make: Callable[[], object], words: str) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(cb.InputError, match=words):
+            make()
+
+
+SMALL = cb.Contact(cb.SphericalCap(0.03), cb.MaugisDugdale(-1.0, 1.0))

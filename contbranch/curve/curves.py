@@ -82,7 +82,7 @@ class Coexisting:
     complete: bool = True
     message: str = ""
     window: tuple[float, float] = (0.0, 0.0)
-    searched: str = ""
+    searched: str = "the search had not begun"
 
 
 @dataclass(frozen=True)

@@ -175,7 +175,7 @@ def crossover_excess(second: float, third: float) -> float | None:
     """
     if third == 0.0:
         return None
-    return float(18 * abs(second) ** 3 / third**2)
+    return float(18 * np.abs(second) ** 3 / np.square(third))
 
 
 def fitted_window(local: LocalExponent, start: float, stop: float) -> Window | None:

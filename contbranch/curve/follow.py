@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Sequence
 
@@ -160,7 +161,7 @@ def _ordered(family: Family, goals: tuple[float, ...]) -> tuple[float, ...]:
                 family.member(value)
             except InputError as error:
                 raise InputError(f"to: {value:g}; {str(error).removeprefix('vary: ')}") from error
-    other = tuple(value for value in dict.fromkeys(goals) if value != family.start)
+    other = tuple(value for value in dict.fromkeys(goals) if not math.isclose(value, family.start))
     if not other:
         raise InputError(f"to: {goals[0]:g}; is the present value of {family.name}, give another one")
     if len(other) == 2 and not min(other) < family.start < max(other):

@@ -149,7 +149,8 @@ class RawCurve:
 def no_curve(message: str = "", cost: Cost | None = None, unknowns: int = 0) -> RawCurve:
     """A curve without rows."""
     empty, none = np.empty(0), np.empty(0, dtype=np.int64)
-    return RawCurve(*(empty,) * 5, none, none, np.empty((0, 2)), (), (), False, message, cost or Cost(0.0, 0), unknowns)
+    said = message, cost or Cost(0.0, 0), unknowns
+    return RawCurve(*(empty,) * 5, none, none, np.empty((0, 2)), (), (), False, *said, unstable_spring=none)
 
 
 @dataclass(frozen=True)

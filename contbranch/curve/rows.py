@@ -70,8 +70,8 @@ def raw_curve(track: Track, request: Request) -> RawCurve:
         much = "is not known; the law, or the tip, has kinks there"
         if math.isfinite(worst):
             reached = 10.0 ** math.ceil(math.log10(10.0 * worst * request.accuracy))
-            remedy = f"ask for {reached:.0e}" if reached <= COARSEST else "do not rely on it"
-            much = f"is {worst:.3g} times the accuracy asked; {remedy}"
+            other = request.accuracy * (100 if 100 * request.accuracy <= COARSEST else 0.01)
+            much = f"is {worst:.3g} times the accuracy asked; ask for {reached if reached <= COARSEST else other:.0e}"
         messages.append(f"An event's error estimate {much}.")
     load, displacement = track.column("load"), track.column("displacement")
     return RawCurve(

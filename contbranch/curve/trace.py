@@ -170,6 +170,8 @@ class _Tracing:
         if not name:
             blame(branch.end.cause)
             self.message = f"{branch.end.message} {problem.ending('', last)}".strip()
+            if branch.end.outcome is Outcome.STEP_TOO_SMALL and not problem.given:
+                self.message += " Try a hundredth of the accuracy."
             return None
         try:
             found = problem.successor(name, [start, *branch.points])

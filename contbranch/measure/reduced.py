@@ -35,6 +35,7 @@ from contbranch.errors import InputError, ModelError
 from contbranch.models.choice import choose
 from contbranch.theory import maugis
 from contbranch.theory._dugdale import Zone
+from contbranch.watch import check
 
 # Tabor coefficients between which curves are tabulated, and their ratio from one to the next.
 TABOR = (0.0302, 24.5)
@@ -297,6 +298,7 @@ def _track(contact: Contact, accuracy: float, top: float) -> Track:
     except ModelError as error:
         raise ModelError(f"the curve of the contact could not be traced: {error}") from error
     if not track.complete:
+        check()
         raise ModelError(f"the curve of the contact ends before the largest load: {track.message}")
     return track
 

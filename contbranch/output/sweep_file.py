@@ -128,15 +128,17 @@ def _write_records(group: h5py.Group, count: int, records: Callable[[], Iterable
         scale = group.create_dataset(name, (length.sum(),), dtype="f4")
         scale.make_scale(_LENGTH % length.sum())
         _along(group.create_dataset(f"{name}_count", data=length), [task])
+    columns = {}  # held open: one that is opened anew unpacks its last piece, and packs it again
     for name, kind in kinds.items():
         scale = group[_dimension(name)]
-        _along(group.create_dataset(name, scale.shape, kind, fillvalue=_blank(kind), **_PACKED), [scale])
+        columns[name] = group.create_dataset(name, scale.shape, kind, fillvalue=_blank(kind), **_PACKED)
+        _along(columns[name], [scale])
     # what a task lacks stays blank
     starts = {name: np.cumsum(length) - length for name, length in counts.items()}
     for index, (_, arrays) in enumerate(records()):
         for name, values in arrays.items():
             start = int(starts[_dimension(name)][index])
-            group[name][start : start + len(values)] = values
+            columns[name][start : start + len(values)] = values
 
 
 def _dimension(name: str) -> str:

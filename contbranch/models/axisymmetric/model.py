@@ -28,16 +28,10 @@ class Axisymmetric:
         """Return why the model does not represent a contact, as the end of a sentence, or None if it does."""
         if not contact.tip.is_axisymmetric:
             return f"a tip of the shape {contact.tip.name or type(contact.tip).__name__} is not axisymmetric"
-        laws = terms_of(contact.interaction)
-        if any(isinstance(law, MaugisDugdale) for law in laws):
-            if any(isinstance(law, MaugisDugdale) and law.work_of_adhesion < 0 for law in laws):
-                return (
-                    "the repulsive maugis-dugdale law has a ring on which the gap stays at the range of the law, a "
-                    "second kind of contact with an inequality of its own, which is not available yet"
-                )
+        if any(isinstance(law, MaugisDugdale) for law in terms_of(contact.interaction)):
             return (
-                "the pressure of the maugis-dugdale law jumps at the end of its range, which smooth "
-                "panels cannot represent"
+                "the pressure of the maugis-dugdale law jumps at the end of its range, which for attraction the exact "
+                "model alone represents, of a parabola and that law alone; take a smooth law, such as exponential"
             )
         return None
 

@@ -116,7 +116,7 @@ class ExactProblem(EquilibriumProblem):
 
     def values(self, x: Array, p: float) -> Values:
         """Of the closed form."""
-        load, displacement, contact_radius, _, _, central_gap, energy = map(float, self.curve(p))
+        load, displacement, contact_radius, _, _, central_gap, energy = (float(one) + 0.0 for one in self.curve(p))
         return Values(load, displacement, contact_radius, central_gap, energy)
 
     def rates(self, x: Array, p: float, x_rate: Array, p_rate: float) -> Rates:
