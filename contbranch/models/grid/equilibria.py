@@ -60,7 +60,7 @@ FURTHEST = 1.0
 RECENT = 8
 # Least error of an event, relative to max(1, |value|); that for which no finer lattice is asked, of what is controlled
 # and of what is not.
-FLOOR, ENOUGH, ACROSS = 5e-8, 3e-7, 3e-6
+FLOOR, ENOUGH, ACROSS = 1.5e-7, 3e-7, 3e-6
 # Two states are one if no gap differs by more than this part of the law's range: relaxations and Newton's method stop
 # at different residuals, and soft states are far apart for the same one.
 SAME = 0.02
