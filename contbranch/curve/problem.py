@@ -413,6 +413,10 @@ class EquilibriumProblem(Problem):
         """Errors of load, displacement, radius and gap that finer discretisations have, too."""
         return 0.0, 0.0, 0.0, 0.0
 
+    def shared(self, point: Point) -> tuple[float, float]:
+        """Of these, errors of load and displacement that states near each other have in common."""
+        return 0.0, 0.0
+
     def verdict(self, point: Point, control: Control, error: Sequence[float]) -> tuple[str | None, str]:
         """What a fold is worth on a discretisation that was given, and a sentence; None where nothing is to be said."""
         return None, ""

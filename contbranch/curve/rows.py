@@ -246,7 +246,10 @@ def _doubtful(track: Track, events: list[RawEvent]) -> None:
         while len(own) > 1:
             at = {k: control.weighted(*events[k].values[:2]) for k in own}
             heights = np.array(list(at.values()))
-            errors = np.array([control.weighted(*events[k].error[:2]) for k in own])
+            common = [equilibrium(events[k].place).shared(events[k].place) for k in own]
+            errors = np.array(
+                [control.weighted(*np.subtract(events[k].error[:2], c)) for k, c in zip(own, common, strict=True)]
+            )
             apart = np.abs(np.diff(heights)) / np.minimum(errors[1:], errors[:-1])
             place = int(np.argmin(apart))
             if not apart[place] < 1.0:

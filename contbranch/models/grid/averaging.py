@@ -332,6 +332,10 @@ class AveragedProblem(EquilibriumProblem):
         load, displacement, radius, _ = read(self.setup, self.nearest(p)).errors
         return float(error[0]) + load, float(error[1]) + displacement, MEASURED * spacing + radius, 0.0
 
+    def shared(self, point: Point) -> tuple[float, float]:
+        """What the cell leaves out."""
+        return read(self.setup, self.nearest(point.parameter)).errors[:2]
+
     def defect(self, point: Point) -> Defect:
         """By the other windows."""
         p = point.parameter

@@ -58,8 +58,9 @@ __all__ = ["LatticeProblem"]
 FURTHEST = 1.0
 # States whose fields are kept, since more than one question is asked of each.
 RECENT = 8
-# Least error of an event, relative to max(1, |value|), and that of what is not controlled for which it is enough.
-FLOOR, ACROSS = 3e-7, 3e-6
+# Least error of an event, relative to max(1, |value|); that for which no finer lattice is asked, of what is controlled
+# and of what is not.
+FLOOR, ENOUGH, ACROSS = 1.5e-7, 3e-7, 3e-6
 # Two states are one if no gap differs by more than this part of the law's range: relaxations and Newton's method stop
 # at different residuals, and soft states are far apart for the same one.
 SAME = 0.02
@@ -458,6 +459,10 @@ class LatticeProblem(EquilibriumProblem):
         """What the cell leaves out, and what reading off the nodes does."""
         return self.reading(x, p).errors
 
+    def shared(self, point: Point) -> tuple[float, float]:
+        """What the cell leaves out."""
+        return self.reading(point.x, point.parameter).errors[:2]
+
     def difference(self, point: Point, control: Control | None = None) -> Array:
         """Change of load, displacement, radius and gap on half the nodes a side: at a value of a control, or across the
         curve; infinite where that is not known."""
@@ -498,7 +503,7 @@ class LatticeProblem(EquilibriumProblem):
                 return error.copy()
         error = np.full(4, np.inf)
         own = np.array(event.control.weights if isinstance(event, FoldEvent) else (1.0, 1.0)) != 0.0
-        floor = np.where(own, FLOOR, ACROSS) * np.maximum(1.0, np.abs(self.reading(point.x, point.parameter)[:2]))
+        floor = np.where(own, ENOUGH, ACROSS) * np.maximum(1.0, np.abs(self.reading(point.x, point.parameter)[:2]))
         for other in filter(None, (self._coarser, self._finer)):
             if (error[:2] > floor).any():
                 error = self._move(point, event, other)
@@ -543,14 +548,16 @@ class LatticeProblem(EquilibriumProblem):
                 error *= SAFETY
                 error[2] += self.setup.lattice.spacing * max(1.0, self.resolution.ratio)  # nodes join by chance
         seen = np.abs(self.reading(point.x, point.parameter)[:4])
-        floor = self.settings.tolerance if isinstance(event, Reached) else FLOOR
+        floor = np.full(4, self.settings.tolerance if isinstance(event, Reached) else FLOOR)
+        if isinstance(event, FoldEvent):
+            floor[:2][np.array(event.control.weights) == 0.0] = ENOUGH
         error += floor * np.maximum(1.0, seen) + self.left_out(point.x, point.parameter)
         error[2:] = np.where([seen[3] > 0.0 or not self.wall, seen[2] > 0.0], 0.0, error[2:])
         return tuple(error.tolist())
 
     def verdict(self, point: Point, control: Control, error: Sequence[float]) -> tuple[str | None, str]:
         """Whether it stays on another lattice, by its error."""
-        moved = control.value(error[0], error[1])
+        moved = control.value(*np.subtract(error[:2], self.shared(point)))
         value = control.value(*self.reading(point.x, point.parameter)[:2])
         what = "the position of the spring" if control.kind == "spring" else control.kind
         if not math.isfinite(moved):
@@ -569,7 +576,7 @@ class LatticeProblem(EquilibriumProblem):
     def relaxed(
         self, fold: Point, control: Control, direction: int, others: Sequence[Point], guarded: bool
     ) -> int | None:
-        """By damped dynamics from the fold, the control moved beyond it by its error: the lattice's barriers hold it.
+        """By relaxation from the fold, the control moved beyond it by its error: the lattice's barriers hold it.
 
         Raises
         ------
