@@ -1,13 +1,12 @@
-"""Area and radius of the contact on a lattice, below the spacing, with error estimates.
+"""Area and radius of the contact on a lattice, with sub-grid resolution and error estimates.
 
-Near a rim without singular pressure, at distance s from it on either side,
+Three estimates are combined, all from the crossings of the rim with the lines of the lattice (`crossings`): from the
+pairs of nodes at the rim, from the profile of the wall pressure inside, and from that of the gap outside. A fit over
+more nodes averages over more of the lattice's own error next to the rim, but follows the profile less closely; as many
+nodes are used as agree, within the noise, with all fits over fewer.
 
-    p_c = κ s^(1/2)      inside,          g = (4κ/3E) s^(3/2)      outside,
-
-to leading order. So the last node in contact and the first free one beside it place the rim between them: with
-y = κ^(-2/3) the two distances p_c² y³ and (3g/4)^(2/3) y sum up to the distance of the nodes along the normal. This
-uses nothing but the two nodes, hence it does not feel how the law bends both profiles further away, and works for
-contacts of a few nodes and for any number of patches.
+The noise of each estimate is that found on lattices of many spacings for the contact without interaction, whose radius
+is a³ = 3FR/(4E). Areas are turned into shifts of the rim by its length, so that errors are compared in spacings.
 """
 
 from __future__ import annotations
@@ -17,20 +16,47 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .arrays import Array, Mask
-from .lattice import Lattice
+from .arrays import Array
+from .crossings import Crossings, Side, find_crossings
 from .newton import Equilibrium
 from .problem import GridProblem
 
-__all__ = ["ContactArea", "Rim", "contact_area", "rim_of"]
+__all__ = ["ContactArea", "contact_area"]
 
-# Smoothings of the contact's indicator whose gradient is the normal of the rim: a width of about two nodes.
-_SMOOTHINGS = 3
-# Noise of the rim's place (in spacings, at a radius of so many spacings) and its growth for smaller ones; what the
-# law's stiffness times the spacing adds; and the place of a contact of few nodes, which carries its load on a disc that
-# the lattice chooses: at a radius of one spacing, and the power with which it falls.
-_NOISE, _RADIUS_OF_NOISE, _GROWTH = 0.022, 32.0, 0.5
-_BENT = 0.15
+
+# Nodes, degree and noise (in spacings, at a radius of 32 spacings) of the fits, noisiest first.
+_FITS: dict[Side, tuple[tuple[int, int, float], ...]] = {
+    "pressure": (
+        (3, 2, 0.016),
+        (5, 3, 0.014),
+        (4, 2, 0.014),
+        (6, 3, 0.011),
+        (5, 2, 0.009),
+        (8, 3, 0.008),
+        (8, 2, 0.0045),
+        (12, 3, 0.004),
+    ),
+    "gap": (
+        (4, 3, 0.011),
+        (3, 2, 0.009),
+        (4, 2, 0.007),
+        (6, 3, 0.006),
+        (5, 2, 0.005),
+        (8, 3, 0.005),
+        (6, 2, 0.004),
+        (12, 3, 0.0035),
+        (8, 2, 0.003),
+    ),
+}
+# A rougher fit, and the part of its distance from the noisiest that this is in error where no other agrees.
+_ROUGH: dict[Side, tuple[int, int, float]] = {"pressure": (3, 1, 0.3), "gap": (3, 2, 1.0)}
+_NOISE_OF_PAIRS = 0.011
+_RADIUS_OF_NOISE = 32.0
+_GROWTH_OF_NOISE = 0.5
+# Share of the rim along which a fit must exist.
+_SHARE = 0.6
+# A contact of few nodes carries its load on a disc that the lattice chooses: error in spacings at a radius of one, and
+# the power with which it falls.
 _FEW, _FEW_POWER = 0.5, 1.8
 # Such that the true error, of contacts of all laws at random, is below the estimate in 95 % of the cases.
 _SAFETY = 1.5
@@ -46,6 +72,8 @@ class ContactArea:
         √(A/π), for a contact of any shape, and its error estimate.
     area, area_error : float
         A and its error estimate.
+    from_pairs, from_pressure, from_gap : float
+        A by each of the three estimates; the latter two are `from_pairs` where the contact is too small for them.
     nodes : int
         Nodes of the whole lattice in contact.
     perimeter : float
@@ -56,46 +84,11 @@ class ContactArea:
     radius_error: float = 0.0
     area: float = 0.0
     area_error: float = 0.0
+    from_pairs: float = 0.0
+    from_pressure: float = 0.0
+    from_gap: float = 0.0
     nodes: int = 0
     perimeter: float = 0.0
-
-
-@dataclass(frozen=True)
-class Rim:
-    """Pairs of neighbouring nodes, one in contact and one free.
-
-    Attributes
-    ----------
-    lattice : Lattice
-    nodes : int
-        Nodes of the array in contact.
-    cosine : array (M,)
-        |cos| of the angle between line and normal.
-    fraction : array (M,)
-        Where the rim lies between the two nodes, 0 (contact) to 1.
-    """
-
-    lattice: Lattice
-    nodes: int
-    cosine: Array
-    fraction: Array
-
-    @property
-    def shares(self) -> Array:
-        """Of the rim between the lines of both directions, by the angle; in halves for a few nodes."""
-        x = np.clip(2.0 * self.cosine**2 - 0.5, 0.0, 1.0)
-        share = np.clip((self.nodes * self.lattice.multiplicity - 12.0) / 48.0, 0.0, 1.0)
-        return np.asarray(share * x * x * (3.0 - 2.0 * x) + 0.5 * (1.0 - share))
-
-    @property
-    def area(self) -> float:
-        """Area within the rim: each pair moves the border of the last node's square."""
-        return self.lattice.node_area * (self.nodes + float(self.shares @ (self.fraction - 0.5)))
-
-    @property
-    def length(self) -> float:
-        """Length of a rim halfway between the pairs: lines along x and y count a piece of it |cos| and |sin| times."""
-        return self.lattice.node_area / self.lattice.spacing * float(self.cosine.sum())
 
 
 def contact_area(problem: GridProblem, equilibrium: Equilibrium) -> ContactArea:
@@ -103,24 +96,13 @@ def contact_area(problem: GridProblem, equilibrium: Equilibrium) -> ContactArea:
 
     Without a node in contact all is zero, with an error of what may lie between the nodes at the smallest gap.
     """
-    contact, fields, lattice = equilibrium.contact, equilibrium.fields, problem.lattice
+    contact = equilibrium.contact
     if not contact.any():
-        radius = _hidden(problem, fields.gap)
+        radius = _hidden(problem, equilibrium.fields.gap)
         return ContactArea(radius_error=radius, area_error=math.pi * radius**2)
-    wall = np.where(contact, np.maximum(fields.excess, 0.0), 0.0)
-    rim, h = rim_of(lattice, contact, wall, fields.gap), lattice.spacing
-    nodes, counted = rim.nodes * lattice.multiplicity, lattice.node_area * rim.nodes
-    if rim.cosine.size == 0:  # the whole cell
-        return ContactArea(math.sqrt(counted / math.pi), 0.0, counted, 0.0, nodes)
-    area = rim.area if rim.area > 0.0 else counted
-    radius = math.sqrt(area / math.pi)
-    # the rim of the nodes' squares, shrunk to the area
-    perimeter = rim.length * math.sqrt(area / counted)
-    noise = _NOISE * (_RADIUS_OF_NOISE * 2.0 * math.pi * h / perimeter) ** _GROWTH
-    bent = _BENT * h * float(np.abs(np.where(contact, 0.0, fields.stiffness)).max())
-    few = _FEW * (0.5 * perimeter * h / area) ** _FEW_POWER
-    error = _SAFETY * perimeter * h * math.hypot(noise, bent, few)
-    return ContactArea(radius, error / (2.0 * math.pi * radius), area, error, nodes, perimeter)
+    wall = np.where(contact, np.maximum(equilibrium.fields.excess, 0.0), 0.0)
+    crossings = find_crossings(problem.lattice, contact, wall, equilibrium.fields.gap)
+    return _measured(crossings, problem.lattice.multiplicity)
 
 
 def _hidden(problem: GridProblem, gap: Array) -> float:
@@ -133,51 +115,61 @@ def _hidden(problem: GridProblem, gap: Array) -> float:
     return math.sqrt(0.5) * problem.lattice.spacing if gap[i, j] < 0.3 * rise else 0.0
 
 
-def rim_of(lattice: Lattice, contact: Mask, wall_pressure: Array, gap: Array) -> Rim:
-    """Collect the pairs of nodes at the rim of a contact.
+def _measured(crossings: Crossings, multiplicity: int) -> ContactArea:
+    nodes, pairs, spacing = crossings.nodes * multiplicity, crossings.area, crossings.spacing
+    if crossings.cosine.size == 0:
+        # The whole cell.
+        return ContactArea(math.sqrt(pairs / math.pi), 0.0, pairs, 0.0, pairs, pairs, pairs, nodes)
+    strip = crossings.perimeter * spacing
+    noise = (_RADIUS_OF_NOISE * 2.0 * math.pi * spacing / crossings.perimeter) ** _GROWTH_OF_NOISE
+    pressure, pressure_error = _fitted(crossings, "pressure", strip, noise)
+    gap, gap_error = _fitted(crossings, "gap", strip, noise)
+    bent = sum(error for error in (pressure_error, gap_error) if math.isfinite(error))
+    pairs_error = max(_NOISE_OF_PAIRS * noise, 0.5 * pressure_error if math.isfinite(pressure_error) else 0.0)
 
-    Parameters
-    ----------
-    lattice : Lattice
-    contact : array of bool
-    wall_pressure, gap : array
-        Of the lattice's shape; the gap is infinite on the padding.
-    """
-    margin, n, axes = _SMOOTHINGS + 1, lattice.size, []
-    for axis in (1, 0):
-        found = np.flatnonzero(contact.any(axis=axis))
-        axes.append(np.arange(found[0] - margin, found[-1] + margin + 1) if found.size else np.arange(1))
-    # By mirror symmetry or periodicity
-    folds = [numbers % (2 * n if lattice.quarter else n) for numbers in axes]
-    window = np.ix_(*(np.minimum(numbers, 2 * n - 1 - numbers) for numbers in folds))
-    touching, pressure, opening = contact[window], wall_pressure[window], gap[window]
-    owned = [(numbers >= 0) & (numbers < n) for numbers in axes]
-    for one in owned:
-        one[:margin] = one[-margin:] = False
-    smooth = touching.astype(np.float64)
-    for _ in range(_SMOOTHINGS):
-        smooth = np.pad(smooth, 1, mode="edge")
-        smooth = 0.25 * (smooth[:-2] + 2.0 * smooth[1:-1] + smooth[2:])
-        smooth = 0.25 * (smooth[:, :-2] + 2.0 * smooth[:, 1:-1] + smooth[:, 2:])
-    normal = np.gradient(smooth)
-    parts = []
-    for axis, step in ((0, (1, 0)), (0, (-1, 0)), (1, (0, 1)), (1, (0, -1))):
-        beyond = np.roll(touching, (-step[0], -step[1]), (0, 1))
-        i, j = near = np.nonzero(touching & np.logical_and.outer(*owned) & ~beyond)
-        far = i + step[0], j + step[1]
-        along = [0.5 * (one[near] + one[far]) for one in normal]
-        parts.append((np.abs(along[axis]) / (np.hypot(*along) + 1e-300), pressure[near], opening[far]))
-    cosine, inner, outer = (np.concatenate(part) for part in zip(*parts, strict=True))
-    fraction = _fractions(inner, outer, lattice.spacing * np.maximum(cosine, 0.2))
-    return Rim(lattice, int(contact.sum()), cosine, fraction)
+    shifts = np.array([0.0, pressure, gap])
+    precision = np.array([pairs_error, pressure_error, gap_error]) ** -2.0
+    total = float(precision.sum())
+    shift = float(precision @ shifts) / total
+    scatter = max(total**-0.5, float(precision @ np.abs(shifts - shift)) / total)
+    area = pairs + shift * strip
+    if area <= 0.0:
+        area = crossings.node_area * crossings.nodes
+    # The three share the error of the equilibrium itself: it grows with what bends the profiles near the rim, and where
+    # the contact has few nodes.
+    few = _FEW * (0.5 * crossings.perimeter * spacing / area) ** _FEW_POWER
+    area_error = _SAFETY * strip * math.hypot(2.0 * scatter, 0.5 * bent, few)
+    radius = math.sqrt(area / math.pi)
+    return ContactArea(
+        radius=radius,
+        radius_error=area_error / (2.0 * math.pi * radius),
+        area=area,
+        area_error=area_error,
+        from_pairs=pairs,
+        from_pressure=pairs + pressure * strip,
+        from_gap=pairs + gap * strip,
+        nodes=nodes,
+        # the rim of the nodes' squares, shrunk to the area
+        perimeter=crossings.length * math.sqrt(area / (crossings.node_area * crossings.nodes)),
+    )
 
 
-def _fractions(pressure: Array, gap: Array, distance: Array) -> Array:
-    """Solve p² y³ + (3g/4)^(2/3) y = distance, monotonic and convex in y = κ^(-2/3), by Newton from above."""
-    first, second = pressure**2, (0.75 * np.maximum(gap, 0.0)) ** (2.0 / 3.0)
-    known = (first + second > 0.0) & np.isfinite(second)
-    a, b, d = np.where(known, first, 1.0), np.where(known, second, 1.0), distance
-    y = np.minimum(np.cbrt(d / np.maximum(a, 1e-300)), d / np.maximum(b, 1e-300))
-    for _ in range(12):
-        y = y - (a * y**3 + b * y - d) / (3.0 * a * y * y + b)
-    return np.where(known, np.clip(a * y**3 / d, 0.0, 1.0), 0.5)
+def _fitted(crossings: Crossings, side: Side, strip: float, noise: float) -> tuple[float, float]:
+    """Shift of the rim by the fits of one profile, in spacings, and its error; infinite where there is no fit."""
+    found: list[tuple[float, float]] = []
+    rough, fits = _ROUGH[side], _FITS[side]
+    enlarged, shares = crossings.shifts(side, [fit[:2] for fit in (*fits, rough)])
+    shifts = (enlarged / strip).tolist()
+    for (*_, level), shift, share in zip(fits, shifts, shares, strict=False):
+        if share < _SHARE:
+            continue
+        uncertain = level * noise
+        if any(abs(shift - other) > 2.0 * math.hypot(uncertain, error) for other, error in found):
+            break
+        found.append((shift, uncertain))
+    if not found:
+        return 0.0, math.inf
+    shift, uncertain = found[-1]
+    if len(found) > 1:
+        return shift, math.hypot(uncertain, 0.5 * (shift - found[-2][0]))
+    return shift, math.hypot(uncertain, rough[2] * (shifts[-1] - shift))

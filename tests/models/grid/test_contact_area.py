@@ -11,7 +11,8 @@ from scipy.optimize import brentq
 from scipy.special import ellipe, ellipk
 
 import contbranch as cb
-from contbranch.models.grid.contact_area import contact_area, rim_of
+from contbranch.models.grid.contact_area import contact_area
+from contbranch.models.grid.crossings import find_crossings
 from contbranch.models.grid.lattice import Lattice
 from contbranch.models.grid.newton import Equilibrium
 from contbranch.models.grid.observables import central_gap
@@ -26,14 +27,18 @@ def hertz(spacings, grid, kind="free"):
 
 @pytest.mark.parametrize("spacings", [16.2, 16.94, 22.4, 32.0, 32.23, 32.5, 32.79])
 def test_radius_of_hertz(spacings):
-    # F = 4a³/3: radius 1. Below 0.1 % at 32 spacings; 16.94 and 32.0 are the worst of places for the rim.
+    # F = 4a³/3: radius 1. A quarter of 0.1 % at 32 spacings; 16.94 and 32.0 are the worst of places for the rim.
     measured = contact_area(*hertz(spacings, 128 if spacings < 20 else 224))
-    assert abs(measured.radius - 1.0) < 2.5e-2 / spacings
-    assert abs(measured.radius - 1.0) < measured.radius_error < 0.06 / spacings
+    assert abs(measured.radius - 1.0) < 8e-3 / spacings
+    assert abs(measured.radius - 1.0) < measured.radius_error < 0.025 / spacings
 
 
-def test_nodes_count_the_border_too_far_out():
-    measured = contact_area(*hertz(24.3, 144))
+def test_three_estimates_agree():
+    problem, equilibrium = hertz(24.3, 144)
+    measured = contact_area(problem, equilibrium)
+    for area, allowed in ((measured.from_pairs, 3e-2), (measured.from_pressure, 1.5e-2), (measured.from_gap, 1e-2)):
+        assert abs(math.sqrt(area / math.pi) - 1.0) < allowed / 24.3
+    # Nodes alone count the border a tenth of a spacing too far out: there the estimates are not.
     counted = math.sqrt(measured.nodes / math.pi) / 24.3
     assert abs(counted - 1.0) > 4.0 * abs(measured.radius - 1.0)
 
@@ -113,7 +118,7 @@ def test_place_in_the_cell_does_not_matter():
         measured = contact_area(problem, solved(problem, 4.0 / 3.0))
         areas.append(measured.area)
         errors.append(measured.area_error)
-    assert np.ptp(areas) < 8e-3
+    assert np.ptp(areas) < 3e-3
     assert np.ptp(areas) < 2.0 * max(errors)
 
 
@@ -126,7 +131,7 @@ def test_two_patches():
     second = paraboloid("periodic", edge, 204, quarter=False, centre=(0.5 * edge, 0.5 * edge))
     first.heights = np.minimum(first.heights, second.heights[102:, 102:])
     double = contact_area(first, solved(first, 8.0 / 3.0))
-    assert abs(double.area - 2.0 * single.area) < 4e-3
+    assert abs(double.area - 2.0 * single.area) < 2e-3
     assert abs(double.area - 2.0 * single.area) < double.area_error + 2.0 * single.area_error
 
 
@@ -174,7 +179,7 @@ class TestPerimeter:
             x, y = nodes[:, None] - 32.0 - random.uniform(), nodes - 32.0 - random.uniform()
             along, across = x * np.cos(turn) + y * np.sin(turn), y * np.cos(turn) - x * np.sin(turn)
             contact = (along / a) ** 2 + (across / b) ** 2 < 1.0
-            found.append(rim_of(lattice, contact, 1.0 * contact, 1.0 * ~contact).length)
+            found.append(find_crossings(lattice, contact, 1.0 * contact, 1.0 * ~contact).length)
         assert np.mean(found) == pytest.approx(4.0 * a * ellipe(1.0 - (b / a) ** 2), rel=0.01)
 
     def test_of_a_round_contact(self):

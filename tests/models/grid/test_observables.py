@@ -216,7 +216,7 @@ def test_quarter_and_whole_are_the_same(kind):
         shapes = observables.profile(problem, equilibrium)
         measured.append(
             [
-                *(area.radius, area.radius_error, area.perimeter, area.nodes),
+                *(area.radius, area.radius_error, area.from_pairs, area.from_pressure, area.from_gap, area.nodes),
                 *(equilibrium.displacement, far, gap.value, gap.error),
                 *(observables.mean_gap(problem, equilibrium), problem.total_energy(equilibrium.fields)),
                 *(shapes.gap.sum(), shapes.pressure.sum(), shapes.r.size),

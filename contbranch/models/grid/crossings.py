@@ -1,0 +1,231 @@
+"""Where the rim of a contact crosses the lines of a lattice, and the area that this encloses.
+
+Near a rim without singular pressure, at distance s from it on either side,
+
+    p_c = κ s^(1/2)      inside,          g = (4κ/3E) s^(3/2)      outside,
+
+to leading order. So the last node in contact and the first free one beside it place the rim between them: with
+y = κ^(-2/3) the two distances p_c² y³ and (3g/4)^(2/3) y sum up to the distance of the nodes along the normal. This
+uses nothing but the two nodes, hence it is the least sensitive to how the law bends both profiles further away, and
+works for contacts of a few nodes and for any number of patches.
+
+Along each line of the lattice that crosses the rim, p_c² or g^(2/3) is also fitted by a polynomial in the distance,
+over the nodes nearest to the rim: its zero is where the profile of the wall pressure, or that of the gap, ends.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from .arrays import Array, Integers, Mask
+from .lattice import Lattice
+
+__all__ = ["REACH", "Crossings", "find_crossings"]
+
+Side = Literal["pressure", "gap"]
+
+REACH = 12
+"""Nodes kept on either side of the rim."""
+
+# Of the distance in polynomials.
+POWERS = np.arange(4)
+# Smoothings of the contact's indicator whose gradient is the normal of the rim: a width of about two nodes.
+_SMOOTHINGS = 3
+
+
+@dataclass(frozen=True)
+class Crossings:
+    """Pairs of neighbouring nodes, one in contact and one free.
+
+    Attributes
+    ----------
+    spacing : float
+        Distance of neighbouring nodes.
+    node_area : float
+        Area for which one node of the array stands.
+    nodes : int
+        Nodes of the array in contact.
+    weight : array (M,)
+        Share of the rim for which a crossing stands: lines that meet it steeply are preferred.
+    cosine : array (M,)
+        |cos| of the angle between line and normal.
+    fraction : array (M,)
+        Where the rim lies between the two nodes by their own values, 0 (contact) to 1.
+    wall_pressure, gap : array (M, REACH)
+        Along the line, from the rim inwards and outwards.
+    inside, outside : array of bool (M, REACH)
+        Whether these nodes are in contact, or free and near a tip.
+    """
+
+    spacing: float
+    node_area: float
+    nodes: int
+    weight: Array
+    cosine: Array
+    fraction: Array
+    wall_pressure: Array
+    gap: Array
+    inside: Mask
+    outside: Mask
+
+    @property
+    def area(self) -> float:
+        """Area within the rim placed by the pairs of nodes: each moves the border of the last node's square."""
+        return self.node_area * (self.nodes + float(self.weight @ (self.fraction - 0.5)))
+
+    @property
+    def perimeter(self) -> float:
+        """Length of the rim."""
+        steepness = np.maximum(self.cosine, 0.3)
+        return self.node_area / self.spacing * np.sum(self.weight / steepness)
+
+    @property
+    def length(self) -> float:
+        """Length of a rim halfway between the pairs: lines along x and y count a piece of it |cos| and |sin| times."""
+        return self.node_area / self.spacing * float(self.cosine.sum())
+
+    def shifts(self, side: Side, fits: Sequence[tuple[int, int]]) -> tuple[Array, Array]:
+        """How much fits of the profile enlarge the area against `area`, and for which share of the rim they exist.
+
+        Parameters
+        ----------
+        side : {"pressure", "gap"}
+            p_c² in contact, or g^(2/3) outside.
+        fits : sequence of (int, int)
+            Nodes along each line and degree of the polynomial in the distance, 3 at most.
+        """
+        steps, (count, degree) = np.arange(REACH), np.array(fits).T
+        if side == "pressure":
+            own, y, x = self.inside, self.wall_pressure**2, steps + self.fraction[:, None]
+            noise = 0.05 / (0.5 + np.maximum(x * self.cosine[:, None], 0.3)) ** 1.3
+        else:
+            own, x = self.outside, steps + 1.0 - self.fraction[:, None]
+            y = np.maximum(np.where(own, self.gap, 0.0), 0.0) ** (2.0 / 3.0)
+            noise = 0.03 / (0.3 + np.maximum(x * self.cosine[:, None], 0.3)) ** 1.6 + 1e-3
+        used = steps < count[:, None]
+        good = (own | ~used[:, None]).all(axis=-1) & (self.weight > 0.0)
+        share = good @ self.weight / max(float(self.weight.sum()), 1e-300)
+        zeros = np.zeros(good.shape)
+        fit, line = np.nonzero(good)
+        if fit.size:
+            basis = x[..., None] ** POWERS / noise[..., None]
+            terms = np.concatenate([basis, (y / noise)[..., None]], axis=-1)
+            normal = np.tensordot(used, basis[..., None] * terms[..., None, :], (1, 1))[fit, line]
+            last = count[fit] - 1
+            scale = np.maximum(y[line, last], 1e-300) / x[line, last]
+            # What is of too high a degree has the coefficient zero.
+            high = (degree[:, None] < POWERS)[fit]
+            right = np.where(high, 0.0, normal[..., 4] / scale[:, None])
+            own_terms = np.where(high[:, None] | high[..., None], np.eye(4), normal[..., :4])
+            zeros[fit, line] = _zeros(np.linalg.solve(own_terms, right[..., None])[..., 0])
+        outwards = -zeros if side == "pressure" else zeros
+        # Crossings without a fit move as the others do.
+        return self.node_area * (outwards @ self.weight) / np.where(share > 0.0, share, 1.0), share
+
+
+def find_crossings(lattice: Lattice, contact: Mask, wall_pressure: Array, gap: Array) -> Crossings:
+    """Collect the crossings of the rim with the lines of a lattice.
+
+    Parameters
+    ----------
+    lattice : Lattice
+    contact : array of bool
+    wall_pressure, gap : array
+        Of the lattice's shape; the gap is infinite on the padding.
+    """
+    rows, columns = np.nonzero(contact.any(axis=1))[0], np.nonzero(contact.any(axis=0))[0]
+    margin = REACH + 1
+    if rows.size == 0:
+        rows = columns = np.zeros(1, dtype=np.int64)
+    axes = [np.arange(found[0] - margin, found[-1] + margin + 1) for found in (rows, columns)]
+    window = np.ix_(*(_wrapped(lattice, axis) for axis in axes))
+    touching, pressure, opening = contact[window], wall_pressure[window], gap[window]
+    owned = np.ones_like(touching)
+    for axis, numbers in enumerate(axes):
+        inner = (numbers >= 0) & (numbers < lattice.size)
+        inner[:margin] = inner[-margin:] = False
+        owned &= inner[:, None] if axis == 0 else inner[None, :]
+    smooth = _smoothed(touching)
+    normal = (np.gradient(smooth, axis=0), np.gradient(smooth, axis=1))
+
+    parts = []
+    steps = np.arange(REACH)
+    for axis in (0, 1):
+        for sign in (1, -1):
+            shift = (sign, 0) if axis == 0 else (0, sign)
+            beyond = np.roll(touching, (-shift[0], -shift[1]), (0, 1))
+            i, j = np.nonzero(touching & owned & ~beyond)
+            along = [0.5 * (n[i, j] + n[i + shift[0], j + shift[1]]) for n in normal]
+            cosine = np.abs(along[axis]) / (np.hypot(*along) + 1e-300)
+            near = (i[:, None] - shift[0] * steps, j[:, None] - shift[1] * steps)
+            far = (i[:, None] + shift[0] * (steps + 1), j[:, None] + shift[1] * (steps + 1))
+            outside = ~touching[far] & np.isfinite(opening[far])
+            parts.append((cosine, pressure[near], opening[far], touching[near], outside))
+    cosine, pressures, openings, inside, outside = (np.concatenate(part) for part in zip(*parts, strict=True))
+    nodes = int(contact.sum())
+    return Crossings(
+        spacing=lattice.spacing,
+        node_area=lattice.node_area,
+        nodes=nodes,
+        weight=_weights(cosine, nodes * lattice.multiplicity),
+        cosine=cosine,
+        fraction=_fractions(pressures[:, 0], openings[:, 0], lattice.spacing * np.maximum(cosine, 0.2)),
+        wall_pressure=pressures,
+        gap=openings,
+        inside=inside,
+        outside=outside,
+    )
+
+
+def _wrapped(lattice: Lattice, numbers: Integers) -> Integers:
+    """Numbers of the nodes for which any integers stand, by mirror symmetry or periodicity."""
+    n = lattice.size
+    if not lattice.quarter:
+        return numbers % n
+    folded = numbers % (2 * n)
+    return np.minimum(folded, 2 * n - 1 - folded)
+
+
+def _smoothed(contact: Mask) -> Array:
+    field = contact.astype(np.float64)
+    for _ in range(_SMOOTHINGS):
+        field = np.pad(field, 1, mode="edge")
+        field = 0.25 * (field[:-2] + 2.0 * field[1:-1] + field[2:])
+        field = 0.25 * (field[:, :-2] + 2.0 * field[:, 1:-1] + field[:, 2:])
+    return field
+
+
+def _weights(cosine: Array, nodes: int) -> Array:
+    """Partition of the rim between the lines of both directions, by the angle; in halves for a few nodes."""
+    x = np.clip(2.0 * cosine**2 - 0.5, 0.0, 1.0)
+    by_angle = x * x * (3.0 - 2.0 * x)
+    share = np.clip((nodes - 12.0) / 48.0, 0.0, 1.0)
+    return np.asarray(share * by_angle + 0.5 * (1.0 - share))
+
+
+def _fractions(pressure: Array, gap: Array, distance: Array) -> Array:
+    """Solve p² y³ + (3g/4)^(2/3) y = distance, monotonic and convex in y = κ^(-2/3), by Newton from above."""
+    first, second = pressure**2, (0.75 * np.maximum(gap, 0.0)) ** (2.0 / 3.0)
+    known = (first + second > 0.0) & np.isfinite(second)
+    a, b, d = np.where(known, first, 1.0), np.where(known, second, 1.0), distance
+    y = np.minimum(np.cbrt(d / np.maximum(a, 1e-300)), d / np.maximum(b, 1e-300))
+    for _ in range(12):
+        y = y - (a * y**3 + b * y - d) / (3.0 * a * y * y + b)
+    return np.where(known, np.clip(a * y**3 / d, 0.0, 1.0), 0.5)
+
+
+def _zeros(coefficients: Array) -> Array:
+    """The zero next to x = 0 of every polynomial, at most one node away."""
+    x = np.zeros(len(coefficients))
+    for _ in range(8):
+        value, slope = coefficients[:, -1], np.zeros_like(x)
+        for one in coefficients.T[-2::-1]:
+            value, slope = value * x + one, slope * x + value
+        # Profiles rise away from the rim; where noise makes them fall, nothing is learnt.
+        step = np.where(slope > 1e-3, value / np.where(slope > 1e-3, slope, 1.0), 0.0)
+        x = np.clip(x - step, -1.0, 1.0)
+    return x
