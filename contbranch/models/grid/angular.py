@@ -18,6 +18,8 @@ __all__ = ["angular_content", "mode_shape"]
 
 # Largest number of periods around the axis that is told from others.
 LARGEST = 32
+# Weight, relative, of nodes that do not count.
+FAINT = 1e-3
 # Mean of cos² mθ over the nodes of a ring, 1/2 if there are many, below which the ring is too small for the mode.
 RESOLVED = 0.2
 
@@ -33,7 +35,7 @@ def angular_content(lattice: Lattice, values: Array, weight: Array, sector: Sect
     values, weight : array (n, n)
         The variation, and how much of it counts where.
     """
-    counted = weight > 0.0
+    counted = weight > FAINT * weight.max()
     content = np.zeros(LARGEST + 1)
     if not counted.any():
         return content

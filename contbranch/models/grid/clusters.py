@@ -27,7 +27,7 @@ LARGEST, PARTS = 8, 32
 NEAR, RESOLVED = 2, 2.0
 # Squares at most, for every node along one side of what is transformed (a half of it without mirrors) and at all: with
 # more the factorisation takes longer than what it saves. Fewer are found by making them larger, at the rim last.
-PER_SIDE, MOST = 8, 2000
+PER_SIDE, MOST = 6, 2000
 # Relative change of v'' up to which a factorisation serves on, and number of nodes that join or leave the contact: of
 # all, and of those in larger squares, which it does not see.
 STALE, CHANGES, HIDDEN = 0.3, 24, 8

@@ -32,11 +32,13 @@ __all__ = ["Border", "Change", "Linear"]
 
 # v″ relative to the largest below which the law does not act, and that down to which clusters are made at once, so that
 # they serve on as the film spreads: more squares need not have the symmetry of a state on the whole.
-NOTHING, SPARE = 1e-7, 1e-9
+NOTHING, SPARE = 1e-6, 1e-8
 # Memory for the directions of one matrix.
 BASIS_BYTES = 2e8
 # Memory for their displacements on all nodes.
 FIELD_BYTES = 1e8
+# Part of its length that a direction's image keeps where it need not be made orthogonal twice.
+KEPT = 0.5
 # Part of the residual by which a direction lowers it at least: otherwise the next one does not begin from it.
 STAGNANT = 0.1
 
@@ -264,7 +266,9 @@ class Linear:
             parts = self.images[:k] @ image
             image -= parts @ self.images[:k]
             self.triangle[:k, k] += parts
-            length = float(np.linalg.norm(image))
+            last, length = length, float(np.linalg.norm(image))
+            if length > KEPT * last:
+                break
         if not length > 1e-13 * before:
             return False
         self.triangle[k, k] = length
