@@ -24,7 +24,7 @@ PRECISE_TANGENT_DISTANCE = 1e-10
 SMALL = 1e-3
 # Where a problem multiplies by its Jacobian at little cost, the matrix factorised for a correction of that size serves
 # for the next ones as long as they contract by this factor, and for the tangent, refined so often at most.
-CONTRACTS, POLISHINGS = 0.1, 4
+CONTRACTS, POLISHINGS = 0.1, 8
 # Most corrections of a predicted point; what does not contract is given up earlier.
 ITERATIONS = 10
 # ... and of a start.
@@ -179,7 +179,7 @@ def correct(
                 x, p = x + dx, p + dp
             u, a = solve(bordered, np.zeros_like(x), 1.0, p)
             if kept or problem.delicate:
-                u, a = _refined(problem, row, bordered, (x, p, u, a), (metric, close**0.75))
+                u, a = _refined(problem, row, bordered, (x, p, u, a), (metric, close))
             problem.corrected(x, p, partial(_at_fixed_parameter, bordered, (u, a)))
             return Corrected(x, p, u, a, bordered, iteration, first, worst)
         previous = size
