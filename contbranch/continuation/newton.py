@@ -23,9 +23,8 @@ PRECISE_TANGENT_DISTANCE = 1e-10
 # prediction makes the first one small and the second, of what is soft, larger; the third is their square.
 SMALL = 1e-3
 # Where a problem multiplies by its Jacobian at little cost, the matrix factorised for a correction of that size serves
-# for the next ones as long as they contract by this factor, and for the tangent, refined so often, or until its changes
-# are this share of it: the next is as much smaller again.
-CONTRACTS, POLISHINGS, SHARP = 0.1, 3, 1e-5
+# for the next ones as long as they contract by this factor, and for the tangent, refined so often at most.
+CONTRACTS, POLISHINGS = 0.1, 8
 # Most corrections of a predicted point; what does not contract is given up earlier.
 ITERATIONS = 10
 # ... and of a start.
@@ -162,11 +161,11 @@ def correct(
             done = size <= max(tolerance, floor, close * precise)  # the next one is about its square
         else:
             contraction = size / previous if previous > 0 else 0.0
-            done = size <= max(close, floor) and contraction**2 * size <= max(tolerance, floor)
-            if kept:
-                done = contraction * size <= max(tolerance, floor)
+            # The next correction, by the matrix kept or by its own.
+            left_over = contraction * size if kept else contraction**2 * size
+            done = (kept or size <= max(close, floor)) and left_over <= max(tolerance, floor)
             # What no longer contracts close to rounding is as good as it gets.
-            if not done and contraction > 0.1:
+            if not (done or kept) and contraction > 0.1:
                 rough = x * (-1.0) ** np.arange(x.size)  # as slopes see rounding
                 done = size <= max(noise, _rounding_floor(problem, rough, p, metric))
             again, slow = slow or size > SMALL, contraction > 0.5
@@ -180,7 +179,7 @@ def correct(
                 x, p = x + dx, p + dp
             u, a = solve(bordered, np.zeros_like(x), 1.0, p)
             if kept or problem.delicate:
-                u, a = _refined(problem, (x, p), row, bordered, (u, a), metric)
+                u, a = _refined(problem, row, bordered, (x, p, u, a), (metric, close))
             problem.corrected(x, p, partial(_at_fixed_parameter, bordered, (u, a)))
             return Corrected(x, p, u, a, bordered, iteration, first, worst)
         previous = size
@@ -189,15 +188,23 @@ def correct(
 
 
 def _refined(
-    problem: Problem, at: Direction, row: Direction, bordered: Bordered, tangent: Direction, metric: Metric
+    problem: Problem,
+    row: Direction,
+    bordered: Bordered,
+    at: tuple[Array, float, Array, float],
+    fine: tuple[Metric, float],
 ) -> Direction:
-    """The tangent at a point, from a matrix factorised next to it and products at the point itself."""
-    (u, a), product, slope = tangent, problem.product(*at), problem.parameter_derivative(*at)
+    """The tangent at a point, from a matrix factorised next to it and products at the point itself.
+
+    Until a change is below a share of it: the next is as much smaller again.
+    """
+    x, p, u, a = at
+    product, slope, (metric, share) = problem.product(x, p), problem.parameter_derivative(x, p), fine
     for _ in range(POLISHINGS if product else 0):
         assert product is not None
-        du, da = solve(bordered, -product(u) - a * slope, 1.0 - float(row[0] @ u) - row[1] * a, at[1])
+        du, da = solve(bordered, -product(u) - a * slope, 1.0 - float(row[0] @ u) - row[1] * a, p)
         u, a = u + du, a + da
-        if metric.norm(problem, du, da) <= SHARP * metric.norm(problem, u, a):
+        if metric.norm(problem, du, da) <= share * metric.norm(problem, u, a):
             break
     return u, a
 

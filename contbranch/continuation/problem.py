@@ -150,7 +150,13 @@ class Problem(ABC):
         return u / u.size
 
     def observables(self, x: Array, p: float) -> Mapping[str, float]:
-        """Return named numbers to record at every point. Default: none."""
+        """Return named numbers to record at every point. Default: none.
+
+        Raises
+        ------
+        UnresolvedError
+            If the discretisation does not resolve the solution.
+        """
         return {}
 
     def morse_index(self, x: Array, p: float) -> int | None:

@@ -18,7 +18,7 @@ from contbranch.continuation import CorrectionError, Event, Point
 from contbranch.control import DISPLACEMENT
 from contbranch.curve.outcome import RawEvent
 from contbranch.curve.problem import Count, equilibrium
-from contbranch.curve.refine import moved, refine, settled
+from contbranch.curve.refine import Found, moved, refine, settled
 from contbranch.curve.trace import Request
 from contbranch.curve.track import Track, between
 from contbranch.watch import tell
@@ -93,15 +93,18 @@ def symmetry_breaking(track: Track, request: Request) -> Breaking:
     for row in sorted({*changes, *(row + 1 for row in changes)}):
         counts[row] = _surely(track.points[row], int(indices[row]), counts[row], request.modes)
     found: list[RawEvent] = []
-    lost = 0
+    lost, beside = 0, None
     for row, (here, there) in enumerate(pairwise(counts)):
         if here is None or there is None:
             continue
         for event in _changes(here, there) if track.problem(row).tells_modes else ():
             tell(0.98, f"locating the loss of symmetry, m = {event.mode}")
             try:
+                share, start = between(track.link(row), event, NEAR)
+                refined = refine(start, event, request.accuracy, beside)
                 kind = "lost" if there.of(event.mode) > here.of(event.mode) else "regained"
-                found.append(_located(track, row, event, kind, request.accuracy))
+                beside = refined.point
+                found.append(_event(refined, row + share, event, kind))
             except CorrectionError:
                 lost += 1
     notes = []
@@ -157,27 +160,19 @@ def _changes(here: Count, there: Count) -> list[SymmetryEvent]:
     ]
 
 
-def _located(track: Track, row: int, event: SymmetryEvent, kind: str, accuracy: float) -> RawEvent:
-    """The event on the piece behind a row.
-
-    Raises
-    ------
-    CorrectionError
-        If the curve cannot be followed there.
-    """
-    share, start = between(track.link(row), event, NEAR)
-    found = refine(start, event, accuracy)
+def _event(found: Found, position: float, event: SymmetryEvent, kind: str) -> RawEvent:
+    """The event at a place between rows."""
     point = found.point
     which = point.x, point.parameter, event.mode, event.index
     shape, named = equilibrium(point).mode_shape(*which), equilibrium(point).variations(*which)
     return RawEvent(
         "symmetry",
-        row,
+        int(position),
         found.numbers,
         found.error,
         message=f"Stability to {named} is {kind} along the curve.",
         place=point,
-        position=row + share,
+        position=position,
         mode=event.mode,
         index=event.index,
         mode_shape=shape,

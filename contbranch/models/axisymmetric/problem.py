@@ -70,6 +70,8 @@ SOFTER = 0.05
 NEXT_TO_NOTHING = 1e-12
 # Steps of the gap far away in units of the wavelength of layers.
 LONGEST_IN_LAYERS = 0.15
+# Angle at which steps aim among layers: the curve turns all along as rings move through the mesh, and as foretold.
+TURNING = 0.6
 # Changes of h small against the range of the interaction, over the width √(2 range), do not matter for the steps.
 STATE_FLOOR = 0.3
 # Estimates of the rows' errors are those of one Newton step on a finer mesh.
@@ -198,10 +200,10 @@ class ContactProblem(MeshedContact):
             floor = max(floor, LOUD * np.finfo(float).eps * math.sqrt(self.inner(rough, rough)))
         steps = replace(STEPS, state_floor=floor, noise=NOISE)
         law, u = self.equations.interaction, start.parameter
-        if law is None or not math.isfinite(law.wave) or u == 0.0:
+        if law is None or not math.isfinite(law.wave):
             return steps
-        longest = LONGEST_IN_LAYERS * law.wave / (self.scale * math.cosh(u) * abs(u))
-        return replace(steps, largest_parameter_step=min(steps.largest_parameter_step, longest))
+        longest = LONGEST_IN_LAYERS * law.wave / (self.scale * math.cosh(u) * abs(u)) if u else math.inf
+        return replace(steps, angle=TURNING, largest_parameter_step=min(steps.largest_parameter_step, longest))
 
     def margins(self, x: Array, p: float) -> Mapping[str, float]:
         """Whether a disc is right: smallest gap outside and wall pressure inside, in the interaction's own units."""

@@ -1,0 +1,50 @@
+"""Where a problem multiplies by its Jacobian, fewer matrices are factorised, and points and tangents are as exact."""
+
+import numpy as np
+
+from contbranch.continuation import Metric, Options, Problem
+from contbranch.continuation.newton import correct
+
+N = 12
+
+
+class Bent(Problem):
+    """x_i + p x_i³/3 + ε (Σ x)² = p b_i, coupled, with a Jacobian that changes from point to point."""
+
+    def __init__(self):
+        self.b, self.matrices = np.cos(np.arange(N)), 0
+
+    def residual(self, x, p):
+        return x + p * x**3 / 3 + 0.1 * x.sum() ** 2 - p * self.b
+
+    def _jacobian(self, x, p):
+        return np.diag(1 + p * x**2) + 0.2 * x.sum()
+
+    def jacobian(self, x, p):
+        self.matrices += 1
+        return self._jacobian(x, p)
+
+    def parameter_derivative(self, x, p):
+        return x**3 / 3 - self.b
+
+
+class Multiplies(Bent):
+    """The same with products."""
+
+    def product(self, x, p):
+        matrix = self._jacobian(x, p)
+        return lambda v: matrix @ v
+
+
+def test_kept_matrix():
+    found = []
+    for problem in (Bent(), Multiplies()):
+        row = problem.dual(np.ones(N) / np.sqrt(N)), 0.5
+        near = 0.4 * problem.b, 0.5
+        one = correct(problem, near, row, Metric(1.0, 1.0), Options(tolerance=1e-13), precise=True)
+        rate = problem._jacobian(one.x, one.parameter) @ one.tangent_x
+        rate += one.tangent_parameter * problem.parameter_derivative(one.x, one.parameter)
+        assert np.abs(problem.residual(one.x, one.parameter)).max() < 1e-12
+        assert np.abs(rate).max() < 1e-9 * np.abs(one.tangent_x).max()
+        found.append(problem.matrices)
+    assert found[1] < found[0]
