@@ -23,7 +23,7 @@ PRECISE_TANGENT_DISTANCE = 1e-10
 # prediction makes the first one small and the second, of what is soft, larger; the third is their square.
 SMALL = 1e-3
 # Where a problem multiplies by its Jacobian at little cost, the matrix factorised for a correction of that size serves
-# for a precise point's next ones as long as they contract by this factor, and for the tangent, refined so often at most.
+# for a precise point's next ones as long as they contract by this factor, and for the tangent, refined so often.
 CONTRACTS, POLISHINGS = 0.1, 8
 # Most corrections of a predicted point; what does not contract is given up earlier.
 ITERATIONS = 10
