@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from contbranch.continuation.curve import End, Fold, Located, Outcome, Point
@@ -35,21 +35,12 @@ class Branch:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Step:
-    """An accepted step; how long the next one should be in units of it, and from how many points to predict it."""
+    """An accepted step, and how long the next one should be in units of it."""
 
     segment: Segment
     happenings: list[Happening]
     end: End | None
     factor: float
-    count: int
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Ahead:
-    """Where a step of some length leads, which the discretisation does not resolve."""
-
-    point: Point
-    step: float
 
 
 def follow(
@@ -61,119 +52,132 @@ def follow(
     stop: StopAt,
 ) -> Branch:
     """Follow the curve from `start` along its tangent to its end in that direction."""
-    return _Direction(start, interval, options, events, stop).followed(balance)
+    return _Direction(start, balance, interval, options, events, stop).followed()
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class _Direction:
-    """One direction of a curve: its start, how far it goes and what is looked for on the way."""
+    """One direction of a curve, with what has been followed of it.
 
-    start: Point
-    interval: Range
-    options: Options
-    events: Sequence[Event]
-    stop: StopAt
+    The last points, on one discretisation, foretell the next; the first attempt at it is a step of that length.
+    """
 
-    def followed(self, balance: Balance) -> Branch:
+    def __init__(
+        self,
+        start: Point,
+        balance: Balance,
+        interval: Range,
+        options: Options,
+        events: Sequence[Event],
+        stop: StopAt,
+    ) -> None:
+        self.start, self.interval, self.options, self.events, self.stop = start, interval, options, events, stop
+        self.branch = Branch([], [], End(Outcome.MAXIMUM_POINTS))
+        self.balance, self.metric = balance, balance.metric(options.weight, options.state_floor)
+        self.recent, self.count = [start], 1
+        self.step = options.first_step * self.metric.norm(start.problem, start.tangent_x, start.tangent_parameter)
+
+    def followed(self) -> Branch:
         """Take steps to the end."""
-        options, recent = self.options, [self.start]
-        metric = balance.metric(options.weight, options.state_floor)
-        step = options.first_step * metric.norm(self.start.problem, self.start.tangent_x, self.start.tangent_parameter)
-        branch = Branch([], [], End(Outcome.MAXIMUM_POINTS))
-        last: Segment | None = None
-        count, foresee = 1, True
-        for _ in range(options.maximum_points):
-            recent[-1] = _unit(recent[-1], metric)
+        for _ in range(self.options.maximum_points):
             try:
-                taken = self._take(Predictor(recent, metric), last, step, (count, bool(branch.points), foresee))
-                foresee = not isinstance(taken, _Ahead)
-                if isinstance(taken, _Ahead):
-                    step, begin = taken.step, recent[-1]
-                    try:
-                        here, carry = adapted(begin, metric, options, taken.point)
-                    except CorrectionError:
-                        here = begin
-                    if here is begin:
-                        step *= AFTER_FAILURE
-                        continue
-                    assert carry is not None
-                    if branch.points:
-                        branch.points[-1] = here
-                    else:
-                        branch = replace(branch, start=here)
-                    recent = [*map(carry, recent[:-1]), here]
-                    last = Segment(recent[-2], here, metric) if len(recent) > 1 else None
-                    continue
-                end = self._record(branch, taken)
-                if end is not None:
-                    return replace(branch, end=end)
-                begin, here = taken.segment.begin, taken.segment.end
-                dx, dp = here.x - begin.x, here.parameter - begin.parameter
-                balance = balance.advance(size_of(begin.problem, dx), abs(dp))
-                metric = balance.metric(options.weight, options.state_floor)
-                step, count = taken.factor * metric.norm(begin.problem, dx, dp), taken.count
-                here, carry = adapted(here, metric, options)
+                taken = self._take()
+                end = self._record(taken)
+                if end is None:
+                    self._go_on_from(taken)
             except CorrectionError as error:
-                return replace(branch, end=End(error.outcome, error.detail, error.__cause__))
+                end = End(error.outcome, error.detail, error.__cause__)
             except INTERRUPTIONS as error:
                 caught(error)
-                return replace(branch, end=End(Outcome.INTERRUPTED))
-            if here is not branch.points[-1]:
-                branch.points[-1] = here
-                recent = [] if carry is None else [carry(point) for point in recent]
-            recent = [*recent, here][-POINTS:]
-            last = Segment(recent[-2], here, metric) if len(recent) > 1 else None
-        return branch
+                end = End(Outcome.INTERRUPTED)
+            if end is not None:
+                return replace(self.branch, end=end)
+        return self.branch
 
-    def _take(
-        self, predictor: Predictor, last: Segment | None, step: float, how: tuple[int, bool, bool]
-    ) -> _Step | _Ahead:
+    def _predictor(self) -> Predictor:
+        self.recent[-1] = _unit(self.recent[-1], self.metric)
+        return Predictor(self.recent, self.metric)
+
+    def _take(self) -> _Step:
         """Take one step, shortening it until it succeeds; raise the last failure when it has become too short.
 
-        How: from how many points it is foretold, whether the curve has left its start, and whether a step that leads to
-        what is not resolved is given back.
+        Once, where it leads to what the discretisation does not resolve, it is taken again on one made for that.
         """
-        count, away, foresee = how
-        here, metric, options = predictor.here, predictor.metric, self.options
-        growth = options.growth
-        if math.isfinite(self.interval.width) and here.tangent_parameter != 0.0:
-            step = min(step, options.largest_parameter_step * self.interval.width / abs(here.tangent_parameter))
+        predictor, options, step = self._predictor(), self.options, self.step
+        growth, foresee = options.growth, True
         failure = CorrectionError(Outcome.STEP_TOO_SMALL, "(The curve turns too sharply.)")
-        while step >= options.smallest_step:
+        while True:
+            here, metric = predictor.here, predictor.metric
+            if math.isfinite(self.interval.width) and here.tangent_parameter != 0.0:
+                step = min(step, options.largest_parameter_step * self.interval.width / abs(here.tangent_parameter))
+            if not step >= options.smallest_step:
+                raise failure
             foretold = predictor.at(step)
-            near = predictor.chosen(foretold, count, 0.5 * options.angle_limit * step)
+            near = predictor.chosen(foretold, self.count, 0.5 * options.angle_limit * step)
             try:
                 corrected = correct(here.problem, near, predictor.row, metric, options)
                 end = to_point(here.problem, corrected, metric, options.detect_branch_points)
                 judgement = judge(here, end, corrected, metric, options)
                 largest = corrected.first_correction * CONTRACTS / max(corrected.contraction, 1e-9)
-                longest, count = predictor.longest(step, foretold, end, growth, largest)
+                longest, self.count = predictor.longest(step, foretold, end, growth, largest)
                 if judgement.accepted:
-                    segment = Segment(here, annotated(end), metric)
-                    segment, happenings, stop = self._look_inside(segment, last, away)
-                    return _Step(segment, happenings, stop, min(judgement.factor, longest, growth), count)
+                    segment, happenings, stop = self._look_inside(Segment(here, annotated(end), metric))
+                    return _Step(segment, happenings, stop, min(judgement.factor, longest, growth))
                 step *= judgement.factor
             except CorrectionError as error:
                 if foresee and isinstance(error.__cause__, UnresolvedError):
-                    return _Ahead(end, step)
+                    foresee = False
+                    if not self._prepared(end):
+                        step *= AFTER_FAILURE
+                    predictor = self._predictor()
+                    continue
                 failure = error
                 step *= AFTER_FAILURE
             except LeapError:
                 failure = CorrectionError(Outcome.STEP_TOO_SMALL, "(Every step leaps to another part of the curve.)")
                 step *= AFTER_FAILURE
             growth = 1.0  # what has failed once is not tried again at once
-        raise failure
 
-    def _look_inside(
-        self, segment: Segment, last: Segment | None, away: bool
-    ) -> tuple[Segment, list[Happening], End | None]:
+    def _prepared(self, ahead: Point) -> bool:
+        """Whether the last points were carried to a discretisation made for what lies ahead."""
+        begin = self.recent[-1]
+        try:
+            here, carry = adapted(begin, self.metric, self.options, ahead)
+        except CorrectionError:
+            return False
+        if here is begin:
+            return False
+        if self.branch.points:
+            self.branch.points[-1] = here
+        else:
+            self.branch = replace(self.branch, start=here)
+        self._carry(carry, here, self.recent[:-1])
+        return True
+
+    def _go_on_from(self, taken: _Step) -> None:
+        """Measure lengths anew behind a step, and carry its end to the discretisation that its problem prefers."""
+        options, begin, end = self.options, taken.segment.begin, taken.segment.end
+        dx, dp = end.x - begin.x, end.parameter - begin.parameter
+        self.balance = self.balance.advance(size_of(begin.problem, dx), abs(dp))
+        self.metric = self.balance.metric(options.weight, options.state_floor)
+        self.step = taken.factor * self.metric.norm(begin.problem, dx, dp)
+        here, carry = adapted(end, self.metric, options)
+        if here is end:
+            self.recent = [*self.recent, here][-POINTS:]
+        else:
+            self.branch.points[-1] = here
+            self._carry(carry, here, self.recent)
+
+    def _carry(self, carry: Callable[[Point], Point] | None, here: Point, before: Sequence[Point]) -> None:
+        self.recent = [*(map(carry, before) if carry else ()), here][-POINTS:]
+
+    def _look_inside(self, segment: Segment) -> tuple[Segment, list[Happening], End | None]:
         """Cut a step where the curve ends, and return what happens in it.
 
         The curve may also leave the range and come back within the step; then it has a fold outside the range.
         """
         interval, options = self.interval, self.options
         end: End | None = None
-        if away:
+        if self.branch.points:  # it has left its start
             closing = closes(segment, self.start, options)
             if closing is not None:
                 segment = Segment(segment.begin, closing, segment.metric)
@@ -182,6 +186,7 @@ class _Direction:
         if edge is not None:
             segment = Segment(segment.begin, annotated(land(segment, edge, options), label="edge"), segment.metric)
             end = End(Outcome.REACHED_EDGE)
+        last = Segment(self.recent[-2], self.recent[-1], segment.metric) if len(self.recent) > 1 else None
         happenings = scan(segment, self.events, options, last)
         outside = next((h for h in happenings if not interval.contains(h.event.parameter)), None)
         if outside is not None:
@@ -210,9 +215,9 @@ class _Direction:
             return segment, End(Outcome.APPROACHES_EDGE)
         return Segment(segment.begin, annotated(landed, label="edge"), segment.metric), End(Outcome.REACHED_EDGE)
 
-    def _record(self, branch: Branch, taken: _Step) -> End | None:
+    def _record(self, taken: _Step) -> End | None:
         """Append a step's events and end point to the branch; return the end if a stop condition is met."""
-        stop = self.stop
+        branch, stop = self.branch, self.stop
         for happening in taken.happenings:
             branch.events.append((happening.event, len(branch.points)))
             branch.points.append(happening.event.point)
