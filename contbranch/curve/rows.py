@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any
@@ -12,7 +12,7 @@ import numpy as np
 
 from contbranch.arrays import Array
 from contbranch.continuation import Event, Point
-from contbranch.control import LOAD
+from contbranch.control import LOAD, Control
 from contbranch.curve.events import FoldEvent, Margin, Reached
 from contbranch.curve.exponents import critical_exponent, sampled_exponent
 from contbranch.curve.outcome import RawCurve, RawEvent, no_curve
@@ -61,6 +61,11 @@ def raw_curve(track: Track, request: Request) -> RawCurve:
     if wrong:
         complete = False
         messages.append(_disagreement(track, wrong))
+    twice = [found[k] for k, other, _ in _neighbours(track, found) if _same(found[k], found[other])]
+    if twice:
+        complete = False
+        place = f"load {twice[0].numbers[0]:.6g}, displacement {twice[0].numbers[1]:.6g} (reduced)"
+        messages.append(f"The fold at {place} was counted twice; ask for a hundredth of the accuracy.")
     broken = [Found(event.values, event.error, event.place) for event in breaking.events]
     worst = float(np.max([one.relative_error() for one in (*found, *broken)], initial=0.0)) / request.accuracy
     if over():  # nothing more is computed of it, now or when it is asked for
@@ -152,8 +157,7 @@ def _refined(track: Track, request: Request) -> list[Found]:
             tell(0.9 + 0.07 * k / len(track.marks), f"locating {mark.kind}")
             beside = found[-1].point if found else None
             found.append(refine(mark.point, _event_of(track, mark), request.accuracy, beside))
-        if not track.problem(0).given:
-            _sharpen(track, found, request.accuracy)
+        _sharpen(track, found, request.accuracy)
 
     kept(locate, None)
     with finishing():  # what was not reached is where the rows have it
@@ -169,22 +173,34 @@ def _event_of(track: Track, mark: Mark) -> Event | None:
     return Margin(mark.margin) if mark.margin and mark.margin != "edge" else None
 
 
+def _neighbours(track: Track, found: Sequence[Found]) -> Iterator[tuple[int, int, Control]]:
+    """Pairs of neighbouring folds of one control."""
+    for control in () if track.problem(0).given else track.controls:
+        marks = enumerate(track.marks[: len(found)])
+        members = [k for k, mark in marks if mark.control == control and mark.row not in track.onward]
+        yield from ((first, second, control) for first, second in pairwise(members))
+
+
 def _sharpen(track: Track, found: list[Found], accuracy: float) -> None:
     """Locate folds anew that their error estimates do not tell apart."""
-    for control in track.controls:
-        members = [k for k, mark in enumerate(track.marks) if mark.control == control and mark.row not in track.onward]
-        for a, b in pairwise(members):
-            allowed = accuracy
-            while allowed > SHARPEST:
-                first, second = found[a], found[b]
-                apart = abs(control.weighted(*first.numbers[:2]) - control.weighted(*second.numbers[:2]))
-                if apart > DISTINCT * (control.weighted(*first.error[:2]) + control.weighted(*second.error[:2])):
-                    break
-                allowed *= 0.01
-                for k in (a, b):
-                    better = refine(found[k].point, FoldEvent(control), allowed)
-                    if better.relative_error() < found[k].relative_error():
-                        found[k] = better
+    for a, b, control in _neighbours(track, found):
+        allowed = accuracy
+        while allowed > SHARPEST:
+            first, second = found[a], found[b]
+            apart = abs(control.weighted(*first.numbers[:2]) - control.weighted(*second.numbers[:2]))
+            if apart > DISTINCT * (control.weighted(*first.error[:2]) + control.weighted(*second.error[:2])):
+                break
+            allowed *= 0.01
+            for k in (a, b):
+                better = refine(found[k].point, FoldEvent(control), allowed)
+                if better.relative_error() < found[k].relative_error():
+                    found[k] = better
+
+
+def _same(first: Found, second: Found) -> bool:
+    """Whether two folds agree in all that is seen of them."""
+    pairs = zip(first.numbers, second.numbers, first.error, second.error, strict=True)
+    return all(abs(here - there) <= DISTINCT * (own + other) for here, there, own, other in pairs)
 
 
 def _event(track: Track, mark: Mark, found: Found) -> RawEvent:

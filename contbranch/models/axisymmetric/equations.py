@@ -401,24 +401,53 @@ class Equations:
             displacement + beyond.shift_per_displacement * displacement - beyond.shift_per_gap * gap,
         )
 
-    def rates(self, fields: Fields, h_rate: Array, y_rate: float) -> tuple[float, float]:
-        """Directional derivatives of load and displacement along (h_rate, y_rate)."""
-        a = fields.rim.radius
+    def rates(
+        self, fields: Fields, h_rate: Array, y_rate: float, stretching: float = 0.0, power: float = 0.0
+    ) -> tuple[float, float]:
+        """Directional derivatives of load and displacement along (h_rate, y_rate), the mesh stretching at a rate.
+
+        Of what is computed, to rounding: `h_rate` is that at the nodes, which move, and h grows with the stretch to
+        its `power` besides.
+        """
+        a, mesh = fields.rim.radius, self.mesh
         _, area, lift = self.coordinate.slopes(fields.y) if self.contact else (0.0, 0.0, 1.0)
-        displacement = float(self.rim_row @ h_rate) + lift * y_rate
-        load = 2 * float(fields.rim.weights @ h_rate)
+        whole = h_rate + stretching * power * fields.h if stretching else h_rate
+        displacement = float(self.rim_row @ whole) + lift * y_rate
+        load = 2 * float(fields.rim.weights @ whole)
         if self.contact:
             load += 2 * a * displacement + 2 * fields.rim.weights_slope(fields.h) * area * y_rate
+        if stretching:
+            load += stretching * self._load_per_stretch(fields)
         beyond = self.beyond(fields)
         if beyond is NOTHING:
             return load, displacement
         gap = float(fields.rim.plane[-1] @ (h_rate - self.rim_row @ h_rate)) + self.slopes(fields)[0][-1] * y_rate
+        shift = 0.0
+        if stretching:
+            rise, lost, shift = self._at_end(fields)
+            gap += stretching * (float(self.spread(fields, power)[0][-1]) - rise)
+            load -= stretching * lost
         return (
             load + beyond.load_per_displacement * displacement - beyond.load_per_gap * gap,
-            displacement + beyond.shift_per_displacement * displacement - beyond.shift_per_gap * gap,
+            displacement
+            + beyond.shift_per_displacement * displacement
+            - beyond.shift_per_gap * gap
+            - stretching * shift,
         )
 
-    def load_per_stretch(self, fields: Fields) -> float:
+    def _at_end(self, fields: Fields) -> tuple[float, float, float]:
+        """Rates with ln of the mesh's stretch: of the last gap, by where it is; of load and shift that it takes over."""
+        tail, tip, a = self._tail_of(fields), self.tip, fields.rim.radius
+        rho, edge = float(self.mesh.nodes[-1]), float(self.mesh.edges[-1])
+        node, own = math.hypot(rho, a), self._own_displacement(fields)
+        lift = float(fields.gap[-1]) + own - tail.last
+        rise = (float(tip.height_derivative(node)) - lift / node) * rho * rho / node
+        last = float(tip.height(tail.ends)) - own + lift * node / tail.ends
+        assert self.interaction is not None  # there is something beyond
+        pressure = float(self.interaction.evaluate(np.array([last]))[1][0])
+        return rise, 2 * np.pi * pressure * edge * edge, 2 * pressure * edge
+
+    def _load_per_stretch(self, fields: Fields) -> float:
         """Rate of the load within the mesh with ln of its stretch at fixed nodal h: ∫ h dt is of order 1 in lengths."""
         rim, a = fields.rim, fields.rim.radius
         slope = 2 * a * a * rim.weights_slope(fields.h) - a * fields.rim_value if a > 0 else 0.0

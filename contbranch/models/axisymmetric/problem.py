@@ -406,11 +406,10 @@ class ContactProblem(MeshedContact):
     def rates(self, x: Array, p: float, x_rate: Array, p_rate: float) -> Rates:
         """Rates of load, displacement, contact radius and central gap along a direction."""
         equations, fields = self.seen(x, p)
-        y_rate, ends = self.scale * math.cosh(p) * p_rate, isinstance(self.front, Edge | Kink)
-        h_rate = self.moving(x_rate, x, not ends)
-        load, displacement = equations.rates(fields, h_rate, y_rate)
-        if ends:  # where h ends as a square root does, its rate at a place is infinite, and at a kink ill told
-            load += float(x_rate[-1]) * equations.load_per_stretch(fields)
+        y_rate, h_rate, stretching, power = self.scale * math.cosh(p) * p_rate, x_rate, 0.0, 0.0
+        if self.front is not None:
+            h_rate, stretching, power = self.growth(x) * x_rate[:-1], float(x_rate[-1]), self.front.power
+        load, displacement = equations.rates(fields, h_rate, y_rate, stretching, power)
         if 0.0 <= p < TINY and equations.interaction is not None:
             parts = abs(float(equations.rim_row @ h_rate))
             if abs(displacement) > MOVING * parts:
