@@ -28,9 +28,12 @@ def wetting(diagram: cb.Diagram, control: str = "load") -> cb.Event:
     return next(event for event in diagram.folds(control) if event.name == "wetting")
 
 
-@pytest.mark.parametrize(("power", "accuracy"), [(-10, 1e-12), (-10, 1e-9), (-12, 1e-12)])
+@pytest.mark.parametrize(("power", "accuracy"), [(-10, 1e-12), (-10, 1e-9), (-12, 1e-11)])
 def test_a_wetting_fold_in_a_tiny_contact(power, accuracy):
-    """Its radius is (C/2) μ_T^(5/2) to leading order, with corrections of relative order μ_T^(3/2) (elasticity)."""
+    """Its radius is (C/2) μ_T^(5/2) to leading order, with corrections of relative order μ_T^(3/2) (elasticity).
+
+    The last range is 4096: of that, 1e-12 is a rounding error, and whether it is met depends on the machine's.
+    """
     tabor = 2.0**power
     diagram = cb.trace(cb.Contact.reduced(cb.Gauss, tabor, -1), accuracy=accuracy, modes=0)
     fold = wetting(diagram)

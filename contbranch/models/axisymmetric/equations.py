@@ -409,7 +409,7 @@ class Equations:
         Of what is computed, to rounding: `h_rate` is that at the nodes, which move, and h grows with the stretch to
         its `power` besides.
         """
-        a, mesh = fields.rim.radius, self.mesh
+        a = fields.rim.radius
         _, area, lift = self.coordinate.slopes(fields.y) if self.contact else (0.0, 0.0, 1.0)
         whole = h_rate + stretching * power * fields.h if stretching else h_rate
         displacement = float(self.rim_row @ whole) + lift * y_rate
