@@ -41,7 +41,8 @@ Array = NDArray[np.float64]
 SLACK = 0.06
 # A step to a solution whose error exceeds the tolerance by this factor is repeated shorter, so that meshes can follow.
 UNRESOLVED = 20.0
-# ... unless it is as short as this already, relative to the parameter: errors jump where a node passes a tip's end.
+# ... unless it is as short as this from one that is resolved, relative to the parameter: errors jump where a node
+# passes a tip's end.
 JUMP = 1e-4
 # A change of mesh may move the solution by this multiple of its error estimate.
 LEAP = 30.0
@@ -140,7 +141,7 @@ class MeshedContact(EquilibriumProblem):
         self._slopes = self.film.slopes(mesh) if self.film else None
         self._seen: list[tuple[Array, float, Equations, Fields]] = []
         self._corrected: tuple[Array, Solver] | None = None
-        self._row = math.nan  # parameter of the last row
+        self._row = math.nan  # parameter of the last row that was resolved
         self.work = resolution.work
         self.work.unknowns = max(self.work.unknowns, mesh.size)
 
@@ -297,10 +298,10 @@ class MeshedContact(EquilibriumProblem):
 
     def observables(self, x: Array, p: float) -> Mapping[str, float]:
         """The values, by name, where the mesh resolves them."""
-        unresolved = self.relative_error(x, p) > UNRESOLVED * self.resolution.tolerance
-        if unresolved and not abs(p - self._row) < JUMP * abs(p):
+        if self.relative_error(x, p) <= UNRESOLVED * self.resolution.tolerance:
+            self._row = p
+        elif not abs(p - self._row) < JUMP * abs(p):
             raise UnresolvedError("the mesh does not resolve the solution")
-        self._row = p
         return self.values(x, p)._asdict()
 
     def defect(self, point: Point) -> Defect:
