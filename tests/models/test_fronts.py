@@ -8,8 +8,10 @@ import math
 
 import numpy as np
 import pytest
+from followed import Followed
 
 import contbranch as cb
+from contbranch.control import DISPLACEMENT
 
 PULL_OFF, TOUCH = -1.5 * math.pi, -4.0 / 3.0 * math.pi
 # (excess of pull-off, of touch) μ_T² over JKR's, measured from μ_T = 12 to 1000: A ln μ_T + B.
@@ -27,6 +29,31 @@ def test_limits_of_jkr(law, tabor):
         excess = (value / limit - 1.0) * tabor**2
         assert excess == pytest.approx(slope * math.log(tabor) + offset, rel=0.03)
     assert max(max(event.error.values()) for event in diagram.events) < 5e-6
+
+
+def test_rates_and_indices_of_moving_meshes():
+    """Rates are the differences of what is computed, and every row has the index that its eigenvalues have.
+
+    On the way to contact load and displacement change by 1e-5 in all: what their rates leave out makes folds.
+    """
+    track = Followed(cb.Contact.reduced(cb.Gauss, tabor=290.0), 1e-6, modes=0).track
+    held = track.hodograph.rows(DISPLACEMENT)
+    moving = 0
+    for row, point in enumerate(track.points[:-1]):
+        problem, x, p = track.problem(row), point.x, point.parameter
+        if {row, row - 1} & {mark.row for mark in track.marks}:
+            continue
+        assert problem.unstable(x, p) == held[row]
+        step = 1e-5 / problem.metric(x).norm(problem, point.tangent_x, point.tangent_parameter)
+        ahead, behind = (
+            np.array(problem.values(x + s * point.tangent_x, p + s * point.tangent_parameter)[:2])
+            for s in (step, -step)
+        )
+        rates = np.array(problem.rates(x, p, point.tangent_x, point.tangent_parameter)[:2])
+        difference = (ahead - behind) / (2 * step)
+        assert rates == pytest.approx(difference, abs=1e-3 * np.abs(difference).max())
+        moving += problem.moves
+    assert moving > 20
 
 
 def test_published_touch():

@@ -436,7 +436,7 @@ class Equations:
         )
 
     def _at_end(self, fields: Fields) -> tuple[float, float, float]:
-        """Rates with ln of the mesh's stretch: of the last gap, by where it is; of load and shift that it takes over."""
+        """Rates with ln of the stretch: of the last gap, by where it is; of load and shift that the mesh takes over."""
         tail, tip, a = self._tail_of(fields), self.tip, fields.rim.radius
         rho, edge = float(self.mesh.nodes[-1]), float(self.mesh.edges[-1])
         node, own = math.hypot(rho, a), self._own_displacement(fields)

@@ -42,7 +42,7 @@ from contbranch.results.diagram import ModeShape, Profile
 
 from .azimuthal import counted, eigenvalues, mode_shape
 from .equations import ContactCoordinate, Equations, felt
-from .front import Edge, Front, Kink
+from .front import Edge, Front
 from .mesh import mesh_on
 from .profile import profile_of
 from .relaxation import Release
