@@ -317,7 +317,7 @@ def _read_diagram(file: h5py.File) -> Diagram:
     content |= {key: _python(value) for key, value in file.attrs.items()} | {"events": ()}
     texts = {key: json.loads(file[key].asstr()[()]) for key in ("contact", "unit_names")}
     found = _made(Diagram, {**content, **texts, "description": texts["contact"]}, file.get("tip"))
-    exponents = {int(key): _read_record(LocalExponent, group) for key, group in file["local_exponents"].items()}
+    exponents = {int(key): _made(LocalExponent, _read_object(group)) for key, group in file["local_exponents"].items()}
     events = _read_events(file["events"], file.get("mode_shapes", {}))
     return replace(found, events=events, local_exponents=exponents)
 
@@ -364,18 +364,13 @@ def _made(kind: type[Kind], content: Mapping[str, Any], tip: h5py.Group | None =
     return kind(**found)
 
 
-def _read_record(kind: type[Kind], group: h5py.Group) -> Kind:
-    """Read a record that `_write` wrote; KeyError where something is missing that has no default."""
-    return _made(kind, _read_object(group))
-
-
 def _read_events(group: h5py.Group, shapes: Mapping[str, h5py.Group]) -> tuple[Event, ...]:
     # Files of the first version have no modes and verdicts: what may be None may be missing.
     there = [column for column in columns(Event) if column.name in group]
     read = {column.path: group[column.name] for column in there}
     listed = [(data.asstr() if data.dtype.kind == "O" else data)[()].tolist() for data in read.values()]
     events = [_assembled(Event, dict(zip(read, row, strict=True))) for row in zip(*listed, strict=True)]
-    modes = {int(number): _read_record(ModeShape, shape) for number, shape in shapes.items()}
+    modes = {int(number): _made(ModeShape, _read_object(shape)) for number, shape in shapes.items()}
     return tuple(replace(event, mode_shape=modes.get(number)) for number, event in enumerate(events))
 
 
