@@ -58,7 +58,7 @@ def place_labels(axes: Axes, points: Array, texts: Sequence[str], colors: Sequen
 
     for i in seen:
         text = Text(0.0, 0.0, texts[i], fontsize=size, figure=figure)
-        extent = text.get_window_extent(figure.canvas.get_renderer()).padded(_ROOM * unit).size
+        extent = np.array(text.get_window_extent(figure.canvas.get_renderer()).padded(_ROOM * unit).size)
         others = np.array([at[j] for j in seen if np.hypot(*(at[j] - at[i])) > unit]).reshape(-1, 2)
         best, least = None, np.inf
         for place in _places(at[i], extent, unit):
@@ -71,7 +71,7 @@ def place_labels(axes: Axes, points: Array, texts: Sequence[str], colors: Sequen
         taken.append(best.box)
         lines += [] if best.leader is None else [best.leader]
         style = {"arrowstyle": "-", "linewidth": 0.5, "color": colors[i], "shrinkA": 0.0, "shrinkB": 3.0}
-        offset = (0.5 * (best.box.min + best.box.max) - at[i]) / unit
+        offset = (best.box.get_points().mean(axis=0) - at[i]) / unit
         axes.annotate(
             texts[i], tuple(points[i]), tuple(offset), textcoords="offset points", ha="center", va="center",
             fontsize=size, color=colors[i], arrowprops=None if best.leader is None else style, zorder=6,

@@ -127,8 +127,9 @@ def stacked(count: int, draw: Callable[[Axes, int], None], handles: Sequence[Lin
         for number, axes in enumerate(figure.subplots(count, 1, squeeze=False)[:, 0]):
             draw(axes, number)
             axes.locator_params(axis="x", nbins=_MOST_TICKS)
-            for axis in "xy":  # kept by the axes: the number of ticks depends on it, also when the figure is saved
-                axes.tick_params(axis, which="both", labelsize=rcParams[f"{axis}tick.labelsize"])
+            # kept by the axes: the number of ticks depends on it, also when the figure is saved
+            axes.tick_params("x", which="both", labelsize=rcParams["xtick.labelsize"])
+            axes.tick_params("y", which="both", labelsize=rcParams["ytick.labelsize"])
             if count > 1:
                 axes.set_title(f"({'ab'[number]})", loc="left", fontsize=rcParams["axes.labelsize"], pad=4.0, y=1.0)
         figure.legend(handles=handles, loc="outside upper center", ncols=ncols, columnspacing=1.6, handletextpad=0.5)
