@@ -138,14 +138,7 @@ def _label(image: bytes) -> bytes:
 
 def _write_object(group: h5py.Group, content: Mapping[str, Any]) -> None:
     for key, value in content.items():
-        if isinstance(value, list) and any(isinstance(item, list | Mapping) for item in value):
-            value = {str(k): item for k, item in enumerate(value)}
-        if isinstance(value, Mapping):
-            _write_object(group.create_group(key), value)
-        elif isinstance(value, list):
-            group[key] = np.array([np.nan if item is None else item for item in value], dtype=float)
-        elif value is not None:
-            group.attrs[key] = value
+        _write(group, key, value, {})
 
 
 def _as_diagram(solution: Solution) -> Diagram:
@@ -273,9 +266,14 @@ def _write_diagram(file: h5py.File, diagram: Diagram) -> None:
 
 
 def _write(group: h5py.Group, name: str, value: Any, names: UnitNames, quantity: str = "") -> None:
-    """Write a value: an array as dataset with its unit, numbers and texts as attributes, everything else as groups."""
+    """Write a value: an array as dataset with its unit, numbers and texts as attributes, everything else as groups.
+
+    A list of numbers is an array, with NaN for null.
+    """
     if value is None or (name in ("profiles", "cells") and not value):
         return
+    if isinstance(value, list) and not any(isinstance(item, list | Mapping) for item in value):
+        value = np.array([np.nan if item is None else item for item in value], dtype=float)
     if isinstance(value, np.ndarray):
         group.create_dataset(name, data=value, compression="gzip" if value.ndim > 1 else None)
         if quantity in names:
