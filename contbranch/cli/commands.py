@@ -228,13 +228,12 @@ def _sweeping(asked: Values) -> Iterator[dict[str, Any]]:
 
 def _fit(asked: Values) -> Any:
     """Fit a contact to a measured force curve, and say what the curve can tell."""
-    from contbranch.cli.request import names_of
     from contbranch.contact.file import read_contact
     from contbranch.measure.reading import read_force_curves
 
     contact, _ = read_contact(asked.contact)
-    how: dict[str, Any] = {"free": names_of(asked.free) or ("work_of_adhesion", "modulus")}
-    how |= {"fixed": names_of(asked.fixed), "law": asked.law}
+    how: dict[str, Any] = {"free": asked.free or "work_of_adhesion,modulus"}
+    how |= {"fixed": asked.fixed or "", "law": asked.law}
     folder = Path(asked.source).is_dir()
     if asked.output is None and not folder and len(curves := read_force_curves(asked.source, asked.spring)) == 1:
         from contbranch.measure.fit import fit

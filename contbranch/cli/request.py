@@ -127,11 +127,6 @@ def _bare(text: str) -> float | str:
         return text
 
 
-def names_of(text: str | None) -> tuple[str, ...]:
-    """Return the names of a list with commas."""
-    return tuple(filter(None, (name.strip() for name in (text or "").split(","))))
-
-
 def parse_uncertainties(texts: Sequence[str], request: Request) -> dict[str, float]:
     """Return the standard uncertainties of ``NAME=X``, by parameter, in the contact's units.
 

@@ -219,26 +219,25 @@ def _named(contact: Contact, vary: str) -> Parameter:
             vary, present, "dimensionless", lambda value: replace(contact, interaction=law.scaled(value / present, 1.0))
         )
     match, known = _PART.fullmatch(vary), numbers_of(contact)
+    if vary in known:
+        return known[vary]
     if match is None:
-        if vary in known:
-            return known[vary]
         names = ("tabor", "share", "stiffness", "modulus", "tip.radius", "interaction[0].range")
         raise InputError(f"vary: {vary!r}; must be one of tabor, share, stiffness, modulus, tip.NAME and "
                          f"interaction[K].NAME{nearest(vary, names)}")  # fmt: skip
     place, number, name = match.groups()
     part: TipShape | Interaction = contact.tip
     if place != "tip":
-        if number is None and len(terms) != 1:
-            raise InputError(f"vary: {vary!r}; the interaction has {len(terms)} laws: write interaction[K].{name}")
         k = int(number or 0)
-        if k >= len(terms):
-            raise InputError(f"vary: {vary!r}; the interaction has {len(terms)} laws, counted from 0")
+        if k >= len(terms) or (number is None and len(terms) > 1):
+            words = f"the interaction has {len(terms)} laws, counted from 0: write interaction[K].{name}"
+            raise InputError(f"vary: {vary!r}; {words}")
         place, part = f"interaction[{k}]", terms[k]
-    if f"{place}.{name}" not in known:
-        own = [key.removeprefix(f"{place}.") for key in known if key.startswith(f"{place}.")]
+    own = {key.removeprefix(f"{place}."): one for key, one in known.items() if key.startswith(f"{place}.")}
+    if name not in own:
         listed = ", ".join(own) or "none"
         raise InputError(f"vary: {vary!r}; {type(part).__name__} has the numbers {listed}{nearest(name, own)}")
-    return known[f"{place}.{name}"]
+    return own[name]
 
 
 def dimension_of(contact: Contact, name: str) -> str:

@@ -239,7 +239,9 @@ class HeightMap(TipShape):
         if n == whole:
             return self.heights
         if n > whole and n % whole == 0 and _power_of_two(n // whole):
-            return _finer(_finer(self.heights, n).T, n).T
+            from scipy.signal import resample  # slow to import, and seldom needed
+
+            return np.asarray(resample(resample(self.heights, n), n, axis=1))
         if 0 < n < whole and whole % n == 0 and _power_of_two(whole // n):
             step = whole // n
             return self.heights[::step, ::step]
@@ -318,12 +320,3 @@ _READING = ("dataset", "unit", "peaks", "grey", "detrend", "window")
 
 def _power_of_two(number: int) -> bool:
     return number & (number - 1) == 0
-
-
-def _finer(values: Array, n: int) -> Array:
-    """Return the trigonometric interpolant of the columns of `values`, (N, M), on n > N nodes: (n, M)."""
-    rows = len(values)
-    spectrum = np.fft.rfft(values, axis=0)
-    if rows % 2 == 0:
-        spectrum[-1] *= 0.5  # the shortest wave, cos(πi) on the nodes, is now one of a pair
-    return np.fft.irfft(spectrum, n, axis=0) * (n / rows)

@@ -73,6 +73,24 @@ class _Monomial(Tip):
         order = power * self.apex_exponent + 1.0
         return _power(self._transformed**power / order, a, order)
 
+    def _gap_far(self, rho: Array, a: float) -> tuple[Array, Array]:
+        """Return gap and slope for ρ ≥ a, with ∫_a^r tⁿ/√(r²-t²) dt = rⁿ B(1/2, (n+1)/2)/2 I_(ρ²/r²)(1/2, (n+1)/2)."""
+        n, c = self.apex_exponent, self._transformed
+        r2 = rho * rho + a * a
+        far = r2 > 0.0  # r = 0 only at the apex without contact, where the gap and what multiplies 1/r² vanish
+        p, q = 0.5, 0.5 * (n + 1.0)
+        part = np.divide(rho * rho, r2, out=np.ones_like(r2), where=far)
+        moment = np.asarray((0.5 * scipy.special.beta(p, q) * c) * scipy.special.betainc(p, q, part) * r2 ** (0.5 * n))
+        angle = np.where(far, np.arctan2(rho, a), 0.5 * math.pi)
+        gap = moment - (c * a**n) * angle
+        slope = n * (np.divide(a * moment, r2, out=np.zeros_like(r2), where=far) - c * a ** (n - 1.0) * angle)
+        return (2.0 / math.pi) * gap, (2.0 / math.pi) * slope
+
+    def _rise(self, a: float, tau: Array, t: Array) -> Array:
+        """Return c (tⁿ - aⁿ) without cancellation."""
+        n, ratio = self.apex_exponent, tau / a
+        return np.asarray((self._transformed * a**n) * np.expm1(0.5 * n * np.log1p(ratio * ratio)))
+
     def contact_radius(self, y: ArrayLike) -> Array:
         """Return (y/c)^(1/n)."""
         return _power(1.0, np.asarray(y) / self._transformed, 1.0 / self.apex_exponent)
@@ -161,14 +179,6 @@ class Cone(_Monomial):
     def _amplitude(self) -> float:
         return self.slope
 
-    def shape_gap(self, rho: ArrayLike, a: float) -> tuple[Array, Array]:
-        """Return s [ρ - a arccos(a/r)] and its derivative, s [aρ/r² - arccos(a/r)]."""
-        rho = np.asarray(rho, dtype=float)
-        if a == 0.0:
-            return self.slope * rho, np.full_like(rho, -0.5 * math.pi * self.slope)
-        angle = np.arctan2(rho, a)
-        return self.slope * (rho - a * angle), self.slope * (a * rho / (rho * rho + a * a) - angle)
-
     def scaled(self, in_plane: float, normal: float) -> Cone:
         """Return the cone in other units."""
         return Cone(self.slope * (in_plane / normal))
@@ -214,26 +224,6 @@ class PowerLaw(_Monomial):
     def _amplitude(self) -> float:
         """σ ℓ^(1-n), so that z' = amplitude r^(n-1)."""
         return self.steepness * math.pow(self.length, 1.0 - self.exponent)
-
-    def _gap_far(self, rho: Array, a: float) -> tuple[Array, Array]:
-        """Return gap and slope for ρ ≥ a, with ∫_a^r tⁿ/√(r²-t²) dt = rⁿ B(1/2, (n+1)/2)/2 I_(ρ²/r²)(1/2, (n+1)/2)."""
-        n, c = self.exponent, self._transformed
-        r2 = rho * rho + a * a
-        far = r2 > 0.0  # r = 0 only at the apex without contact, where the gap and what multiplies 1/r² vanish
-        p, q = 0.5, 0.5 * (n + 1.0)
-        part = np.divide(rho * rho, r2, out=np.ones_like(r2), where=far)
-        moment = np.asarray((0.5 * scipy.special.beta(p, q) * c) * scipy.special.betainc(p, q, part) * r2 ** (0.5 * n))
-        angle = np.where(far, np.arctan2(rho, a), 0.5 * math.pi)
-        gap = moment - (c * a**n) * angle
-        slope = n * (np.divide(a * moment, r2, out=np.zeros_like(r2), where=far) - c * a ** (n - 1.0) * angle)
-        return (2.0 / math.pi) * gap, (2.0 / math.pi) * slope
-
-    def _rise(self, a: float, tau: Array, t: Array) -> Array:
-        """Return c (tⁿ - aⁿ) without cancellation."""
-        ratio = tau / a
-        return np.asarray(
-            (self._transformed * a**self.exponent) * np.expm1(0.5 * self.exponent * np.log1p(ratio * ratio))
-        )
 
     def scaled(self, in_plane: float, normal: float) -> PowerLaw:
         """Return the tip in other units."""

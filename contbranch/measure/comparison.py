@@ -85,8 +85,7 @@ def legs(curve: Curve, stiffness: float) -> tuple[Leg, Leg]:
 def _leg(piezo: Array, force: Array, kept: Indices, direction: int) -> Leg:
     """The leg of the points kept; at a gap between them the fold, and where the jump lands."""
     gaps = np.flatnonzero(np.diff(kept) > 1)
-    places, values = [piezo[kept]], [force[kept]]
-    jumps, inserts = [], []
+    jumps = []
     for gap in gaps:
         fold, beyond = (kept[gap], kept[gap + 1]) if direction > 0 else (kept[gap + 1], kept[gap])
         at, before = _vertex(piezo, force, int(fold))
@@ -95,12 +94,11 @@ def _leg(piezo: Array, force: Array, kept: Indices, direction: int) -> Leg:
         share = (at - low) / (high - low) if high != low else 1.0
         after = float(force[beside] + min(max(share, 0.0), 1.0) * (force[beyond] - force[beside]))
         jumps.append(ModelJump(at, before, after))
-        inserts.append((gap + 1, at, (before, after) if direction > 0 else (after, before)))
-    for place, at, pair in reversed(inserts):
-        places[0] = np.insert(places[0], place, [at, at])
-        values[0] = np.insert(values[0], place, pair)
+    rows, sides = np.repeat(gaps + 1, 2), [(jump.before, jump.after)[::direction] for jump in jumps]
+    places = np.insert(piezo[kept], rows, np.repeat([jump.piezo for jump in jumps], 2))
+    values = np.insert(force[kept], rows, np.ravel(sides))
     largest = max(jumps, key=lambda jump: abs(jump.step), default=None)
-    return Leg(np.maximum.accumulate(places[0]), values[0], largest)
+    return Leg(np.maximum.accumulate(places), values, largest)
 
 
 def _vertex(piezo: Array, force: Array, k: int) -> tuple[float, float]:

@@ -132,7 +132,7 @@ def fit(
     began = perf_counter()
     with watched(progress, time_limit) as watch, warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of values that are tried on the way
-        fitting = _Fitting(curve.with_spring(spring), contact, named(free), tuple(fixed))
+        fitting = _Fitting(curve.with_spring(spring), contact, named(free), named(fixed))
         found = fitting.compared() if law == "compare" else fitting.result(fitting.profiled(fitting.law(law)))
         found = replace(found, message=told(found.message), cost=Cost(perf_counter() - began, fitting.evaluations))
     return watch.passed(found)
@@ -140,7 +140,7 @@ def fit(
 
 def named(free: Sequence[str]) -> tuple[str, ...]:
     """Names, also those of one text with commas."""
-    return tuple(name.strip() for name in (free.split(",") if isinstance(free, str) else free))
+    return tuple(filter(None, (name.strip() for name in (free.split(",") if isinstance(free, str) else free))))
 
 
 @dataclass(frozen=True)

@@ -123,7 +123,7 @@ def fit_map(
         raise InputError("curves: none; give at least one")
     executor: Executor | None = settings.get("executor")
     chosen: Values = {name: settings[name] for name in _FITTING if name in settings}
-    chosen["fixed"] = tuple(chosen.get("fixed", ()))
+    chosen["fixed"] = named(chosen.get("fixed", ()))
     limit = positive_number(settings.get("task_limit", 600.0), "task_limit")
     task = Fitting(contact, named(free), **chosen, time_limit=limit)
     running = {name: settings[name] for name in _SWEEPING if name in settings}

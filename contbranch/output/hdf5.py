@@ -138,14 +138,7 @@ def _label(image: bytes) -> bytes:
 
 def _write_object(group: h5py.Group, content: Mapping[str, Any]) -> None:
     for key, value in content.items():
-        if isinstance(value, list) and any(isinstance(item, list | Mapping) for item in value):
-            value = {str(k): item for k, item in enumerate(value)}
-        if isinstance(value, Mapping):
-            _write_object(group.create_group(key), value)
-        elif isinstance(value, list):
-            group[key] = np.array([np.nan if item is None else item for item in value], dtype=float)
-        elif value is not None:
-            group.attrs[key] = value
+        _write(group, key, value, {})
 
 
 def _as_diagram(solution: Solution) -> Diagram:
@@ -273,9 +266,14 @@ def _write_diagram(file: h5py.File, diagram: Diagram) -> None:
 
 
 def _write(group: h5py.Group, name: str, value: Any, names: UnitNames, quantity: str = "") -> None:
-    """Write a value: an array as dataset with its unit, numbers and texts as attributes, everything else as groups."""
+    """Write a value: an array as dataset with its unit, numbers and texts as attributes, everything else as groups.
+
+    A list of numbers is an array, with NaN for null.
+    """
     if value is None or (name in ("profiles", "cells") and not value):
         return
+    if isinstance(value, list) and not any(isinstance(item, list | Mapping) for item in value):
+        value = np.array([np.nan if item is None else item for item in value], dtype=float)
     if isinstance(value, np.ndarray):
         group.create_dataset(name, data=value, compression="gzip" if value.ndim > 1 else None)
         if quantity in names:
@@ -317,7 +315,7 @@ def _read_diagram(file: h5py.File) -> Diagram:
     content |= {key: _python(value) for key, value in file.attrs.items()} | {"events": ()}
     texts = {key: json.loads(file[key].asstr()[()]) for key in ("contact", "unit_names")}
     found = _made(Diagram, {**content, **texts, "description": texts["contact"]}, file.get("tip"))
-    exponents = {int(key): _read_record(LocalExponent, group) for key, group in file["local_exponents"].items()}
+    exponents = {int(key): _made(LocalExponent, _read_object(group)) for key, group in file["local_exponents"].items()}
     events = _read_events(file["events"], file.get("mode_shapes", {}))
     return replace(found, events=events, local_exponents=exponents)
 
@@ -364,18 +362,13 @@ def _made(kind: type[Kind], content: Mapping[str, Any], tip: h5py.Group | None =
     return kind(**found)
 
 
-def _read_record(kind: type[Kind], group: h5py.Group) -> Kind:
-    """Read a record that `_write` wrote; KeyError where something is missing that has no default."""
-    return _made(kind, _read_object(group))
-
-
 def _read_events(group: h5py.Group, shapes: Mapping[str, h5py.Group]) -> tuple[Event, ...]:
     # Files of the first version have no modes and verdicts: what may be None may be missing.
     there = [column for column in columns(Event) if column.name in group]
     read = {column.path: group[column.name] for column in there}
     listed = [(data.asstr() if data.dtype.kind == "O" else data)[()].tolist() for data in read.values()]
     events = [_assembled(Event, dict(zip(read, row, strict=True))) for row in zip(*listed, strict=True)]
-    modes = {int(number): _read_record(ModeShape, shape) for number, shape in shapes.items()}
+    modes = {int(number): _made(ModeShape, _read_object(shape)) for number, shape in shapes.items()}
     return tuple(replace(event, mode_shape=modes.get(number)) for number, event in enumerate(events))
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import solve_banded
 
 from contbranch.arrays import Array
 
@@ -11,7 +10,7 @@ _FINE = 32  # points for each step of a path
 
 
 def smooth(knots: Array, values: Array, at: Array, *, bounded: bool = True, flat: bool = False) -> Array:
-    """Interpolate with a cubic spline, whose slopes at the ends are those of parabolas; two knots: a line.
+    """Interpolate with cubics whose slopes at the knots are those of parabolas through neighbours; two knots: a line.
 
     `flat`: its slope at the last end is zero.
 
@@ -23,14 +22,8 @@ def smooth(knots: Array, values: Array, at: Array, *, bounded: bool = True, flat
         return np.interp(at, knots, values)
     step = np.diff(knots)
     chord = np.diff(values) / step
-    bands, right = np.ones((3, len(knots))), np.empty(len(knots))
-    bands[0, 2:], bands[1, 1:-1], bands[2, :-2] = step[:-1], 2.0 * (step[1:] + step[:-1]), step[1:]
-    bands[0, 1] = bands[2, -2] = 0.0
-    right[1:-1] = 3.0 * (step[1:] * chord[:-1] + step[:-1] * chord[1:])
-    for end, (h, k), (m, n) in ((0, step[:2], chord[:2]), (-1, step[:-3:-1], chord[:-3:-1])):
-        right[end] = m + h * (m - n) / (h + k)
-    right[-1] *= not flat
-    slopes = solve_banded((1, 1), bands, right)
+    slopes = np.gradient(values, knots, edge_order=2)
+    slopes[-1] *= not flat
     if bounded:
         before, after = np.append(chord[:1], chord), np.append(chord, chord[-1:])
         largest = 3.0 * np.minimum(np.abs(before), np.abs(after)) * (before * after > 0.0)

@@ -60,9 +60,6 @@ class Design(Sequence[Contact]):
             raise IndexError(f"index {index} of {len(self)} contacts")
         return member(self.contact, self.parameters(index % len(self)))
 
-    def __iter__(self) -> Iterator[Contact]:
-        return (self[k] for k in range(len(self)))
-
 
 @dataclass(frozen=True)
 class Listed(Sequence[Any]):

@@ -35,6 +35,11 @@ class PowerLaw:
         return cls(n, np.asarray(0.5 * scipy.special.beta(0.5 * n, 0.5) / positive("length", length) ** (n - 1.0)))
 
     @classmethod
+    def parabola(cls, radius: ArrayLike) -> PowerLaw:
+        """Return the transform of z = r^2 / (2 radius): strength = 1 / radius."""
+        return cls(np.asarray(2.0), np.asarray(1.0 / positive("radius", radius)))
+
+    @classmethod
     def cone(cls, slope: ArrayLike) -> PowerLaw:
         """Return the transform of z = slope * r: strength = pi slope / 2."""
         return cls(np.asarray(1.0), np.asarray(0.5 * np.pi * positive("slope", slope)))

@@ -73,9 +73,7 @@ def contact_radius_at_displacement(displacement: ArrayLike, *, radius: ArrayLike
 def pressure(r: ArrayLike, contact_radius: ArrayLike, *, radius: ArrayLike = 1.0, modulus: ArrayLike = 1.0) -> Array:
     """Return the pressure under a parabola, p = 2 E sqrt(a^2-r^2) / (pi R) for r < a and 0 outside."""
     a = not_negative("contact_radius", contact_radius)
-    distance = not_negative("r", r)
-    y = np.sqrt(np.maximum((a - distance) * (a + distance), 0.0))
-    return 2.0 / np.pi * positive("modulus", modulus) / positive("radius", radius) * y
+    return positive("modulus", modulus) * PowerLaw.parabola(radius).stress(not_negative("r", r), a)
 
 
 def gap(r: ArrayLike, contact_radius: ArrayLike, *, radius: ArrayLike = 1.0) -> Array:

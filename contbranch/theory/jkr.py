@@ -65,14 +65,14 @@ def load(
     InputError
         If a length is negative or a constant not positive; so for every function here.
     """
-    return _load(_parabola(radius), contact_radius, modulus, work_of_adhesion)
+    return _load(PowerLaw.parabola(radius), contact_radius, modulus, work_of_adhesion)
 
 
 def displacement(
     contact_radius: ArrayLike, *, radius: ArrayLike = 1.0, modulus: ArrayLike = 1.0, work_of_adhesion: ArrayLike = 1.0
 ) -> Array:
     """Return the displacement of a parabola, d = a^2 / R - sqrt(2 pi a w / E); parameters as in `load`."""
-    return _displacement(_parabola(radius), contact_radius, modulus, work_of_adhesion)
+    return _displacement(PowerLaw.parabola(radius), contact_radius, modulus, work_of_adhesion)
 
 
 def contact_radius(
@@ -143,12 +143,12 @@ def contact_radius_at_displacement(
 
 def load_fold(*, radius: ArrayLike = 1.0, modulus: ArrayLike = 1.0, work_of_adhesion: ArrayLike = 1.0) -> Fold:
     """Return the pull-off under load control: F = -(3/2) pi w R at a^3 = 9 pi w R^2 / (8 E), d = -a^2 / (3R)."""
-    return fold(_parabola(radius), 1.5, modulus, work_of_adhesion)
+    return fold(PowerLaw.parabola(radius), 1.5, modulus, work_of_adhesion)
 
 
 def displacement_fold(*, radius: ArrayLike = 1.0, modulus: ArrayLike = 1.0, work_of_adhesion: ArrayLike = 1.0) -> Fold:
     """Return the pull-off under displacement control: F = -(5/6) pi w R at a^3 = pi w R^2 / (8 E), d = -3 a^2 / R."""
-    return fold(_parabola(radius), 0.5, modulus, work_of_adhesion)
+    return fold(PowerLaw.parabola(radius), 0.5, modulus, work_of_adhesion)
 
 
 def cone_load(
@@ -227,10 +227,6 @@ def power_law_displacement_fold(
 ) -> Fold:
     """Return a power-law tip's pull-off under displacement control, n zeta(a) = (1/2) sqrt(2 pi a w / E)."""
     return fold(PowerLaw.of(exponent, length), 0.5, modulus, work_of_adhesion)
-
-
-def _parabola(radius: ArrayLike) -> PowerLaw:
-    return PowerLaw(np.asarray(2.0), np.asarray(1.0 / positive("radius", radius)))
 
 
 def _neck(contact_radius: Array, modulus: Array, work_of_adhesion: Array) -> Array:
