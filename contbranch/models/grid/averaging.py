@@ -356,8 +356,12 @@ class AveragedProblem(EquilibriumProblem):
 
     def nearest(self, p: float) -> Equilibrium:
         """The same with all fields; one pair of transforms."""
+        return self.lattice.state(*self.beside(p))
+
+    def beside(self, p: float) -> tuple[Array, float]:
+        """Its u and load."""
         state = self.state(p)
-        return self.lattice.state(state.u.ravel(), state.load)
+        return state.u.ravel(), state.load
 
     @property
     def countable(self) -> bool:
@@ -370,18 +374,15 @@ class AveragedProblem(EquilibriumProblem):
 
     def azimuthal(self, x: Vector, p: float, unstable: int, limit: int = 32, near: Sequence[int] = ()) -> Count | None:
         """Of the state beside it."""
-        state = self.state(p)
-        return self.lattice.azimuthal(state.u.ravel(), state.load, unstable, limit, near)
+        return self.lattice.azimuthal(*self.beside(p), unstable, limit, near)
 
     def profile(self, x: Vector, p: float) -> Profile:
         """Of the state beside it."""
-        state = self.state(p)
-        return self.lattice.profile(state.u.ravel(), state.load)
+        return self.lattice.profile(*self.beside(p))
 
     def described(self, x: Vector, p: float) -> Mapping[str, Any]:
         """Of the state beside it."""
-        state = self.state(p)
-        return self.lattice.described(state.u.ravel(), state.load)
+        return self.lattice.described(*self.beside(p))
 
     def relaxes_to(self, other: EquilibriumProblem) -> bool:
         """Whatever lies on the lattice."""

@@ -9,6 +9,7 @@ every Newton step. Tangents are those of the arcs between corners; so the direct
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import islice, pairwise
@@ -317,6 +318,10 @@ class Walker:
             rise, fall = np.diff(values)
             if rise * fall < 0.0 and max(abs(rise), abs(fall)) > ROUNDING * max(1.0, abs(values[1])):
                 turned.append((control, float(np.sign(rise))))
+        self._locate(turned, before, middle, after)
+
+    def _locate(self, turned: Sequence[tuple[Control, float]], before: Place, middle: Place, after: Place) -> None:
+        """Append the folds of controls with their senses, of which places on both sides and one between are known."""
         if not turned:
             return
         change = after.state.u - before.state.u, after.state.load - before.state.load
@@ -364,18 +369,12 @@ class Walker:
         change = after.state.u - before.state.u, after.state.load - before.state.load
         point = self.problem.tangential(self.problem.point(after.state, change))
         load, displacement, *_ = self.problem.rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
+        turned = []
         for control in self.folds.controls:
             values = [control.value(place.state.load, place.state.displacement) for place in (before, after)]
-            if (values[1] - values[0]) * control.value(load, displacement) >= 0.0:
-                continue
-            states = [place.state for place in self.places[-4:] if place.arc >= 0.0]
-            way = Direction.between(before.state, after.state, self.setup.length)
-            found = Stretch(self.nodes, states, way, self._sharp).extremum(
-                control, float(np.sign(values[1] - values[0])), way.of(before.state), way.of(after.state)
-            )
-            if found is not None:
-                arc = before.arc + self._apart(before.state, found)
-                self.folds.told(self._add(Place(min(arc, after.arc), found), control.kind))
+            if (values[1] - values[0]) * control.value(load, displacement) < 0.0:
+                turned.append((control, float(np.sign(values[1] - values[0]))))
+        self._locate(turned, before, before, after)
 
     def _averaged(self, centre: float, stuck: bool = False) -> bool:
         """Let the average take over around a contact radius; whether that could be done."""
