@@ -106,7 +106,7 @@ class Influence:
         sources = [(x, y)]
         if self.lattice.quarter:
             sources += [(x, -y - sizes), (-x - sizes, y), (-x - sizes, -y - sizes)]
-        found = np.empty((m, m), self._digits)
+        found: Array = np.empty((m, m), self._digits)
         edges = np.flatnonzero(np.diff(sizes, prepend=0, append=0))
         groups = [slice(int(begin), int(end)) for begin, end in pairwise(edges)]
         for k, b in enumerate(groups):
@@ -280,8 +280,6 @@ class Clusters:
         # Any border will do that makes the matrix regular at folds.
         matrix[m, :m] = lattice.compliance * lattice.node_area * self.nodes
         matrix[m, m] = 1.0
-        # SciPy's own call takes as long as what it calls.
-        (self._substitute,) = scipy.linalg.get_lapack_funcs(("getrs",), (matrix,))
         self._factors = scipy.linalg.lu_factor(matrix.T, overwrite_a=True, check_finite=False)
         rest = np.where(held, 0.75 * self.wave / self.weight, 1.0 / (1.0 + np.maximum(own, 0.0) / self.wave))
         self.rest = np.where(self.single, 0.0, rest)
@@ -304,7 +302,7 @@ class Clusters:
 
     def _back(self, vector: Array) -> Array:
         own = vector.astype(self.influences.dtype)
-        return np.asarray(self._substitute(*self._factors, own, trans=1)[0], np.float64)
+        return np.asarray(scipy.linalg.lu_solve(self._factors, own, trans=1, check_finite=False), np.float64)
 
     def _inverse(self, vector: Array) -> Array:
         found, (columns, rows) = self._back(vector), self._low

@@ -46,6 +46,7 @@ def chosen_size(
     given: tuple[float | None, int | None],
     asked: tuple[str | None, float | None],
     accuracy: float,
+    depth: float | None = None,
 ) -> tuple[float, int]:
     """Edge and nodes for a reduced contact.
 
@@ -56,9 +57,11 @@ def chosen_size(
     asked : (str or None, float or None)
         ``("load", F)`` or ``("displacement", d)`` that must fit; ``(None, F)`` for a trace to its largest load, None
         for its default.
+    depth : float, optional
+        The largest displacement, if it is known.
     """
     (cell, grid), (field, value) = given, asked
-    depth, radius = _extent(contact, field, value)
+    depth, radius = _extent(contact, field, value) if depth is None else (depth, 0.0)
     if cell is None:
         cell = ROOM[kind] * _radius_at(contact, depth + _reach(contact))
     if grid is None:
