@@ -59,7 +59,7 @@ def main() -> None:
     for number in range(given.count):
         text, contact, control, model = drawn(number, given.seed)
         found = cb.trace(contact, control, model=model, modes=0)
-        own = dict(ratios(found, cb.trace(contact, control, modes=0)))
+        own = dict(ratios(found, cb.trace(contact, control, accuracy=1e-9, modes=0)))
         every += own.values()
         told = ", ".join(f"{name} {'missing' if np.isnan(ratio) else f'{ratio:.2f}'}" for name, ratio in own.items())
         print(f"{number:3d} {text}, {found.status}: {told}", flush=True)

@@ -55,6 +55,10 @@ class _Way:
     def direction(self) -> Direction:
         return Direction.along(self.measure, self.u, self.load)
 
+    def bent(self, before: _Way, size: float) -> tuple[Array, float]:
+        """Half the change of the way over a distance."""
+        return 0.5 / size * (self.u - before.u), 0.5 / size * (self.load - before.load)
+
     def beyond(self, begin: Equilibrium, end: Equilibrium) -> _Way:
         """From the way at one state that at another: a parabola's."""
         size = self.measure.apart(begin, end)
@@ -83,7 +87,7 @@ class _Follower:
 
     def __post_init__(self) -> None:
         self.cap = LONGEST * self.period
-        self.settings = replace(self.settings, frozen=True, steps=12, inner=200, growth=1e3, patience=6, forcing=0.01)
+        self.settings = replace(self.settings, frozen=True, steps=8, inner=200, growth=1e3, patience=3, forcing=0.01)
 
     def way(self, state: Equilibrium, towards: Direction | _Way) -> _Way | None:
         """The tangent at a state, its progress in a direction positive; it may be known to be near another."""
@@ -153,13 +157,15 @@ class _Follower:
     def arc(self, begin: Equilibrium, way: _Way) -> tuple[Arc, tuple[int, int], _Way] | None:
         """From a state to the next corner: the arc, the node that changes there, and the way before it."""
         state, last, cap = begin, way, self.cap
+        bend: tuple[Array | float, float] = 0.0, 0.0
         for _ in range(STEPS):
             distance, node = self.events(state, last)
             along = last.direction
             step = min(distance, cap)
             target: tuple[int, int] | None = node if distance <= cap else None
             if target is None:
-                there = self.beside(state, state.u + step * last.u, state.load + step * last.load, along)
+                ahead = state.u + step * (last.u + step * bend[0]), state.load + step * (last.load + step * bend[1])
+                there = self.beside(state, *ahead, along)
                 if there is None:
                     cap = 0.5 * step
                     continue
@@ -169,12 +175,13 @@ class _Follower:
                     if onward is None:
                         return None
                     longer = 2.0 * step if there.steps <= EASY else step
+                    bend = onward.bent(last, last.measure.apart(there, state))
                     state, last = there, onward
                     self.cap = cap = min(longer, LONGEST * self.period)
                     continue
                 u, load = 0.5 * (state.u + there.u), 0.5 * (state.load + there.load)
             else:
-                u, load = state.u + step * last.u, state.load + step * last.load
+                u, load = state.u + step * (last.u + step * bend[0]), state.load + step * (last.load + step * bend[1])
             found = self._targeted(state, u, load, target, last, max(4.0 * step, 0.3 * self.period))
             if found is not None:
                 end, node = found

@@ -29,7 +29,6 @@ from contbranch.results.profile import Profile
 
 from .arcs import Arc, arcs, onward
 from .arrays import Array
-from .measure import Measure
 from .newton import Equilibrium
 from .readings import Reading, read
 from .setup import Setup
@@ -74,7 +73,9 @@ def half_width(radius: float, spacing: float) -> float:
     return spacing * max(LEAST, min(ROWS, SHARE * rows, MANY / max(rows, 1.0)))
 
 
-def turned(seen: Array, controls: Sequence[Control], spacing: float, beyond: float) -> tuple[float, float | None]:
+def turned(
+    seen: Array, controls: Sequence[Control], spacing: float, beyond: float, ended: bool
+) -> tuple[float, float | None]:
     """Where a control has turned round, at a radius with rows on both sides over more than what single nodes do.
 
     Parameters
@@ -85,6 +86,8 @@ def turned(seen: Array, controls: Sequence[Control], spacing: float, beyond: flo
     spacing : float
     beyond : float
         Contact radius up to which this is known; negative: from the last row without contact on.
+    ended : bool
+        Whether no rows will follow, so that those there are must do.
 
     Returns
     -------
@@ -99,7 +102,7 @@ def turned(seen: Array, controls: Sequence[Control], spacing: float, beyond: flo
         inner = inner[max(int(np.argmax(radii > 0.0)) - 1, 0) :]
     for k in inner[:-1].tolist():
         half = half_width(radii[k], spacing)
-        if k == 0 or radii[-1] < radii[k] + half:
+        if k == 0 or (radii[-1] < radii[k] + half and not ended):
             continue
         beyond = max(beyond, float(radii[k]))
         # one row without contact, or beyond the window
@@ -121,8 +124,8 @@ class Samples:
     radius, values, perimeters, weight : list
         Of three states an arc: contact radius; load, displacement and energy; length of the rim; share of the integral
         over the radius.
-    ends, lengths : list
-        Contact radius at the end of every arc, and its length.
+    ends : list
+        Contact radius at the end of every arc.
     states : list of (float, Equilibrium)
         States with fields, some in every row of nodes, and their contact radii.
     last : Arc or None
@@ -133,7 +136,6 @@ class Samples:
     perimeters: list[float] = field(default_factory=list)
     weight: list[float] = field(default_factory=list)
     ends: list[float] = field(default_factory=list)
-    lengths: list[float] = field(default_factory=list)
     states: list[tuple[float, Equilibrium]] = field(default_factory=list)
     last: Arc | None = None
     _seen: Reading | None = None
@@ -144,7 +146,6 @@ class Samples:
         seen = begin or read(setup, arc.begin, cell=False), *(read(setup, s, cell=False) for s in (arc.middle, arc.end))
         self.last, self._seen = arc, seen[2]
         self.ends.append(seen[2].contact_radius)
-        self.lengths.append(Measure.at(arc.begin, setup.length).apart(arc.end, arc.begin))
         if seen[0].contact_radius > 0.0 and np.isfinite([one[:4] for one in seen]).all():
             radii = np.array([one.contact_radius for one in seen])
             own = np.maximum(_LAGRANGE @ (_WEIGHTS * (radii @ _SLOPES)), 0.0)
@@ -356,8 +357,12 @@ class AveragedProblem(EquilibriumProblem):
 
     def nearest(self, p: float) -> Equilibrium:
         """The same with all fields; one pair of transforms."""
+        return self.lattice.state(*self.beside(p))
+
+    def beside(self, p: float) -> tuple[Array, float]:
+        """Its u and load."""
         state = self.state(p)
-        return self.lattice.state(state.u.ravel(), state.load)
+        return state.u.ravel(), state.load
 
     @property
     def countable(self) -> bool:
@@ -370,18 +375,15 @@ class AveragedProblem(EquilibriumProblem):
 
     def azimuthal(self, x: Vector, p: float, unstable: int, limit: int = 32, near: Sequence[int] = ()) -> Count | None:
         """Of the state beside it."""
-        state = self.state(p)
-        return self.lattice.azimuthal(state.u.ravel(), state.load, unstable, limit, near)
+        return self.lattice.azimuthal(*self.beside(p), unstable, limit, near)
 
     def profile(self, x: Vector, p: float) -> Profile:
         """Of the state beside it."""
-        state = self.state(p)
-        return self.lattice.profile(state.u.ravel(), state.load)
+        return self.lattice.profile(*self.beside(p))
 
     def described(self, x: Vector, p: float) -> Mapping[str, Any]:
         """Of the state beside it."""
-        state = self.state(p)
-        return self.lattice.described(state.u.ravel(), state.load)
+        return self.lattice.described(*self.beside(p))
 
     def relaxes_to(self, other: EquilibriumProblem) -> bool:
         """Whatever lies on the lattice."""

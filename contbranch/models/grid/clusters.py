@@ -76,12 +76,17 @@ class Influence:
         return self._tables[rows, columns]
 
     def _response(self) -> Array:
-        """Displacement by unit pressure on one node, as far as is needed: half the digits do on a quarter."""
+        """Displacement by unit pressure on one node, as far as is needed."""
         m = self.lattice.whole().size
         offsets = np.arange(self._width) - self._reach
         response = np.fft.irfft2(1.0 / self.lattice.whole().held_symbol(None), s=(m, m))
         near = response.take(offsets, 0, mode="wrap").take(offsets, 1, mode="wrap")
-        return near.astype(np.float32 if self.lattice.quarter else np.float64)
+        return near.astype(self._digits)
+
+    @property
+    def _digits(self) -> type:
+        """Of influences, and of what is factorised: half of them do on a quarter."""
+        return np.float32 if self.lattice.quarter else np.float64
 
     @property
     def _width(self) -> int:
@@ -101,7 +106,7 @@ class Influence:
         sources = [(x, y)]
         if self.lattice.quarter:
             sources += [(x, -y - sizes), (-x - sizes, y), (-x - sizes, -y - sizes)]
-        found = np.empty((m, m))
+        found: Array = np.empty((m, m), self._digits)
         edges = np.flatnonzero(np.diff(sizes, prepend=0, append=0))
         groups = [slice(int(begin), int(end)) for begin, end in pairwise(edges)]
         for k, b in enumerate(groups):
@@ -268,7 +273,7 @@ class Clusters:
         own = np.where(held, self.weight, self.stiffness)
         self._scale = np.bincount(self.square, own * kept, m) / np.bincount(self.square, kept, m)
         lattice = self.influence.lattice
-        matrix = np.empty((m + 1, m + 1))
+        matrix = np.empty((m + 1, m + 1), self.influences.dtype)
         np.multiply(self._scale[:, None], self.influences, out=matrix[:m, :m])
         matrix[np.arange(m), np.arange(m)] += ~self.touching
         matrix[:m, m] = -self._scale
@@ -296,7 +301,8 @@ class Clusters:
         self.aside = self._inverse(np.eye(1, m + 1, m)[0])
 
     def _back(self, vector: Array) -> Array:
-        return np.asarray(scipy.linalg.lu_solve(self._factors, vector, trans=1, check_finite=False))
+        own = vector.astype(self.influences.dtype)
+        return np.asarray(scipy.linalg.lu_solve(self._factors, own, trans=1, check_finite=False), np.float64)
 
     def _inverse(self, vector: Array) -> Array:
         found, (columns, rows) = self._back(vector), self._low

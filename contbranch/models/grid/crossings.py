@@ -35,6 +35,8 @@ REACH = 12
 POWERS = np.arange(4)
 # Smoothings of the contact's indicator whose gradient is the normal of the rim: a width of about two nodes.
 _SMOOTHINGS = 3
+# Change of a zero, in nodes, after which the next one of Newton's method is rounding.
+CLOSE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -214,7 +216,10 @@ def _fractions(pressure: Array, gap: Array, distance: Array) -> Array:
     a, b, d = np.where(known, first, 1.0), np.where(known, second, 1.0), distance
     y = np.minimum(np.cbrt(d / np.maximum(a, 1e-300)), d / np.maximum(b, 1e-300))
     for _ in range(12):
-        y = y - (a * y**3 + b * y - d) / (3.0 * a * y * y + b)
+        square, before = a * y * y, y
+        y = (2.0 * square * y + d) / (3.0 * square + b)
+        if (np.abs(y - before) <= CLOSE * y).all():
+            break
     return np.where(known, np.clip(a * y**3 / d, 0.0, 1.0), 0.5)
 
 
@@ -227,5 +232,7 @@ def _zeros(coefficients: Array) -> Array:
             value, slope = value * x + one, slope * x + value
         # Profiles rise away from the rim; where noise makes them fall, nothing is learnt.
         step = np.where(slope > 1e-3, value / np.where(slope > 1e-3, slope, 1.0), 0.0)
-        x = np.clip(x - step, -1.0, 1.0)
+        x, before = np.clip(x - step, -1.0, 1.0), x
+        if (np.abs(x - before) < CLOSE).all():
+            break
     return x

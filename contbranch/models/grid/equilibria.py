@@ -46,7 +46,7 @@ from .newton import Equilibrium, Hold, Settings, control_held, newton, tangent
 from .observables import cell_fields, interpolate, mean_gap, profile
 from .readings import Reading, clearance, read
 from .resolution import Resolution, fills
-from .setup import Setup, carried, coarsened, refined
+from .setup import Setup, coarsened, refined
 from .walk import Walker
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ FURTHEST = 1.0
 RECENT = 8
 # Least error of an event, relative to max(1, |value|); that for which no finer lattice is asked, of what is controlled
 # and of what is not.
-FLOOR, ENOUGH, ACROSS = 1.5e-7, 3e-7, 3e-6
+FLOOR, ENOUGH, ACROSS = 1e-8, 3e-7, 3e-6
 # Two states are one if no gap differs by more than this part of the law's range: relaxations and Newton's method stop
 # at different residuals, and soft states are far apart for the same one.
 SAME = 0.02
@@ -471,17 +471,18 @@ class LatticeProblem(EquilibriumProblem):
         if coarse is None or self.resolution.fails(self.at(point)):
             return unknown
         here, state = self.reading(point.x, point.parameter), self.at(point)
-        u, load, contact = carried(self.setup, coarse.setup, state)
-        start = np.where(contact, -coarse.nodes.heights, u)
+        start, way = (
+            self.carried(own, point.x, point.parameter, coarse).reshape(coarse.nodes.shape)
+            for own in (point.x, point.tangent_x)
+        )
         if control is not None:
             hold = control_held(coarse.nodes, control, control.value(here.load, here.displacement))
         else:
-            way = coarsened(point.tangent_x.reshape(self.nodes.shape), self.setup.centred)
-            measure = Measure.of(np.maximum(coarse.nodes.heights + start, 0.0), load, self.scale)
+            measure = Measure.of(np.maximum(coarse.nodes.heights + start, 0.0), state.load, self.scale)
             along = Direction.along(measure, way, point.tangent_parameter)
-            hold = along.hold(along.value(start, load), 1e-6 * abs(along.value(way, point.tangent_parameter)))
+            hold = along.hold(along.value(start, state.load), 1e-6 * abs(along.value(way, point.tangent_parameter)))
         with quietly():
-            found = newton(coarse.nodes, start, load, hold, contact, self.settings)
+            found = newton(coarse.nodes, start, state.load, hold, None, self.settings)
         if not found.converged:
             return unknown
         return np.abs(np.subtract(here[:4], read(coarse.setup, found, cell=False)[:4]))

@@ -14,14 +14,13 @@ from contbranch.errors import InputError
 
 from .arrays import Array
 from .lattice import Kind, Lattice
-from .newton import Equilibrium, Sketch
 from .observables import weights
 from .problem import GridProblem
 from .ramp import on_lattice
 from .transforms import Counter
 from .units import REDUCED_VALUES, UnitValues
 
-__all__ = ["Setup", "UnitValues", "carried", "coarsened", "refined"]
+__all__ = ["Setup", "UnitValues", "coarsened", "refined"]
 
 
 @dataclass(frozen=True)
@@ -137,12 +136,3 @@ def refined(values: Array, lattice: Lattice, centred: bool = True) -> Array:
     first = lattice.axis[0] - 0.25 * lattice.spacing * centred
     between = weights(lattice, first + 0.5 * lattice.spacing * np.arange(2 * lattice.size)[:, None])
     return between @ values @ between.T
-
-
-def carried(setup: Setup, other: Setup, state: Equilibrium) -> Sketch:
-    """A state on a lattice as a trial state on that with twice or half the nodes a side."""
-    if other.grid > setup.grid:
-        contact = state.contact.repeat(2, axis=0).repeat(2, axis=1)
-        return Sketch(refined(state.u, setup.lattice, setup.centred), state.load, contact)
-    contact = coarsened(state.contact.astype(np.float64), setup.centred) >= 0.5
-    return Sketch(coarsened(state.u, setup.centred), state.load, contact)

@@ -115,7 +115,7 @@ def reached(setup: Setup, sketch: Sketch, hold: Hold, settings: Settings) -> Equ
 
 
 def trials(setup: Setup, field: str, value: float) -> list[Sketch]:
-    """Two starts for dynamics, for a tip without likeness: undeformed, just apart, and pressed flat by the load."""
+    """Two starts for relaxation, for a tip without likeness: undeformed, just apart, and pressed flat by the load."""
     problem = setup.problem
     heights = np.where(np.isfinite(problem.heights), problem.heights, 0.0)
     apart = setup.length

@@ -9,9 +9,12 @@ every Newton step. Tangents are those of the arcs between corners; so the direct
 from __future__ import annotations
 
 import math
+from bisect import insort
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import islice, pairwise
+from operator import itemgetter
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -23,6 +26,7 @@ from contbranch.curve.events import Ceiling, Folds
 from contbranch.watch import finishing, kept, over
 
 from .arcs import arcs, onward
+from .arrays import Array
 from .averaging import averaged, half_width, turned
 from .keeping import Keeping
 from .measure import Direction, Measure, Stretch, lagrange, predicted
@@ -70,6 +74,16 @@ class Row(NamedTuple):
     arc: float
     point: Point
     event: str = ""
+
+    @property
+    def place(self) -> Array:
+        """Load and displacement."""
+        return np.array([self.point.observables[name] for name in ("load", "displacement")])
+
+    @property
+    def radius(self) -> float:
+        """That of the contact."""
+        return self.point.observables["contact_radius"]
 
 
 @dataclass
@@ -126,7 +140,7 @@ class Walker:
         with finishing():
             if over() and self._averages:  # an average could still take the place of rows
                 sure = self.checked - 1.5 * half_width(max(self.checked, 0.0), self.spacing)
-                known = (row for row in self.rows[1:] if row.point.observables["contact_radius"] <= sure)
+                known = (row for row in self.rows[1:] if row.radius <= sure)
                 self.rows = [self.rows[0], *known]
             return self._branch(end)
 
@@ -135,56 +149,50 @@ class Walker:
         problem, met, lost = self.problem, End(Outcome.STOPPED_AT_EVENT), End(Outcome.REACHED_EDGE)
         while len(self.rows) < MOST_POINTS:
             if not self._step():
-                radius = self.rows[-1].point.observables["contact_radius"]
-                if self._averages and self._averaged(radius, stuck=True):
+                if self._averages and self._averaged(self.rows[-1].radius, stuck=True):
                     return met
                 return lost
             if not problem.wall and self._touched():
                 return met
             self._add(self.places[-1])
             self._turns()
+            ended, last = self._beyond(), self.rows[-1]
             if self._averages:
-                self.checked, centre = turned(self._seen(), self.folds.controls, self.spacing, self.checked)
-                if centre is None and self._beyond():
-                    centre = self._pending()
+                controls, seen = self.folds.controls, self._seen()
+                self.checked, centre = turned(seen, controls, self.spacing, self.checked, ended)
                 if centre is not None and self._averaged(centre):
                     return met
-            if self._beyond():
+            if ended:
                 self._close()
                 return met
-            here = self.rows[-1].point
             self.returns = self.returns + 1 if self._returned() else 0
-            if fills(self.setup, self.places[-1].state) or self._outgrown(here) or self.returns == RETURNS:
+            outgrown = not self.setup.crowded and last.radius > 0.49 * self.setup.edge
+            if fills(self.setup, self.places[-1].state) or outgrown or self.returns == RETURNS:
                 return lost
-            if self.stop.predicate is not None and self.stop.predicate(here):
+            if self.stop.predicate is not None and self.stop.predicate(last.point):
                 self.rows[-1] = self.rows[-1]._replace(event=self.end.name)
                 return met
             del self.places[:-HISTORY]
         return lost
 
-    def _outgrown(self, point: Point) -> bool:
-        return not self.setup.crowded and point.observables["contact_radius"] > 0.49 * self.setup.edge
-
     def _add(self, place: Place, event: str = "") -> Point:
-        """Append a row, with its fields, from which profiles are made when they are asked for."""
+        """Put a row in its place, with its fields, from which profiles are made when they are asked for."""
         before = self.places[-2].state if len(self.places) > 1 else place.state
         point = self.problem.point(place.state, (place.state.u - before.u, place.state.load - before.load))
         point = replace(point, x=self.kept(point.x), tangent_x=self.kept(point.tangent_x))
-        self.rows.append(Row(place.arc, point, event))
+        self._put(Row(place.arc, point, event))
         return point
 
+    def _put(self, row: Row) -> None:
+        insort(self.rows, row, key=itemgetter(0))
+
     def _branch(self, end: End) -> Branch:
-        """The rows in order, with the directions between them."""
-        last = self.rows[-1:] if end.outcome is Outcome.STOPPED_AT_EVENT else []
-        rows = sorted(self.rows[: len(self.rows) - len(last)], key=lambda row: row.arc) + last
-        if self._chained:
-            rows = self._cornered(rows)
+        """The rows, with the directions between them."""
+        rows = self._cornered(self.rows) if self._chained else self.rows
         points = [row.point for row in rows]
         known = points
         if rows[-1].event == "average":  # what it spans is dropped
-            first = next(
-                (k for k, p in enumerate(points) if p.observables["contact_radius"] >= points[-1].parameter), 2
-            )
+            first = next((k for k, row in enumerate(rows) if row.radius >= points[-1].parameter), 2)
             known = points[: max(first, 2)]
         branch = Branch([], [], end)
         for k, row in enumerate(rows[1:], start=1):
@@ -210,8 +218,7 @@ class Walker:
             places.append(row._replace(event="") if any(row.event == c.kind for c in controls) else row)
         while self.hops and (ripple := self._ripple(places)) is not None:
             del places[ripple]
-        seen = np.array([[row.point.observables[name] for name in ("displacement", "load")] for row in places])
-        ways = [math.atan2(load, displacement) for displacement, load in np.diff(seen, axis=0)]
+        ways = [math.atan2(*change) for change in np.diff([row.place for row in places], axis=0)]
         found = places[:1]
         for row, (before, after) in zip(places[1:], [*pairwise(ways), (0.0, 0.0)], strict=False):
             passed = [] if row.event else in_passing(controls, before, short_way(after - before))
@@ -220,12 +227,9 @@ class Walker:
 
     def _ripple(self, rows: list[Row]) -> slice | None:
         """Rows along which a control goes back within a row of nodes, by less than it goes before and behind."""
-        load, displacement, radius = (
-            np.array([row.point.observables[name] for row in rows])
-            for name in ("load", "displacement", "contact_radius")
-        )
+        radius = np.array([row.radius for row in rows])
         for control in self.folds.controls:
-            values = np.array([control.value(*place) for place in zip(load, displacement, strict=True)])
+            values = np.array([control.value(*row.place) for row in rows])
             rises = np.diff(values)
             turns = np.r_[0, np.flatnonzero(rises[:-1] * rises[1:] < 0.0) + 1, len(rows) - 1]
             swings = np.abs(np.diff(values[turns]))
@@ -237,8 +241,7 @@ class Walker:
 
     def _one(self, row: Row, other: Row) -> bool:
         """Whether two rows are one state, but for rounding."""
-        own, new = (np.array([at.point.observables[n] for n in ("load", "displacement")]) for at in (row, other))
-        return bool((np.abs(own - new) <= ROUNDING * np.maximum(1.0, np.abs(own))).all())
+        return bool((np.abs(row.place - other.place) <= ROUNDING * np.maximum(1.0, np.abs(row.place))).all())
 
     def _directed(self, point: Point, before: Point, after: Point, event: bool) -> Point:
         """A row with its direction: that of the parabola through rows on both sides; the tangent where it is asked."""
@@ -272,10 +275,9 @@ class Walker:
                 last += 1
         return own[first], own[last]
 
-    def _seen(self) -> np.ndarray:
-        """Load, displacement and contact radius of the rows in order; first of all, just behind the first one."""
-        names = "load", "displacement", "contact_radius"
-        seen = [[row.point.observables[name] for name in names] for row in sorted(self.rows, key=lambda row: row.arc)]
+    def _seen(self) -> Array:
+        """Load, displacement and contact radius of the rows; first of all, just behind the first one."""
+        seen = [[*row.place, row.radius] for row in self.rows]
         start = self.rows[0].point
         ahead = self.problem.rates(start.x, start.parameter, start.tangent_x, start.tangent_parameter)[:2]
         small = 1e-3 * self.setup.length / (max(map(abs, ahead)) or 1.0)
@@ -317,6 +319,10 @@ class Walker:
             rise, fall = np.diff(values)
             if rise * fall < 0.0 and max(abs(rise), abs(fall)) > ROUNDING * max(1.0, abs(values[1])):
                 turned.append((control, float(np.sign(rise))))
+        self._locate(turned, before, middle, after)
+
+    def _locate(self, turned: Sequence[tuple[Control, float]], before: Place, middle: Place, after: Place) -> None:
+        """Append the folds of controls with their senses, of which places on both sides and one between are known."""
         if not turned:
             return
         change = after.state.u - before.state.u, after.state.load - before.state.load
@@ -364,65 +370,42 @@ class Walker:
         change = after.state.u - before.state.u, after.state.load - before.state.load
         point = self.problem.tangential(self.problem.point(after.state, change))
         load, displacement, *_ = self.problem.rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
+        turned = []
         for control in self.folds.controls:
             values = [control.value(place.state.load, place.state.displacement) for place in (before, after)]
-            if (values[1] - values[0]) * control.value(load, displacement) >= 0.0:
-                continue
-            states = [place.state for place in self.places[-4:] if place.arc >= 0.0]
-            way = Direction.between(before.state, after.state, self.setup.length)
-            found = Stretch(self.nodes, states, way, self._sharp).extremum(
-                control, float(np.sign(values[1] - values[0])), way.of(before.state), way.of(after.state)
-            )
-            if found is not None:
-                arc = before.arc + self._apart(before.state, found)
-                self.folds.told(self._add(Place(min(arc, after.arc), found), control.kind))
+            if (values[1] - values[0]) * control.value(load, displacement) < 0.0:
+                turned.append((control, float(np.sign(values[1] - values[0]))))
+        self._locate(turned, before, before, after)
 
     def _averaged(self, centre: float, stuck: bool = False) -> bool:
         """Let the average take over around a contact radius; whether that could be done."""
-        rows = sorted(self.rows, key=lambda row: row.arc)
-        first = averaged(self.problem, [row.point for row in rows], centre, self.folds.controls, stuck)
+        first = averaged(self.problem, [row.point for row in self.rows], centre, self.folds.controls, stuck)
         if first is None:
             return False
-        self.rows.append(Row(rows[-1].arc, first, "average"))
+        self.rows.append(Row(self.rows[-1].arc, first, "average"))
         return True
-
-    def _pending(self) -> float | None:
-        """A contact radius at which a control has turned round just before the end."""
-        seen = self._seen()
-        for control in self.folds.controls:
-            rises = np.diff([control.value(*row[:2]) for row in seen])
-            turns = np.flatnonzero((rises[:-1] * rises[1:] < 0.0) & (seen[1:-1, 2] > max(self.checked, 0.0)))
-            if turns.size:
-                return float(seen[turns[0] + 1, 2])
-        return None
 
     def _beyond(self) -> bool:
         """Whether the last step has passed the end in contact."""
-        near, last = (row.point for row in sorted(self.rows, key=lambda row: row.arc)[-2:])
+        near, last = (row.point for row in self.rows[-2:])
         ahead = self.end.value(last)
         return bool(self.places[-1].state.contact.any()) and ahead >= max(0.0, self.end.value(near))
 
     def _close(self) -> None:
         """Close the curve exactly at its end."""
-        rows = sorted(self.rows, key=lambda row: row.arc)[-2:]
-        near, last = (row.point for row in rows)
+        near, last = (row.point for row in self.rows[-2:])
         control, found = self.end.control, last
         if self.end.value(near) < 0.0 and control is not None and near.x.size and last.x.size:
             value = self.end.target if control.kind != "spring" else self.end.target / control.target(1.0)
             with suppress(CorrectionError):
                 found = self.problem.meeting(near, last, control, value)
-        self.rows.remove(rows[1])
-        self.rows.append(Row(rows[1].arc, found, self.end.name))
+        self.rows[-1] = self.rows[-1]._replace(point=found, event=self.end.name)
 
     def _returned(self) -> bool:
         """Whether the last point lies on a piece of the curve between earlier rows: a step has leapt to it."""
-        here = self.rows[-1].point
-        place = np.array([here.observables["load"], here.observables["displacement"]])
-        for first, second in pairwise(sorted(self.rows[: -2 * RECENT], key=lambda row: row.arc)):
-            begin, end = (
-                np.array([row.point.observables[n] for n in ("load", "displacement")]) for row in (first, second)
-            )
-            way, past = end - begin, place - begin
+        here, place = self.rows[-1].point, self.rows[-1].place
+        for first, second in pairwise(self.rows[: -2 * RECENT]):
+            way, past = second.place - first.place, place - first.place
             share = past @ way / (way @ way or -1.0)
             if not (first.point.x.size == second.point.x.size == here.x.size and 0.0 <= share <= 1.0):
                 continue
