@@ -106,7 +106,7 @@ class Front:
 
     def _row(self, mesh: Mesh) -> tuple[slice, Array]:
         """The nodes of the panel on which the front lies, and their weights in a value at its place."""
-        panel = int(np.searchsorted(mesh.edges[1:-1], self.place, side="right"))
+        panel = int(np.searchsorted(mesh.edges[1:-1], self.place))
         local = (self.place - mesh.edges[panel]) / mesh.half[panel] - 1.0
         return slice(panel * mesh.order, (panel + 1) * mesh.order), mesh.rule.lagrange(np.array([local]))[0]
 
