@@ -120,7 +120,10 @@ class _Direction:
                 return replace(branch, end=End(Outcome.INTERRUPTED))
             if here is not branch.points[-1]:
                 branch.points[-1] = here
-                recent = [] if carry is None else [carry(point) for point in recent]
+                try:
+                    recent = [] if carry is None else [carry(point) for point in recent]
+                except CorrectionError:  # earlier points may not have what the new one's discretisation follows
+                    recent = []
             recent = [*recent, here][-POINTS:]
             last = Segment(recent[-2], here, metric) if len(recent) > 1 else None
         return branch
