@@ -168,7 +168,10 @@ class _Direction:
             self._carry(carry, here, self.recent)
 
     def _carry(self, carry: Callable[[Point], Point] | None, here: Point, before: Sequence[Point]) -> None:
-        self.recent = [*(map(carry, before) if carry else ()), here][-POINTS:]
+        try:
+            self.recent = [*(map(carry, before) if carry else ()), here][-POINTS:]
+        except CorrectionError:  # earlier points may not have what the new discretisation follows
+            self.recent = [here]
 
     def _look_inside(self, segment: Segment) -> tuple[Segment, list[Happening], End | None]:
         """Cut a step where the curve ends, and return what happens in it.

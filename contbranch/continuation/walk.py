@@ -127,7 +127,8 @@ def _carry(offer: Adaptation) -> Callable[[Point], Point] | None:
 
     def carry(point: Point) -> Point:
         if moved is not None:
-            x, tangent = moved(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
+            with evaluating(point.parameter, " in adapt"):
+                x, tangent = moved(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
         elif transfer is not None:
             x, tangent = transfer(point.x), transfer(point.tangent_x)
         return replace(point, problem=offer.problem, x=x, tangent_x=tangent)

@@ -106,7 +106,7 @@ class Front:
 
     def _row(self, mesh: Mesh) -> tuple[slice, Array]:
         """The nodes of the panel on which the front lies, and their weights in a value at its place."""
-        panel = int(np.searchsorted(mesh.edges[1:-1], self.place, side="right"))
+        panel = int(np.searchsorted(mesh.edges[1:-1], self.place))
         local = (self.place - mesh.edges[panel]) / mesh.half[panel] - 1.0
         return slice(panel * mesh.order, (panel + 1) * mesh.order), mesh.rule.lagrange(np.array([local]))[0]
 
@@ -153,7 +153,10 @@ class Kink(Front):
         if math.isinf(kink):
             return None
         inside = np.flatnonzero(fields.gap < kink)
-        last, width = float(mesh.nodes[inside[-1]]) if inside.size else 0.0, equations.tip.radius_at(kink)
+        width, last = equations.tip.radius_at(kink), 0.0
+        if inside.size:  # few nodes may see a kink that has just appeared
+            ends = slice(inside[-1], inside[-1] + 2)
+            last = math.sqrt(float(np.interp(kink, fields.gap[ends], mesh.nodes[ends] ** 2)))
         near = CLOSE_TO_EDGE * _to_edge(equations, fields)
         if not SEEN * width < last < near or width > CLOSE_TO_EDGE * equations.tip.extent:
             return None
