@@ -323,6 +323,10 @@ class RingEquations(EquilibriumProblem):
         lift = 2 * float(fields.grid.weights @ fields.pressure)
         return float(self.setting.tip.height(np.float64(0.0))) + lift - fields.parameter
 
+    def rise_at(self, fields: Fields, r: Array) -> Array:
+        """`Fields.rise` at any radii."""
+        return np.asarray(self.setting.tip.height(r) + fields.grid.lift_at(r, fields.pressure) - fields.parameter)
+
     def ends(self, edges: Array) -> Array:
         """Where regions end: at the edges and, if nothing is felt beyond them, where the tip ends."""
         free = self.layout.bounded and not self.layout.whole and math.isfinite(self.setting.tip.extent)
