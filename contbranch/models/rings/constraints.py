@@ -28,6 +28,9 @@ EDGE_NOISE = 1e-6
 # ... nor beyond this absolute share, which rounding does not reach; regions narrower than this share of the outermost
 # edge are all edge.
 ROUNDING, NARROW = 1e-8, 0.02
+# At a jump the gap passes the level by the step of the pressure times the width of the ring left out over 2π, if that
+# is straight: a tenth more.
+PASSES = 1.1 / (2 * math.pi)
 # A pressure that answers a given gap is determined the worse the narrower the region; next to an edge that shows in the
 # last coefficients of its panel.
 PRESSURE_NOISE = 3e-8
@@ -71,6 +74,9 @@ def begun(point: Point) -> Point:
     for k, share in enumerate(shares):
         joins, collapses = problem.layout.without(k) is not None, problem.layout.collapsed(k) is not None
         least = NARROWEST if joins else NARROW_RING if collapses else 0.0
+        if k == len(edges):  # what is left of a tip counts by its height, which ends steeply where that is a cap
+            tip = problem.setting.tip
+            least = 1 - tip.radius_at((1 - NARROWEST) * float(tip.height(np.float64(tip.extent)))) / tip.extent
         widths.append(float(min(least, SHRUNK * share)))
     origin = -min(problem.setting.law.levels, key=lambda level: abs(level + problem.origin + point.parameter))
     own = problem.laid_out(problem.layout, problem.panels, tuple(widths), origin)
@@ -156,8 +162,10 @@ def _extrema(
     at = at or partial(grid.interpolate, margin)
     inner_edge, outer_edge = region > 0, region < problem.layout.edges
     jumps = [e for e in (region - 1, region) if 0 <= e < problem.layout.edges and problem.layout.jump(e)]
-    # At a jump the gap passes the level by what the ring left out would prevent.
-    noise = NARROW_RING if jumps else EDGE_NOISE * float(np.abs(values).max()) + ROUNDING
+    noise = EDGE_NOISE * float(np.abs(values).max()) + ROUNDING
+    for edge in jumps:
+        low, high = problem.setting.law.bounds(problem.layout.jump_level(edge))
+        noise = max(noise, PASSES * (high - low) * NARROW_RING * float(grid.edges[edge]) / problem.setting.scale)
     share = float(problem.widths(grid.edges)[region] / grid.edges[-1]) if outer_edge else 1.0
     narrow = share < NARROW
     if problem.layout.regions[region].rests:
