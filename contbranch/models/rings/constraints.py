@@ -165,7 +165,7 @@ def _extrema(
     noise = EDGE_NOISE * float(np.abs(values).max()) + ROUNDING
     for edge in jumps:
         low, high = problem.setting.law.bounds(problem.layout.jump_level(edge))
-        noise = max(noise, PASSES * (high - low) * NARROW_RING * float(grid.edges[edge]) / problem.setting.scale)
+        noise = max(noise, PASSES * (high - low) * NARROW_RING * float(grid.edges[-1]) / problem.setting.scale)
     share = float(problem.widths(grid.edges)[region] / grid.edges[-1]) if outer_edge else 1.0
     narrow = share < NARROW
     if problem.layout.regions[region].rests:

@@ -24,7 +24,7 @@ BOUNDED = (0.3,)
 GRADING = 0.3
 # ... but not below this share of the piece: a pressure that answers a given gap is determined the worse the narrower
 # the panels.
-FINEST = 0.05
+FINEST = 0.015
 # ... nor below this one next to a front.
 AT_FRONT = 0.01
 # Neighbouring panels differ by no more than this factor in their outer ends.
