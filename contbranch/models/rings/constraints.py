@@ -68,14 +68,13 @@ class Breach:
 def begun(point: Point) -> Point:
     """The point as the start of a piece of curve, with the widths at which its regions vanish, and its own origin."""
     problem = rings(point)
-    edges = point.x[point.x.size - problem.edges :][: problem.layout.edges]
+    edges, tip = point.x[point.x.size - problem.edges :][: problem.layout.edges], problem.setting.tip
     shares = problem.widths(edges) / edges[-1] if len(edges) else edges
     widths = []
     for k, share in enumerate(shares):
         joins, collapses = problem.layout.without(k) is not None, problem.layout.collapsed(k) is not None
         least = NARROWEST if joins else NARROW_RING if collapses else 0.0
-        if k == len(edges):  # what is left of a tip counts by its height, which ends steeply where that is a cap
-            tip = problem.setting.tip
+        if joins and k == len(shares) - 1 and math.isfinite(tip.extent):  # counts by its height: caps end steeply
             least = 1 - tip.radius_at((1 - NARROWEST) * float(tip.height(np.float64(tip.extent)))) / tip.extent
         widths.append(float(min(least, SHRUNK * share)))
     origin = -min(problem.setting.law.levels, key=lambda level: abs(level + problem.origin + point.parameter))
@@ -110,22 +109,19 @@ def breaches(problem: RingEquations, fields: Fields) -> Iterator[Breach]:
                 upper = Region(False, region.index - 1)
                 yield from _extrema(problem, fields, k, (high - pressure) / largest, upper)
         else:
-            rise = np.append(fields.rise, problem.apex(fields))
-            level, ceiling = law.levels[region.index] + problem.origin, law.ceiling(region.index) + problem.origin
-
-            def gap(r: Array) -> Array:
-                return (problem.rise_at(fields, r) - level) / scale
-
-            def room(r: Array) -> Array:
-                return (ceiling - problem.rise_at(fields, r)) / scale
-
-            yield from _extrema(problem, fields, k, (rise - level) / scale, Region(True, region.index), gap)
+            rise = np.append(fields.rise, problem.apex(fields)) - problem.origin
+            ceiling = law.ceiling(region.index)
+            bounds = [(law.levels[region.index], 1, region.index)]
             outermost = k == len(problem.layout.regions) - 1 and not problem.layout.bounded
             if math.isfinite(ceiling) and not outermost:
-                yield from _extrema(problem, fields, k, (ceiling - rise) / scale, Region(True, region.index + 1), room)
-            if problem.layout.ends(k):
+                bounds.append((ceiling, -1, region.index + 1))
+            for level, sign, index in bounds:
+                at = partial(_apart, problem, fields, level, sign)
+                yield from _extrema(problem, fields, k, sign * (rise - level) / scale, Region(True, index), at)
+            if math.isfinite(ceiling) and problem.layout.ends(k):
                 edge = fields.grid.edges[k:]
-                yield Breach(float(room(edge)[0]), k, float(edge[0]), Region(False, region.index + 1))
+                left = float(_apart(problem, fields, ceiling, -1, edge)[0])
+                yield Breach(left, k, float(edge[0]), Region(False, region.index + 1))
 
 
 def least_margin(problem: RingEquations, fields: Fields) -> Breach | None:
@@ -135,6 +131,11 @@ def least_margin(problem: RingEquations, fields: Fields) -> Breach | None:
         fields.derived["breach"] = min(found, key=lambda breach: breach.margin) if found else None
     breach: Breach | None = fields.derived["breach"]
     return breach
+
+
+def _apart(problem: RingEquations, fields: Fields, level: float, sign: int, r: Array) -> Array:
+    """How far the gap is from a level at radii, above it or (sign −1) below, in units of the range."""
+    return sign * (problem.rise_at(fields, r) - problem.origin - level) / problem.setting.scale
 
 
 def _peak(tip: Tip, radius: float) -> float:

@@ -256,10 +256,11 @@ class RingEquations(EquilibriumProblem):
 
     # -- lengths ------------------------------------------------------------------------------------------------------
     def _weights(self, size: int) -> Array:
-        """Weights of the inner product: all nodes alike, and the edges as all nodes together."""
+        """Weights of the inner product: all nodes alike, and the edges as all nodes together, but for that of a tip."""
         nodes = size - self.edges
         weights = np.ones(size)
         weights[:nodes] = 1.0 / max(nodes, 1)
+        weights[nodes + self.free : nodes + self.layout.edges] = 0.0
         return weights
 
     def inner(self, u: Array, v: Array) -> float:

@@ -10,13 +10,12 @@ import numpy as np
 
 from contbranch.arrays import Array
 from contbranch.models.fronts import CORE, SMOOTH
-from contbranch.models.quadrature import start_edges
 
 from .equations import Fields, RingEquations
-from .layout import Layout
+from .layout import Layout, Region
 from .panels import Grid, Panels
 
-__all__ = ["adapted", "finer", "order_for", "panel_errors", "pieces", "start_panels"]
+__all__ = ["adapted", "finer", "order_for", "panel_errors", "pieces", "surrounded"]
 
 # Breaks of a piece between an edge and the far end of its region, in shares of its length in √distance.
 BOUNDED = (0.3,)
@@ -47,14 +46,17 @@ def order_for(tolerance: float) -> int:
     return int(min(16, max(8, round(6 - 0.7 * math.log10(tolerance)))))
 
 
-def start_panels(layout: Layout, order: int, width: float, reach: float, infinite: bool) -> Panels:
-    """Panels for a first solution: `width` over which the pressure varies beyond the last edge, `reach` of the law."""
-    pieces = 2 * layout.edges - 1 if layout.edges else 0
-    outer: tuple[float, ...] = ()
-    if not layout.bounded:
-        radii = start_edges(width, reach)[1:]
-        outer = tuple(float(y) for y in (np.sqrt(radii) if layout.edges else radii))
-    return Panels(order, (BOUNDED,) * pieces, outer, infinite)
+def surrounded(
+    regions: tuple[Region, ...], extent: float, edges: Array, radii: Array, order: int
+) -> tuple[Layout, Panels, Array]:
+    """Regions of which the last reaches to infinity, or to the edge of a tip, panels that end at radii, and the edges.
+
+    Beyond the edge of a tip there is no gap: panels that move with other edges must not come to lie there.
+    """
+    ends = math.isfinite(extent)
+    layout, edges = Layout(regions, ends, ends), np.append(edges, extent) if ends else edges
+    free = Panels(order, (), tuple(np.append(radii[radii < extent], edges[-1:] if ends else []).tolist()), not ends)
+    return layout, pieces(edges, free, Grid(free, np.zeros(0), False), ends), edges
 
 
 def _ends(anchors: Array) -> list[tuple[float, float]]:
@@ -88,7 +90,7 @@ def pieces(anchors: Array, panels: Panels, grid: Grid, bounded: bool, front: flo
         found = shares(anchor, far)
         return found if found and found[0] <= BOUNDED[0] else BOUNDED + found
 
-    outer, last = panels.outer, float(anchors[-1]) if len(anchors) else 0.0
+    outer, last = () if bounded else panels.outer, float(anchors[-1]) if len(anchors) else 0.0
     if not bounded and not (len(anchors) and len(grid.anchors) and last == grid.anchors[-1]):
         outer = shares(last, math.inf) if len(anchors) else tuple(radii[radii > 0].tolist())
     halves = tuple(piece(*ends) for ends in _ends(anchors))
