@@ -67,10 +67,10 @@ def taken_over(tip: Tip, interaction: Interaction | None, accuracy: float, disc:
         If the state is not found, or its contact set is not right.
     """
     setting = Setting(tip, BandedLaw(interaction), accuracy, work)
-    a, regions = disc.radius, (Region(True, 0), Region(False, setting.law.outermost))
-    inside, own = (np.array([a]), regions) if a > 0 else (np.zeros(0), regions[1:])
-    radii = disc.radii[disc.radii > a]
-    layout, panels, edges = surrounded(own, tip.extent, inside, radii, order_for(setting.tolerance))
+    around, a = Region(False, setting.law.outermost), disc.radius
+    regions, inside = ((Region(True, 0), around), np.array([a])) if a > 0 else ((around,), np.zeros(0))
+    radii, order = disc.radii[disc.radii > a], order_for(setting.tolerance)
+    layout, panels, edges = surrounded(regions, tip.extent, inside, radii, order)
     problem = RingProblem(setting, layout, panels)
     x = np.concatenate([disc.pressure(Grid(panels, edges, layout.bounded).r), edges])
     held = (np.zeros(x.size), 1.0)

@@ -37,6 +37,8 @@ APEX_GRADING, PEAK = 0.25, 1e-5
 TINIEST = 1e-3
 # Breaks taken over from other panels are farther from an anchor than this share of the way to their own neighbours.
 APART = 0.3
+# ... and stretched by no more than this factor.
+STRETCHED = 1.5
 # Higher order by this share makes the finer panels.
 FINER_SHARE = 3
 
@@ -70,7 +72,7 @@ def pieces(anchors: Array, panels: Panels, grid: Grid, bounded: bool, front: flo
     """Panels for other edges, and for a front: next to new ones they have their breaks where there were some before.
 
     Piece 2j lies inside of anchor j and piece 2j + 1 outside of it; what lies outside of the last one is no piece.
-    Those next to anchors that were there before are kept, stretched to their new length.
+    Those next to anchors that were there before are kept, stretched to their new length unless that is much longer.
     """
     radii = np.unique(grid.breaks[np.isfinite(grid.breaks)])
     room = APART * np.minimum(np.diff(radii, prepend=-math.inf), np.diff(radii, append=math.inf))
@@ -81,12 +83,14 @@ def pieces(anchors: Array, panels: Panels, grid: Grid, bounded: bool, front: flo
         return tuple(np.sort(np.sqrt(abs(inside - anchor) / (abs(far - anchor) if far < math.inf else 1.0))).tolist())
 
     old = {
-        (anchor, far > anchor): piece for (anchor, far), piece in zip(_ends(grid.anchors), panels.halves, strict=False)
+        (anchor, far > anchor): (abs(far - anchor), piece)
+        for (anchor, far), piece in zip(_ends(grid.anchors), panels.halves, strict=False)
     }
 
     def piece(anchor: float, far: float) -> tuple[float, ...]:
-        if (anchor, far > anchor) in old:
-            return old[anchor, far > anchor]
+        length, kept = old.get((anchor, far > anchor), (0.0, ()))
+        if abs(far - anchor) < STRETCHED * length:
+            return kept
         found = shares(anchor, far)
         return found if found and found[0] <= BOUNDED[0] else BOUNDED + found
 
