@@ -23,9 +23,11 @@ BOUNDED = (0.3,)
 GRADING = 0.3
 # ... but not below this share of the piece: a pressure that answers a given gap is determined the worse the narrower
 # the panels.
-FINEST = 0.015
+FINEST = 0.05
 # ... nor below this one next to a front.
 AT_FRONT = 0.01
+# Cuts leave at least a fifth of a panel.
+WIDEST = 0.8
 # Neighbouring panels differ by no more than this factor in their outer ends.
 GROWTH = 3.0
 # Tail of a pressure at rest as a share of the largest in its region, beyond which a panel is split whatever it bears; a
@@ -211,10 +213,10 @@ def _cut(breaks: tuple[float, ...], errors: Array, share: float, finest: float, 
     pairs = list(pairwise(breaks))
     for k, (a, b) in enumerate(pairs):
         grown = k > 0 and b > GROWTH * a
-        cut = a + (GRADING if k == 0 else 0.5) * (b - a)
+        cut = a + (b - a) / 2 if k else max(GRADING * b, finest)
         if apex and k == len(pairs) - 1 and k > 0:
             cut = b - APEX_GRADING * (b - a)
-        if (errors[k] > share or grown) and cut > finest:
+        if (errors[k] > share or grown) and cut - a < WIDEST * (b - a):
             kept.append(cut)
         joins = (
             k + 1 < len(pairs)
