@@ -325,7 +325,7 @@ class RingEquations(EquilibriumProblem):
         return float(self.setting.tip.height(np.float64(0.0))) + lift - fields.parameter
 
     def rise_at(self, fields: Fields, r: Array) -> Array:
-        """`Fields.rise` at any radii."""
+        """`Fields.rise` at any radii above zero."""
         return np.asarray(self.setting.tip.height(r) + fields.grid.lift_at(r, fields.pressure) - fields.parameter)
 
     def ends(self, edges: Array) -> Array:

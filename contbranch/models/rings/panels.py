@@ -288,7 +288,7 @@ class Grid:
         return row[0], moved
 
     def lift_at(self, radii: Array, pressure: Array) -> Array:
-        """Elastic displacement at radii wherever they lie, (M,)."""
+        """Elastic displacement at radii above zero wherever they lie, (M,)."""
         return np.asarray(self._rows(radii)[0] @ pressure)
 
     def _rows(self, radii: Array) -> tuple[Array, tuple[Indices, Indices, Array, Array]]:
