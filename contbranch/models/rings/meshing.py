@@ -76,7 +76,8 @@ def pieces(anchors: Array, panels: Panels, grid: Grid, bounded: bool, front: flo
     Piece 2j lies inside of anchor j and piece 2j + 1 outside of it; what lies outside of the last one is no piece.
     Those next to anchors that were there before are kept, stretched to their new length unless that is much longer.
     """
-    radii = np.unique(grid.breaks[np.isfinite(grid.breaks)])
+    radii = np.append(grid.inner, grid.outer[-1:])  # the other ends are the same, but for rounding
+    radii = radii[np.isfinite(radii)]
     room = APART * np.minimum(np.diff(radii, prepend=-math.inf), np.diff(radii, append=math.inf))
 
     def shares(anchor: float, far: float) -> tuple[float, ...]:
