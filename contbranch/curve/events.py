@@ -18,7 +18,7 @@ from contbranch.curve.angle import in_passing, short_way
 from contbranch.curve.passages import BESIDES, Search, Seen
 from contbranch.curve.problem import Rates, equilibrium
 
-__all__ = ["Ceiling", "FoldEvent", "Folds", "Margin", "Reached", "Slopes", "rates"]
+__all__ = ["NEGATIVE", "Ceiling", "FoldEvent", "Folds", "Margin", "Reached", "Slopes", "rates"]
 
 # Relative to their place in a step, folds are located so coarsely while tracing (they are refined afterwards); where
 # there are several, as sharply as it takes to tell them apart, down to the last.

@@ -12,7 +12,7 @@ from contbranch.continuation.edge import Range
 from contbranch.continuation.follow import Branch, follow
 from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.curve.angle import AMBIGUOUS, Hodograph, Turning, alpha, in_passing, short_way
-from contbranch.curve.events import Ceiling, Folds, Margin, Slopes
+from contbranch.curve.events import NEGATIVE, Ceiling, Folds, Margin, Slopes
 from contbranch.curve.problem import EquilibriumProblem, Succession, equilibrium
 from contbranch.curve.spacing import Spacing
 from contbranch.curve.track import Mark, Track
@@ -230,6 +230,10 @@ class _Tracing:
         self.points.append(point)
 
     def _stop(self, margin: str, message: str) -> None:
+        own = margin
+        while len(self.points) > 1 and _margin(self.points[-1], margin) < -NEGATIVE:  # no row is no state of contact
+            self._forget(len(self.points) - 1)
+            own = ""
         row, last = len(self.points) - 1, self.points[-1]
         if margin == TIP_EDGE:
             load = last.observables["load"]  # contact may be out of reach, and larger loads with it
@@ -238,7 +242,7 @@ class _Tracing:
                 message += " What was asked lies beyond: ask for less, or describe the tip farther out."
             self.marks.append(Mark(row, "end", last, margin=margin, message=message, name=margin))
         elif margin != EDGE:
-            self.marks.append(Mark(row, "inadmissible", last, margin=margin))
+            self.marks.append(Mark(row, "inadmissible", last, margin=own))
         elif not message:
             message = "The curve leaves the range of its parameter before what was asked."
             message += " Ask for less, or, if it has turned back, for a hundredth of the accuracy."
@@ -278,10 +282,15 @@ class _Tracing:
         for row, point in enumerate(self.points):
             if not all(map(math.isfinite, (*self.slopes(point), *point.observables.values()))):
                 self.complete, self.message = False, f"From row {row} on numbers are not finite. {self.message}".strip()
-                self.marks = [mark for mark in self.marks if mark.row < row]
-                self.onward = {key: value for key, value in self.onward.items() if key < row}
-                del self.points[row:]
+                self._forget(row)
                 return
+
+    def _forget(self, row: int) -> None:
+        """Forget a row and all behind it."""
+        self.marks = [mark for mark in self.marks if mark.row < row]
+        self.onward = {key: value for key, value in self.onward.items() if key < row}
+        self.gaps = {key for key in self.gaps if key < row - 1}
+        del self.points[row:]
 
     def track(self, problem: EquilibriumProblem) -> Track:
         """The curve with its hodograph, and with the folds that lie in corners."""
@@ -338,6 +347,11 @@ def _raised(begin: float, turn: float) -> int:
     """By how much a turn raises the Morse index under displacement control."""
     first, last = (math.floor((angle - alpha(DISPLACEMENT)) / math.pi) for angle in (begin, begin + turn))
     return first - last
+
+
+def _margin(point: Point, name: str) -> float:
+    """A margin of a point; 0 where its problem has none of that name."""
+    return equilibrium(point).margins(point.x, point.parameter).get(name, 0.0)
 
 
 def _stopped(branch: Branch) -> str:

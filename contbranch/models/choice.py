@@ -46,6 +46,7 @@ def choose(contact: Contact, model: str | Model | Lattice = "auto") -> tuple[Mod
         other = axisymmetric(contact)
         if other is not None:
             return other, "Asked for."
+        obstacle = Rings().obstacle(contact)
     if obstacle is not None:
         raise InputError(f"model: {chosen.name} does not represent this contact: {obstacle}")
     return chosen, "Asked for."
@@ -85,8 +86,7 @@ def _smallest(contact: Contact) -> tuple[Model | Lattice, str]:
         return Exact(), "A parabola with Maugis-Dugdale attraction is known in closed form."
     chosen = axisymmetric(contact)
     if chosen is None:
-        obstacle = Axisymmetric().obstacle(contact)
-        raise InputError(f"model: {Axisymmetric.name} does not represent this contact: {obstacle}")
+        raise InputError(f"model: {Axisymmetric.name} does not represent this contact: {Rings().obstacle(contact)}")
     if Axisymmetric().obstacle(contact) is None:
         return chosen, "Tip and interaction are axisymmetric; elasticity is then local in the Abel transform."
     return chosen, "Tip and interaction are axisymmetric; where the law's pressure jumps, the gap may rest."

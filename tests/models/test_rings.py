@@ -86,6 +86,9 @@ def test_elastic_response_next_to_a_panel_that_reaches_far(far: float) -> None:
     c = outer + far**2
     exact = 4 * c / np.pi * ellipe((grid.r / c) ** 2)
     assert np.abs(grid.response().sum(axis=1) / exact - 1)[grid.of_node == 1].max() < 3e-12
+    between = c * np.linspace(0.0, 1.0, 60)[1:] ** 3
+    lift = grid.lift_at(between, np.ones(grid.size))
+    assert lift == pytest.approx(4 * c / np.pi * ellipe((between / c) ** 2), rel=2e-11)
 
 
 @pytest.mark.parametrize("bounded", [True, False])
@@ -208,6 +211,28 @@ def test_two_steps_of_pressure() -> None:
     assert branch.contact_radius[-1] > 0
     assert np.all(np.diff(branch.load) > 0)
     assert np.all(np.diff(branch.displacement) > 0)
+
+
+def test_rows_before_the_wall_is_touched_on_a_ring() -> None:
+    """Under a constant pressure no panel need resolve the gap: rows had passed its minimum, and loads turned back."""
+    contact = cb.Contact(cb.PowerLaw(5.137, 1.0), cb.MaugisDugdale(-1.0, 1.0))
+    branch = cb.trace(contact, accuracy=1e-4).branches[0]
+    assert (np.diff(branch.load) > 0).all()
+    (touched,) = np.flatnonzero(np.diff(branch.contact_radius > 0))
+    assert min(branch.state(row).profile.gap.min() for row in range(touched - 2, touched + 3)) > -1e-6
+
+
+def test_a_film_under_a_cap_to_its_rim() -> None:
+    """A film that is felt at the rim of a cap bears the same load with free boundaries, which change from there on."""
+    contact = cb.Contact(cb.SphericalCap(2.0), cb.Gauss(-1.0, 1.0)).to_reduced()
+    branch = cb.trace(contact, accuracy=1e-8).branches[0]
+    state = branch.state(int(np.flatnonzero(branch.contact_radius == 0.0)[-1]))
+    assert state.profile.pressure[-1] > 0.1 * state.profile.pressure.max()
+    radii = np.linspace(0.0, contact.axisymmetric_tip.extent, 9)[1:]
+    rise = Rates(1.0, 1.0, 0.0, -1.0)
+    disc = Disc(0.0, state.displacement, radii, lambda r: np.interp(r, state.r, state.pressure), rise)
+    point = taken_over(contact.axisymmetric_tip, contact.interaction, 1e-8, disc, Work())
+    assert equilibrium(point).values(point.x, point.parameter).load == pytest.approx(state.load, rel=1e-6)
 
 
 def test_pressure_largest_on_a_ring() -> None:

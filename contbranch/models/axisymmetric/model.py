@@ -29,10 +29,7 @@ class Axisymmetric:
         if not contact.tip.is_axisymmetric:
             return f"a tip of the shape {contact.tip.name or type(contact.tip).__name__} is not axisymmetric"
         if any(isinstance(law, MaugisDugdale) for law in terms_of(contact.interaction)):
-            return (
-                "the pressure of the maugis-dugdale law jumps at the end of its range, which for attraction the exact "
-                "model alone represents, of a parabola and that law alone; take a smooth law, such as exponential"
-            )
+            return "the pressure of the maugis-dugdale law jumps at the end of its range"
         return None
 
     def problem(self, contact: Contact, accuracy: float) -> ContactProblem:

@@ -121,9 +121,9 @@ def failing(point: Point) -> Breach:
 
 
 def narrowest(point: Point) -> float:
-    """The smallest width of a region."""
+    """The smallest width of a region that ends somewhere."""
     problem = rings(point)
-    return float(np.diff(point.x[point.x.size - problem.edges :][: problem.layout.edges], prepend=0.0).min())
+    return float(problem.widths(point.x[point.x.size - problem.edges :][: problem.layout.edges]).min())
 
 
 def carried(problem: RingEquations, fields: Fields, layout: Layout, edges: Array) -> tuple[RingEquations, Array]:

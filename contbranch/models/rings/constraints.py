@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -12,12 +13,14 @@ from numpy.polynomial import legendre
 from contbranch.arrays import Array
 from contbranch.contact.tips import Tip
 from contbranch.continuation import Point
-from contbranch.models.quadrature import gauss
+from contbranch.models.quadrature import gauss, panel_rule
 
 from .equations import NARROW_RING, Fields, RingEquations, rings
 from .layout import Layout, Region
 
 __all__ = ["Breach", "begun", "least_margin", "narrowness"]
+
+At = Callable[[Array], Array]
 
 # Next to an edge both gap and pressure come to their bounds; an extremum there counts only beyond this share of the
 # largest value, which discretisation does not reach.
@@ -25,6 +28,9 @@ EDGE_NOISE = 1e-6
 # ... nor beyond this absolute share, which rounding does not reach; regions narrower than this share of the outermost
 # edge are all edge.
 ROUNDING, NARROW = 1e-8, 0.02
+# At a jump the gap passes the level by the step of the pressure times the width of the ring left out over 2π, if that
+# is straight: a tenth more.
+PASSES = 1.1 / (2 * math.pi)
 # A pressure that answers a given gap is determined the worse the narrower the region; next to an edge that shows in the
 # last coefficients of its panel.
 PRESSURE_NOISE = 3e-8
@@ -33,8 +39,8 @@ PRESSURE_NOISE = 3e-8
 SHRUNK, NARROWEST = 0.5, 1e-3
 # Turning points of a panel's polynomial whose imaginary part is no larger are real: two may all but coincide.
 REAL = 1e-6
-# Nodes of an integral over a tip.
-PEAK = 32
+# Nodes of an integral over a tip, and of the polynomial that tells a minimum between the neighbours of a node.
+PEAK, BETWEEN = 32, 12
 
 
 @dataclass(frozen=True)
@@ -62,12 +68,14 @@ class Breach:
 def begun(point: Point) -> Point:
     """The point as the start of a piece of curve, with the widths at which its regions vanish, and its own origin."""
     problem = rings(point)
-    edges = point.x[point.x.size - problem.edges :][: problem.layout.edges]
+    edges, tip = point.x[point.x.size - problem.edges :][: problem.layout.edges], problem.setting.tip
     shares = problem.widths(edges) / edges[-1] if len(edges) else edges
     widths = []
     for k, share in enumerate(shares):
         joins, collapses = problem.layout.without(k) is not None, problem.layout.collapsed(k) is not None
         least = NARROWEST if joins else NARROW_RING if collapses else 0.0
+        if joins and k == len(shares) - 1 and math.isfinite(tip.extent):  # counts by its height: caps end steeply
+            least = 1 - tip.radius_at((1 - NARROWEST) * float(tip.height(np.float64(tip.extent)))) / tip.extent
         widths.append(float(min(least, SHRUNK * share)))
     origin = -min(problem.setting.law.levels, key=lambda level: abs(level + problem.origin + point.parameter))
     own = problem.laid_out(problem.layout, problem.panels, tuple(widths), origin)
@@ -101,19 +109,18 @@ def breaches(problem: RingEquations, fields: Fields) -> Iterator[Breach]:
                 upper = Region(False, region.index - 1)
                 yield from _extrema(problem, fields, k, (high - pressure) / largest, upper)
         else:
-            rise = np.append(fields.rise, problem.apex(fields))
-            gap = (rise - (law.levels[region.index] + problem.origin)) / scale
-            yield from _extrema(problem, fields, k, gap, Region(True, region.index))
+            rise = np.append(fields.rise, problem.apex(fields)) - problem.origin
             ceiling = law.ceiling(region.index)
+            bounds = [(law.levels[region.index], 1, region.index)]
             outermost = k == len(problem.layout.regions) - 1 and not problem.layout.bounded
             if math.isfinite(ceiling) and not outermost:
-                room = (ceiling + problem.origin - rise) / scale
-                yield from _extrema(problem, fields, k, room, Region(True, region.index + 1))
-            if problem.layout.ends(k):
+                bounds.append((ceiling, -1, region.index + 1))
+            for level, sign, index in bounds:
+                at = partial(_apart, problem, fields, level, sign)
+                yield from _extrema(problem, fields, k, sign * (rise - level) / scale, Region(True, index), at)
+            if math.isfinite(ceiling) and problem.layout.ends(k):
                 edge = fields.grid.edges[k:]
-                lift = fields.grid.lift_at(edge, fields.pressure)
-                last = float((problem.setting.tip.height(edge) + lift)[0]) - fields.parameter
-                left = (ceiling + problem.origin - last) / scale
+                left = float(_apart(problem, fields, ceiling, -1, edge)[0])
                 yield Breach(left, k, float(edge[0]), Region(False, region.index + 1))
 
 
@@ -126,6 +133,11 @@ def least_margin(problem: RingEquations, fields: Fields) -> Breach | None:
     return breach
 
 
+def _apart(problem: RingEquations, fields: Fields, level: float, sign: int, r: Array) -> Array:
+    """How far the gap is from a level at radii, above it or (sign −1) below, in units of the range."""
+    return sign * (problem.rise_at(fields, r) - problem.origin - level) / problem.setting.scale
+
+
 def _peak(tip: Tip, radius: float) -> float:
     """p(0) = (1/π) ∫ ζ'(t)/t dt on a disc at rest, which no polynomial tells under a sharp tip; t = c u^m."""
     nodes, weights = gauss(PEAK)
@@ -133,18 +145,28 @@ def _peak(tip: Tip, radius: float) -> float:
     return float(weights @ (tip.transform_derivative(radius * u**power) / u)) * power / (2 * math.pi)
 
 
-def _extrema(problem: RingEquations, fields: Fields, region: int, margin: Array, new: Region) -> Iterator[Breach]:
-    """The minima of a margin at the nodes; at the centre, too, where it is known there (last)."""
+def _extrema(
+    problem: RingEquations, fields: Fields, region: int, margin: Array, new: Region, at: At | None = None
+) -> Iterator[Breach]:
+    """The minima of a margin, given at the nodes, and at the centre where it is known there (last).
+
+    Between them it is what `at` says: a gap answers all pressures, and panels that resolve these need not resolve it.
+    By default it is the panels' own polynomial, whose last coefficients tell what is not known of it.
+    """
     grid = fields.grid
     own = np.flatnonzero(grid.of_node == region)
     if len(own) < 3:
         return
     known, margin = margin[grid.size :], margin[: grid.size]
-    values = margin[own]
+    values, radii = margin[own], grid.r[own]
+    untold = np.zeros(grid.count) if at else grid.order * np.abs(grid.coefficients(margin)[:, -2:]).max(axis=1)
+    at = at or partial(grid.interpolate, margin)
     inner_edge, outer_edge = region > 0, region < problem.layout.edges
     jumps = [e for e in (region - 1, region) if 0 <= e < problem.layout.edges and problem.layout.jump(e)]
-    # At a jump the gap passes the level by what the ring left out would prevent.
-    noise = NARROW_RING if jumps else EDGE_NOISE * float(np.abs(values).max()) + ROUNDING
+    noise = EDGE_NOISE * float(np.abs(values).max()) + ROUNDING
+    for edge in jumps:
+        low, high = problem.setting.law.bounds(problem.layout.jump_level(edge))
+        noise = max(noise, PASSES * (high - low) * NARROW_RING * float(grid.edges[-1]) / problem.setting.scale)
     share = float(problem.widths(grid.edges)[region] / grid.edges[-1]) if outer_edge else 1.0
     narrow = share < NARROW
     if problem.layout.regions[region].rests:
@@ -154,33 +176,26 @@ def _extrema(problem: RingEquations, fields: Fields, region: int, margin: Array,
         if centre <= values[0]:
             yield Breach(centre + noise if narrow else centre, region, 0.0, new)
         elif values[0] < values[1]:  # the extremum lies between the centre and the second node
-            value, radius, _ = _refined(problem, fields, margin, int(own[0]))
-            radius *= radius > ROUNDING * grid.r[0]
+            value, radius = _lowest(at, 0.0, radii[1])
+            radius *= radius > ROUNDING * radii[0]
             yield Breach(value + noise if narrow else value, region, radius, new)
     lower = np.flatnonzero((values[1:-1] <= values[:-2]) & (values[1:-1] < values[2:])) + 1
     for i in lower:
-        value, radius, panel = _refined(problem, fields, margin, int(own[i]))
+        value, radius = _lowest(at, *radii[[i - 1, i + 1]])
+        panel = int(grid.breaks[:, 1].searchsorted(radius))
         first, last = grid.region.searchsorted(region), grid.region.searchsorted(region, side="right") - 1
         at_edge = narrow or (inner_edge and panel == first) or (outer_edge and panel == last)
         if region == 0 and i == 1 and values[0] < value:
             continue
-        untold = grid.order * float(np.abs(grid.coefficients(margin)[panel, -2:]).max())
-        yield Breach(value + noise + untold if at_edge else value, region, radius, new)
+        yield Breach(value + noise + untold[panel] if at_edge else value, region, radius, new)
 
 
-def _refined(problem: RingEquations, fields: Fields, margin: Array, node: int) -> tuple[float, float, int]:
-    """The minimum near a node from the polynomials of its panel and the neighbours in its region."""
-    grid = fields.grid
-    panel = node // grid.order
-    coefficients = grid.coefficients(margin)
-    best = (math.inf, 0.0, panel)
-    for k in (panel - 1, panel, panel + 1):
-        if not (0 <= k < grid.count) or grid.region[k] != grid.region[panel] or grid.sign[k] == 2:
-            continue
-        turning = legendre.legroots(legendre.legder(coefficients[k]))
-        places = np.append(turning.real[(np.abs(turning.imag) < REAL) & (np.abs(turning) < 1)], [-1.0, 1.0])
-        values = legendre.legval(places, coefficients[k])
-        i = int(np.argmin(values))
-        if values[i] < best[0]:
-            best = (float(values[i]), float(grid.sample(k, (places[i : i + 1] + 1) / 2)[0]), k)
-    return best
+def _lowest(at: At, low: float, high: float) -> tuple[float, float]:
+    """The minimum of a smooth function between radii, and where."""
+    rule, half = panel_rule(BETWEEN), (high - low) / 2
+    series = rule.to_legendre @ at(low + half * (1 + rule.nodes))
+    turning = legendre.legroots(legendre.legder(series))
+    places = np.append(turning.real[(np.abs(turning.imag) < REAL) & (np.abs(turning) < 1)], [-1.0, 1.0])
+    values = legendre.legval(places, series)
+    least = int(np.argmin(values))
+    return float(values[least]), float(low + half * (1 + places[least]))

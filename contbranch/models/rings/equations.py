@@ -256,10 +256,11 @@ class RingEquations(EquilibriumProblem):
 
     # -- lengths ------------------------------------------------------------------------------------------------------
     def _weights(self, size: int) -> Array:
-        """Weights of the inner product: all nodes alike, and the edges as all nodes together."""
+        """Weights of the inner product: all nodes alike, and the edges as all nodes together, but for that of a tip."""
         nodes = size - self.edges
         weights = np.ones(size)
         weights[:nodes] = 1.0 / max(nodes, 1)
+        weights[nodes + self.free : nodes + self.layout.edges] = 0.0
         return weights
 
     def inner(self, u: Array, v: Array) -> float:
@@ -322,6 +323,10 @@ class RingEquations(EquilibriumProblem):
         """`Fields.rise` at r = 0, where the ring integral is 2 ∫ p ds."""
         lift = 2 * float(fields.grid.weights @ fields.pressure)
         return float(self.setting.tip.height(np.float64(0.0))) + lift - fields.parameter
+
+    def rise_at(self, fields: Fields, r: Array) -> Array:
+        """`Fields.rise` at any radii above zero."""
+        return np.asarray(self.setting.tip.height(r) + fields.grid.lift_at(r, fields.pressure) - fields.parameter)
 
     def ends(self, edges: Array) -> Array:
         """Where regions end: at the edges and, if nothing is felt beyond them, where the tip ends."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -18,10 +17,10 @@ from contbranch.errors import ModelError
 from .constraints import begun
 from .equations import Setting, rings
 from .law import BandedLaw
-from .layout import Layout, Region
-from .meshing import BOUNDED, order_for
+from .layout import Region
+from .meshing import order_for, surrounded
 from .newton import resolved, solved
-from .panels import Grid, Panels
+from .panels import Grid
 from .problem import RingProblem
 
 __all__ = ["Disc", "taken_over"]
@@ -69,16 +68,11 @@ def taken_over(tip: Tip, interaction: Interaction | None, accuracy: float, disc:
     """
     setting = Setting(tip, BandedLaw(interaction), accuracy, work)
     around, a = Region(False, setting.law.outermost), disc.radius
-    order, infinite = order_for(setting.tolerance), not math.isfinite(tip.extent)
-    radii = disc.radii[(disc.radii > a) & (disc.radii < tip.extent)]
-    edges = np.array([a] if a > 0 else [])
-    if a > 0:
-        layout = Layout((Region(True, 0), around), False)
-        panels = Panels(order, (BOUNDED,), tuple(np.sqrt(radii - a).tolist()), infinite)
-    else:
-        layout, panels = Layout((around,), False), Panels(order, (), tuple(radii.tolist()), infinite)
+    regions, inside = ((Region(True, 0), around), np.array([a])) if a > 0 else ((around,), np.zeros(0))
+    radii, order = disc.radii[disc.radii > a], order_for(setting.tolerance)
+    layout, panels, edges = surrounded(regions, tip.extent, inside, radii, order)
     problem = RingProblem(setting, layout, panels)
-    x = np.concatenate([disc.pressure(Grid(panels, edges, False).r), edges])
+    x = np.concatenate([disc.pressure(Grid(panels, edges, layout.bounded).r), edges])
     held = (np.zeros(x.size), 1.0)
     try:
         point = oriented(problem, *solved(problem, x, disc.displacement, held), held)

@@ -10,13 +10,12 @@ import numpy as np
 
 from contbranch.arrays import Array
 from contbranch.models.fronts import CORE, SMOOTH
-from contbranch.models.quadrature import start_edges
 
 from .equations import Fields, RingEquations
-from .layout import Layout
+from .layout import Layout, Region
 from .panels import Grid, Panels
 
-__all__ = ["adapted", "finer", "order_for", "panel_errors", "pieces", "start_panels"]
+__all__ = ["adapted", "finer", "order_for", "panel_errors", "pieces", "surrounded"]
 
 # Breaks of a piece between an edge and the far end of its region, in shares of its length in √distance.
 BOUNDED = (0.3,)
@@ -27,6 +26,8 @@ GRADING = 0.3
 FINEST = 0.05
 # ... nor below this one next to a front.
 AT_FRONT = 0.01
+# Cuts leave at least a fifth of a panel.
+WIDEST = 0.8
 # Neighbouring panels differ by no more than this factor in their outer ends.
 GROWTH = 3.0
 # Tail of a pressure at rest as a share of the largest in its region, beyond which a panel is split whatever it bears; a
@@ -38,6 +39,8 @@ APEX_GRADING, PEAK = 0.25, 1e-5
 TINIEST = 1e-3
 # Breaks taken over from other panels are farther from an anchor than this share of the way to their own neighbours.
 APART = 0.3
+# ... and stretched by no more than this factor.
+STRETCHED = 1.5
 # Higher order by this share makes the finer panels.
 FINER_SHARE = 3
 
@@ -47,14 +50,17 @@ def order_for(tolerance: float) -> int:
     return int(min(16, max(8, round(6 - 0.7 * math.log10(tolerance)))))
 
 
-def start_panels(layout: Layout, order: int, width: float, reach: float, infinite: bool) -> Panels:
-    """Panels for a first solution: `width` over which the pressure varies beyond the last edge, `reach` of the law."""
-    pieces = 2 * layout.edges - 1 if layout.edges else 0
-    outer: tuple[float, ...] = ()
-    if not layout.bounded:
-        radii = start_edges(width, reach)[1:]
-        outer = tuple(float(y) for y in (np.sqrt(radii) if layout.edges else radii))
-    return Panels(order, (BOUNDED,) * pieces, outer, infinite)
+def surrounded(
+    regions: tuple[Region, ...], extent: float, edges: Array, radii: Array, order: int
+) -> tuple[Layout, Panels, Array]:
+    """Regions of which the last reaches to infinity, or to the edge of a tip, panels that end at radii, and the edges.
+
+    Beyond the edge of a tip there is no gap: panels that move with other edges must not come to lie there.
+    """
+    ends = math.isfinite(extent)
+    layout, edges = Layout(regions, ends, ends), np.append(edges, extent) if ends else edges
+    free = Panels(order, (), tuple(np.append(radii[radii < extent], edges[-1:] if ends else []).tolist()), not ends)
+    return layout, pieces(edges, free, Grid(free, np.zeros(0), False), ends), edges
 
 
 def _ends(anchors: Array) -> list[tuple[float, float]]:
@@ -68,9 +74,10 @@ def pieces(anchors: Array, panels: Panels, grid: Grid, bounded: bool, front: flo
     """Panels for other edges, and for a front: next to new ones they have their breaks where there were some before.
 
     Piece 2j lies inside of anchor j and piece 2j + 1 outside of it; what lies outside of the last one is no piece.
-    Those next to anchors that were there before are kept, stretched to their new length.
+    Those next to anchors that were there before are kept, stretched to their new length unless that is much longer.
     """
-    radii = np.unique(grid.breaks[np.isfinite(grid.breaks)])
+    radii = np.append(grid.inner, grid.outer[-1:])  # the other ends are the same, but for rounding
+    radii = radii[np.isfinite(radii)]
     room = APART * np.minimum(np.diff(radii, prepend=-math.inf), np.diff(radii, append=math.inf))
 
     def shares(anchor: float, far: float) -> tuple[float, ...]:
@@ -79,16 +86,18 @@ def pieces(anchors: Array, panels: Panels, grid: Grid, bounded: bool, front: flo
         return tuple(np.sort(np.sqrt(abs(inside - anchor) / (abs(far - anchor) if far < math.inf else 1.0))).tolist())
 
     old = {
-        (anchor, far > anchor): piece for (anchor, far), piece in zip(_ends(grid.anchors), panels.halves, strict=False)
+        (anchor, far > anchor): (abs(far - anchor), piece)
+        for (anchor, far), piece in zip(_ends(grid.anchors), panels.halves, strict=False)
     }
 
     def piece(anchor: float, far: float) -> tuple[float, ...]:
-        if (anchor, far > anchor) in old:
-            return old[anchor, far > anchor]
+        length, kept = old.get((anchor, far > anchor), (0.0, ()))
+        if abs(far - anchor) < STRETCHED * length:
+            return kept
         found = shares(anchor, far)
         return found if found and found[0] <= BOUNDED[0] else BOUNDED + found
 
-    outer, last = panels.outer, float(anchors[-1]) if len(anchors) else 0.0
+    outer, last = () if bounded else panels.outer, float(anchors[-1]) if len(anchors) else 0.0
     if not bounded and not (len(anchors) and len(grid.anchors) and last == grid.anchors[-1]):
         outer = shares(last, math.inf) if len(anchors) else tuple(radii[radii > 0].tolist())
     halves = tuple(piece(*ends) for ends in _ends(anchors))
@@ -205,10 +214,10 @@ def _cut(breaks: tuple[float, ...], errors: Array, share: float, finest: float, 
     pairs = list(pairwise(breaks))
     for k, (a, b) in enumerate(pairs):
         grown = k > 0 and b > GROWTH * a
-        cut = a + (GRADING if k == 0 else 0.5) * (b - a)
+        cut = a + (b - a) / 2 if k else max(GRADING * b, finest)
         if apex and k == len(pairs) - 1 and k > 0:
             cut = b - APEX_GRADING * (b - a)
-        if (errors[k] > share or grown) and cut > finest:
+        if (errors[k] > share or grown) and cut - a < WIDEST * (b - a):
             kept.append(cut)
         joins = (
             k + 1 < len(pairs)

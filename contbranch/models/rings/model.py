@@ -31,8 +31,8 @@ class Rings:
         laws = terms_of(contact.interaction)
         if any(isinstance(law, MaugisDugdale) and law.work_of_adhesion > 0 for law in laws):
             return (
-                "the pressure of the maugis-dugdale attraction jumps at the end of its range, which only the exact "
-                "model represents, for a parabola and that law alone"
+                "the pressure of maugis-dugdale attraction jumps at the end of its range, which only the exact model "
+                "represents, for a parabola and that law alone; take a smooth law, such as exponential"
             )
         if not laws:
             return "there is no interaction with which the contact could begin"

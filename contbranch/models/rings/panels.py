@@ -275,7 +275,7 @@ class Grid:
 
     def at_edge(self, edge: int, pressure: Array) -> tuple[Array, Array]:
         """Row of the elastic displacement at an edge, (N,), and its derivatives with respect to the edges, (E,)."""
-        row, (panel, radius, carried) = self._row(float(self.anchors[edge]))
+        row, (_, panel, radius, carried) = self._rows(self.anchors[edge : edge + 1])
         r, nodal = np.array([[self.anchors[edge]]]), pressure.reshape(self.count, self.order)
         near = np.einsum("pmk,pk->pm", carried, nodal[panel])
         far = nodal * self.weights.reshape(nodal.shape)
@@ -285,25 +285,28 @@ class Grid:
             target, inner, stretch = _moved(r, (t, t - self.inner[k][:, None]), _elliptic(r, t), c)
             moved += self.moves[:, k] @ inner + self.stretch[:, k] @ stretch
             moved[edge] += target.sum()
-        return row, moved
+        return row[0], moved
 
     def lift_at(self, radii: Array, pressure: Array) -> Array:
-        """Elastic displacement at radii that lie in no panel, or at the end of one, (M,)."""
-        return np.array([float(self._row(float(r))[0] @ pressure) for r in radii])
+        """Elastic displacement at radii above zero wherever they lie, (M,)."""
+        return np.asarray(self._rows(radii)[0] @ pressure)
 
-    def _row(self, radius: float) -> tuple[Array, tuple[Indices, Array, Array]]:
-        """Row of the displacement at a radius outside of panels; the near panels, their nodes for it, and what takes
-        nodal values to values times ds at these nodes, (panels, m, n)."""
-        r = np.array([[radius]])
-        panel = np.flatnonzero(self._near(np.array([radius]))[0])
-        row = (_kernel(r, self.r, _elliptic(r, self.r)) * self.weights)[0]
-        places, weights, values = clustered(self.order)
-        rule = (np.abs(self.outer - radius) < np.abs(self.inner - radius))[panel].astype(int)
-        s, slope = self._map(panel[:, None], places[rule])
-        carried = values[rule] * (slope * weights[rule])[:, :, None]
-        kernel = _kernel(r, s, _elliptic(r, s))
-        row.reshape(self.count, self.order)[panel] = np.einsum("pm,pmn->pn", kernel, carried)
-        return row, (panel, s, carried)
+    def _rows(self, radii: Array) -> tuple[Array, tuple[Indices, Indices, Array, Array]]:
+        """Rows of the displacement at radii, (M, N), the pairs of radii and panels near them, nodes on both sides of
+        the radius in each, and what takes nodal values to values times ds at these nodes, (pairs, m, n)."""
+        r = radii[:, None]
+        target, panel = np.nonzero(self._near(radii))
+        x = np.clip(self.place(panel, radii[target]), 0.0, 1.0)[:, None]
+        u, density = (rule[0] for rule in clustered(self.order)[:2])
+        places = np.concatenate([x * (1 - u), x + (1 - x) * u], axis=1)
+        s, slope = self._map(panel[:, None], places)
+        weights = slope * np.concatenate([x * density, (1 - x) * density], axis=1)
+        values = np.moveaxis(legendre_values(self.order, 2 * places - 1), 0, -1) @ self.rule.to_legendre
+        carried = values * weights[:, :, None]
+        rows = _kernel(r, self.r, _elliptic(r, self.r)) * self.weights
+        kernel = _kernel(r[target], s, _elliptic(r[target], s))
+        rows.reshape(len(radii), self.count, self.order)[target, panel] = np.einsum("pm,pmn->pn", kernel, carried)
+        return rows, (target, panel, s, carried)
 
     # -- fields -------------------------------------------------------------------------------------------------------
     def coefficients(self, values: Array) -> Array:

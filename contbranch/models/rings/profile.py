@@ -23,10 +23,8 @@ def profile_of(problem: RingEquations, fields: Fields) -> Profile:
     r, gap, pressure = grid.r, np.where(rests, level, fields.gap), fields.pressure
     if problem.layout.bounded:  # beyond the last edge there is no pressure, but a gap
         beyond = np.unique(np.minimum(grid.edges[-1] * OUTSIDE, problem.setting.tip.extent))
-        lift = grid.lift_at(beyond, fields.pressure)
         none = np.zeros_like(beyond)
         r = np.concatenate([r, beyond])
-        rise = problem.setting.tip.height(beyond) + lift - fields.parameter
-        gap = np.concatenate([gap, rise - problem.origin])
+        gap = np.concatenate([gap, problem.rise_at(fields, beyond) - problem.origin])
         pressure, wall = np.concatenate([pressure, none]), np.concatenate([wall, none])
     return Profile(r, gap, pressure, wall)

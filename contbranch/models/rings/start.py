@@ -12,11 +12,12 @@ from contbranch.continuation import CorrectionError, Outcome, Point
 from contbranch.control import LOAD, Control
 from contbranch.curve.problem import oriented
 from contbranch.errors import ModelError
+from contbranch.models.quadrature import start_edges
 
 from .constraints import begun, least_margin
 from .equations import NARROW_RING, RingEquations, Setting, rings
 from .layout import Layout, Region
-from .meshing import order_for, start_panels
+from .meshing import BOUNDED, order_for, surrounded
 from .newton import resolved, solved
 from .panels import Grid, Panels
 
@@ -55,8 +56,8 @@ def floating(setting: Setting, gap: float) -> tuple[Layout, Panels]:
     tip, law = setting.tip, setting.law
     width = tip.radius_at(min(gap, 4 * max((term.range for term in terms_of(law.interaction)), default=gap)))
     reach = max(tip.radius_at(gap), 2 * width)
-    layout = Layout((Region(False, law.outermost),), False)
-    return layout, start_panels(layout, order_for(setting.tolerance), width, reach, not math.isfinite(tip.extent))
+    regions, radii = (Region(False, law.outermost),), start_edges(width, reach)[1:]
+    return surrounded(regions, tip.extent, np.zeros(0), radii, order_for(setting.tolerance))[:2]
 
 
 def beginning(problem: RingEquations, control: Control) -> Point:
@@ -103,10 +104,12 @@ def farther(problem: RingEquations, control: Control, value: float) -> Point | N
 def apart(problem: RingEquations, d: float) -> Point:
     """The state at a displacement at which nothing rests, on its way towards the wall."""
     law = problem.setting.law
-    r = Grid(problem.panels, np.zeros(0), False).r
+    edges = np.full(problem.edges, problem.setting.tip.extent)
+    r = Grid(problem.panels, edges, problem.layout.bounded).r
     pressure = law.evaluate(law.outermost, problem.setting.tip.height(r) - d).pressure
-    x, d = solved(problem, np.asarray(pressure, dtype=float), d, (np.zeros(r.size), 1.0))
-    return resolved(oriented(problem, x, d, (np.zeros(r.size), 1.0)), (np.zeros(0), 1.0))
+    ahead = np.zeros(r.size + len(edges)), 1.0
+    x, d = solved(problem, np.concatenate([pressure, edges]), d, ahead)
+    return resolved(oriented(problem, x, d, ahead), (0 * edges, 1.0))
 
 
 def at_rest(problem: RingEquations, radius: float) -> Point:
@@ -139,7 +142,7 @@ def _with_edges(problem: RingEquations, layout: Layout, edges: Array) -> Point:
     """The state with a given outermost edge."""
     law = problem.setting.law
     order = order_for(problem.setting.tolerance)
-    panels = start_panels(layout, order, 1.0, 1.0, False)
+    panels = Panels(order, (BOUNDED,) * (2 * layout.edges - 1))
     trial = problem.laid_out(layout, panels, origin=-law.levels[-1])
     size = Grid(trial.panels, edges, True).size
     pressure = np.full(size, law.pressure(law.outermost - 1, law.outermost))
