@@ -114,7 +114,9 @@ def adapted(
     row = metric.row(offer.problem, *metric.unit(offer.problem, *_direction(point, offer, metric)))
     corrected = correct(offer.problem, (offer.x, point.parameter), row, metric, options)
     found = to_point(offer.problem, corrected, metric)
-    if problem.ordered and found.tangent_parameter * point.tangent_parameter < 0.0:
+    here, there = point.tangent_parameter, found.tangent_parameter
+    clear = min(abs(here), abs(there)) > NEARLY_VERTICAL * metric.parameter_scale
+    if (problem.ordered or clear) and here * there < 0.0:  # an old discretisation may have shown little but the parameter
         found = found.turned()
     return annotated(found, label=point.label), carry
 
