@@ -116,7 +116,9 @@ def adapted(
     found = to_point(offer.problem, corrected, metric)
     here, there = point.tangent_parameter, found.tangent_parameter
     clear = min(abs(here), abs(there)) > NEARLY_VERTICAL * metric.parameter_scale
-    if (problem.ordered or clear) and here * there < 0.0:  # an old discretisation may have shown little but the parameter
+    if (
+        problem.ordered or clear
+    ) and here * there < 0.0:  # an old discretisation may have shown little but the parameter
         found = found.turned()
     return annotated(found, label=point.label), carry
 
