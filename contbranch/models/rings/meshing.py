@@ -32,7 +32,7 @@ GROWTH = 3.0
 # Tail of a pressure at rest as a share of the largest in its region, beyond which a panel is split whatever it bears; a
 # region bears little below this share of the largest pressure.
 RESOLVED, LITTLE = 3e-3, 1e-3
-# ... where rounding of the gap, as a share of the lift, does not rule the pressure on a panel, the more the shorter it is.
+# ... unless that is rounding: of the gap, as a share of the lift, felt the more the shorter the panel.
 ROUNDING = 3e-14
 # The panel at the centre is cut so far from it: an apex is felt there, by the pressure to this share of itself.
 APEX_GRADING, PEAK = 0.25, 1e-5
