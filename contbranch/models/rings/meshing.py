@@ -182,6 +182,8 @@ def adapted(problem: RingEquations, fields: Fields, tolerance: float) -> Panels 
 
     def widest(k: int) -> float:
         """The longest first panel of a piece: what happens at its edge is as narrow as what lies beyond it."""
+        if problem.setting.law.smooth is None:  # pressures around are constant
+            return math.inf
         return GROWTH * roots[k ^ 1] / (roots[k] if k < len(panels.halves) else 1.0)
 
     for k, piece in enumerate(panels.halves):
