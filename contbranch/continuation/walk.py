@@ -114,7 +114,9 @@ def adapted(
     row = metric.row(offer.problem, *metric.unit(offer.problem, *_direction(point, offer, metric)))
     corrected = correct(offer.problem, (offer.x, point.parameter), row, metric, options)
     found = to_point(offer.problem, corrected, metric)
-    if problem.ordered and found.tangent_parameter * point.tangent_parameter < 0.0:
+    before, after = point.tangent_parameter, found.tangent_parameter
+    clear = min(abs(before), abs(after)) > NEARLY_VERTICAL * metric.parameter_scale
+    if (problem.ordered or clear) and before * after < 0.0:  # the state's own rate may not have been resolved
         found = found.turned()
     return annotated(found, label=point.label), carry
 

@@ -33,8 +33,8 @@ ASTRAY = 1.0
 # Where the gap is this share of the shortest range there is no room for surfaces that come to rest.
 DEEP = 0.1
 # Radii of a disc that takes the place of a ring, in units of the ring's; the least radius of a ring over which a law is
-# felt.
-FILLED, TOLD = (1.5, 3.0, 10.0), 3e-3
+# felt. In a hole no deeper than this share of the range nothing is told.
+FILLED, TOLD, SHALLOW = (1.5, 3.0, 10.0), 3e-3, 1e-6
 # First steps behind a change as a share of the narrowest region, or behind a jump of the outermost edge; no shorter.
 FIRST, AFTER_JUMP, SHORTEST = 0.3, 1e-2, 1e-3
 # Where a region vanishes is sought no farther away than this multiple of range and displacement.
@@ -57,13 +57,11 @@ def born(point: Point) -> Succession:
     """
     breach = failing(point)
     problem = rings(point)
-    if (
-        breach.region == 0
-        and breach.radius == 0.0
-        and breach.new in problem.layout.regions[1:2]
-        and narrowest(point) < TOLD * math.sqrt(problem.setting.scale)
-    ):  # what is left of a hole closes before a disc in it can be told
-        return vanished(point, 0)
+    if breach.region == 0 and breach.radius == 0.0 and breach.new in problem.layout.regions[1:2]:
+        fields = problem.fields(point.x, point.parameter)
+        hole = fields.gap[fields.grid.of_node == 0] - problem.setting.law.levels[breach.new.index]
+        if float(np.abs(hole).max()) < SHALLOW * problem.scale:  # it closes before a disc in it can be told
+            return vanished(point, 0)
     start = begun(seeded(point, breach))
     kind, message = change(problem, breach, growing=True)
     return Succession(kind, point, (start,), same=False, step=FIRST * narrowest(start), message=message)

@@ -33,6 +33,8 @@ GROWTH = 3.0
 # Tail of a pressure at rest as a share of the largest in its region, beyond which a panel is split whatever it bears; a
 # region bears little below this share of the largest pressure.
 RESOLVED, LITTLE = 3e-3, 1e-3
+# ... unless that is rounding: of the gap, as a share of the lift, felt the more the shorter the panel.
+ROUNDING = 3e-14
 # The panel at the centre is cut so far from it: an apex is felt there, by the pressure to this share of itself.
 APEX_GRADING, PEAK = 0.25, 1e-5
 # ... but not below this share of the disc, where rounding tells no peak.
@@ -151,8 +153,9 @@ def unresolved(problem: RingEquations, fields: Fields) -> Array:
             least = problem.setting.law.bounds(region.index)[0]
             borne = fields.pressure.reshape(grid.count, -1)[own] - least
             tail = np.abs(grid.coefficients(fields.pressure)[own, -2:]).max(axis=1)
+            tail -= ROUNDING * float(np.abs(fields.lift).max()) / np.diff(grid.breaks[own])[:, 0]
             most = float(np.abs(borne).max())
-            found[own] = tail / max(most, 1e-300) if most < LITTLE * largest else 0.0
+            found[own] = np.maximum(tail, 0.0) / max(most, 1e-300) if most < LITTLE * largest else 0.0
     return found
 
 
@@ -182,20 +185,30 @@ def adapted(problem: RingEquations, fields: Fields, tolerance: float) -> Panels 
         errors[0] = max(errors[0], share * float(peak[-2:].max() / (PEAK * max(peak[0], 1e-300))))
     panels = problem.panels
     halves: list[tuple[float, ...]] = []
-    at = 0
+    at, floating = 0, [not region.rests for region in problem.layout.regions]
+    roots = [math.sqrt(abs(far - anchor)) for anchor, far in _ends(grid.anchors)]
+    roots.append(math.inf)
+
+    def widest(k: int) -> float:
+        """The longest first panel of a piece: what happens at its edge is as narrow as what lies beyond it."""
+        if problem.setting.law.smooth is None:  # pressures around are constant
+            return math.inf
+        return GROWTH * roots[k ^ 1] / (roots[k] if k < len(panels.halves) else 1.0)
+
     for k, piece in enumerate(panels.halves):
         own = errors[at : at + len(piece) + 1]
         at += len(piece) + 1
         # Pieces anchored at their outer end list their panels from the centre, their breaks from the anchor.
         reverse = k == 0 or k % 2 == 0
-        finest = FINEST if k // 2 < problem.layout.edges else AT_FRONT
-        halves.append(_cut((0.0, *piece, 1.0), own[::-1] if reverse else own, share, finest, k == 0)[1:-1])
+        finest = AT_FRONT if floating[min((k + 1) // 2, problem.layout.edges)] else FINEST
+        own = own[::-1] if reverse else own
+        halves.append(_cut((0.0, *piece, 1.0), own, share, finest, k == 0, widest(k))[1:-1])
     outer = panels.outer
     if outer:
         own = errors[at:]
         infinite = panels.infinite
         inside = own[: len(outer)]
-        outer = _cut((0.0, *outer), inside, share, 0.0, False)[1:]
+        outer = _cut((0.0, *outer), inside, share, 0.0, False, widest(len(halves)) if halves else math.inf)[1:]
         if infinite and own[-1] > share:
             outer = (*outer, 1.5 * outer[-1])
         elif infinite and own[-1] < 1e-3 * share and len(outer) > 2 and inside[-1] < 1e-3 * share:
@@ -204,16 +217,18 @@ def adapted(problem: RingEquations, fields: Fields, tolerance: float) -> Panels 
     return None if found == panels else found
 
 
-def _cut(breaks: tuple[float, ...], errors: Array, share: float, finest: float, apex: bool) -> tuple[float, ...]:
+def _cut(
+    breaks: tuple[float, ...], errors: Array, share: float, finest: float, apex: bool, widest: float
+) -> tuple[float, ...]:
     """Breaks with too inaccurate panels cut and needless ones removed.
 
-    The cuts are graded next to the anchor, down to `finest`, and next to an apex.
+    The cuts are graded next to the anchor, down to `finest` and up to `widest`, and next to an apex.
     """
     kept: list[float] = [breaks[0]]
     merged = False
     pairs = list(pairwise(breaks))
     for k, (a, b) in enumerate(pairs):
-        grown = k > 0 and b > GROWTH * a
+        grown = b > (GROWTH * a if k > 0 else widest)
         cut = a + (b - a) / 2 if k else max(GRADING * b, finest)
         if apex and k == len(pairs) - 1 and k > 0:
             cut = b - APEX_GRADING * (b - a)
@@ -223,7 +238,7 @@ def _cut(breaks: tuple[float, ...], errors: Array, share: float, finest: float, 
             k + 1 < len(pairs)
             and not merged
             and max(errors[k], errors[k + 1]) < 1e-5 * share
-            and (k == 0 or pairs[k + 1][1] <= GROWTH * a)
+            and pairs[k + 1][1] <= (GROWTH * a if k > 0 else widest)
             and (k > 0 or len(pairs) > 2)
         )
         if joins:
