@@ -61,11 +61,6 @@ def raw_curve(track: Track, request: Request) -> RawCurve:
     if wrong:
         complete = False
         messages.append(_disagreement(track, wrong))
-    twice = [found[k] for k, other, _ in _neighbours(track, found) if _same(found[k], found[other])]
-    if twice:
-        complete = False
-        place = f"load {twice[0].numbers[0]:.6g}, displacement {twice[0].numbers[1]:.6g} (reduced)"
-        messages.append(f"The fold at {place} was counted twice; ask for a hundredth of the accuracy.")
     broken = [Found(event.values, event.error, event.place) for event in breaking.events]
     worst = float(np.max([one.relative_error() for one in (*found, *broken)], initial=0.0)) / request.accuracy
     if over():  # nothing more is computed of it, now or when it is asked for
@@ -78,6 +73,11 @@ def raw_curve(track: Track, request: Request) -> RawCurve:
             other = request.accuracy * (100 if 100 * request.accuracy <= COARSEST else 0.01)
             much = f"is {worst:.3g} times the accuracy asked; ask for {reached if reached <= COARSEST else other:.0e}"
         messages.append(f"An event's error estimate {much}.")
+    twice = [found[k] for k, other, _ in _neighbours(track, found) if _same(found[k], found[other])] if complete else []
+    if twice:
+        complete = False
+        place = f"load {twice[0].numbers[0]:.6g}, displacement {twice[0].numbers[1]:.6g} (reduced)"
+        messages.append(f"The fold at {place} was counted twice; ask for a hundredth of the accuracy.")
     load, displacement = track.column("load"), track.column("displacement")
     return RawCurve(
         load,

@@ -57,7 +57,7 @@ def draw(result: Any) -> Figure:
     if isinstance(result, Diagram):
         return overview(result)
     if isinstance(result, Solution) and result.profile is None and result.in_cell is None:
-        return said("No state was found.")
+        return said("no state was found")
     if isinstance(result, Solution):
         flat = result.in_cell is not None and not (result.contact is not None and result.contact.tip.is_axisymmetric)
         return cell_maps(result, result.units) if flat else profiles(result, result.units)
