@@ -48,6 +48,7 @@ def raw_curve(track: Track, request: Request) -> RawCurve:
     found = _refined(track, request) if request.events else []
     with finishing():
         events = [_event(track, mark, one) for mark, one in zip(track.marks, found, strict=False)]
+    events, twice = _once(track, found, events, request.accuracy)
     if track.problem(0).given:
         _doubtful(track, events)
     breaking = Breaking()
@@ -61,6 +62,10 @@ def raw_curve(track: Track, request: Request) -> RawCurve:
     if wrong:
         complete = False
         messages.append(_disagreement(track, wrong))
+    if twice:
+        complete = False
+        place = f"load {twice[0].values[0]:.6g}, displacement {twice[0].values[1]:.6g} (reduced)"
+        messages.append(f"The fold at {place} was counted twice; ask for a hundredth of the accuracy.")
     broken = [Found(event.values, event.error, event.place) for event in breaking.events]
     worst = float(np.max([one.relative_error() for one in (*found, *broken)], initial=0.0)) / request.accuracy
     if over():  # nothing more is computed of it, now or when it is asked for
@@ -73,11 +78,6 @@ def raw_curve(track: Track, request: Request) -> RawCurve:
             other = request.accuracy * (100 if 100 * request.accuracy <= COARSEST else 0.01)
             much = f"is {worst:.3g} times the accuracy asked; ask for {reached if reached <= COARSEST else other:.0e}"
         messages.append(f"An event's error estimate {much}.")
-    twice = [found[k] for k, other, _ in _neighbours(track, found) if _same(found[k], found[other])] if complete else []
-    if twice:
-        complete = False
-        place = f"load {twice[0].numbers[0]:.6g}, displacement {twice[0].numbers[1]:.6g} (reduced)"
-        messages.append(f"The fold at {place} was counted twice; ask for a hundredth of the accuracy.")
     load, displacement = track.column("load"), track.column("displacement")
     return RawCurve(
         load,
@@ -197,10 +197,24 @@ def _sharpen(track: Track, found: list[Found], accuracy: float) -> None:
                     found[k] = better
 
 
-def _same(first: Found, second: Found) -> bool:
-    """Whether two folds agree in all that is seen of them."""
-    pairs = zip(first.numbers, second.numbers, first.error, second.error, strict=True)
-    return all(abs(here - there) <= DISTINCT * (own + other) for here, there, own, other in pairs)
+def _once(
+    track: Track, found: Sequence[Found], events: Sequence[RawEvent], accuracy: float
+) -> tuple[list[RawEvent], list[RawEvent]]:
+    """The events without folds passed again on another discretisation; folds found twice that do not agree.
+
+    A curve that is carried to another discretisation next to a fold may come to lie before it again.
+    """
+    again, twice = set(), []
+    for a, b, _ in _neighbours(track, found):
+        first, second = found[a], found[b]
+        off = np.abs(np.subtract(first.numbers, second.numbers)) > DISTINCT * np.add(first.error, second.error)
+        if off.any() or max(first.relative_error(), second.relative_error()) > accuracy:
+            continue
+        if (events[a].before, events[a].after) == (events[b].before, events[b].after):
+            again.add(b)
+        else:
+            twice.append(events[b])
+    return [event for k, event in enumerate(events) if k not in again], twice
 
 
 def _event(track: Track, mark: Mark, found: Found) -> RawEvent:
