@@ -9,8 +9,9 @@ with kinks and steps among them. Tabor coefficients from 1e-3 to 60, three contr
 Every contact runs in a process of its own and prints one line of JSON; those that a FILE has already are not run again.
 The number of a contact and the seed say all of it. Checked along each curve: gap ≥ 0 and wall pressure ≥ 0, dV = F dd,
 the virial of scaling (tips z ∝ rⁿ), indices that change at folds alone, no turn of load or displacement without its
-fold, no row that turns back, finite error estimates no larger than what was asked. With `--check` a share of the
-complete ones is traced anew at a hundredth of the accuracy, and thresholds are compared with their stated errors.
+fold, no fold that is there twice, no row that turns back, finite error estimates no larger than what was asked. With
+`--check` a share of the complete ones is traced anew at a hundredth of the accuracy, and thresholds are compared with
+their stated errors.
 """
 
 from __future__ import annotations
@@ -222,6 +223,11 @@ def violations(diagram: cb.Diagram) -> Iterator[str]:
                 error, value = event.error[name] / unit, getattr(event, name) / unit
                 if not error <= diagram.accuracy * max(1.0, abs(value)):
                     yield f"error of {name} {error:.2g} at {event.name or event.kind}"
+        for control in ("load", "displacement", "spring"):  # as told by all that is seen of a state
+            for first, second in pairwise(diagram.folds(control)):
+                errors = {name: first.error[name] + second.error[name] for name in first.error}
+                if all(abs(getattr(first, name) - getattr(second, name)) <= errors[name] for name in errors):
+                    yield f"the fold of {control} at load {first.load:.6g} is there twice"
     allowed = max(PENETRATION, POINTWISE * diagram.accuracy)
     terms = diagram.contact.interaction.terms
     ranges, own = [term.range for term in terms], max(abs(term.work_of_adhesion) / term.range for term in terms)
