@@ -229,12 +229,12 @@ class MeshedContact(EquilibriumProblem):
         n, (row, column, corner) = self.size, self._border(x, p)
         return lambda v: np.append(equations.multiplied(fields, v[:n]) + column * v[n], row @ v[:n] + corner * v[n])
 
-    def moving(self, x_rate: Array, x: Array, through: bool = True) -> Array:
-        """The rate of h where it is, (N,), of a direction of states: the mesh may move through it, or take h along."""
+    def moving(self, x_rate: Array, x: Array) -> Array:
+        """The rate of h where it is, (N,), of a direction of states: the mesh moves through it."""
         if self.front is None:
             return x_rate
         mesh, h = self.equations.mesh, x[:-1]
-        spread = self.front.power * h - (mesh.nodes * mesh.derivative(h) if through else 0.0)
+        spread = self.front.power * h - mesh.nodes * mesh.derivative(h)
         return self.growth(x) * np.asarray(x_rate[:-1] + spread * x_rate[-1])
 
     def following(self, x_rate: Array, x: Array, p: float, p_rate: float) -> Array:
