@@ -231,7 +231,7 @@ class _Tracing:
 
     def _stop(self, margin: str, message: str) -> None:
         own = margin
-        while len(self.points) > 1 and _margin(self.points[-1], margin) < -NEGATIVE:  # no row is no state of contact
+        while len(self.points) > 1 and _margin(self.points[-1], margin) < -NEGATIVE:  # rows are states of contact
             self._forget(len(self.points) - 1)
             own = ""
         row, last = len(self.points) - 1, self.points[-1]
