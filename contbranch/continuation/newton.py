@@ -147,6 +147,7 @@ def correct(
     slow = False
     # steps of stiff contacts, which are as noisy as their corrections are large, have matrices of their own
     polishes, kept = precise and type(problem).product is not Problem.product, False
+    trusted = 1.0  # contraction from which on a matrix is kept
     for iteration in range(1, ITERATIONS + 1):
         if kept:
             left = residual(problem, x, p)
@@ -154,9 +155,12 @@ def correct(
             at = linearise(problem, x, p)
             left, bordered = at[0], border(problem, x, p, at, row)
         dx, dp = solve(bordered, -left, 0.0, p)
+        size = metric.norm(problem, dx, dp)
+        if kept and size > max(previous, tolerance, floor):  # not taken: it leads away
+            kept, trusted = False, CONTRACTS
+            continue
         x = x + dx
         p = p + dp
-        size = metric.norm(problem, dx, dp)
         if iteration == 1:
             first = size
             done = size <= max(tolerance, floor, close * precise)  # the next one is about its square
@@ -184,7 +188,7 @@ def correct(
             problem.corrected(x, p, partial(_at_fixed_parameter, bordered, (u, a)))
             return Corrected(x, p, u, a, bordered, iteration, first, worst)
         previous = size
-        kept = polishes and size < SMALL and contraction < (CONTRACTS if kept else 1.0)
+        kept = polishes and size < SMALL and contraction < (CONTRACTS if kept else trusted)
     raise CorrectionError(Outcome.STEP_TOO_SMALL, f"(The last correction was {previous:.2g} of the step's scale.)")
 
 
