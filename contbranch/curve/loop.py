@@ -16,7 +16,7 @@ from contbranch.curve.outcome import fold_names, state_in_units
 from contbranch.curve.quasi_static import Jump as RawJump, Leg, Stop
 from contbranch.results.diagram import Cost, ModelChoice, State
 from contbranch.results.loop import Hysteresis, Jump, Path
-from contbranch.results.record import OBSERVABLES
+from contbranch.results.record import OBSERVABLES, later
 from contbranch.threads import one_thread
 from contbranch.watch import kept
 
@@ -66,7 +66,7 @@ class _Loop:
             status="complete" if complete else "incomplete",
             message=self._message(jumps, lost, closed),
             contact=self.contact,
-            area=self._work if closed else None,  # type: ignore[arg-type]
+            area=later(self._work) if closed else None,
         )
 
     def _message(self, jumps: Sequence[Jump], lost: Sequence[Jump], closed: bool) -> str:
@@ -104,7 +104,7 @@ class _Loop:
             (before - after) * units.energy,
             self._uncertainty(begin, end) * units.energy,
             others,
-            lambda: self._area(begin, end, value) * units.energy,  # type: ignore[arg-type]
+            later(lambda: self._area(begin, end, value) * units.energy),
         )
 
     def _uncertainty(self, begin: Stop, end: Stop) -> float:

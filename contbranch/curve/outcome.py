@@ -6,7 +6,7 @@ import math
 import operator
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, TypeVar
 
 import numpy as np
@@ -32,7 +32,7 @@ from contbranch.results.diagram import (
     State,
 )
 from contbranch.results.profile import CellFields, ModeShape, Profile
-from contbranch.results.record import OBSERVABLES, Record
+from contbranch.results.record import OBSERVABLES, Record, later
 from contbranch.threads import one_thread
 
 __all__ = [
@@ -175,6 +175,10 @@ def in_units(record: Kind, scales: Scales, convert: Callable[[Any, float], Any] 
     return replace(record, **{name: convert(value, units[name]) for name, value in held.items() if value is not None})
 
 
+def _made(make: Callable[[], Kind], scales: Scales) -> Kind:
+    return in_units(make(), scales)
+
+
 def _exponent(scales: Scales, exponent: Exponent | None, control: str | None) -> Exponent | None:
     if exponent is None:
         return None
@@ -237,14 +241,14 @@ def _branch(scales: Scales, curve: RawCurve) -> Branch:
         **observed,
         unstable_load=curve.unstable_load,
         unstable_displacement=curve.unstable_displacement,
-        load_error=lambda: curve.errors[:, 0] * scales.load,  # type: ignore[arg-type]
-        displacement_error=lambda: curve.errors[:, 1] * scales.normal,  # type: ignore[arg-type]
-        profiles=[lambda source=source: in_units(source(), scales) for source in curve.profiles],  # type: ignore[misc]
+        load_error=later(lambda: curve.errors[:, 0] * scales.load),
+        displacement_error=later(lambda: curve.errors[:, 1] * scales.normal),
+        profiles=[partial(_made, source, scales) for source in curve.profiles],
         unstable_spring=curve.unstable_spring,
         unstable_azimuthal=curve.unstable_azimuthal,
-        critical_eigenvalue=curve.critical and one_thread(curve.critical),  # type: ignore[arg-type]
+        critical_eigenvalue=curve.critical and later(one_thread(curve.critical)),
         fft_pairs=curve.fft_pairs,
-        cells=[lambda source=source: in_units(source(), scales) for source in curve.cells],  # type: ignore[misc]
+        cells=[partial(_made, source, scales) for source in curve.cells],
     )
 
 
@@ -294,7 +298,7 @@ def assemble(contact: Contact, curve: RawCurve, choice: ModelChoice, control: Co
         description=contact.describe(),
         unit_names=contact.units.names,
         local_exponents=local_exponents,
-        sensitivities=one_thread(lambda: _sensitivities(contact, told, accuracy)),  # type: ignore[arg-type]
+        sensitivities=later(one_thread(lambda: _sensitivities(contact, told, accuracy))),
     )
 
 

@@ -7,7 +7,7 @@ it may be None, its name the quantity in whose unit it is; what else there is to
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import Field, dataclass, field, fields
 from pathlib import Path
@@ -101,6 +101,11 @@ def record(kind: type[Kind]) -> type[Kind]:
 def given(value: Any) -> Any:
     """What is given: as it is, or by what computes it."""
     return value() if callable(value) else value
+
+
+def later(compute: Callable[[], Any]) -> Any:
+    """What computes the value of a `Late` field, in the place of the value."""
+    return compute
 
 
 class Late:
