@@ -197,9 +197,10 @@ def _located(place: _Place, event: Event | None) -> _Place:
     least = max(CLOSEST * line.problem.rounding, enough) * line.unit
     s, point = 0.0, place.point if place.settled else line.at(0.0, place.point)
     value = event.value(point)
-    steepness, best = place.steepness, (abs(value), point)
+    steepness, stalls = place.steepness, 0
     if isinstance(event, Reached):
         steepness = event.rate(line.rates(point))
+    best = abs(value), point, steepness
     for iteration in range(ITERATIONS):
         step = -value / steepness if steepness else ASIDE * line.unit
         step = math.copysign(min(abs(step), 0.2 * line.unit), step)
@@ -210,11 +211,12 @@ def _located(place: _Place, event: Event | None) -> _Place:
         if new_value != value and (abs(step) > 1e-7 * line.unit or not steepness):
             steepness = (new_value - value) / step
         s, point, value = s + step, new_point, new_value
-        stalled = abs(value) >= 0.5 * best[0]
-        if abs(value) < best[0]:
-            best = (abs(value), point)
-        if value == 0.0 or (stalled and abs(step) < 1e-8 * line.unit):
+        stalls = stalls + 1 if best[2] and abs(value) >= 0.5 * best[0] else 0  # the first step is but aside
+        if abs(value) < best[0] or not best[2]:
+            best = (*min(best[:2], (abs(value), point), key=lambda one: one[0]), steepness)
+        if value == 0.0 or (stalls and abs(step) < 1e-8 * line.unit) or stalls > 1:  # noise, also to the steepness
             break
+    steepness = best[2]
     uncertainty = (best[0] + event.noise) / abs(steepness) if steepness else 0.0
     return _Place(best[1], place.accuracy, steepness, min(uncertainty, 1e-3 * line.unit), settled=True)
 
@@ -286,7 +288,7 @@ def _best(place: _Place, event: Event | None, accuracy: float) -> Found | None:
             if there is None:
                 fine = _located(fine, event)
                 there = fine.point.parameter, numbers(fine.point)
-            found = _compared(place, there, accuracy)
+            found = _compared(replace(place, uncertainty=max(place.uncertainty, fine.uncertainty)), there, accuracy)
             error = found.relative_error()
             if best is None or error < best.relative_error():
                 best = found
