@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from copy import deepcopy
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -301,11 +303,18 @@ class _Tracing:
             if mark.control is not None:
                 folds[mark.row] = mark.control
         start = self.points[0]
+        index = equilibrium(start).unstable(start.x, start.parameter)
         turning.begin(*self.slopes(start))
         extra: list[Mark] = []
         for row in range(1, len(self.points)):
             point = self.points[row]
             if row in folds:
+                if self._reversed(turning, folds, row, index):
+                    here, there = row, row + 1
+                    self.points[here], self.points[there] = self.points[there], self.points[here]
+                    folds[here], folds[there] = folds[there], folds[here]
+                    swap = {here: there, there: here}
+                    marks = [replace(mark, row=swap.get(mark.row, mark.row)) for mark in marks]
                 turning.fold(folds[row])
             else:
                 missed = turning.row(*self.slopes(point))
@@ -314,7 +323,7 @@ class _Tracing:
                 extra += self._corner(turning, row)
         # At one row the event that makes the corner comes first.
         marks = sorted([*marks, *extra], key=lambda mark: mark.row)
-        hodograph = Hodograph(np.array(turning.angles), equilibrium(start).unstable(start.x, start.parameter))
+        hodograph = Hodograph(np.array(turning.angles), index)
         return Track(
             tuple(self.points),
             self.onward,
@@ -326,6 +335,29 @@ class _Tracing:
             self.message,
             problem.work,
         )
+
+    def _reversed(self, turning: Turning, folds: Mapping[int, Control], row: int, index: int) -> bool:
+        """Whether the fold at a row and the one at the next, of another control, come the other way round.
+
+        Their order is the way in which the curve turns by half a turn. Where they are closer than the errors of both,
+        the inertia behind them tells it; the other way round the Morse index differs by two.
+        """
+        both, behind = (folds[row], folds.get(row + 1, folds[row])), row + 2
+        joints = {row, row + 1, behind} & {*self.onward, *folds}
+        if both[0] == both[1] or behind >= len(self.points) or joints != {row, row + 1}:
+            return False
+        pair, after = self.points[row:behind], self.points[behind]
+        first, last = (np.array([point.observables[name] for name in ("load", "displacement")]) for point in pair)
+        if (np.abs(first - last) > sum(np.abs(equilibrium(point).defect(point)[:2]) for point in pair)).any():
+            return False
+        counted = []
+        for order in (both, both[::-1]):
+            trial = deepcopy(turning)
+            for control in order:
+                trial.fold(control)
+            trial.row(*self.slopes(after))
+            counted.append(int(Hodograph(np.array(trial.angles), index).pieces(DISPLACEMENT)[0][-1]))
+        return counted[0] != equilibrium(after).unstable(after.x, after.parameter) == counted[1]
 
     def _corner(self, turning: Turning, row: int) -> list[Mark]:
         """The folds in the corner where one problem takes over from another."""
