@@ -158,7 +158,9 @@ class _Direction:
         options, begin, end = self.options, taken.segment.begin, taken.segment.end
         dx, dp = end.x - begin.x, end.parameter - begin.parameter
         self.balance = self.balance.advance(size_of(begin.problem, dx), abs(dp))
-        self.metric = self.balance.metric(options.weight, options.state_floor)
+        self.metric = self.balance.metric(
+            options.weight, max(options.state_floor, end.problem.negligible(end.x, end.parameter))
+        )
         self.step = taken.factor * self.metric.norm(begin.problem, dx, dp)
         here, carry = adapted(end, self.metric, options)
         if here is end:

@@ -121,6 +121,10 @@ class Problem(ABC):
         """Return residual, Jacobian and parameter derivative together, for problems where they share work."""
         return Linearisation(self.residual(x, p), self.jacobian(x, p), self.parameter_derivative(x, p))
 
+    def negligible(self, x: Array, p: float) -> float:
+        """Return a size of states, changes far below which do not shorten steps from here."""
+        return 0.0
+
     def product(self, x: Array, p: float) -> Callable[[Array], Array] | None:
         """Return what multiplies a vector by dF/dx at little cost, and with as small rounding errors as that allows.
 

@@ -54,7 +54,7 @@ class Front:
     width : float
         Over which the gap there changes by as much as it is.
     weight : float
-        Of σ in the inner product of states: ∫ h² dξ where the front began.
+        Of σ in the inner product of states: that of h where the front began.
     power : float
         n of a tip like rⁿ where a film is pressed: films that differ in size have the same h/bⁿ. Gaps, far smaller than
         h, change little with σ at fixed h e^(−nσ), and by far more than they are at fixed h. 0 elsewhere.
@@ -76,8 +76,7 @@ class Front:
 
         Otherwise nothing would tell how it looks, on which Newton's method depends.
         """
-        own = self.place / (np.abs(mesh.nodes - self.place) + self.width)
-        return np.append(mesh.weights * (1.0 + own / math.log(2.0 + self.place / self.width)), self.weight)
+        return np.append(mesh.weights * _near(mesh, self.place, self.width), self.weight)
 
     def slopes(self, mesh: Mesh) -> Array:
         """Weights of dh/dξ in the inner product of states, (N,): so are all lengths around the centre, or the rim.
@@ -276,4 +275,10 @@ def steepest(seen: tuple[Equations, Fields], present: Front | None, unit: Mesh, 
     width = own / abs(float(slope[place]))
     power = present.power if present else equations.tip.apex_exponent * float(fields.pressure[0] > 0.0)
     growth = float(mesh.edges[-1] / unit.edges[-1]) ** power
-    return Front(at, own, width, float(unit.weights @ (fields.h / growth) ** 2), power)
+    weights = unit.weights * _near(unit, at, width)
+    return Front(at, own, width, float(weights @ (fields.h / growth) ** 2), power)
+
+
+def _near(mesh: Mesh, place: float, width: float) -> Array:
+    """Weights with which all lengths around a place count alike; what lies far outside only moves through the mesh."""
+    return place / (np.abs(mesh.nodes - place) + width) / math.log(2.0 + place / width)

@@ -25,7 +25,7 @@ from contbranch.curve.problem import (
     Values,
     Work,
 )
-from contbranch.models.fronts import CORE
+from contbranch.models.fronts import CORE, STIFF
 from contbranch.watch import check
 
 from .adapt import Solver, adapted_edges, defect_error, needed_reach, panel_errors, roughness
@@ -48,6 +48,8 @@ JUMP = 1e-4
 LEAP = 30.0
 # ... and ln of the stretch by this much.
 STRETCHED = 0.1
+# A matrix factorised next to a state serves for its error if its answer is wrong by no more than this share.
+SIMILAR = 1e-2
 # Gaps, in ranges, that no solution has.
 DEEPEST = 0.5
 # Below this radius parameter meshes are graded down to this share of the radius, each panel longer by this factor than
@@ -55,9 +57,13 @@ DEEPEST = 0.5
 SMALL, SHARE, GRADING, PANELS = 1e-2, 0.5, 4.0, 8
 # A coarser mesh is worth its while if it has fewer unknowns by this factor; rounds in which it is made.
 FEWER, COARSENINGS = 0.8, 4
+# Share of the tolerance below which a mesh is made coarser on the way.
+FINE = 1e-2
 # Rounds of meshing, solving and judging until a mesh satisfies its own error estimate, and the change by Newton's
 # method after which the solution is good enough for that: the next one would be its square.
 ROUNDS, NEARLY = 6, 1e-5
+# The largest factor by which the guide can be too optimistic, and what a further round has to leave of an error then.
+SHARPEST, HELPS = 1e6, 0.5
 # Unknowns that a state may be given where it is not smooth.
 MOST = 1000
 # ln of the largest stretch of a mesh; a pivot below this share of its column says that the front alone moves.
@@ -312,7 +318,12 @@ class MeshedContact(EquilibriumProblem):
         """Discretisation error of a solution."""
         equations, fields = self.seen(x, p)
         if "error" not in fields.derived:
-            fields.derived["error"] = defect_error(equations, fields, self._solver(x))
+            solve, slopes = self._solver(x), equations.slopes(fields)[1]
+            if solve is not None:
+                off = equations.multiplied(fields, solve(slopes)) - slopes
+                if not float(np.abs(off).max()) < SIMILAR * float(np.abs(slopes).max()):
+                    solve = None  # what was factorised next to the state is not soft alike
+            fields.derived["error"] = defect_error(equations, fields, solve)
         found: Defect = fields.derived["error"]
         return found
 
@@ -370,9 +381,10 @@ class MeshedContact(EquilibriumProblem):
         reach = self._reach(equations, fields, 0.1 * allowed)
         error = self.relative_error(x, p)
         if not self.rough(x, p) and error <= resolution.tolerance and reach <= equations.mesh.edges[-1]:
-            if error > 1e-3 * resolution.tolerance or mesh.panels <= 6:
+            if error > FINE * resolution.tolerance or mesh.panels <= 6:
                 return self, x
-            edges = adapted_edges(equations, fields, SLACK * allowed / self.sharpness, reach, mesh, self.within(x, p))
+            sharpness = self._sharpened(x, p, resolution.tolerance)
+            edges = adapted_edges(equations, fields, SLACK * allowed / sharpness, reach, mesh, self.within(x, p))
             if len(edges) > 0.75 * mesh.panels:
                 return self, x
         problem = self
@@ -387,23 +399,25 @@ class MeshedContact(EquilibriumProblem):
             astray = bool((np.abs(change[trial.size :]) > STRETCHED).any()) or trial.lost(found, p)
             if astray or not moved <= LEAP * expected + 1e-6 * self.scale:
                 break  # Newton's method has left for another solution
-            problem, start = trial, found
-            if problem.relative_error(start, p) <= resolution.tolerance and not problem.rough(start, p):
+            problem, start, last, error = trial, found, error, trial.relative_error(found, p)
+            spent = problem.sharpness == SHARPEST and error > HELPS * last  # what is left is rounding
+            if (error <= resolution.tolerance or spent) and not problem.rough(start, p):
                 break
         return problem, start
 
     def within(self, x: Array, p: float) -> float:
-        """Radius within which a film that is pressed has to be smooth: as far as it bears much.
+        """Radius within which v'' has to be smooth: where a stiff contact may give way, a film as far as it bears much.
 
         Under a flat tip it is squeezed out next to its edge first.
         """
-        if not self.film or isinstance(self.film, Edge):
-            return math.inf if self.film else 0.0
         equations, fields = self.seen(x, p)
+        if not self.film or isinstance(self.film, Edge):
+            stiff = float(np.abs(fields.stiffness).max()) * self.resolution.moving > STIFF
+            return math.inf if self.film or stiff else 0.0
         return float(equations.mesh.nodes[fields.pressure > CORE * float(fields.pressure.max())].max(initial=0.0))
 
     def rough(self, x: Array, p: float) -> bool:
-        """Whether a film that is pressed is not smooth."""
+        """Whether v'' is not smooth where it has to be."""
         equations, fields = self.seen(x, p)
         within = self.within(x, p)
         return within > 0.0 and bool((roughness(equations, fields, equations.mesh.edges, within) > 1.0).any())
@@ -461,12 +475,16 @@ class MeshedContact(EquilibriumProblem):
             count = int(np.ceil(np.log2(reach / end)))
             edges = np.append(unit.edges, unit.edges[-1] * (reach / end) ** (np.arange(1, count + 1) / count))
         else:
-            error = self.relative_error(x, p)
-            if error > tolerance:
-                guide = float(panel_errors(equations, fields).sum()) / max(1.0, abs(equations.load(fields)))
-                sharpness = min(max(sharpness, 2 * error / max(guide, 1e-16)), 1e6)
+            sharpness = self._sharpened(x, p, tolerance)
             edges = adapted_edges(equations, fields, SLACK * allowed / sharpness, reach, unit, self.within(x, p))
         return self.on(mesh_on(edges, self.resolution.order, unit.bounded), x, p, sharpness, solve)
+
+    def _sharpened(self, x: Array, p: float, tolerance: float) -> float:
+        """The factor by which the guide is too optimistic here: as it was, or as the error of a state shows."""
+        (equations, fields), error = self.seen(x, p), self.relative_error(x, p)
+        guide = float(panel_errors(equations, fields).sum()) / max(1.0, abs(equations.load(fields)))
+        shown = min(max(2 * error / max(guide, 1e-16), 1.0), SHARPEST)
+        return max(self.sharpness, shown) if error > tolerance else min(self.sharpness, shown)
 
     def _reach(self, equations: Equations, fields: Fields, tolerance: float) -> float:
         """How long the mesh is to be; a kink lies on it."""

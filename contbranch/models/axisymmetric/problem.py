@@ -74,6 +74,8 @@ LONGEST_IN_LAYERS = 0.15
 TURNING = 0.6
 # Changes of h small against the range of the interaction, over the width √(2 range), do not matter for the steps.
 STATE_FLOOR = 0.3
+# ... and farther away those that are small against the gap by this.
+FAR = 0.03
 # Estimates of the rows' errors are those of one Newton step on a finer mesh.
 ROW_SAFETY = 3.0
 # Rows, from the last admissible one backwards, from which free boundaries take over until one succeeds; the first step
@@ -100,6 +102,8 @@ WHOLE, OUTERMOST = 0.999, 0.9
 # The rim of a contact in a stiff film rests where it is all but indifferent: eigenvalues up to this (of the elastic
 # energy's) are the discretisation's.
 INDIFFERENT = 1e-6
+# Share of the tolerance that such an eigenvalue takes.
+SHARPER = 1e-4
 # Changes of the state are measured in at least this multiple of the rounding errors of its slopes.
 LOUD = 1e5
 # Gaps at which a film's pressure is looked at; the gap of one that is pressed changes by less than this share of the
@@ -204,6 +208,13 @@ class ContactProblem(MeshedContact):
             return steps
         longest = LONGEST_IN_LAYERS * law.wave / (self.scale * math.cosh(u) * abs(u)) if u else math.inf
         return replace(steps, angle=TURNING, largest_parameter_step=min(steps.largest_parameter_step, longest))
+
+    def negligible(self, x: Array, p: float) -> float:
+        """Far away what the elastic body answers is small against the gap, over the width of that."""
+        law, gap = self.equations.interaction, -self.coordinate(p)
+        if law is None or math.isfinite(law.wave) or not gap > self.scale:
+            return 0.0
+        return FAR * gap * math.sqrt(math.sqrt(2 * gap))
 
     def margins(self, x: Array, p: float) -> Mapping[str, float]:
         """Whether a disc is right: smallest gap outside and wall pressure inside, in the interaction's own units."""
@@ -423,11 +434,16 @@ class ContactProblem(MeshedContact):
     def unstable(self, x: Array, p: float) -> int:
         """Negative eigenvalues of the second variation at fixed displacement, by inertia.
 
-        Deep in contact the rough answer is nearly always 0, which is what is expected; any other is checked finely.
+        Deep in contact the rough answer is nearly always 0, which is what is expected; any other is checked finely, and
+        then on a sharper mesh: the rim of a stiff contact is all but indifferent to where it is.
         """
         equations, fields = self.seen(x, p)
         least = INDIFFERENT if self.film and equations.contact else 0.0
-        return equations.unstable_modes(fields, finely=False) and equations.unstable_modes(fields, least=least)
+        if not (equations.unstable_modes(fields, finely=False) and equations.unstable_modes(fields, least=least)):
+            return 0
+        problem, x = self.resolved(x, p, SHARPER * self.resolution.tolerance)
+        sharper, fields = problem.seen(x, p)
+        return sharper.unstable_modes(fields, least=least)
 
     def azimuthal(self, x: Array, p: float, unstable: int, limit: int = 32, near: Sequence[int] = ()) -> Count | None:
         """Numbers of unstable modes cos mθ; none where no axisymmetric one is (see `azimuthal`, order in m)."""
