@@ -15,7 +15,7 @@ from contbranch.continuation.options import Options, StopAt
 from contbranch.continuation.problem import UnresolvedError, size_of
 from contbranch.continuation.scan import LeapError, scan
 from contbranch.continuation.segment import Segment
-from contbranch.continuation.step import AFTER_FAILURE, CONTRACTS, POINTS, Predictor, judge
+from contbranch.continuation.step import AFTER_FAILURE, CONTRACTS, MARGIN, POINTS, RECOVERS, Predictor, judge
 from contbranch.continuation.walk import adapted, annotated, to_point
 from contbranch.watch import INTERRUPTIONS, caught
 
@@ -73,7 +73,7 @@ class _Direction:
         self.start, self.interval, self.options, self.events, self.stop = start, interval, options, events, stop
         self.branch = Branch([], [], End(Outcome.MAXIMUM_POINTS))
         self.balance, self.metric = balance, balance.metric(options.weight, options.state_floor)
-        self.recent, self.count = [start], 1
+        self.recent, self.count, self.reach = [start], 1, math.inf
         self.step = options.first_step * self.metric.norm(start.problem, start.tangent_x, start.tangent_parameter)
 
     def followed(self) -> Branch:
@@ -103,7 +103,7 @@ class _Direction:
         Once, where it leads to what the discretisation does not resolve, it is taken again on one made for that.
         """
         predictor, options, step = self._predictor(), self.options, self.step
-        growth, foresee = options.growth, True
+        growth, foresee, missed = options.growth, True, 0.0
         failure = CorrectionError(Outcome.STEP_TOO_SMALL, "(The curve turns too sharply.)")
         while True:
             here, metric = predictor.here, predictor.metric
@@ -117,8 +117,12 @@ class _Direction:
                 corrected = correct(here.problem, near, predictor.row, metric, options)
                 end = to_point(here.problem, corrected, metric, options.detect_branch_points)
                 judgement = judge(here, end, corrected, metric, options)
-                largest = corrected.first_correction * CONTRACTS / max(corrected.contraction, 1e-9)
-                longest, self.count = predictor.longest(step, foretold, end, growth, largest)
+                constants = predictor.constants(step, foretold, end)
+                self.reach = min(
+                    MARGIN * predictor.error(missed, constants, self.count) if missed else RECOVERS * self.reach,
+                    corrected.first_correction * CONTRACTS / max(corrected.contraction, 1e-9),
+                )
+                longest, self.count = predictor.longest(step, constants, growth, self.reach)
                 if judgement.accepted:
                     segment, happenings, stop = self._look_inside(Segment(here, annotated(end), metric))
                     return _Step(segment, happenings, stop, min(judgement.factor, longest, growth))
@@ -130,7 +134,7 @@ class _Direction:
                         step *= AFTER_FAILURE
                     predictor = self._predictor()
                     continue
-                failure = error
+                failure, missed = error, step
                 step *= AFTER_FAILURE
             except LeapError:
                 failure = CorrectionError(Outcome.STEP_TOO_SMALL, "(Every step leaps to another part of the curve.)")

@@ -111,26 +111,35 @@ class Predictor:
                 return there, at
         return x, p
 
+    def constants(self, s: float, foretold: Sequence[Direction], end: Point) -> list[float]:
+        """Return C of the polynomials through one, two, ... points, from where a step s led and what was foretold."""
+        found = []
+        for count, (x, p) in enumerate(foretold, start=1):
+            error = self.metric.norm(self.here.problem, end.x - x, end.parameter - p)
+            found.append(error / math.prod((s - place) ** 2 for place in self.places[:count]))
+        return found
+
+    def error(self, s: float, constants: Sequence[float], count: int) -> float:
+        """Return the error of what `count` points foretell for the place s."""
+        count = min(count, len(constants))
+        return constants[count - 1] * math.prod((s - place) ** 2 for place in self.places[:count])
+
     def longest(
-        self, s: float, foretold: Sequence[Direction], end: Point, growth: float, largest: float = math.inf
+        self, s: float, constants: Sequence[float], growth: float, largest: float = math.inf
     ) -> tuple[float, int]:
         """Return the factor from a step s to the next, and the number of points to foretell that from.
 
         Parameters
         ----------
-        foretold : sequence of (state, parameter)
-            What was predicted for the step.
-        end : Point
-            Where it led.
+        constants : sequence of float
+            What the step has told, see `constants`.
         growth : float
             Largest factor.
         largest : float
             Error of a prediction from which Newton's method still converges well.
         """
         best = (0.0, 1)
-        for count, (x, p) in enumerate(foretold, start=1):
-            error = self.metric.norm(self.here.problem, end.x - x, end.parameter - p)
-            constant = error / math.prod((s - place) ** 2 for place in self.places[:count])
+        for count, constant in enumerate(constants, start=1):
             places = [0.0, *(place - s for place in self.places)][:count]
             factor = growth
             while factor > SHORTEST and constant * math.prod((factor * s - b) ** 2 for b in places) > min(
@@ -148,6 +157,9 @@ CONTRACTS = 0.3
 CONTRACTION = 0.1
 # A failed step says nothing about how much too long it was.
 AFTER_FAILURE = 0.5
+# Share of the error of a prediction at which Newton's method has failed that the next ones aim at, and the factor by
+# which that grows from step to step.
+MARGIN, RECOVERS = 0.1, 2.0
 
 
 @dataclass(frozen=True, slots=True)

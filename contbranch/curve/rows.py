@@ -182,13 +182,15 @@ def _neighbours(track: Track, found: Sequence[Found]) -> Iterator[tuple[int, int
 
 
 def _sharpen(track: Track, found: list[Found], accuracy: float) -> None:
-    """Locate folds anew that their error estimates do not tell apart."""
+    """Locate folds anew that their error estimates do not tell apart, until they are seen to be one."""
     for a, b, control in _neighbours(track, found):
         allowed = accuracy
         while allowed > SHARPEST:
             first, second = found[a], found[b]
             apart = abs(control.weighted(*first.numbers[:2]) - control.weighted(*second.numbers[:2]))
             if apart > DISTINCT * (control.weighted(*first.error[:2]) + control.weighted(*second.error[:2])):
+                break
+            if allowed < accuracy and _coincide(first, second):
                 break
             allowed *= 0.01
             for k in (a, b):
@@ -197,23 +199,30 @@ def _sharpen(track: Track, found: list[Found], accuracy: float) -> None:
                     found[k] = better
 
 
+def _coincide(first: Found, second: Found) -> bool:
+    """Whether no number tells two events apart."""
+    off = np.abs(np.subtract(first.numbers, second.numbers)) > DISTINCT * np.add(first.error, second.error)
+    return not off.any()
+
+
 def _once(
     track: Track, found: Sequence[Found], events: Sequence[RawEvent], accuracy: float
 ) -> tuple[list[RawEvent], list[RawEvent]]:
-    """The events without folds passed again on another discretisation; folds found twice that do not agree.
+    """The events without folds passed again, and folds found twice that leave nothing changed.
 
-    A curve that is carried to another discretisation next to a fold may come to lie before it again.
+    Next to a fold the rows' errors, or another discretisation, may make a curve come to lie before it again: of those
+    that coincide one stays, which does what they do together.
     """
-    again, twice = set(), []
+    runs: list[list[int]] = []
     for a, b, _ in _neighbours(track, found):
-        first, second = found[a], found[b]
-        off = np.abs(np.subtract(first.numbers, second.numbers)) > DISTINCT * np.add(first.error, second.error)
-        if off.any() or max(first.relative_error(), second.relative_error()) > accuracy:
-            continue
-        if (events[a].before, events[a].after) == (events[b].before, events[b].after):
-            again.add(b)
-        else:
-            twice.append(events[b])
+        if max(found[a].relative_error(), found[b].relative_error()) <= accuracy and _coincide(found[a], found[b]):
+            runs = [*runs[:-1], [*runs[-1], b]] if runs and runs[-1][-1] == a else [*runs, [a, b]]
+    again, twice = set(), []
+    for run in runs:
+        done = events[run[0]].before, events[run[-1]].after
+        same = [k for k in run if (events[k].before, events[k].after) == done]
+        again |= set(run) - set(same[:1]) if same else set()
+        twice += [] if same else [events[run[1]]]
     return [event for k, event in enumerate(events) if k not in again], twice
 
 

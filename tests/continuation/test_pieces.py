@@ -167,7 +167,8 @@ def test_steps_on_a_polynomial_graph_are_foretold_exactly():
     assert len(foretold) == 3
     assert foretold[2][1] == pytest.approx(0.3)
     assert foretold[2][0][0] == pytest.approx(0.3**5, abs=1e-14)
-    factor, count = predictor.longest(0.3, foretold, Point(problem, np.array([0.3**5]), 0.3, np.zeros(1), 1.0), 3.0)
+    end = Point(problem, np.array([0.3**5]), 0.3, np.zeros(1), 1.0)
+    factor, count = predictor.longest(0.3, predictor.constants(0.3, foretold, end), 3.0)
     assert (factor, count) == (3.0, 3)
 
 

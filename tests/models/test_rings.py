@@ -213,6 +213,17 @@ def test_two_steps_of_pressure() -> None:
     assert np.all(np.diff(branch.displacement) > 0)
 
 
+def test_a_hole_in_a_film_under_a_sharp_tip() -> None:
+    """The pressure has a cusp in the middle: a tiny hole takes by far more displacement than the film is thick."""
+    contact = cb.Contact(cb.PowerLaw(1.3, 1.0), cb.MaugisDugdale(-1.0, 0.2))
+    diagram = cb.trace(contact, accuracy=1e-3, control="displacement")
+    assert (diagram.status, [event.kind for event in diagram.events]) == ("complete", ["topology", "touch", "end"])
+    branch = diagram.branches[0]
+    assert (np.diff(branch.load) > 0).all()
+    work = np.sum(np.diff(branch.displacement) * (branch.load[1:] + branch.load[:-1]) / 2)
+    assert np.ptp(branch.energy) == pytest.approx(work, rel=1e-2)
+
+
 def test_rows_before_the_wall_is_touched_on_a_ring() -> None:
     """Under a constant pressure no panel need resolve the gap: rows had passed its minimum, and loads turned back."""
     contact = cb.Contact(cb.PowerLaw(5.137, 1.0), cb.MaugisDugdale(-1.0, 1.0))

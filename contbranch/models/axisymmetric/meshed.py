@@ -64,8 +64,9 @@ FINE = 1e-2
 ROUNDS, NEARLY = 6, 1e-5
 # The largest factor by which the guide can be too optimistic, and what a further round has to leave of an error then.
 SHARPEST, HELPS = 1e6, 0.5
-# Unknowns that a state may be given where it is not smooth.
-MOST = 1000
+# Unknowns that a state may be given where it is not smooth, and where all panels are halved, since halving some leaves
+# more than this share of the error.
+MOST, FINEST, WORTH = 1000, 1400, 0.5
 # ln of the largest stretch of a mesh; a pivot below this share of its column says that the front alone moves.
 FARTHEST, TINY_PIVOT = 30.0, 1e-12
 # Edges of panels below this share of the distance to the edge of a tip are kept where the mesh is to end there.
@@ -534,7 +535,12 @@ class MeshedContact(EquilibriumProblem):
             tried.append((problem.relative_error(x, u), problem))
             if tried[-1][0] <= goal:
                 break
-        return min(tried, key=lambda one: one[0])[1]
+        (error, best), mesh = min(tried, key=lambda one: one[0]), self.equations.mesh
+        if error > WORTH * self.relative_error(point.x, u) and 2 * self.size <= FINEST:
+            # What is left is everywhere, as next to the many kinks of a table's derivatives: panels tell nothing of it.
+            edges = np.union1d(mesh.edges, (mesh.edges[1:] + mesh.edges[:-1]) / 2)
+            return self.on_mesh(mesh_on(edges, self.resolution.order, mesh.bounded))
+        return best
 
     def carried(self, vector: Array, x: Array, p: float, other: EquilibriumProblem) -> Array:
         """A function of tau on another problem's mesh, stretched to have the state at its front."""

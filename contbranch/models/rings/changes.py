@@ -30,6 +30,9 @@ __all__ = ["born", "vanished"]
 SEEDS, FAILS = (0.02, 0.05, 0.01, 0.1, 0.004, 0.2, 1e-3, 2e-4, 4e-5), 1e-3
 # ... or the displacement has changed by more than this multiple of its scale: that is another state.
 ASTRAY = 1.0
+# Under a sharp tip like r^n the pressure has a cusp in the middle; even a tiny hole takes up to this multiple of the
+# radius times the slope at the hole's edge, divided by n − 1, or by this at least.
+CUSP, TINY = 2.0, 0.01
 # Where the gap is this share of the shortest range there is no room for surfaces that come to rest.
 DEEP = 0.1
 # Radii of a disc that takes the place of a ring, in units of the ring's; the least radius of a ring over which a law is
@@ -158,7 +161,8 @@ def seeded(point: Point, breach: Breach) -> Point:
     if breach.region == 0 and not centre:  # the disc that fills a ring soon, at once where that is too small to be told
         place = 0 if breach.radius < TOLD * math.sqrt(problem.setting.scale) else len(seeds)
         seeds[place:place] = [(True, share * breach.radius) for share in FILLED]
-    doubtful: list[Point] = []
+    tip, doubtful = problem.setting.tip, list[tuple[float, Point]]()
+    cusp = CUSP / max(tip.apex_exponent - 1.0, TINY)
     for inside, half in seeds:
         if inside:
             new, held = np.concatenate([[half], edges]), np.eye(len(edges) + 1)[0]
@@ -172,15 +176,16 @@ def seeded(point: Point, breach: Breach) -> Point:
             found = resolved(oriented(trial, *solved(trial, x, point.parameter, row), row), (held, 0.0))
         except CorrectionError:
             continue
-        if abs(found.parameter - point.parameter) > ASTRAY * trial.metric(found.x).parameter_scale:
+        beyond = abs(found.parameter - point.parameter) - ASTRAY * trial.metric(found.x).parameter_scale
+        if beyond > cusp * float(new[-1] * tip.height_derivative(np.float64(half))):
             continue
-        if margin(found) > 0:
+        if margin(found) > 0 >= beyond:
             return found
         if margin(found) >= -FAILS:
-            doubtful.append(found)
+            doubtful.append((max(beyond, 0.0), found))
     if not doubtful:
         raise ModelError("no state was found beyond the change of the contact set")
-    return doubtful[0]
+    return min(doubtful, key=lambda one: one[0])[1]
 
 
 def passed(point: Point, region: int | None) -> tuple[Point, bool]:
