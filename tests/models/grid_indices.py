@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from contbranch.models.grid.linear import Border, Linear
-from contbranch.models.grid.newton import ALONE, Equilibrium, hold_control
+from contbranch.models.grid.newton import Equilibrium, hold_control
 from contbranch.models.grid.problem import GridProblem
 from contbranch.models.grid.stability import SECTORS, Sector, Spectrum, Stability, as_stability
 from contbranch.models.grid.transforms import EVEN
@@ -68,7 +68,7 @@ def slope(problem: GridProblem, equilibrium: Equilibrium, tolerance: float = 1e-
     hold = hold_control(problem, 0.0, 1.0, 0.0)
     border = Border(problem, hold.row, hold.load_weight)
     with as_stability(problem):
-        linear = Linear(problem, equilibrium.fields.stiffness, equilibrium.contact, border, ALONE)
+        linear = Linear(problem, equilibrium.fields.stiffness, equilibrium.contact, border)
         return linear.solve(np.zeros(problem.shape), 1.0, tolerance).load
 
 

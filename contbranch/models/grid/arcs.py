@@ -31,6 +31,8 @@ TARGETS, STEPS = 8, 40
 LONGEST = 1.0
 # Newton steps up to which the next one along an arc may be longer.
 EASY = 3
+# Residual of a state in the middle of an arc: what is read off it is not known any better.
+MIDDLE = 1e-4
 
 
 @dataclass(frozen=True)
@@ -131,12 +133,15 @@ class _Follower:
         found = newton(self.problem, np.where(own, -self.problem.heights, u), load, hold, free, self.settings)
         return replace(found, contact=found.contact if state.contact[node] else free | own) if found.converged else None
 
-    def beside(self, state: Equilibrium, u: Array | Fields, load: float, along: Direction) -> Equilibrium | None:
+    def beside(
+        self, state: Equilibrium, u: Array | Fields, load: float, along: Direction, tolerance: float = 0.0
+    ) -> Equilibrium | None:
         """The state of the same contact with the progress of a trial state."""
         own = u.u if isinstance(u, Fields) else u
         slack = 1e-4 * abs(along.value(own - state.u, load - state.load))
         hold = along.hold(along.value(own, load), slack)
-        found = newton(self.problem, u, load, hold, state.contact, self.settings)
+        settings = replace(self.settings, tolerance=max(tolerance, self.settings.tolerance))
+        found = newton(self.problem, u, load, hold, state.contact, settings)
         return found if found.converged else None
 
     def first(
@@ -220,7 +225,7 @@ class _Follower:
         load = begin.load + bend * way.load + 0.25 * change[1]
         elastic = begin.fields.elastic + bend * way.pressure + 0.25 * (end.fields.elastic - begin.fields.elastic)
         trial = self.problem.evaluated(u, load, elastic, begin.contact)
-        return self.beside(begin, trial, load, Direction.along(way.measure, *change)) or begin
+        return self.beside(begin, trial, load, Direction.along(way.measure, *change), MIDDLE) or begin
 
     def onward(self, end: Equilibrium, node: tuple[int, int], way: _Way) -> _Way | None:
         """The direction of the curve behind a corner: the node is pressed, or opens."""

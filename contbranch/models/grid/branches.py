@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Self
 
 import numpy as np
 
@@ -67,6 +68,10 @@ class BranchProblem(LatticeProblem):
         """The first state, towards the second."""
         first, last = self.switched.states
         return self.point(first, (last.u - first.u, last.load - first.load))
+
+    def finer(self) -> Self:
+        """Itself: another lattice does not tell what breaks the symmetry of the branch."""
+        return self
 
     def kept(self, u: Array) -> Array:
         """The image under the mirror, or the turn, that the branch keeps."""

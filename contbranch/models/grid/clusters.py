@@ -8,7 +8,6 @@ matrix. It knows what no filter does: the contact, the localised softening next 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import NamedTuple
@@ -19,7 +18,7 @@ import scipy
 from .arrays import Array, Integers, Mask
 from .lattice import Lattice
 
-__all__ = ["Clusters", "Influence", "Separate", "Squares"]
+__all__ = ["Clusters", "Influence", "Squares"]
 
 # Nodes a side of the largest squares, and how often these fit into a cell at least.
 LARGEST, PARTS = 8, 32
@@ -184,50 +183,6 @@ def _squares(levels: list[tuple[Mask, Integers, Array]], smallest: int, near: in
             number = number.repeat(2, 0).repeat(2, 1)
     sizes, first, second = np.concatenate(found, axis=1)
     return Squares(sizes, first, second, number[levels[0][0]])
-
-
-@dataclass
-class Separate:
-    """Contact and free nodes by themselves, for what is solved soon: the same face as `Clusters` without their cost.
-
-    In contact K_d, restricted to it, is nearly the inverse of S; its product costs a pair of transforms.
-
-    Attributes
-    ----------
-    contact, zone, stiffness, weight
-        As for `Clusters`.
-    stiffen : callable
-        K_d u.
-    """
-
-    contact: Mask
-    zone: Mask
-    stiffness: Array
-    weight: float
-    stiffen: Callable[[Array], Array]
-
-    def __post_init__(self) -> None:
-        self._held = self.contact[self.zone]
-        self._nodes = np.flatnonzero(self.contact)
-        self._aside = np.append(self._inverse(np.where(self._held, self.weight, self.stiffness)), 1.0)
-
-    def _inverse(self, vector: Array) -> Array:
-        found = vector.copy()
-        if self._nodes.size:
-            moved = np.zeros(self.contact.shape)
-            moved.put(self._nodes, vector[self._held] / self.weight)
-            found[self._held] = self.stiffen(moved).take(self._nodes)
-        return found
-
-    def border(self, row: Array) -> Array:
-        """A row of the equations as it is."""
-        return row
-
-    def solve(self, vector: Array, border: Array) -> Array:
-        """An approximate solution (y on the zone's nodes, δd) with a border."""
-        found = np.append(self._inverse(vector[:-1]), 0.0)
-        found += (vector[-1] - border @ found) / (border @ self._aside or np.inf) * self._aside
-        return found
 
 
 @dataclass

@@ -16,7 +16,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .arrays import Array
 from .crossings import Crossings, Side, find_crossings
 from .newton import Equilibrium
 from .problem import GridProblem
@@ -92,27 +91,13 @@ class ContactArea:
 
 
 def contact_area(problem: GridProblem, equilibrium: Equilibrium) -> ContactArea:
-    """Measure the contact of an equilibrium.
-
-    Without a node in contact all is zero, with an error of what may lie between the nodes at the smallest gap.
-    """
+    """Measure the contact of an equilibrium; without a node in contact all is zero."""
     contact = equilibrium.contact
     if not contact.any():
-        radius = _hidden(problem, equilibrium.fields.gap)
-        return ContactArea(radius_error=radius, area_error=math.pi * radius**2)
+        return ContactArea()
     wall = np.where(contact, np.maximum(equilibrium.fields.excess, 0.0), 0.0)
     crossings = find_crossings(problem.lattice, contact, wall, equilibrium.fields.gap)
     return _measured(crossings, problem.lattice.multiplicity)
-
-
-def _hidden(problem: GridProblem, gap: Array) -> float:
-    """Radius of the contact that may lie between the node with the smallest gap and its neighbours."""
-    last = len(gap) - 1
-    i, j = divmod(int(np.argmin(gap)), last + 1)
-    neighbours = [gap[min(i + 1, last), j], gap[max(i - 1, 0), j], gap[i, min(j + 1, last)], gap[i, max(j - 1, 0)]]
-    # With the apex in the middle of four nodes of a paraboloid, their gap is a quarter of the rise to the next.
-    rise = max(float(value) for value in neighbours) - float(gap[i, j])
-    return math.sqrt(0.5) * problem.lattice.spacing if gap[i, j] < 0.3 * rise else 0.0
 
 
 def _measured(crossings: Crossings, multiplicity: int) -> ContactArea:

@@ -141,8 +141,6 @@ def find_crossings(lattice: Lattice, contact: Mask, wall_pressure: Array, gap: A
     """
     rows, columns = np.nonzero(contact.any(axis=1))[0], np.nonzero(contact.any(axis=0))[0]
     margin = REACH + 1
-    if rows.size == 0:
-        rows = columns = np.zeros(1, dtype=np.int64)
     axes = [np.arange(found[0] - margin, found[-1] + margin + 1) for found in (rows, columns)]
     window = np.ix_(*(_wrapped(lattice, axis) for axis in axes))
     touching, pressure, opening = contact[window], wall_pressure[window], gap[window]

@@ -27,8 +27,9 @@ from .solve import solve_all
 
 __all__ = ["LatticeCurves", "traced"]
 
-# Where the law is stiffer than the lattice by this factor, a contact of many nodes cannot be followed, and one of few.
-COARSE, SMALL, FEW = 1.6, 128, 2.2
+# Where the law is stiffer than the lattice by this factor, a contact of many nodes cannot be followed, and one of few
+# nodes is farther off than averages tell.
+COARSE = 1.6
 # The largest array of nodes on which the curve is followed instead.
 LARGEST = 1024
 
@@ -106,7 +107,7 @@ def traced(setup: Setup, request: Request) -> Track:
         warn(note)
     fine = setup.averaging and not setup.crowded and 1.0 < resolution.ratio <= HOPELESS
     fine &= 2 * setup.lattice.size <= LARGEST
-    coarse = fine and resolution.ratio > (COARSE if setup.lattice.size > SMALL else FEW)
+    coarse = fine and resolution.ratio > COARSE
     with quietly():
         track = None if coarse else trace(LatticeProblem(setup, tolerance(request)), request)
         if track is None or (fine and not track.complete and not over()):

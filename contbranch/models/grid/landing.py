@@ -90,7 +90,7 @@ class _Relaxation:
         stiffness = THETA * np.where(fields.stiffness > 0.0, 1.0, soft) * fields.stiffness
         border = Border(problem, mean / lattice.size**2, -1.0)
         for _ in range(SETS):
-            linear = Linear(problem, stiffness, held, border, PRODUCTS)
+            linear = Linear(problem, stiffness, held, border)
             right = np.where(held, -fields.gap, -THETA * fields.excess)
             change = linear.solve(right, 0.0, LOOSE, PRODUCTS)
             if soft and change.residual > LOOSE:
@@ -173,7 +173,7 @@ def land(problem: GridProblem, u: Array, hold: Hold, tolerance: float = 1e-8, st
             reason = UNSTABLE if kicks > KICKS else ESCAPED
             break
         if place.residual <= max(goal, tolerance):
-            settings = Settings(tolerance, steps=8, inner=100, growth=2.0, alone=PRODUCTS)
+            settings = Settings(tolerance, steps=8, inner=100, growth=2.0)
             found = newton(problem, place.fields.u, place.fields.load, hold, place.held, settings)
             if found.converged and motion.leads_to(place, found):
                 state = replace(found, steps=step, pairs=spent + found.pairs)

@@ -25,7 +25,6 @@ import numpy as np
 import scipy
 
 from .arrays import Array, Mask
-from .clusters import Separate
 from .problem import GridProblem
 
 __all__ = ["Border", "Change", "Linear"]
@@ -33,8 +32,8 @@ __all__ = ["Border", "Change", "Linear"]
 # v″ relative to the largest below which the law does not act, and that down to which clusters are made at once, so that
 # they serve on as the film spreads: more squares need not have the symmetry of a state on the whole.
 NOTHING, SPARE = 1e-6, 1e-8
-# Memory for the directions of one matrix.
-BASIS_BYTES = 2e8
+# Memory for the directions of one matrix, and how many there is room for at first: fresh memory takes its time.
+BASIS_BYTES, FEW = 2e8, 8
 # Memory for their displacements on all nodes.
 FIELD_BYTES = 1e8
 # Part of its length that a direction's image keeps where it need not be made orthogonal twice.
@@ -105,17 +104,15 @@ class Linear:
         v″.
     contact : array of bool
     border : Border
-    alone : int
-        Products after which clusters are made if there are none for the contact yet: a single state may do without.
     """
 
-    def __init__(self, problem: GridProblem, stiffness: Array, contact: Mask, border: Border, alone: int = 0) -> None:
-        self.problem, self.held, self.alone = problem, border, alone
+    def __init__(self, problem: GridProblem, stiffness: Array, contact: Mask, border: Border) -> None:
+        self.problem, self.held = problem, border
         stiffness = np.where(contact, 0.0, stiffness)
         size = np.abs(stiffness)
         spare = NOTHING if problem.mirrored else SPARE
         zone, wider = (contact | (size > part * size.max()) for part in (NOTHING, spare))
-        self.clusters = problem.clusters(contact, stiffness, zone, None if alone else wider)
+        self.clusters = problem.clusters(contact, stiffness, zone, wider)
         self.zone = self.clusters.zone
         self.nodes = np.flatnonzero(self.zone)
         self.contact, self.stiffness = contact.take(self.nodes), stiffness.take(self.nodes)
@@ -126,19 +123,11 @@ class Linear:
         self.coarse_border = self.clusters.border(self.border)
         self._forget()
 
-    def _gather(self) -> None:
-        """Go over to clusters."""
-        if isinstance(self.clusters, Separate):
-            stiffness = np.zeros(self.zone.shape)
-            stiffness.put(self.nodes, self.stiffness)
-            self.clusters = self.problem.clusters(self.clusters.contact, stiffness, self.zone, self.zone)
-            self.coarse_border = self.clusters.border(self.border)
-
     def _forget(self) -> None:
         size = self.border.size
         self.most = int(max(10, min(200, BASIS_BYTES / (16 * size))))
         self.count = 0
-        self.directions, self.images = np.empty((2, self.most, size))  # what is not used takes no memory
+        self.directions, self.images = np.empty((2, FEW, size))
         self.triangle = np.zeros((self.most, self.most))
         # S y on all nodes for every direction, as long as there is room.
         self.moved: list[Array] = []
@@ -257,8 +246,6 @@ class Linear:
     def _extend(self, vector: Array) -> bool:
         """One more direction, preconditioned; False if it adds nothing."""
         k = self.count
-        if k == self.alone:
-            self._gather()
         direction = self._approximate(vector)
         image, moved = self.product(direction)
         before = length = float(np.linalg.norm(image))
@@ -271,6 +258,8 @@ class Linear:
                 break
         if not length > 1e-13 * before:
             return False
+        if k == len(self.images):
+            self.directions, self.images = np.concatenate([[self.directions, self.images]] * 2, axis=1)
         self.triangle[k, k] = length
         self.directions[k], self.images[k] = direction, image / length
         self.count = k + 1

@@ -26,8 +26,6 @@ from .problem import Fields, GridProblem
 
 # Shortest part of a step that is tried when the residual grows.
 SHORTEST = 0.125
-# Iterations of a single state's step for which clusters are not worth making.
-ALONE = 25
 # How much softer than the stiffest wave of the lattice those are that an overlap excites.
 LONGER = 1.0 / 16.0
 
@@ -117,8 +115,6 @@ class Settings:
         Steps after which the residual must have fallen to half of what it was, or the iteration has failed.
     wall : bool
         Whether gaps must not be negative; without the wall there is no contact.
-    alone : int
-        Krylov iterations in a step before clusters of nodes are made for its contact (`linear.Linear`).
     frozen : bool
         Whether the contact stays as it is given, whatever its pressures and the gaps outside are.
     """
@@ -130,7 +126,6 @@ class Settings:
     growth: float = 1e3
     patience: int = 30
     wall: bool = True
-    alone: int = 0
     frozen: bool = False
 
 
@@ -180,7 +175,7 @@ class Equilibrium:
 
 def settings_for(accuracy: float) -> Settings:
     """Tolerances for states of an accuracy."""
-    return Settings(tolerance=min(max(1e-3 * accuracy, 1e-10), 1e-9), alone=ALONE)
+    return Settings(tolerance=min(max(1e-3 * accuracy, 1e-10), 1e-9))
 
 
 class Sketch(NamedTuple):
@@ -237,7 +232,7 @@ def newton(
             pairs = problem.counter.equilibrium - before
             return Equilibrium(touching, trial.contact, trial.residual, displacement, done, step, pairs)
         older, kept, border = trial, trial.kept, border or Border(problem, hold.row, hold.load_weight)
-        linear = Linear(problem, fields.stiffness, kept, border, settings.alone)
+        linear = Linear(problem, fields.stiffness, kept, border)
         right = np.where(kept, -(problem.heights + fields.u), -fields.excess)
         change = linear.solve(right, -held, _forcing(trial.merit, steady, settings), settings.inner)
         length = 1.0

@@ -17,7 +17,7 @@ import numpy as np
 from contbranch.contact.interactions import Interaction
 
 from .arrays import Array, Mask
-from .clusters import Clusters, Influence, Separate
+from .clusters import Clusters, Influence
 from .lattice import Lattice
 from .transforms import Counter, Transform
 
@@ -118,7 +118,7 @@ class GridProblem:
         """K̂ of the shortest wave of the lattice."""
         return float(np.pi / math.sqrt(2.0) / self.lattice.spacing)
 
-    def clusters(self, contact: Mask, stiffness: Array, zone: Mask, made: Mask | None) -> Clusters | Separate:
+    def clusters(self, contact: Mask, stiffness: Array, zone: Mask, made: Mask) -> Clusters:
         """The linearised equations on clusters of nodes: those used last, where they serve.
 
         Parameters
@@ -126,26 +126,19 @@ class GridProblem:
         contact, zone : array of bool
         stiffness : array
             v″, 0 in contact.
-        made : array of bool or None
-            The zone of those that are made where none serve; None: contact and free nodes by themselves.
+        made : array of bool
+            The zone of those that are made where none serve.
         """
         if self._clusters is not None and self._clusters.serves(contact, zone):
             self._clusters.renew(contact, stiffness)
             return self._clusters
-        weight = 0.5 / self.lattice.spacing
-        if made is None:
-            return Separate(contact, zone, stiffness[zone], weight, self._stiffened)
         influence = Influence(self.lattice) if self._clusters is None else self._clusters.influence
-        self._clusters = Clusters(influence, contact, made, stiffness[made], weight)
+        self._clusters = Clusters(influence, contact, made, stiffness[made], 0.5 / self.lattice.spacing)
         return self._clusters
 
     @cached_property
     def _compliance_filter(self) -> Array:
         return self.transform.normalisation / self.lattice.held_symbol(self.transform.parity)
-
-    def _stiffened(self, u: Array) -> Array:
-        """K_d u; one pair."""
-        return self.stiffness(u) + float(u.mean()) / (self.lattice.compliance * self.lattice.area)
 
     def displaced(self, pressure: Array) -> Array:
         """S p = u + d, the displacement by a pressure; one pair."""

@@ -161,11 +161,17 @@ class Stability:
         return Spectrum(sector, values, errors, vectors, complete=complete)
 
     def _seeds(self, equilibrium: Equilibrium, sector: Sector | None) -> list[Array]:
-        """The softening, of one sign in the quarter, with the signs of all sectors; and random numbers."""
-        softening = np.maximum(-equilibrium.fields.stiffness, 0.0)
-        seeds = [softening]
+        """The softening, of one sign in the quarter, with the signs of all sectors; and random numbers.
+
+        Where variations are even or odd about x = y, once more with that sign: on a fine lattice random numbers have
+        next to nothing of cos 2θ.
+        """
+        softening, axis = np.maximum(-equilibrium.fields.stiffness, 0.0), self.problem.lattice.axis
+        seeds, distance = [softening], np.abs(axis)
+        if sector is None or sector[0] == sector[1]:
+            seeds.append(softening * np.sign(distance[:, None] - distance))
         if sector is None:
-            sign = np.sign(self.problem.lattice.axis)
+            sign = np.sign(axis)
             seeds += [softening * sign[:, None], softening * sign, softening * sign[:, None] * sign]
         random = np.random.default_rng(softening.size)
         return [*seeds, softening * random.standard_normal(softening.shape)]

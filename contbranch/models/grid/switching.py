@@ -14,7 +14,7 @@ iteration breaks that.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -77,8 +77,6 @@ class Switched:
         On the whole lattice.
     origin : Equilibrium
         The event's state there.
-    direction : array (n, n)
-        φ, the largest value 1.
     amplitudes : (float, float)
         ε and 2ε.
     states : (Equilibrium, Equilibrium)
@@ -94,17 +92,12 @@ class Switched:
 
     problem: GridProblem
     origin: Equilibrium
-    direction: Array
     amplitudes: tuple[float, float]
     states: tuple[Equilibrium, Equilibrium]
     curvature: float
     curvature_error: float
     distance: float
-    sector: Sector = field(default=EVEN)
-
-    def hold(self, amplitude: float) -> Hold:
-        """What keeps the amplitude of φ: row · (u - u*) = ε."""
-        return _hold(self.origin, _row(self.origin, self.direction), amplitude)
+    sector: Sector
 
 
 def whole_problem(problem: GridProblem) -> GridProblem:
@@ -196,17 +189,8 @@ def _pair(
     curvature = (4.0 * near - far) / 3.0
     # With terms F₂ (1 + x + O(x²)), x ∝ ε², what the extrapolation leaves is 4 x² of it.
     error = 4.0 * (curvature - near) ** 2 / abs(curvature) + 2.0 * ROUNDED * max(1.0, abs(origin.load)) / epsilon**2
-    return Switched(
-        problem,
-        origin,
-        direction,
-        (epsilon, 2.0 * epsilon),
-        (first, second),
-        curvature,
-        error,
-        distance,
-        sector,
-    )
+    amplitudes, states = (epsilon, 2.0 * epsilon), (first, second)
+    return Switched(problem, origin, amplitudes, states, curvature, error, distance, sector)
 
 
 def _near(found: Switched) -> float:

@@ -96,11 +96,6 @@ class Variation:
         x = self.inverse(r)
         return x, (np.array(r) if self.unrestricted else self.elastic(x))
 
-    def preconditioned(self, r: Array) -> Array:
-        """(K_d + v'') K_d⁻¹ r on the free nodes."""
-        x, elastic = self.response(r)
-        return elastic + self.softening * x
-
 
 class _Basis:
     """Vectors x_i with x_i·K_d x_j = δ_ij, their K_d x_i, and the matrix x_i·v'' x_j."""
