@@ -205,6 +205,8 @@ class _Fitting:
                 failure = error
             except INTERRUPTIONS as error:
                 caught(error)
+                with finishing():  # the start itself is there then
+                    tried.append(self.minimiser.minimised(pilot, x, self.minimiser.few, (rough, 1)))
         if not tried:
             raise ModelError(f"fit: the contact cannot be traced near the curve. {failure}")
         tried.sort(key=lambda one: one.cost)
