@@ -23,7 +23,7 @@ PRECISE_TANGENT_DISTANCE = 1e-10
 # prediction makes the first one small and the second, of what is soft, larger; the third is their square.
 SMALL = 1e-3
 # Where a problem multiplies by its Jacobian at little cost, the matrix factorised for a correction of that size serves
-# for the next ones as long as they contract by this factor, and for the tangent, refined so often.
+# for a precise point's next ones as long as they contract by this factor, and for the tangent, refined so often.
 CONTRACTS, POLISHINGS = 0.1, 8
 # Most corrections of a predicted point; what does not contract is given up earlier.
 ITERATIONS = 10
@@ -145,7 +145,8 @@ def correct(
     contraction = 0.0
     worst = 0.0
     slow = False
-    polishes, kept = type(problem).product is not Problem.product, False
+    # steps have matrices of their own: what a kept one leaves of a residual would count as the mesh's error
+    polishes, kept = precise and type(problem).product is not Problem.product, False
     trusted = 1.0  # contraction from which on a matrix is kept
     for iteration in range(1, ITERATIONS + 1):
         if kept:

@@ -435,12 +435,13 @@ class ContactProblem(MeshedContact):
         """Negative eigenvalues of the second variation at fixed displacement, by inertia.
 
         Deep in contact the rough answer is nearly always 0, which is what is expected; any other is checked finely, and
-        then on a sharper mesh: the rim of a stiff contact is all but indifferent to where it is.
+        that of a stiff contact, whose rim is all but indifferent to where it is, on a sharper mesh.
         """
         equations, fields = self.seen(x, p)
         least = INDIFFERENT if self.film and equations.contact else 0.0
-        if not (equations.unstable_modes(fields, finely=False) and equations.unstable_modes(fields, least=least)):
-            return 0
+        found = equations.unstable_modes(fields, finely=False) and equations.unstable_modes(fields, least=least)
+        if not (found and self.within(x, p)):
+            return found
         problem, x = self.resolved(x, p, SHARPER * self.resolution.tolerance)
         sharper, fields = problem.seen(x, p)
         return sharper.unstable_modes(fields, least=least)
