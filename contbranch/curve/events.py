@@ -13,7 +13,7 @@ from contbranch.continuation import CorrectionError, Event, EventPoint, Happenin
 from contbranch.continuation.events import Bracket, Probe
 from contbranch.continuation.locate import find_root
 from contbranch.continuation.walk import annotated, corrected_point, point_on
-from contbranch.control import LOAD, Control
+from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.curve.angle import in_passing, short_way
 from contbranch.curve.passages import BESIDES, Search, Seen
 from contbranch.curve.problem import Rates, equilibrium
@@ -26,6 +26,8 @@ SHARPER = (0.01, 1e-4, 1e-7, 1e-10)
 # ... and beyond that, or where rates have no digits to tell folds so close, by what is seen so far aside (at least),
 # relative to their place.
 ASIDE, DOUBTFUL = 1e-6, 1e-4
+# Places farther aside, where it takes those for indices to differ.
+WIDER = (1e-4, 1e-3, 1e-2, 0.1, 0.5)
 # Newton steps by which the end of a trace is approached, and the share of the last step at which it is reached.
 APPROACHES, CLOSE = 6, 1e-6
 # Margins may be below zero by less than this: a piece may begin a little before its layout is right.
@@ -292,7 +294,11 @@ class Folds(Event):
                 continue  # they have been told apart
             place = sum(theta for theta, _, _ in own) / len(own)
             aside = max(ASIDE * place, 2 * (own[-1][0] - own[0][0]))
-            order = [control.kind for control in self._turned(segment, place, aside, options)]
+            others = [theta for theta, *_ in (*found[: group.start], *found[group.stop :])]
+            room = min((abs(theta - place) / 2 for theta in others), default=1.0)
+            held = sum(control == DISPLACEMENT for _, control, _ in own)
+            asides = [aside] if held % 2 == 0 else [aside, *(wide for wide in WIDER if aside < wide < room)]
+            order = [control.kind for control in self._turned(segment, place, asides, options)]
             own.sort(key=lambda one: order.index(one[1].kind) if one[1].kind in order else len(order))
             found[group.start : group.stop] = [(place, control, point) for _, control, point in own]
         return [self._happening(segment, resolution, *one) for one in found]
@@ -312,15 +318,21 @@ class Folds(Event):
             )
         return probe.zero(bracket, 0.0, resolution)
 
-    def _turned(self, segment: Segment, place: float, aside: float, options: Options) -> list[Control]:
+    def _turned(self, segment: Segment, place: float, asides: Sequence[float], options: Options) -> list[Control]:
         """The controls in the order in which (d', F') passes their directions where folds coincide to rounding.
 
-        It turns by nearly half a turn there; the Morse indices on both sides say which way, if they differ so close.
+        It turns by nearly half a turn there; the Morse indices on both sides say which way, as soon as those are so far
+        aside that they differ.
         """
-        sides = [point_on(segment, min(max(place + way, 0.0), 1.0), options)[0] for way in (-aside, aside)]
-        first, last = (equilibrium(point).unstable(point.x, point.parameter) for point in sides)
-        begin, end = (math.atan2(*rates(point)) for point in sides)
-        turn = first - last or short_way(end - begin)
+        turns = []
+        for aside in asides:
+            sides = [point_on(segment, min(max(place + way, 0.0), 1.0), options)[0] for way in (-aside, aside)]
+            first, last = (equilibrium(point).unstable(point.x, point.parameter) for point in sides)
+            begin, end = (math.atan2(*rates(point)) for point in sides)
+            turns.append((begin, first - last or short_way(end - begin)))
+            if first != last:
+                break
+        begin, turn = turns[-1] if first != last else turns[0]
         return in_passing(self.controls, begin, math.copysign(math.pi * (1 - 1e-12), turn))
 
     def _happening(
