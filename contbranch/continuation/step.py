@@ -159,7 +159,7 @@ CONTRACTION = 0.1
 AFTER_FAILURE = 0.5
 # Share of the error of a prediction at which Newton's method has failed that the next ones aim at, and the factor by
 # which that grows from step to step.
-MARGIN, RECOVERS = 0.1, 2.0
+MARGIN, RECOVERS = 0.5, 1.3
 
 
 @dataclass(frozen=True, slots=True)

@@ -108,8 +108,10 @@ class Search:
             if share is not None and part.share > LEAST and len(points) < most:
                 parts += self._divided(part, share)
                 points.append(parts[-1].last)
-            else:
-                found += [(control, self._bracket(part, control, guess)) for control, guess in crossing]
+                continue
+            if share is not None:
+                crossing = self._crossed(part)
+            found += [(control, self._bracket(part, control, guess)) for control, guess in crossing]
         return found, sorted(points, key=lambda one: one.place)
 
     def _judged(self, part: _Part, points: Sequence[Seen]) -> tuple[float | None, list[tuple[Control, float]]]:
@@ -136,6 +138,11 @@ class Search:
             ahead = values[i - 1] / (values[i - 1] - values[i])
             crossing.append((control, float(shares[i - 1] + ahead * (shares[i] - shares[i - 1]))))
         return None, crossing
+
+    def _crossed(self, part: _Part) -> list[tuple[Control, float]]:
+        """Zeros that the ends of a part tell, where it is not divided any further."""
+        ends = {control: [probe.at(one.point) for one in part[:2]] for control, probe in self.probes.items()}
+        return [(control, a / (a - b)) for control, (a, b) in ends.items() if (a > 0) != (b > 0)]
 
     def _stretch(self, place: Any) -> Any:
         """dq/dz."""

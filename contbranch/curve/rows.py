@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from contbranch.arrays import Array
+from contbranch.arrays import Array, Integers
 from contbranch.continuation import Event, Point
 from contbranch.control import LOAD, Control
 from contbranch.curve.events import FoldEvent, Margin, Reached
@@ -31,6 +31,8 @@ __all__ = ["raw_curve"]
 CONE = "Exactly at first touch admissible variations form a cone, not a space: the indices are those of both sides."
 # Neighbouring folds closer than this multiple of their error estimates are located more sharply, down to this accuracy.
 DISTINCT, SHARPEST = 3.0, 1e-12
+# Rows of one discretisation, whose error they share, differ clearly by this share of what is controlled.
+CLEAR = 1e-6
 # The rows' error estimates are those of one Newton step on a finer discretisation, with a floor.
 ROW_SAFETY, ROW_FLOOR = 3.0, 2e-8
 # What a fold may be off where a contact begins on a lattice, in units of what changes from the row before.
@@ -48,7 +50,8 @@ def raw_curve(track: Track, request: Request) -> RawCurve:
     found = _refined(track, request) if request.events else []
     with finishing():
         events = [_event(track, mark, one) for mark, one in zip(track.marks, found, strict=False)]
-    events, twice = _once(track, found, events, request.accuracy)
+    unstable = {control: track.hodograph.rows(control) for control in track.controls}
+    events, twice = _once(track, found, events, unstable, request.accuracy)
     if track.problem(0).given:
         _doubtful(track, events)
     breaking = Breaking()
@@ -56,12 +59,15 @@ def raw_curve(track: Track, request: Request) -> RawCurve:
         breaking = kept(lambda: symmetry_breaking(track, request), breaking)
         events = merged(events, breaking.events)
     complete, messages = track.complete, [track.message, breaking.message]
-    given, held = track.problem(0).given, track.hodograph.rows(track.controls[1])
+    given, held = track.problem(0).given, unstable[track.controls[1]]
     complete &= breaking.complete or given
     wrong = _contradicted(track) if complete else []
     if wrong:
         complete = False
         messages.append(_disagreement(track, wrong))
+    unseen = _turned(track) if complete and not given else []
+    complete &= not unseen
+    messages += unseen
     if twice:
         complete = False
         place = f"load {twice[0].values[0]:.6g}, displacement {twice[0].values[1]:.6g} (reduced)"
@@ -85,7 +91,7 @@ def raw_curve(track: Track, request: Request) -> RawCurve:
         track.column("contact_radius"),
         np.maximum(track.column("central_gap"), 0.0),
         track.column("energy"),
-        track.hodograph.rows(LOAD),
+        unstable[LOAD],
         held,
         np.full((len(load), 2), np.inf) if over() else one_thread(lambda: _row_errors(track.points)),
         profiles=[_deferred_profile(point) for point in track.points],
@@ -94,7 +100,7 @@ def raw_curve(track: Track, request: Request) -> RawCurve:
         message=" ".join(filter(None, messages)),
         cost=track.work.cost(),
         unknowns=track.work.unknowns,
-        unstable_spring=track.hodograph.rows(track.controls[2]) if len(track.controls) > 2 else None,
+        unstable_spring=unstable.get(track.controls[-1]) if len(track.controls) > 2 else None,
         unstable_azimuthal=breaking.unstable if breaking.counts else None,
         critical=(lambda: critical_eigenvalues(track.points))
         if breaking.counts and has_modes(track) and not given
@@ -131,6 +137,21 @@ def _contradicted(track: Track) -> list[int]:
 
     known = [[row for row in rows if track.problem(row).countable] for rows in parts]
     return [rows[0] for rows in known if rows and not any(map(agrees, rows))]
+
+
+def _turned(track: Track) -> list[str]:
+    """What is controlled and goes another way than the folds say, between rows of one discretisation."""
+    found, load, displacement = [], track.column("load"), track.column("displacement")
+    same = np.array([first.problem is second.problem for first, second in pairwise(track.points)], dtype=bool)
+    for control in track.controls:
+        held = np.array([control.value(*point) for point in zip(load, displacement, strict=True)])
+        steps, clear = np.diff(held), CLEAR * np.maximum(1.0, np.abs(held[1:]))
+        wrong = np.flatnonzero(same & (steps * track.hodograph.pieces(control)[1] < -clear))
+        if len(wrong):
+            own = track.points[wrong[0]].observables
+            place = f"load {own['load']:.6g}, displacement {own['displacement']:.6g} (reduced)"
+            found.append(f"A {control.kind} fold next to {place} was missed; ask for a hundredth of the accuracy.")
+    return found
 
 
 def _disagreement(track: Track, rows: Sequence[int]) -> str:
@@ -206,23 +227,36 @@ def _coincide(first: Found, second: Found) -> bool:
 
 
 def _once(
-    track: Track, found: Sequence[Found], events: Sequence[RawEvent], accuracy: float
+    track: Track,
+    found: Sequence[Found],
+    events: Sequence[RawEvent],
+    unstable: Mapping[Control, Integers],
+    accuracy: float,
 ) -> tuple[list[RawEvent], list[RawEvent]]:
     """The events without folds passed again, and folds found twice that leave nothing changed.
 
     Next to a fold the rows' errors, or another discretisation, may make a curve come to lie before it again: of those
-    that coincide one stays, which does what they do together.
+    that coincide the last one that does what they do together stays, on the mesh made there; the rows' indices,
+    `unstable`, follow it.
     """
-    runs: list[list[int]] = []
-    for a, b, _ in _neighbours(track, found):
+    runs: list[tuple[Control, list[int]]] = []
+    for a, b, control in _neighbours(track, found):
         if max(found[a].relative_error(), found[b].relative_error()) <= accuracy and _coincide(found[a], found[b]):
-            runs = [*runs[:-1], [*runs[-1], b]] if runs and runs[-1][-1] == a else [*runs, [a, b]]
+            if runs and runs[-1][1][-1] == a:
+                runs[-1][1].append(b)
+            else:
+                runs.append((control, [a, b]))
     again, twice = set(), []
-    for run in runs:
-        done = events[run[0]].before, events[run[-1]].after
+    for control, run in runs:
+        before, after = done = events[run[0]].before, events[run[-1]].after
         same = [k for k in run if (events[k].before, events[k].after) == done]
-        again |= set(run) - set(same[:1]) if same else set()
-        twice += [] if same else [events[run[1]]]
+        if not same:
+            twice.append(events[run[1]])
+            continue
+        again |= set(run) - {same[-1]}
+        first, row, last = (track.marks[k].row for k in (run[0], same[-1], run[-1]))
+        rows = unstable[control]
+        rows[first:row], rows[row], rows[row + 1 : last + 1] = before, min(done), after
     return [event for k, event in enumerate(events) if k not in again], twice
 
 

@@ -104,8 +104,10 @@ WHOLE, OUTERMOST = 0.999, 0.9
 INDIFFERENT = 1e-6
 # Share of the tolerance that such an eigenvalue takes.
 SHARPER = 1e-4
-# Changes of the state are measured in at least this multiple of the rounding errors of its slopes.
-LOUD = 1e5
+# Changes of the state are measured in at least this multiple of the rounding errors of its slopes, or, where these do
+# not count, of its own: that is a hundred times what corrections stop at, which behind first touch of a stiff film is
+# more than the state changes.
+LOUD, LOUDER = 1e5, 100 * NOISE
 # Gaps at which a film's pressure is looked at; the gap of one that is pressed changes by less than this share of the
 # displacement.
 BARRIER, PRESSED = 400, 0.1
@@ -199,9 +201,9 @@ class ContactProblem(MeshedContact):
     def steps(self, start: Point) -> Options:
         """Far away a step may be long, since the elastic body answers little; not so long as to miss a layer."""
         floor = STATE_FLOOR * self.scale * (2 * self.scale) ** 0.25
-        if self.film:
-            rough = start.x * (-1.0) ** np.arange(start.x.size)
-            floor = max(floor, LOUD * np.finfo(float).eps * math.sqrt(self.inner(rough, rough)))
+        rough = start.x * (-1.0) ** np.arange(start.x.size)
+        loud = LOUD if self.film else LOUDER
+        floor = max(floor, loud * np.finfo(float).eps * math.sqrt(self.inner(rough, rough)))
         steps = replace(STEPS, state_floor=floor, noise=NOISE)
         law, u = self.equations.interaction, start.parameter
         if law is None or not math.isfinite(law.wave):
