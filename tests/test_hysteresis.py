@@ -10,6 +10,7 @@ import pytest
 
 import contbranch as cb
 from contbranch.cli import main
+from contbranch.continuation import CorrectionError, Outcome
 from contbranch.control import as_control
 from contbranch.curve.curves import FollowedCurves
 from contbranch.curve.trace import Request
@@ -225,3 +226,15 @@ def test_a_jump_from_a_load_that_all_but_vanishes_lands_one_layer_away():
         falling = gap[int(np.argmax(force)) :][force[int(np.argmax(force)) :] < jump.position]
         assert jump.to.central_gap == pytest.approx(falling[0], abs=0.02 * layer)
         assert jump.to.load == pytest.approx(jump.position, abs=1e-9)
+
+
+def test_work_where_nothing_is_found_between_rows_is_the_change_of_energy(monkeypatch):
+    contact = cb.Contact.reduced("gauss", tabor=2.0, sign=-1)
+
+    def nowhere(*_):
+        raise CorrectionError(Outcome.STEP_TOO_SMALL, "")
+
+    monkeypatch.setattr("contbranch.curve.paths.work_along", nowhere)
+    loop = cb.hysteresis(contact, accuracy=1e-8)
+    assert loop.dissipated > 0.1
+    assert loop.area == pytest.approx(loop.dissipated, abs=1e-7)

@@ -184,13 +184,7 @@ class CurveWalk:
         return Piece(*linked(first, end.place), (begin.row in onward, end.row in onward))
 
     def work(self, begin: Stop, end: Stop) -> float:
-        """∫ F dd along the curve from one stop to another.
-
-        Raises
-        ------
-        ModelError
-            If the curve cannot be followed between them.
-        """
+        """∫ F dd along the curve from one stop to another; the change of energy where it is not found between rows."""
         if _position(begin) > _position(end):
             return -self.work(end, begin)
         first = (begin.piece if begin.row is None else begin.row) + 1
@@ -199,8 +193,9 @@ class CurveWalk:
         try:
             pieces = [self._joined(*ends) for ends in pairwise(stops)]
             return work_along(begin.place, pieces, end.place, self._allowed)
-        except CorrectionError as error:
-            raise ModelError(f"work along the curve: the curve cannot be followed there. {error}") from error
+        except CorrectionError:
+            first, last = (equilibrium(stop.place).values(stop.place.x, stop.place.parameter) for stop in (begin, end))
+            return last.energy - first.energy
 
     @cached_property
     def _allowed(self) -> float:
