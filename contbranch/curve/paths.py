@@ -19,7 +19,6 @@ from contbranch.curve.refine import Found
 from contbranch.curve.solve import Crossing, before, crossing, energy_at, seen, state_on
 from contbranch.curve.track import Track, linked
 from contbranch.curve.work import Piece, work_along
-from contbranch.errors import ModelError
 from contbranch.results.diagram import State
 
 __all__ = ["CurveWalk"]
@@ -194,8 +193,8 @@ class CurveWalk:
             pieces = [self._joined(*ends) for ends in pairwise(stops)]
             return work_along(begin.place, pieces, end.place, self._allowed)
         except CorrectionError:
-            first, last = (equilibrium(stop.place).values(stop.place.x, stop.place.parameter) for stop in (begin, end))
-            return last.energy - first.energy
+            there, here = (equilibrium(point).values(point.x, point.parameter) for point in (end.place, begin.place))
+            return there.energy - here.energy
 
     @cached_property
     def _allowed(self) -> float:
