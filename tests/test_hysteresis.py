@@ -238,3 +238,12 @@ def test_work_where_nothing_is_found_between_rows_is_the_change_of_energy(monkey
     loop = cb.hysteresis(contact, accuracy=1e-8)
     assert loop.dissipated > 0.1
     assert loop.area == pytest.approx(loop.dissipated, abs=1e-7)
+
+
+def test_a_state_that_leads_back_to_its_fold_is_not_jumped_to():
+    """The outermost layers pull and push by less than the accuracy: there loads of rows and of folds differ."""
+    law = cb.Layered(-1.0, 0.8, 1.6) + cb.Exponential(-1.0, 0.8)
+    loop = cb.hysteresis(cb.Contact(cb.Parabola(1.0), law), accuracy=1e-3)
+    assert loop.jumps[-1].to is None
+    loads = [jump.start.load for jump in loop.jumps if jump.name.startswith("wetting")]
+    assert loads == sorted(loads, reverse=True)

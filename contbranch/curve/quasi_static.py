@@ -15,6 +15,7 @@ import numpy as np
 
 from contbranch.arrays import Array, Integers
 from contbranch.control import Control
+from contbranch.errors import ModelError
 from contbranch.results.diagram import State
 from contbranch.watch import finishing, kept, over
 
@@ -129,7 +130,13 @@ def quasi_static(walk: Walk) -> tuple[list[Leg], list[Jump]]:
 
 
 def _follow(walk: Walk, legs: list[Leg], jumps: list[Jump]) -> None:
-    """Append the legs and jumps of the path, one after the other."""
+    """Append the legs and jumps of the path, one after the other.
+
+    Raises
+    ------
+    ModelError
+        If it comes to a fold again.
+    """
     with finishing() if over() else nullcontext():
         folds = walk.folds()
         start = _start(walk, folds)
@@ -142,6 +149,12 @@ def _follow(walk: Walk, legs: list[Leg], jumps: list[Jump]) -> None:
             legs.append(leg)
             if fold_row is None:
                 break
+            if any((jump.row, jump.direction) == (fold_row, direction) for jump in jumps):
+                state = folds[fold_row].state
+                raise ModelError(
+                    f"the path comes again to the fold at load {state.load:.6g}, displacement {state.displacement:.6g} "
+                    "(reduced): states there differ by less than their errors; ask for a hundredth of the accuracy."
+                )
             jump = _jump(walk, folds, fold_row, direction, leg)
             jumps.append(jump)
             if jump.end is None:
@@ -204,9 +217,10 @@ def _jump(walk: Walk, folds: dict[int, Stop], row: int, direction: int, leg: Leg
     outside = walk.before(value) if walk.unstable[0] == 0 and value < walk.values[0] else None
     if outside is not None:
         candidates.append(outside)
+    ending = _ending(walk, folds, row)
     for piece in np.flatnonzero(walk.unstable == 0):
         low, high = sorted((walk.values[piece], walk.values[piece + 1]))
-        if low < value <= high and piece not in (row - 1, row):
+        if low < value <= high and piece not in ending:
             candidates.append(walk.crossing(int(piece), value))
     below = [stop for stop in candidates if control.height(value, stop.state) < control.height(value, fold.state)]
     # Where the curve need not hold all states, relaxations are followed; under load they may have no end.
@@ -215,6 +229,18 @@ def _jump(walk: Walk, folds: dict[int, Stop], row: int, direction: int, leg: Leg
         return Jump(row, direction, fold, below[0] if below else None)
     end = walk.relaxed(fold, below)
     return Jump(row, direction, fold, end, tuple(stop for stop in below if stop is not end))
+
+
+def _ending(walk: Walk, folds: dict[int, Stop], row: int) -> set[int]:
+    """The stable pieces up to a fold, along which what is controlled goes one way: none of them is there again."""
+    found = set()
+    for piece, sense in ((row - 1, -1), (row, 1)):
+        while 0 <= piece < len(walk.unstable) and walk.unstable[piece] == 0:
+            found.add(piece)
+            if piece + (sense > 0) in folds:
+                break
+            piece += sense
+    return found
 
 
 def next_along(walk: Walk, fold: Stop, candidates: Sequence[Stop]) -> tuple[Stop, bool]:
