@@ -144,7 +144,7 @@ def test_relaxation_goes_to_the_next_layer_and_not_to_the_lowest_state():
     half-wave apart; the state after the jump lies within the next wave.
     """
     contact = cb.Contact.reduced("layered", tabor=1.0, wavelength=3.0)
-    loop = cb.hysteresis(contact, accuracy=1e-3)
+    loop = cb.hysteresis(contact, accuracy=1e-5)
     names = [jump.name for jump in loop.jumps]
     layers = [name for name in names if name.startswith("squeeze-out")]
     assert layers == [f"squeeze-out-{k}" for k in range(len(layers), 0, -1)]

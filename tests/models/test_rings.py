@@ -206,7 +206,9 @@ def test_maugis_dugdale_repulsion_from_a_users_view() -> None:
 
 def test_two_steps_of_pressure() -> None:
     """Each level holds a ring, which becomes a jump; the energy is convex."""
-    diagram = cb.trace(cb.Contact(cb.Parabola(1.0), cb.MaugisDugdale(-0.5, 0.7) + cb.MaugisDugdale(-0.5, 1.5)), accuracy=1e-4)
+    diagram = cb.trace(
+        cb.Contact(cb.Parabola(1.0), cb.MaugisDugdale(-0.5, 0.7) + cb.MaugisDugdale(-0.5, 1.5)), accuracy=1e-4
+    )
     branch = diagram.branches[0]
     assert (diagram.status, diagram.events[-1].kind) == ("complete", "end")
     assert branch.contact_radius[-1] > 0
