@@ -33,14 +33,15 @@ def fit_for_force_curves(folder: Path) -> None:
     contact = cb.Contact.physical(
         radius="2 um", modulus="100 MPa", interaction="exponential", work_of_adhesion="30 mN/m", range="1 nm"
     )
-    loop = cb.hysteresis(contact, control=cb.Spring("0.5 N/m"), accuracy=1e-4)
+    loop = cb.hysteresis(contact, control=cb.Spring("0.5 N/m"), accuracy=1e-4, max_load=200.0)
+    top = loop.path.position.max()
     rng, lines = np.random.default_rng(1), ["piezo [nm],force [nN],segment"]
-    for segment, sense, ends in (("approach", 1, (-100.0, 500.0)), ("retract", -1, (500.0, -700.0))):
+    for segment, sense, ends in (("approach", 1, (-100.0, top)), ("retract", -1, (top, -700.0))):
         here = loop.path.direction == sense
         order = np.argsort(loop.path.position[here])
-        piezo = np.linspace(*ends, 60)
-        force = np.interp(piezo, loop.path.position[here][order], loop.path.load[here][order])
-        lines += [f"{x},{f},{segment}" for x, f in zip(piezo, force + rng.normal(0.0, 1.0, 60), strict=True)]
+        piezo = np.linspace(*ends, 400)
+        force = np.interp(piezo, loop.path.position[here][order], loop.path.load[here][order], left=0.0)
+        lines += [f"{x},{f},{segment}" for x, f in zip(piezo, force + rng.normal(0.0, 1.0, 400), strict=True)]
     (folder / "curve.csv").write_text("\n".join(lines), encoding="utf-8")
     (folder / "contact.toml").write_text(
         '[tip]\nshape = "parabola"\nradius = "2 um"\n[material]\nmodulus = "100 MPa"\n'

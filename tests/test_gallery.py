@@ -1,6 +1,7 @@
 """Figures that once were hard to read: labels stand apart, marks lie within the frame, axes name their units."""
 
 import sys
+from functools import cache
 from itertools import combinations
 from pathlib import Path
 
@@ -20,11 +21,16 @@ if str(ROOT) not in sys.path:
 from studies import gallery  # noqa: E402
 
 
+@cache
+def drawn(name):
+    return gallery.FIGURES[name]()
+
+
 @pytest.fixture(scope="module", params=gallery.FIGURES)
 def figure(request):
-    drawn = gallery.FIGURES[request.param]()
-    drawn.draw_without_rendering()
-    return drawn
+    figure = drawn(request.param)
+    figure.draw_without_rendering()
+    return figure
 
 
 def labels(axes):
@@ -75,14 +81,14 @@ def test_axes_have_units(figure):
 
 
 def test_the_first_and_the_last_layer_are_named():
-    axes = gallery.cascade().axes[0]
+    axes = drawn("cascade").axes[0]
     shown = {one.get_text() for one in labels(axes)}
     assert {"squeeze-out-1", "squeeze-out-6", "pull-off-2", "pull-off-7"} <= shown
     assert not {"squeeze-out-3", "pull-off-4"} & shown
 
 
 def test_a_loop_shows_zero_load():
-    axes = gallery.loop_zero().axes[0]
+    axes = drawn("loop_zero").axes[0]
     assert axes.get_ylim()[0] < 0.0 < axes.get_ylim()[1]
     path = max(
         (line for line in axes.get_lines() if len(line.get_xdata()) > 9), key=lambda line: line.get_ydata().max()

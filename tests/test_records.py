@@ -42,11 +42,13 @@ def results() -> dict[str, Record]:
         "solution": cb.solve(physical, load=265.0),
         "on a grid": cb.solve(CELL, load=1.0),
         "exact solution": cb.solve(exact, load=0.5),
-        "equilibria": cb.find_all(physical, load=265.0),
-        "loop": cb.hysteresis(attraction, control=cb.Spring(2.0)),
+        "equilibria": cb.find_all(physical, load=265.0, accuracy=1e-4),
+        "loop": cb.hysteresis(attraction, control=cb.Spring(2.0), accuracy=1e-4),
         "exact loop": cb.hysteresis(exact, control="displacement"),
         "followed": cb.follow(pull_off, vary="tabor", to=1.5, accuracy=1e-4),
-        "phase": cb.phase_diagram(cb.Contact.reduced("gauss", tabor=2.0, sign=-1), "tabor", (1.0, 2.0)),
+        "phase": cb.phase_diagram(
+            cb.Contact.reduced("gauss", tabor=2.0, sign=-1), "tabor", (1.0, 2.0), samples=3, accuracy=1e-4
+        ),
         "local exponent": diagram.local_exponent(next(diagram.folds("load"))),
     }
 

@@ -351,7 +351,7 @@ def test_loops_and_followed_events_are_read_again(tmp_path: Path) -> None:
     contact = Contact.physical(
         radius="1 um", modulus="5 GPa", interaction="gauss", work_of_adhesion="-40 mN/m", range="1 nm"
     )
-    loop = cb.hysteresis(contact, cb.Spring(20.0), accuracy=1e-4)
+    loop = cb.hysteresis(contact, cb.Spring(2.0), accuracy=1e-4)
     assert len(loop.jumps) == 2
     loop.save(tmp_path / "loop.h5")
     found = load(tmp_path / "loop.h5")

@@ -43,7 +43,7 @@ def test_a_table_of_heights_that_ends_inside_of_what_bears_load_is_noted() -> No
         "tip: its table ends at a radius of 1.5; from a load of 4.545 on, what continues it bears load, too."
         in cb.solve(bare, load=1.01 * 4.5).message
     )
-    states = [cb.solve(covered, displacement=share * 1.5**2, accuracy=1e-4) for share in (0.99, 1.01)]
+    states = [cb.solve(covered, displacement=share * 1.5**2, accuracy=1e-2) for share in (0.99, 1.01)]
     assert [state.contact_radius for state in states] == [0.0, 0.0]
     assert ["table ends" in state.message for state in states] == [False, True]
 

@@ -6,7 +6,7 @@ fold by fold, and a spring adds one where dF/dd + K < 0; neither knows an angle.
 """
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import pairwise
 
 import mpmath
@@ -68,6 +68,7 @@ class Arc:
             for s in places
         ]
 
+    @cache  # noqa: B019
     def folds(self, control):
         """All roots of F' + K d', complex ones included."""
         if control.kind != "spring":
@@ -206,11 +207,12 @@ def random_arcs(rng):
             place = rng.uniform(0.1, 0.9, 1 if rng.random() < 0.4 else 0)
             gap = rng.choice([-1, 1]) * 10 ** rng.uniform(-10.5, -9.1)
             arc = Arc(slope(rng, place), slope(rng, place + gap))
-            places = sorted(z for c in (LOAD, DISPLACEMENT, *SPRINGS) for z in arc.folds(c) if isinstance(z, float))
-            clear = all(arc.is_clear(control) for control in (LOAD, DISPLACEMENT, *SPRINGS))
-            clear &= all(b - a > ROUNDED for a, b in pairwise(places))
-            if clear and (not arcs or turn(arcs[-1], arc)[1] > np.cos(0.85 * np.pi)):
-                break
+            if arcs and turn(arcs[-1], arc)[1] <= np.cos(0.85 * np.pi):
+                continue
+            if all(arc.is_clear(control) for control in (LOAD, DISPLACEMENT, *SPRINGS)):
+                places = sorted(z for c in (LOAD, DISPLACEMENT, *SPRINGS) for z in arc.folds(c) if isinstance(z, float))
+                if all(b - a > ROUNDED for a, b in pairwise(places)):
+                    break
         arcs.append(arc)
     return arcs
 

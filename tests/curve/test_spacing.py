@@ -35,7 +35,7 @@ def test_states_between_rows_lie_next_to_the_chord(contact):
         along = (rows[k + 1] - rows[k]) / extent
         held = {"load": middle[0]} if abs(along[0]) > abs(along[1]) else {"displacement": middle[1]}
         near = min(
-            cb.find_all(contact, **held).states,
+            cb.solve(contact, **held, accuracy=1e-4).states,
             key=lambda s: np.linalg.norm((np.array([s.load, s.displacement, s.contact_radius]) - middle) / extent),
         )
         off = (np.array([near.load, near.displacement, near.contact_radius]) - middle) / extent

@@ -9,9 +9,8 @@ from contbranch.models.axisymmetric import mesh
 
 CONTACTS = [
     cb.Contact.reduced(law, tabor, sign)
-    for law in (cb.Gauss, cb.Exponential, cb.VanDerWaals)
-    for tabor in (0.7, 2.0, 4.0)
-    for sign in (1, -1)
+    for law, tabors in ((cb.Gauss, (0.7, 4.0)), (cb.Exponential, (2.0, 0.7)), (cb.VanDerWaals, (4.0, 2.0)))
+    for tabor, sign in zip(tabors, (1, -1), strict=True)
 ]
 
 

@@ -54,8 +54,8 @@ def annulus() -> cb.Diagram:
 
 @pytest.fixture(scope="module")
 def blunt() -> Track:
-    """The same on rows with their problems."""
-    return followed(BLUNT, 1e-7, None)
+    """The same on rows with their problems, on coarser meshes."""
+    return followed(BLUNT, 1e-4, None)
 
 
 def at(track: Track, displacement: float) -> cb.State:
@@ -106,8 +106,8 @@ def test_response_to_moving_edges(bounded: bool) -> None:
 
 
 def first_change(contact: cb.Contact, accuracy: float) -> RawEvent:
-    """The first change of the contact set."""
-    request = Request(accuracy, modes=0)
+    """The first change of the contact set, on a curve that ends where the wall is touched."""
+    request = Request(accuracy, target=0.1, modes=0)
     events = raw_curve(trace(Rings().problem(contact, accuracy), request), request).events
     return next(event for event in events if event.kind == "topology")
 
@@ -196,16 +196,19 @@ def test_maugis_dugdale_repulsion_from_a_users_view() -> None:
     assert np.all(np.diff(branch.load) > 0)
     assert np.all(np.diff(branch.displacement) > 0)
     touch = diagram.events[1]
-    solution = cb.solve(contact, load=1.1 * touch.load)
+    solution = cb.solve(contact, load=1.1 * touch.load, accuracy=1e-4)
     assert solution.contact_radius > 0
     assert len(solution.states) == 1
-    assert solution.displacement == pytest.approx(cb.solve(contact, displacement=solution.displacement).displacement)
+    same = cb.solve(contact, displacement=solution.displacement, accuracy=1e-4)
+    assert solution.displacement == pytest.approx(same.displacement)
     assert diagram.local_exponent(touch).kappa[0] == pytest.approx(0.5, abs=0.01)
 
 
 def test_two_steps_of_pressure() -> None:
     """Each level holds a ring, which becomes a jump; the energy is convex."""
-    diagram = cb.trace(cb.Contact(cb.Parabola(1.0), cb.MaugisDugdale(-0.5, 0.7) + cb.MaugisDugdale(-0.5, 1.5)))
+    diagram = cb.trace(
+        cb.Contact(cb.Parabola(1.0), cb.MaugisDugdale(-0.5, 0.7) + cb.MaugisDugdale(-0.5, 1.5)), accuracy=1e-4
+    )
     branch = diagram.branches[0]
     assert (diagram.status, diagram.events[-1].kind) == ("complete", "end")
     assert branch.contact_radius[-1] > 0
@@ -227,7 +230,7 @@ def test_a_hole_in_a_film_under_a_sharp_tip() -> None:
 def test_rows_before_the_wall_is_touched_on_a_ring() -> None:
     """Under a constant pressure no panel need resolve the gap: rows had passed its minimum, and loads turned back."""
     contact = cb.Contact(cb.PowerLaw(5.137, 1.0), cb.MaugisDugdale(-1.0, 1.0))
-    branch = cb.trace(contact, accuracy=1e-4).branches[0]
+    branch = cb.trace(contact, accuracy=1e-4, max_load=8.5).branches[0]  # touched at 7.75
     assert (np.diff(branch.load) > 0).all()
     (touched,) = np.flatnonzero(np.diff(branch.contact_radius > 0))
     assert min(branch.state(row).profile.gap.min() for row in range(touched - 2, touched + 3)) > -1e-6
@@ -253,7 +256,7 @@ def test_pressure_largest_on_a_ring() -> None:
     c³ = (9π/8)/√2.
     """
     contact = cb.Contact(cb.PowerLaw(4.0, 1.0), cb.MaugisDugdale(-1.0, 1.0))
-    event = first_change(contact, 1e-7)
+    event = first_change(contact, 1e-6)
     c = (9 * math.pi / 8 / math.sqrt(2)) ** (1 / 3)
     assert event.values[1] == pytest.approx(2 / 3 * c**4 - 1, abs=event.error[1])
     assert event.values[0] == pytest.approx(2 * (2 / 3) * c**5 * 4 / 5, abs=event.error[0])
@@ -293,7 +296,7 @@ def test_single_state_with_an_annulus(annulus: cb.Diagram) -> None:
     """`solve` finds states beyond the change of the contact set; their energies differ by the work of the load."""
     born = annulus.events[0]
     nodes = np.linspace(3.2, 3.3, 3)
-    states = [cb.solve(BLUNT, displacement=float(d), accuracy=1e-8) for d in nodes]
+    states = [cb.solve(BLUNT, displacement=float(d)) for d in nodes]
     assert all(state.contact_radius > 0 and state.central_gap > 0 for state in states)
     assert born.displacement < 3.2
     work = 0.1 / 6 * np.array([1, 4, 1]) @ [state.load for state in states]
@@ -409,7 +412,7 @@ def test_taking_over_from_a_disc() -> None:
 def test_both_models_have_the_same_exponents() -> None:
     """At the folds of a film: by contact radius and central gap, along d here and along the contact there."""
     contact = cb.Contact.reduced("gauss", 0.6, -1)
-    ring, disc = (cb.trace(contact, accuracy=1e-7, model=model) for model in (Rings(), cb.Axisymmetric()))
+    ring, disc = (cb.trace(contact, accuracy=1e-6, model=model) for model in (Rings(), cb.Axisymmetric()))
     pairs = list(zip(ring.events, disc.events, strict=True))
     assert [event.kind for event in ring.events] == ["fold", "touch", "fold", "end"]
     for here, there in (pairs[0], pairs[2]):
@@ -461,7 +464,7 @@ def test_films_under_cones_are_similar(sigma: float) -> None:
 def test_the_weakest_films_open_where_the_pressure_reaches_the_law(exponent: float) -> None:
     """Ranges of a thousand radii: p(r) = (1/π) ∫_r^c ζ'/√(t² − r²) dt with ζ = κtⁿ reaches σ, d = κcⁿ − z0."""
     tip, range_ = cb.PowerLaw(exponent, 1.0), 1e3
-    event = first_change(cb.Contact(tip, cb.MaugisDugdale(-1.0, range_)), 1e-8)
+    event = first_change(cb.Contact(tip, cb.MaugisDugdale(-1.0, range_)), 1e-6)
     kappa, (s, w) = float(tip.transform(1.0)), np.polynomial.legendre.leggauss(200)
 
     def pressure(r: float) -> float:
@@ -481,7 +484,7 @@ def test_energy_under_a_rough_tip() -> None:
     radii = np.linspace(0.0, 8.0, 13)
     heights = radii**2 / 2 * (1 + 1e-3 * np.cos(7 * np.arange(13) ** 2))
     contact = cb.Contact(cb.Profile(tuple(radii), tuple(heights)), cb.MaugisDugdale(-1.0, 20.0)).to_reduced()
-    track = followed(contact, 1e-4, None)
+    track = followed(contact, 1e-4, -1.7, DISPLACEMENT)
     states = [at(track, float(d)) for d in np.linspace(-2.2, -1.8, 3)]
     work = 0.4 / 6 * np.array([1, 4, 1]) @ [state.load for state in states]
     assert states[-1].energy - states[0].energy == pytest.approx(float(work), abs=1e-6)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -19,6 +21,18 @@ from contbranch.models.grid.newton import Equilibrium
 REPULSION = cb.Contact.reduced("gauss", tabor=2.0, sign=-1)
 ATTRACTION = cb.Contact.reduced("exponential", tabor=2.0)
 SMALL = cb.Contact.reduced("gauss", tabor=0.74, sign=-1)  # a fold within the first two rows of nodes
+
+
+@cache
+def on_lattice(contact: Contact, cell: float, grid: int) -> cb.Diagram:
+    """The curve on a lattice, as several tests look at it."""
+    return cb.trace(contact, model=cb.FreeSpace(cell=cell, grid=grid))
+
+
+@cache
+def exact(contact: Contact) -> cb.Diagram:
+    """That of the axisymmetric model."""
+    return cb.trace(contact)
 
 
 def folds(diagram: cb.Diagram) -> list[tuple[str | None, str | None]]:
@@ -39,13 +53,13 @@ def folds(diagram: cb.Diagram) -> list[tuple[str | None, str | None]]:
 )
 def test_folds_are_the_contacts(contact: Contact, cell: float, grid: int, name: str, within: float) -> None:
     """Where single nodes make folds by the dozen: those of the contact, no other, and errors that hold."""
-    found, exact = cb.trace(contact, model=cb.FreeSpace(cell=cell, grid=grid)), cb.trace(contact)
+    found, known = on_lattice(contact, cell, grid), exact(contact)
     assert found.status == "complete"
-    assert folds(found) == folds(exact)
-    assert abs(found.thresholds[name] - exact.thresholds[name]) < within
+    assert folds(found) == folds(known)
+    assert abs(found.thresholds[name] - known.thresholds[name]) < within
     for event in found.events:
         if event.verdict == "averaged":
-            (other,) = (e for e in exact.events if (e.kind, e.control, e.name) == ("fold", event.control, event.name))
+            (other,) = (e for e in known.events if (e.kind, e.control, e.name) == ("fold", event.control, event.name))
             for field in ("load", "displacement", "contact_radius"):
                 assert abs(getattr(event, field) - getattr(other, field)) <= event.error[field]
     assert {event.verdict for event in found.events if event.contact_radius > 0.0 and event.kind == "fold"} == {
@@ -162,13 +176,13 @@ def test_a_fold_at_a_row_is_one_fold() -> None:
 
 def test_exponents_of_averaged_folds() -> None:
     """κ next to the wetting folds is that of the axisymmetric model, within the errors stated, and 1/2 in the end."""
-    diagrams = cb.trace(REPULSION, modes=0), cb.trace(REPULSION, model=cb.FreeSpace(cell=9.0, grid=96), modes=0)
+    diagrams = exact(REPULSION), on_lattice(REPULSION, 9.0, 96)
     for control in ("load", "displacement"):
         folds = [next(e for e in d.events if (e.control, e.name) == (control, "wetting")) for d in diagrams]
-        exact, found = (d.local_exponent(fold) for d, fold in zip(diagrams, folds, strict=True))
+        true, found = (d.local_exponent(fold) for d, fold in zip(diagrams, folds, strict=True))
         assert len(found.kappa) > 5
         assert found.error.min() < 0.1
-        expected = np.interp(np.log(found.excess), np.log(exact.excess), exact.kappa)
+        expected = np.interp(np.log(found.excess), np.log(true.excess), true.kappa)
         assert (np.abs(found.kappa - expected) <= found.error).all()
         known, averaged = (fold.exponent for fold in folds)
         assert known is not None

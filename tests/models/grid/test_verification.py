@@ -27,6 +27,7 @@ from contbranch.models.grid.switching import kept_symmetry, mirrored
 FLAT = cb.Contact(cb.PowerLaw(3.0, 1.0), cb.Gauss(-1.0, 0.4))
 ROUND = cb.Contact(cb.Parabola(1.0), cb.Gauss(-1.0, 1.0))
 EDGE = 8.0
+RING = 6.0  # holds the ring
 REQUEST = Request(1e-6)
 
 
@@ -50,8 +51,8 @@ class Traced:
 @pytest.fixture(scope="module")
 def flat():
     """Half as many nodes as the warning asks for, enough for what happens before the film closes."""
-    with pytest.warns(GridWarning, match="at least 128"):
-        return Traced(FLAT, cb.FreeSpace(EDGE, 64))
+    with pytest.warns(GridWarning, match="at least 96"):
+        return Traced(FLAT, cb.FreeSpace(RING, 48), Request(1e-6, target=17.0))
 
 
 @pytest.fixture(scope="module")
@@ -194,8 +195,8 @@ def test_the_branch_inherits_what_the_curve_loses(flat, branch):
 
 
 def test_refinement_keeps_the_branch(branch):
-    """On 128² nodes: asymmetry and displacement at the same loads."""
-    fine_flat = Traced(FLAT, cb.FreeSpace(EDGE, 128), Request(1e-6, target=17.0))
+    """At half the spacing: asymmetry and displacement at the same loads."""
+    fine_flat = Traced(FLAT, cb.FreeSpace(RING, 96), Request(1e-6, target=17.0))
     fine, fine_rows = first_branch(fine_flat, 6, Request(1e-6, modes=0))
     coarse, rows = branch
     low, high = fine_rows.load.min(), rows.load.max()
@@ -211,8 +212,8 @@ def test_refinement_keeps_the_branch(branch):
 
 def test_branches_belong_to_the_diagram_if_asked_for(monkeypatch, tmp_path):
     monkeypatch.setattr(branches_module, "POINTS", 3)
-    with pytest.warns(GridWarning, match="at least 128"):
-        diagram = cb.trace(FLAT, model=cb.FreeSpace(EDGE, 64, branches=True), max_load=17.0)
+    with pytest.warns(GridWarning, match="at least 96"):
+        diagram = cb.trace(FLAT, model=cb.FreeSpace(RING, 32, branches=True), max_load=17.0)
     symmetry = [event for event in diagram.events if event.kind == "symmetry" and event.branch == 0]
     assert len(diagram.branches) == 1 + len(symmetry)
     for number, event in enumerate(symmetry, start=1):
