@@ -88,7 +88,7 @@ def test_errors_of_rows(law, sign, tabor):
     contact = cb.Contact.reduced(law, tabor, sign)
     branch = cb.trace(contact, accuracy=1e-6).branches[0]
     rows = np.flatnonzero(branch.contact_radius > 1e-3)
-    for row in rows[1 :: max(1, len(rows) // 3)]:
+    for row in rows[1 :: max(1, len(rows) // 5)]:
         true = cb.solve(contact, contact_radius=float(branch.contact_radius[row]), accuracy=1e-10)
         for name, estimate in (("load", branch.load_error), ("displacement", branch.displacement_error)):
             value = getattr(branch, name)[row]

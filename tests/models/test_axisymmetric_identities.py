@@ -56,11 +56,11 @@ def test_the_trace_reaches_its_end(traced):
 
 
 def test_energy_is_the_work_of_the_load_along_the_branch(traced):
-    """V grows by ∫ F dd from a row to the next, on every other step: sixteen Gauss points, states solved anew."""
+    """V grows by ∫ F dd from row to row: sixteen Gauss points a step, states solved anew."""
     z, w = np.polynomial.legendre.leggauss(16)
     curve, points = traced.curve, traced.points
     worst = []
-    for k in range(next(k for k, p in enumerate(points) if p.parameter == 0.0) % 2, len(points) - 1, 2):
+    for k in range(len(points) - 1):
         start, end = points[k], points[k + 1]
         if start.parameter == end.parameter or start.parameter < -2.5:
             continue
@@ -78,7 +78,7 @@ def test_energy_is_the_work_of_the_load_along_the_branch(traced):
             work += width * parts(problem, x, u)[1] * rate
         scale = work_scale(curve.load[k + 1], curve.displacement[k + 1])
         worst.append(abs(curve.energy[k + 1] - curve.energy[k] - work) / scale)
-    assert len(worst) > 4
+    assert len(worst) > 8
     assert max(worst) < 100 * TOLERANCE
 
 
@@ -89,6 +89,8 @@ def test_rates_and_the_derivative_of_the_energy(traced):
         step = 2e-3 * min(1.0, abs(u))
         if step == 0.0 or u < -2.5:
             continue
+        if point.label and u == min(p.parameter for p in traced.points if p.parameter > 0.0):
+            continue  # a fold between first touch and the next row, still on the mesh of the former
         x = problem.solve_at(x, u)  # rows are as exact as asked, differences of them would be less so
         tangent = -np.linalg.solve(problem.jacobian(x, u), problem.parameter_derivative(x, u))
         _, load, d, _ = parts(problem, x, u)
