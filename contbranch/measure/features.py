@@ -13,6 +13,10 @@ from contbranch.measure.force_curve import ForceCurve
 
 # A jump takes so many samples at most, is so many times larger than noise, and than steps beside it.
 SAMPLES, ABOVE_NOISE, ABOVE_STEPS = 3, 8.0, 5.0
+# A baseline ends before a step of this share of the range of forces, where it has so many samples by then.
+JUMP, FEWEST = 0.05, 3
+# A tilt is seen where it is so many times its error.
+TILTED = 3.0
 # Steps beside a jump are those this near to it.
 BESIDE = 12
 # A detector at its end gives one number so often.
@@ -202,20 +206,25 @@ def _far_leg(curve: ForceCurve, approach: Indices, retract: Indices) -> Indices:
 
 
 def _baseline(curve: ForceCurve, approach: Indices, noise: float) -> tuple[float, float]:
-    """A line through the far part of a leg towards the surface, as far as it fits."""
+    """A line through the far part of a leg towards the surface, as far as it fits, and no farther than to a jump."""
     piezo, force = curve.piezo[approach], curve.force[approach]
-    count = max(6, approach.size // 8)
+    jumps = np.flatnonzero(np.abs(np.diff(force)) > max(ABOVE_NOISE * noise, JUMP * float(np.ptp(force))))
+    if jumps.size and jumps[0] + 1 >= FEWEST:
+        piezo, force = piezo[: jumps[0] + 1], force[: jumps[0] + 1]
+    count = min(max(6, piezo.size // 8), piezo.size)
     line = np.polyfit(piezo[:count], force[:count], 1)
     far = piezo[0] + 0.15 * float(np.ptp(piezo))
     if piezo[count - 1] < far:
         count = max(count, int(np.searchsorted(np.maximum.accumulate(piezo), far)))
     spread = 4 * max(noise, float(np.std(force[:count] - np.polyval(line, piezo[:count]))))
     for _ in range(4):  # longer as long as the line holds
-        longer = min(int(1.4 * count), int(0.6 * approach.size))
+        longer = min(int(1.4 * count), int(0.6 * piezo.size))
         trial = np.polyfit(piezo[:longer], force[:longer], 1)
         if longer <= count or np.abs(force[:longer] - np.polyval(trial, piezo[:longer])).max() > spread:
             break
         count, line = longer, trial
+    if abs(line[0]) * float(np.std(piezo[:count])) * math.sqrt(count) < TILTED * noise:  # noise explains it
+        return float(np.mean(force[:count])), 0.0
     return float(line[1]), float(line[0])
 
 
