@@ -105,9 +105,9 @@ INDIFFERENT = 1e-6
 # Share of the tolerance that such an eigenvalue takes.
 SHARPER = 1e-4
 # Changes of the state are measured in at least this multiple of the rounding errors of its slopes, or, where these do
-# not count, of its own: that is a hundred times what corrections stop at, which behind first touch of a stiff film is
-# more than the state changes.
-LOUD, LOUDER = 1e5, 100 * NOISE
+# not count, of its own: far more than what corrections stop at, which behind first touch of a stiff film is more than
+# the state changes.
+LOUD, LOUDER = 1e5, 1e3 * NOISE
 # Gaps at which a film's pressure is looked at; the gap of one that is pressed changes by less than this share of the
 # displacement.
 BARRIER, PRESSED = 400, 0.1
