@@ -27,8 +27,6 @@ LOOSE = 1e-6
 CLOSED, SHORT = 1e-7, 1e-9
 # Targets tried for one corner, and steps along one arc.
 TARGETS, STEPS = 8, 40
-# The longest step along an arc, in rows of nodes.
-LONGEST = 1.0
 # Newton steps up to which the next one along an arc may be longer.
 EASY = 3
 # Residual of a state in the middle of an arc: what is read off it is not known any better.
@@ -88,7 +86,7 @@ class _Follower:
     settings: Settings
 
     def __post_init__(self) -> None:
-        self.cap = LONGEST * self.period
+        self.cap = self.period
         self.settings = replace(self.settings, frozen=True, steps=8, inner=200, growth=1e3, patience=3, forcing=0.01)
 
     def way(self, state: Equilibrium, towards: Direction | _Way) -> _Way | None:
@@ -182,7 +180,7 @@ class _Follower:
                     longer = 2.0 * step if there.steps <= EASY else step
                     bend = onward.bent(last, last.measure.apart(there, state))
                     state, last = there, onward
-                    self.cap = cap = min(longer, LONGEST * self.period)
+                    self.cap = cap = min(longer, self.period)
                     continue
                 u, load = 0.5 * (state.u + there.u), 0.5 * (state.load + there.load)
             else:

@@ -248,16 +248,17 @@ class Clusters:
         rows = np.hstack([self.influences[places], np.full((places.size, 1), -1.0)])
         rows *= (np.where(self.held, self.weight, self.stiffness)[changed] - self._scale[places])[:, None]
         rows[np.arange(places.size), places] += np.where(self.held[changed], -1.0, 1.0)
-        for place in places.tolist():
-            if place not in self._columns:
-                self._columns[place] = self._back(np.eye(1, m + 1, place)[0])
+        new = [place for place in places.tolist() if place not in self._columns]
+        if new:
+            self._columns.update(zip(new, self._back(np.eye(m + 1)[new].T).T, strict=True))
         columns = np.array([self._columns[place] for place in places.tolist()]).reshape(-1, m + 1).T
-        self._low = columns, np.linalg.solve(np.eye(places.size) + rows @ columns, rows)
+        self._low = columns @ np.linalg.inv(np.eye(places.size) + rows @ columns), rows
         self.aside = self._inverse(np.eye(1, m + 1, m)[0])
 
     def _back(self, vector: Array) -> Array:
-        own = vector.astype(self.influences.dtype)
-        return np.asarray(scipy.linalg.lu_solve(self._factors, own, trans=1, check_finite=False), np.float64)
+        # By LAPACK itself: what SciPy asks besides takes as long.
+        solve = scipy.linalg.lapack.sgetrs if self.influences.itemsize == 4 else scipy.linalg.lapack.dgetrs
+        return np.asarray(solve(*self._factors, vector, trans=1)[0], np.float64)
 
     def _inverse(self, vector: Array) -> Array:
         found, (columns, rows) = self._back(vector), self._low
@@ -293,4 +294,4 @@ class Clusters:
         found = self._inverse(np.append(mean, 0.0))
         # A border may be empty, where there is no way from one state to another.
         found += (vector[-1] - border @ found) / (border @ self.aside or np.inf) * self.aside
-        return np.append(found[self.square] + self.rest * (vector[:-1] - mean[self.square]), found[-1])
+        return np.append(found.take(self.square) + self.rest * (vector[:-1] - mean.take(self.square)), found[-1])

@@ -16,16 +16,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .crossings import Crossings, Side, find_crossings
+from .arrays import Array
+from .crossings import Crossings, find_crossings
 from .newton import Equilibrium
 from .problem import GridProblem
 
 __all__ = ["ContactArea", "contact_area"]
 
 
-# Nodes, degree and noise (in spacings, at a radius of 32 spacings) of the fits, noisiest first.
-_FITS: dict[Side, tuple[tuple[int, int, float], ...]] = {
-    "pressure": (
+# Nodes, degree and noise (in spacings, at a radius of 32 spacings) of the fits to the pressure and to the gap, noisiest
+# first.
+_FITS = (
+    (
         (3, 2, 0.016),
         (5, 3, 0.014),
         (4, 2, 0.014),
@@ -35,7 +37,7 @@ _FITS: dict[Side, tuple[tuple[int, int, float], ...]] = {
         (8, 2, 0.0045),
         (12, 3, 0.004),
     ),
-    "gap": (
+    (
         (4, 3, 0.011),
         (3, 2, 0.009),
         (4, 2, 0.007),
@@ -46,9 +48,13 @@ _FITS: dict[Side, tuple[tuple[int, int, float], ...]] = {
         (12, 3, 0.0035),
         (8, 2, 0.003),
     ),
-}
-# A rougher fit, and the part of its distance from the noisiest that this is in error where no other agrees.
-_ROUGH: dict[Side, tuple[int, int, float]] = {"pressure": (3, 1, 0.3), "gap": (3, 2, 1.0)}
+)
+# Rougher fits, and the part of their distance from the noisiest that this is in error where no other agrees.
+_ROUGH = ((3, 1, 0.3), (3, 2, 1.0))
+# All of them, as many for either.
+_TRIED = np.array([(rough, *fits, fits[-1])[:10] for rough, fits in zip(_ROUGH, _FITS, strict=True)])[..., :2].astype(
+    int
+)
 _NOISE_OF_PAIRS = 0.011
 _RADIUS_OF_NOISE = 32.0
 _GROWTH_OF_NOISE = 0.5
@@ -107,8 +113,8 @@ def _measured(crossings: Crossings, multiplicity: int) -> ContactArea:
         return ContactArea(math.sqrt(pairs / math.pi), 0.0, pairs, 0.0, pairs, pairs, pairs, nodes)
     strip = crossings.perimeter * spacing
     noise = (_RADIUS_OF_NOISE * 2.0 * math.pi * spacing / crossings.perimeter) ** _GROWTH_OF_NOISE
-    pressure, pressure_error = _fitted(crossings, "pressure", strip, noise)
-    gap, gap_error = _fitted(crossings, "gap", strip, noise)
+    enlarged, shares = crossings.shifts(_TRIED)
+    (pressure, pressure_error), (gap, gap_error) = map(_fitted, (0, 1), enlarged / strip, shares, (noise, noise))
     bent = sum(error for error in (pressure_error, gap_error) if math.isfinite(error))
     pairs_error = max(_NOISE_OF_PAIRS * noise, 0.5 * pressure_error if math.isfinite(pressure_error) else 0.0)
 
@@ -139,13 +145,11 @@ def _measured(crossings: Crossings, multiplicity: int) -> ContactArea:
     )
 
 
-def _fitted(crossings: Crossings, side: Side, strip: float, noise: float) -> tuple[float, float]:
+def _fitted(side: int, shifts: Array, shares: Array, noise: float) -> tuple[float, float]:
     """Shift of the rim by the fits of one profile, in spacings, and its error; infinite where there is no fit."""
     found: list[tuple[float, float]] = []
-    rough, fits = _ROUGH[side], _FITS[side]
-    enlarged, shares = crossings.shifts(side, [fit[:2] for fit in (*fits, rough)])
-    shifts = (enlarged / strip).tolist()
-    for (*_, level), shift, share in zip(fits, shifts, shares, strict=False):
+    rough, *others = shifts.tolist()
+    for (*_, level), shift, share in zip(_FITS[side], others, shares[1:], strict=False):
         if share < _SHARE:
             continue
         uncertain = level * noise
@@ -157,4 +161,4 @@ def _fitted(crossings: Crossings, side: Side, strip: float, noise: float) -> tup
     shift, uncertain = found[-1]
     if len(found) > 1:
         return shift, math.hypot(uncertain, 0.5 * (shift - found[-2][0]))
-    return shift, math.hypot(uncertain, rough[2] * (shifts[-1] - shift))
+    return shift, math.hypot(uncertain, _ROUGH[side][2] * (rough - shift))

@@ -15,9 +15,7 @@ over the nodes nearest to the rim: its zero is where the profile of the wall pre
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
@@ -26,13 +24,11 @@ from .lattice import Lattice
 
 __all__ = ["REACH", "Crossings", "find_crossings"]
 
-Side = Literal["pressure", "gap"]
-
 REACH = 12
 """Nodes kept on either side of the rim."""
 
-# Of the distance in polynomials.
-POWERS = np.arange(4)
+# Noise of p_c² and of g^(2/3), by the distance from the rim.
+_FROM, _FALL, _NOISE, _FLOOR = np.array([(0.5, 0.3), (-1.3, -1.6), (0.05, 0.03), (0.0, 1e-3)])[..., None, None]
 # Smoothings of the contact's indicator whose gradient is the normal of the rim: a width of about two nodes.
 _SMOOTHINGS = 3
 # Change of a zero, in nodes, after which the next one of Newton's method is rounding.
@@ -90,41 +86,43 @@ class Crossings:
         """Length of a rim halfway between the pairs: lines along x and y count a piece of it |cos| and |sin| times."""
         return self.node_area / self.spacing * float(self.cosine.sum())
 
-    def shifts(self, side: Side, fits: Sequence[tuple[int, int]]) -> tuple[Array, Array]:
-        """How much fits of the profile enlarge the area against `area`, and for which share of the rim they exist.
+    def shifts(self, fits: Integers) -> tuple[Array, Array]:
+        """How much fits of the profiles enlarge the area against `area`, and for which share of the rim they exist.
 
         Parameters
         ----------
-        side : {"pressure", "gap"}
-            p_c² in contact, or g^(2/3) outside.
-        fits : sequence of (int, int)
-            Nodes along each line and degree of the polynomial in the distance, 3 at most.
+        fits : array of int (2, F, 2)
+            Nodes along each line and degree of the polynomial in the distance, 3 at most: of p_c² in contact, and of
+            g^(2/3) outside.
+
+        Returns
+        -------
+        enlarged, share : array (2, F)
         """
-        steps, (count, degree) = np.arange(REACH), np.array(fits).T
-        if side == "pressure":
-            own, y, x = self.inside, self.wall_pressure**2, steps + self.fraction[:, None]
-            noise = 0.05 / (0.5 + np.maximum(x * self.cosine[:, None], 0.3)) ** 1.3
-        else:
-            own, x = self.outside, steps + 1.0 - self.fraction[:, None]
-            y = np.maximum(np.where(own, self.gap, 0.0), 0.0) ** (2.0 / 3.0)
-            noise = 0.03 / (0.3 + np.maximum(x * self.cosine[:, None], 0.3)) ** 1.6 + 1e-3
-        used = steps < count[:, None]
-        good = (own | ~used[:, None]).all(axis=-1) & (self.weight > 0.0)
+        steps, (count, degree) = np.arange(REACH), np.moveaxis(fits, -1, 0)
+        own = np.stack([self.inside, self.outside]).swapaxes(1, 2)
+        gap = np.cbrt(np.where(self.outside, self.gap, 0.0) ** 2)
+        y = np.stack([self.wall_pressure**2, gap]).swapaxes(1, 2)
+        x = steps[:, None] + np.stack([self.fraction, 1.0 - self.fraction])[:, None, :]
+        from_rim = _FROM + np.maximum(x * self.cosine, 0.3)
+        terms = x ** np.arange(5.0)[:, None, None, None]
+        terms[4] = y
+        terms /= _NOISE * from_rim**_FALL + _FLOOR
+        used = steps < count[..., None]
+        good = ~(used @ ~own) & (self.weight > 0.0)
         share = good @ self.weight / max(float(self.weight.sum()), 1e-300)
         zeros = np.zeros(good.shape)
-        fit, line = np.nonzero(good)
-        if fit.size:
-            basis = x[..., None] ** POWERS / noise[..., None]
-            terms = np.concatenate([basis, (y / noise)[..., None]], axis=-1)
-            normal = np.tensordot(used, basis[..., None] * terms[..., None, :], (1, 1))[fit, line]
-            last = count[fit] - 1
-            scale = np.maximum(y[line, last], 1e-300) / x[line, last]
-            # What is of too high a degree has the coefficient zero.
-            high = (degree[:, None] < POWERS)[fit]
-            right = np.where(high, 0.0, normal[..., 4] / scale[:, None])
-            own_terms = np.where(high[:, None] | high[..., None], np.eye(4), normal[..., :4])
-            zeros[fit, line] = _zeros(np.linalg.solve(own_terms, right[..., None])[..., 0])
-        outwards = -zeros if side == "pressure" else zeros
+        chosen = side, fit, line = np.nonzero(good)
+        products = np.moveaxis(terms[:4, None] * terms, (0, 1), (3, 4)).reshape(2, REACH, -1)
+        normal = (used.astype(float) @ products).reshape(*good.shape, 4, 5)[chosen]
+        last = count[side, fit] - 1
+        scale = np.maximum(y[side, last, line], 1e-300) / x[side, last, line]
+        # What is of too high a degree has the coefficient zero.
+        high = degree[side, fit, None] < np.arange(4)
+        right = np.where(high, 0.0, normal[..., 4] / scale[:, None])
+        own_terms = np.where(high[:, None] | high[..., None], np.eye(4), normal[..., :4])
+        zeros[chosen] = _zeros(np.linalg.solve(own_terms, right[..., None])[..., 0])
+        outwards = zeros * np.array([-1.0, 1.0])[:, None, None]
         # Crossings without a fit move as the others do.
         return self.node_area * (outwards @ self.weight) / np.where(share > 0.0, share, 1.0), share
 
@@ -144,28 +142,19 @@ def find_crossings(lattice: Lattice, contact: Mask, wall_pressure: Array, gap: A
     axes = [np.arange(found[0] - margin, found[-1] + margin + 1) for found in (rows, columns)]
     window = np.ix_(*(_wrapped(lattice, axis) for axis in axes))
     touching, pressure, opening = contact[window], wall_pressure[window], gap[window]
-    owned = np.ones_like(touching)
-    for axis, numbers in enumerate(axes):
-        inner = (numbers >= 0) & (numbers < lattice.size)
-        inner[:margin] = inner[-margin:] = False
-        owned &= inner[:, None] if axis == 0 else inner[None, :]
-    smooth = _smoothed(touching)
-    normal = (np.gradient(smooth, axis=0), np.gradient(smooth, axis=1))
-
-    parts = []
-    steps = np.arange(REACH)
-    for axis in (0, 1):
-        for sign in (1, -1):
-            shift = (sign, 0) if axis == 0 else (0, sign)
-            beyond = np.roll(touching, (-shift[0], -shift[1]), (0, 1))
-            i, j = np.nonzero(touching & owned & ~beyond)
-            along = [0.5 * (n[i, j] + n[i + shift[0], j + shift[1]]) for n in normal]
-            cosine = np.abs(along[axis]) / (np.hypot(*along) + 1e-300)
-            near = (i[:, None] - shift[0] * steps, j[:, None] - shift[1] * steps)
-            far = (i[:, None] + shift[0] * (steps + 1), j[:, None] + shift[1] * (steps + 1))
-            outside = ~touching[far] & np.isfinite(opening[far])
-            parts.append((cosine, pressure[near], opening[far], touching[near], outside))
-    cosine, pressures, openings, inside, outside = (np.concatenate(part) for part in zip(*parts, strict=True))
+    owned = touching & np.logical_and.outer(*((axis >= 0) & (axis < lattice.size) for axis in axes))
+    width, own, flat = touching.shape[1], owned.ravel(), touching.ravel()
+    steps = (width, -width, 1, -1)
+    found = [np.flatnonzero(own & ~np.roll(flat, -step)) for step in steps]
+    place, step = np.concatenate(found), np.repeat(steps, [len(one) for one in found])
+    smooth = _smoothed(touching).ravel()
+    along = [smooth.take(at + one) - smooth.take(at - one) for one in (width, 1) for at in (place, place + step)]
+    normal = along[0] + along[1], along[2] + along[3]
+    cosine = np.abs(np.where(np.abs(step) > 1, *normal)) / (np.hypot(*normal) + 1e-300)
+    away = step[:, None] * np.arange(REACH)
+    near, far = place[:, None] - away, (place + step)[:, None] + away
+    pressures, openings, inside = pressure.take(near), opening.take(far), touching.take(near)
+    outside = ~touching.take(far) & np.isfinite(openings)
     nodes = int(contact.sum())
     return Crossings(
         spacing=lattice.spacing,
@@ -193,9 +182,8 @@ def _wrapped(lattice: Lattice, numbers: Integers) -> Integers:
 def _smoothed(contact: Mask) -> Array:
     field = contact.astype(np.float64)
     for _ in range(_SMOOTHINGS):
-        field = np.pad(field, 1, mode="edge")
-        field = 0.25 * (field[:-2] + 2.0 * field[1:-1] + field[2:])
-        field = 0.25 * (field[:, :-2] + 2.0 * field[:, 1:-1] + field[:, 2:])
+        rows = 0.25 * (field[:-2] + 2.0 * field[1:-1] + field[2:])
+        field[1:-1, 1:-1] = 0.25 * (rows[:, :-2] + 2.0 * rows[:, 1:-1] + rows[:, 2:])
     return field
 
 

@@ -133,7 +133,7 @@ class LatticeProblem(EquilibriumProblem):
     # -- states -------------------------------------------------------------------------------------------------------
     def state(self, x: Array, p: float) -> Equilibrium:
         """The equilibrium of a point with all its fields; one pair of transforms unless it was asked for lately."""
-        known = next((state for other, state in self._recent if other is x), None)
+        known = next((state for other, state in self._recent if np.array_equal(other, x)), None)
         if known is not None:
             return known
         u = x.reshape(self.nodes.shape)
@@ -371,12 +371,10 @@ class LatticeProblem(EquilibriumProblem):
 
     def rates(self, x: Array, p: float, x_rate: Array, p_rate: float) -> Rates:
         """Of load, displacement and gap; a contact grows by nodes, and has no rate."""
-        u, state = x_rate.reshape(self.nodes.shape), self.state(x, p)
-        gap = 0.0
-        if not state.contact.any():
-            gap = float(x_rate[np.argmin(state.fields.gap)])
-            if not self.setup.crowded:
-                gap = interpolate(self.setup.lattice, u, 0.0, 0.0)
+        u, gaps, gap = x_rate.reshape(self.nodes.shape), self.nodes.heights.ravel() + x, 0.0
+        if not self.wall or gaps.min() > 0.0:
+            lattice, crowded = self.setup.lattice, self.setup.crowded
+            gap = float(x_rate[np.argmin(gaps)]) if crowded else interpolate(lattice, u, 0.0, 0.0)
         return Rates(p_rate, self.nodes.displacement(u, p_rate), 0.0, gap)
 
     @cached_property
@@ -399,8 +397,13 @@ class LatticeProblem(EquilibriumProblem):
         return self.modes.symmetric(self.state(x, p))
 
     def azimuthal(self, x: Array, p: float, unstable: int, limit: int = 32, near: Sequence[int] = ()) -> Count | None:
-        """Modes that break a symmetry of the tip, by the number of periods around the axis; None on whole lattices."""
-        return self.modes.count(self.state(x, p), unstable) if self.setup.quarter and limit else None
+        """Modes that break a symmetry of the tip, by the number of periods around the axis; None on whole lattices.
+
+        There are none where the displacement is enough to hold a state with the symmetry (see `stability`).
+        """
+        if not (self.setup.quarter and limit):
+            return None
+        return self.modes.count(self.state(x, p)) if unstable else Count()
 
     def mode_eigenvalue(self, x: Array, p: float, mode: int, index: int = 1) -> float:
         """Of the modes with so many periods around the axis."""

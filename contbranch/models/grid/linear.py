@@ -22,7 +22,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import scipy
 
 from .arrays import Array, Mask
 from .problem import GridProblem
@@ -143,7 +142,7 @@ class Linear:
     def _everywhere(self, y: Array, outside: Array | None = None) -> Array:
         """A pressure on the zone as one on all nodes."""
         whole = np.zeros(self.zone.shape) if outside is None else outside.copy()
-        whole.put(self.nodes, y)
+        whole[self.zone] = y
         return whole
 
     def solve(
@@ -241,7 +240,7 @@ class Linear:
     def _weights(self, parts: Array) -> Array:
         """Of the directions, from those of their images."""
         k = len(parts)
-        return np.asarray(scipy.linalg.solve_triangular(self.triangle[:k, :k], parts) if k else parts)
+        return np.asarray(np.linalg.solve(self.triangle[:k, :k], parts), np.float64)
 
     def _extend(self, vector: Array) -> bool:
         """One more direction, preconditioned; False if it adds nothing."""

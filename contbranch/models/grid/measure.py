@@ -53,7 +53,7 @@ class Measure:
     @staticmethod
     def of(gap: Array, load: float, length: float) -> Measure:
         """The measure at a gap and load for a law of a range."""
-        weights = (1.0 + np.minimum(gap / (2.0 * length), 1e6) ** 2) ** -2
+        weights = 1.0 / np.square(1.0 + np.square(np.minimum(gap / (2.0 * length), 1e6)))
         scale = length + 0.5 * max(gap.min(), 0.0)
         return Measure(weights / (weights.sum() * scale**2), 1.0 / (3.0 + 0.3 * abs(load)) ** 2)
 

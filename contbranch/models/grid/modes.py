@@ -63,27 +63,27 @@ class Modes:
         self.axisymmetric = tip.is_axisymmetric and not isinstance(tip, HeightMap) and setup.quarter
         self.sectors = ROUND if self.axisymmetric else ODD
         self._known: tuple[Equilibrium, int, list[Mode]] | None = None
+        self._counted: tuple[Equilibrium | None, Count] = None, Count()
 
     def symmetric(self, state: Equilibrium) -> int:
         """Number of unstable modes with the symmetry of the tip, at fixed displacement."""
         if self.convex:
             return 0
         spectrum = self.stability.spectrum(state, self.stability.sectors[0])
-        periods = self._periods(state, spectrum)[: spectrum.index]
-        return sum(m == 0 for m in periods)
+        return self._periods(state, spectrum, spectrum.index).count(0)
 
-    def _periods(self, state: Equilibrium, spectrum: Spectrum) -> list[int]:
-        """The number of periods of every variation of a sector.
+    def _periods(self, state: Equilibrium, spectrum: Spectrum, count: int | None = None) -> list[int]:
+        """The number of periods of the first variations of a sector, by default of all that are known.
 
         It is 0 where the variation has the symmetry of the tip, and −1 where its waves are too short for the lattice.
         """
-        sector = spectrum.sector
+        sector, vectors = spectrum.sector, spectrum.vectors[:count]
         if sector is None or (sector == EVEN and not self.axisymmetric):
-            return [0] * len(spectrum.vectors)
+            return [0] * len(vectors)
         weight, found, lattice = np.abs(state.fields.stiffness), [], self.setup.lattice
         radius = np.hypot(lattice.axis[:, None], lattice.axis)
         most = 2.0 * math.pi * float((weight * radius).sum() / weight.sum()) / (NODES * lattice.spacing)
-        for vector in spectrum.vectors:
+        for vector in vectors:
             content = angular_content(self.setup.lattice, vector, weight, sector)
             m = int(content.argmax()) if sector == EVEN else int(content[1:].argmax()) + 1
             own = m == 0 or (sector == EVEN and content[m] <= PERIODIC)
@@ -104,18 +104,18 @@ class Modes:
             ratio = tip.transform_derivative(t) / t
         return bool((np.diff(ratio) <= 1e-12 * np.abs(ratio[1:])).all())
 
-    def count(self, state: Equilibrium, unstable: int) -> Count:
-        """Unstable modes that break a symmetry, by their periods.
-
-        There can be none where the displacement is enough to hold a state with the symmetry (see `stability`).
-        """
-        if self.convex or unstable == 0 or self.blunt:
+    def count(self, state: Equilibrium) -> Count:
+        """Unstable modes that break a symmetry, by their periods."""
+        if self.convex or self.blunt:
             return Count()
+        if self._counted[0] is state:  # rows of an average share states
+            return self._counted[1]
         spectra = self.stability.spectra(state, self.sectors, ordered=self.setup.kind == "free")
         found = Counter(
-            m for one in spectra.values() if one.index for m in self._periods(state, one)[: one.index] if m > 0
+            m for one in spectra.values() if one.index for m in self._periods(state, one, one.index) if m > 0
         )
-        return Count(tuple(found[m] for m in range(1, max(found, default=0) + 1)))
+        self._counted = state, Count(tuple(found[m] for m in range(1, max(found, default=0) + 1)))
+        return self._counted[1]
 
     def of(self, state: Equilibrium, m: int, index: int) -> Mode:
         """The mode with m periods whose eigenvalue is the index-th from the lowest, 1 for the first.

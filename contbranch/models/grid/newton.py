@@ -313,4 +313,4 @@ def _forcing(residual: float, steady: bool, settings: Settings) -> float:
 
 def rms(values: Array) -> float:
     """Root mean square."""
-    return float(np.sqrt(np.mean(values * values)))
+    return float(np.linalg.norm(values)) / math.sqrt(values.size)

@@ -455,7 +455,7 @@ class Walker:
         """Pass corners of the lattice's own, which are a period apart, by a longer step along the mean direction."""
         if not self.places[-1].state.contact.any():
             return False
-        for factor in (1.0, 2.0, 0.5, 4.0):
+        for factor in (1.0, 0.5, 2.0, 4.0):
             size = factor * self.period
             accepted = self._attempt(size, 1, 0.5, 0.8)
             if accepted is not None:

@@ -110,7 +110,7 @@ def test_modes_are_counted_as_those_of_the_axisymmetric_model(found):
     assert [event.sector for event, _ in found.events] == [ODD, EVEN]
     for row, state in zip(found.rows, found.states, strict=True):
         assert found.problem.modes.symmetric(state) == row.n_0
-        assert found.problem.modes.count(state, row.n_0).modes == row.azimuthal
+        assert found.problem.azimuthal(state.u.ravel(), state.load, row.n_0).modes == row.azimuthal
 
 
 def test_the_eigenvalue_is_zero_at_the_event(found):
