@@ -166,7 +166,12 @@ class _Direction:
             options.weight, max(options.state_floor, end.problem.negligible(end.x, end.parameter))
         )
         self.step = taken.factor * self.metric.norm(begin.problem, dx, dp)
-        here, carry = adapted(end, self.metric, options)
+        try:
+            here, carry = adapted(end, self.metric, options)
+        except CorrectionError as error:
+            if not isinstance(error.__cause__, UnresolvedError):
+                raise
+            here = end  # a discretisation that shows less than the present one
         if here is end:
             self.recent = [*self.recent, here][-POINTS:]
         else:
