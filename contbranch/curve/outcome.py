@@ -47,7 +47,7 @@ __all__ = [
 ]
 
 # Tabor coefficients below which curves of repulsion and of attraction are followed to their end.
-STIFFEST = 256, 1000
+STIFFEST = 128, 1000
 Kind = TypeVar("Kind", bound=Record)
 
 
