@@ -100,7 +100,7 @@ def raw_curve(track: Track, request: Request) -> RawCurve:
         message=" ".join(filter(None, messages)),
         cost=track.work.cost(),
         unknowns=track.work.unknowns,
-        unstable_spring=unstable.get(track.controls[-1]) if len(track.controls) > 2 else None,
+        unstable_spring=unstable[track.controls[2]] if len(track.controls) > 2 else None,
         unstable_azimuthal=breaking.unstable if breaking.counts else None,
         critical=(lambda: critical_eigenvalues(track.points))
         if breaking.counts and has_modes(track) and not given
