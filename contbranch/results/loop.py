@@ -106,7 +106,7 @@ class Hysteresis(Result):
     control, stiffness : str, float or None
     area : float or None
         Work done by the drive over the closed loop, by quadrature along the stable legs, computed when asked for;
-        equals `dissipated`.
+        equals `dissipated`. Where a leg is not found again between its rows, the change of energy takes its place.
     contact : Contact or None
     """
 
