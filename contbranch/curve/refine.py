@@ -365,7 +365,7 @@ def by_defect(point: Point, event: Event | None) -> Found:
             step = 1e-4 * line.unit
             beside = event.value(line.at(step, point))
             missed = abs(value * step / (beside - value)) if beside != value else math.inf
-        except CorrectionError:
+        except (CorrectionError, ModelError):
             missed = line.unit
     away = min(along + missed, line.unit)
     error = [

@@ -21,9 +21,10 @@ STIFF = 16.0
 # Share of its largest value up to which v'' may be unresolved inside a film, as far as that bears this share of its
 # largest pressure.
 SMOOTH, CORE = 1e-4, 0.7
-# Logarithm of the factor of the load within which a film has to be squeezed out, and what is said where it is not.
-BEYOND = math.log(1e9)
-ENDURES = "The film stays: under so sharp a tip, the load at which it is squeezed out is more than 1e9 times larger."
+# Logarithm of the factor of the load within which a film has to be squeezed out, under a power law and under a cone,
+# whose loads say little more than their logarithm; and what is said where it is not.
+BEYOND, UNDER_CONES = math.log(1e9), math.log(1e6)
+ENDURES = "The film stays: under so sharp a tip, the load at which it is squeezed out is more than 1e6 times larger."
 
 
 def lasts(tip: Tip, displacement: float, left: float, rate: float) -> bool:
@@ -37,4 +38,4 @@ def lasts(tip: Tip, displacement: float, left: float, rate: float) -> bool:
     half, full = tip.height_derivative(pressed * np.array([0.5, 1.0]))
     exponent = max(1.0 + math.log2(full / half), 1.0) if half > 0.0 else tip.apex_exponent
     power = (exponent - 1.0) / (exponent + 1.0)
-    return bool(left > rate * (math.expm1(power * BEYOND) / power if power > 0.0 else BEYOND))
+    return bool(left > rate * (math.expm1(power * BEYOND) / power if power > 0.0 else UNDER_CONES))

@@ -37,6 +37,8 @@ SEEN, LIFTED = 4e-3, 0.3
 # Radius over which the interaction is felt in units of the length on which elasticity answers it, from which on steps
 # are limited by fronts that are flatter by this factor, like the edges of large films.
 LARGE, OF_FILMS = 1000.0, 0.2
+# A film is pressed where its gap is below this share of the displacement of the surface.
+PRESSED = 0.1
 # How much stiffer it has to be where only a film as large as its contact is: below that fixed meshes cost less.
 FAR_OUT = 4.0
 
@@ -252,6 +254,8 @@ def steepest(seen: tuple[Equations, Fields], present: Front | None, unit: Mesh, 
     """
     equations, fields = seen
     mesh = equations.mesh
+    if present is not None and not present.film and _pressed(equations, fields):
+        present, unit = None, mesh  # a film's is another
     slope = mesh.derivative(fields.gap) * (mesh.edges[-1] / unit.edges[-1])
     serving = None
     if present is not None:
@@ -277,6 +281,11 @@ def steepest(seen: tuple[Equations, Fields], present: Front | None, unit: Mesh, 
     growth = float(mesh.edges[-1] / unit.edges[-1]) ** power
     weights = unit.weights * _near(unit, at, width)
     return Front(at, own, width, float(weights @ (fields.h / growth) ** 2), power)
+
+
+def _pressed(equations: Equations, fields: Fields) -> bool:
+    """Whether a film is far thinner than what it lets the surface bend."""
+    return not equations.contact and 0.0 < -fields.y < PRESSED * fields.rim_value and bool(fields.pressure[0] > 0.0)
 
 
 def _near(mesh: Mesh, place: float, width: float) -> Array:

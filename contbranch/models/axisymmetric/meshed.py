@@ -363,7 +363,9 @@ class MeshedContact(EquilibriumProblem):
 
         if front is None is self.front:
             transfer = self.equations.mesh.sampler(problem.equations.mesh.nodes)
-        elif front is self.front or (self.moves and problem.moves):  # another place to follow, which moves alike
+        elif front is self.front or (
+            self.moves and self._as_moved(front)
+        ):  # another place to follow, which moves alike
             sampler = self.equations.mesh.sampler(problem.equations.mesh.nodes)
 
             def transfer(vector: Array) -> Array:
@@ -446,7 +448,7 @@ class MeshedContact(EquilibriumProblem):
 
     def anchored(self, front: Front | Edge | None, x: Array, p: float) -> tuple[Self, Array]:
         """The problem with another front, or with none, and the state."""
-        if isinstance(self.front, Edge if isinstance(front, Edge) else Front) and not isinstance(front, Kink | None):
+        if (isinstance(front, Edge) and isinstance(self.front, Edge)) or self._as_moved(front):
             return type(self)(self.equations, self.scale, self.resolution, self.sharpness, front), x
         still, h = self.still(x)
         edges, ends = still.equations.mesh.edges, isinstance(front, Edge)
@@ -513,6 +515,12 @@ class MeshedContact(EquilibriumProblem):
     def moves(self) -> bool:
         """With a front; what is made for a state on a tip's edge ends there, too, and has its law's kink on an edge."""
         return isinstance(self.front, Front) and not isinstance(self.front, Kink)
+
+    def _as_moved(self, front: Front | Edge | None) -> bool:
+        """Whether a state is the same with another front: the mesh moves alike."""
+        if not isinstance(front, Front) or isinstance(front, Kink) or not isinstance(self.front, Front):
+            return False
+        return front.power == self.front.power
 
     @property
     def size(self) -> int:

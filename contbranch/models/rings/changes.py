@@ -15,7 +15,7 @@ from contbranch.curve.events import Margin
 from contbranch.curve.problem import Succession, equilibrium, oriented
 from contbranch.errors import ModelError
 
-from .constraints import Breach, begun, least_margin
+from .constraints import ROUNDING, Breach, begun, least_margin
 from .equations import Fields, RingEquations, rings
 from .layout import Layout
 from .meshing import pieces
@@ -63,7 +63,8 @@ def born(point: Point) -> Succession:
     if breach.region == 0 and breach.radius == 0.0 and breach.new in problem.layout.regions[1:2]:
         fields = problem.fields(point.x, point.parameter)
         hole = fields.gap[fields.grid.of_node == 0] - problem.setting.law.levels[breach.new.index]
-        if float(np.abs(hole).max()) < SHALLOW * problem.scale:  # it closes before a disc in it can be told
+        told = max(SHALLOW * problem.scale, ROUNDING * float(np.abs(fields.lift).max()))
+        if float(np.abs(hole).max()) < told:  # it closes before a disc in it can be told
             return vanished(point, 0)
     start = begun(seeded(point, breach))
     kind, message = change(problem, breach, growing=True)

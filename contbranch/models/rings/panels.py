@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from typing import NamedTuple
@@ -30,6 +31,8 @@ NEAR = 1.0
 # Exponent of the substitution that clusters nodes at the logarithm, and Gauss nodes beyond twice the panel's: the lift
 # by a panel ten thousand times longer than another is right to 3e-12 there.
 CLUSTER, MORE = 4, 16
+# Radii of which pairs are taken at a time.
+TILE = 64
 
 
 @dataclass(frozen=True)
@@ -228,7 +231,7 @@ class Grid:
             parts = [slice(a, b) for a, b in itertools.pairwise(ends)]
             near = _elliptic(self.r[target][:, None], radius)
             pairs = Near(target, panel, radius, slope * weights[rule], near, parts)
-            self._pairs = _elliptic(self.r[:, None], self.r), pairs
+            self._pairs = _among(_elliptic, self.r), pairs
         return self._pairs
 
     def forget(self) -> None:
@@ -254,7 +257,7 @@ class Grid:
         r, s, weighted = self.r[:, None], self.r, (pressure * self.weights)[:, None]
         with np.errstate(invalid="ignore", divide="ignore"):  # next to the diagonal others take their place
             shares = elliptic / (r + s)
-            rates = _quotient(r, s, elliptic) + shares * (r / (r + s))
+            rates = _quotient(r, s, elliptic, _among(_second, self.r)) + shares * (r / (r + s))
         for kernel in (shares, rates):
             kernel.reshape(self.size, self.count, self.order)[near.target, near.panel] = 0.0
         motion, stretched = np.moveaxis(np.array([self.motion(k) for k in range(len(self.anchors))]), 0, -1)
@@ -360,6 +363,16 @@ class Grid:
         return self._map(np.full(x.shape, panel), x)[0]
 
 
+def _among(function: Callable[[Array, Array], Array], r: Array) -> Array:
+    """A symmetric function between all radii, (N, N), each pair once."""
+    values = np.empty((len(r), len(r)))
+    for k in range(0, len(r), TILE):
+        own, others = slice(k, k + TILE), slice(k, None)
+        values[own, others] = function(r[own, None], r[others])
+        values[others, own] = values[own, others].T
+    return values
+
+
 def _elliptic(r: Array, s: Array) -> Array:
     """K(m); 0 where it is infinite."""
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -372,10 +385,14 @@ def _kernel(r: Array, s: Array, elliptic: Array) -> Array:
         return np.asarray((4 / np.pi) * s / (r + s) * elliptic)
 
 
-def _quotient(r: Array, s: Array, elliptic: Array) -> Array:
+def _second(r: Array, s: Array) -> Array:
+    """E(m)."""
+    return np.asarray(scipy.special.ellipe(1 - ((r - s) / (r + s)) ** 2))
+
+
+def _quotient(r: Array, s: Array, elliptic: Array, second: Array) -> Array:
     """What K(m)/(r + s) adds to its derivative with respect to s besides that of s/(r + s)."""
-    m1 = ((r - s) / (r + s)) ** 2
-    return np.asarray((scipy.special.ellipe(1 - m1) - m1 * elliptic) / (2 * (r - s)))
+    return np.asarray((second - ((r - s) / (r + s)) ** 2 * elliptic) / (2 * (r - s)))
 
 
 def _moved(r: Array, sources: tuple[Array, Array], elliptic: Array, carried: Array) -> tuple[Array, Array, Array]:
@@ -387,7 +404,7 @@ def _moved(r: Array, sources: tuple[Array, Array], elliptic: Array, carried: Arr
     s, beyond = sources
     total = r + s
     with np.errstate(invalid="ignore", divide="ignore"):
-        quotient = _quotient(r, s, elliptic)
+        quotient = _quotient(r, s, elliptic, _second(r, s))
     quotient = np.where(np.isfinite(quotient), quotient, 0.0)
     share, carried = elliptic / total, (4 / np.pi) * carried
     source = (quotient + share * r / total) * carried
