@@ -115,8 +115,11 @@ def adapted(
     corrected = correct(offer.problem, (offer.x, point.parameter), row, metric, options)
     found = to_point(offer.problem, corrected, metric)
     before, after = point.tangent_parameter, found.tangent_parameter
-    clear = min(abs(before), abs(after)) > NEARLY_VERTICAL * metric.parameter_scale
-    if (problem.ordered or clear) and before * after < 0.0:  # the state's own rate may not have been resolved
+    if problem.ordered or min(abs(before), abs(after)) > NEARLY_VERTICAL * metric.parameter_scale:
+        turned = before * after < 0.0
+    else:  # the state's own rate may not have been resolved, and less so as the discretisation moves through it
+        turned = offer.moved is not None and _agreement(point, offer, found.tangent_x, after) < 0.0
+    if turned:
         found = found.turned()
     return annotated(found, label=point.label), carry
 
@@ -158,8 +161,9 @@ def _direction(point: Point, offer: Adaptation, metric: Metric) -> Direction:
 
 def _agreement(point: Point, offer: Adaptation, u: Array, a: float) -> float:
     """Return how well two tangents agree, by the changes of the observables along them (and of the parameter)."""
-    before = _changes(point.problem, point.x, point.parameter, point.tangent_x, point.tangent_parameter)
-    after = _changes(offer.problem, offer.x, point.parameter, u, a)
+    with evaluating(point.parameter, " in adapt"):
+        before = _changes(point.problem, point.x, point.parameter, point.tangent_x, point.tangent_parameter)
+        after = _changes(offer.problem, offer.x, point.parameter, u, a)
     return sum(before[name] * after[name] for name in before if name in after)
 
 
