@@ -20,6 +20,7 @@ import pytest
 import contbranch as cb
 from contbranch import watch
 from contbranch.cli import main
+from contbranch.models.axisymmetric.problem import ContactProblem
 
 ATTRACTION = cb.Contact.reduced(cb.Exponential, tabor=4.0)
 REPULSION = cb.Contact.reduced(cb.Gauss, tabor=1.0, sign=-1)
@@ -61,6 +62,26 @@ def test_what_was_traced_of_any_model_lies_on_the_curve(kind: str) -> None:
         assert np.abs(known - row).max(axis=1).min() <= 1e-9
     part.document()
     assert all(0.0 <= fraction <= 1.0 and text for fraction, text in counted.said)
+
+
+def test_rows_survive_what_is_checked_of_them_in_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Stopped while events are located, with an inertia at the last row that takes long enough to look at the watch."""
+    whole = cb.trace(REPULSION)
+    counts = ContactProblem.unstable
+
+    def looking(self: ContactProblem, *state: Any) -> int | None:
+        watch.check()
+        return counts(self, *state)
+
+    def stops(fraction: float, text: str) -> None:
+        if text.startswith("locating"):
+            raise cb.Stop
+
+    monkeypatch.setattr(ContactProblem, "unstable", looking)
+    part = cb.trace(REPULSION, progress=stops)
+    assert part.status == "incomplete"
+    assert len(part.branches[0]) == len(whole.branches[0])
+    assert [event.kind for event in part.events] == [event.kind for event in whole.events if event.kind != "symmetry"]
 
 
 @pytest.mark.parametrize("call", [1, 5, 30, 34, 37, 60])
