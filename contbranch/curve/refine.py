@@ -31,6 +31,8 @@ ROUNDS, LARGEST = 7, 2200
 # A finer one that leaves more than this share of the error has not helped; one that makes it so much larger has met
 # round-off.
 GAIN, WORSE = 0.3, 3.0
+# Twice in a row no better than this share of the best: nothing helps any more.
+LITTLE = 0.7
 # The parameter itself is the coordinate along the curve where it makes up this share of the tangent's length.
 UPRIGHT = 0.3
 ITERATIONS = 14
@@ -242,10 +244,13 @@ def refine(point: Point, event: Event | None, accuracy: float, beside: Point | N
     stated = equilibrium(point).stated(point, event)
     if stated is not None:
         return Found(numbers(point), stated, point)
-    aimed = point
+    aimed, best = point, None
     try:
         if equilibrium(point).moves:  # what resolves the event itself would not resolve the way to it
             aimed = point = _located(_Place(point, accuracy), event).point
+            best = _best(_Place(point, accuracy, settled=event is not None), event, accuracy)
+            if best is not None and best.relative_error() <= accuracy:
+                return best
         if beside is not None and event is not None and _close(point, beside):
             aimed = settled(moved(point, equilibrium(beside)))
         for _ in range(ROUNDS_OF_AIM):
@@ -256,12 +261,14 @@ def refine(point: Point, event: Event | None, accuracy: float, beside: Point | N
             aimed = at_parameter(carried) if event is None else settled(carried)
     except (CorrectionError, ModelError):
         aimed = point
-    best = _best(_Place(aimed, accuracy, settled=event is not None or aimed is not point), event, accuracy)
-    if aimed is not point and (best is None or best.relative_error() > accuracy):
-        # A discretisation made for the state may turn out worse than the one it came from.
-        other = _best(_Place(point, accuracy, settled=event is not None), event, accuracy)
-        if best is None or (other is not None and other.relative_error() < best.relative_error()):
-            best = other
+    # A discretisation made for the state may turn out worse than the one it came from.
+    tried = () if best is None else (point,)
+    for start in dict.fromkeys((aimed, point)):
+        if start in tried or (best is not None and best.relative_error() <= accuracy):
+            continue
+        found = _best(_Place(start, accuracy, settled=event is not None or start is not point), event, accuracy)
+        if best is None or (found is not None and found.relative_error() < best.relative_error()):
+            best = found
     return best if best is not None else by_defect(aimed, event)
 
 
@@ -275,7 +282,7 @@ def _close(point: Point, other: Point) -> bool:
 def _best(place: _Place, event: Event | None, accuracy: float) -> Found | None:
     """The event on a place's discretisation and ever finer ones, until the estimate satisfies; None if not found."""
     best: Found | None = None
-    last, rough = math.inf, False
+    last, rough, idle = math.inf, False, 0
     try:
         place = _located(place, event)
         for _ in range(ROUNDS):
@@ -290,9 +297,12 @@ def _best(place: _Place, event: Event | None, accuracy: float) -> Found | None:
                 there = fine.point.parameter, numbers(fine.point)
             found = _compared(replace(place, uncertainty=max(place.uncertainty, fine.uncertainty)), there, accuracy)
             error = found.relative_error()
+            idle = idle + 1 if best is not None and error > LITTLE * best.relative_error() else 0
             if best is None or error < best.relative_error():
                 best = found
             if error <= accuracy or finer.size > LARGEST or (rough and error > WORSE * last) or problem.given:
+                break
+            if idle == 2:  # what is left is rounding
                 break
             rough |= error > GAIN * last
             if rough:  # higher order does not help where the law, or the tip, has kinks, as tables have

@@ -61,7 +61,7 @@ def raw_curve(track: Track, request: Request) -> RawCurve:
     complete, messages = track.complete, [track.message, breaking.message]
     given, held = track.problem(0).given, unstable[track.controls[1]]
     complete &= (breaking.complete or given) and not over()
-    wrong = kept(lambda: _contradicted(track), []) if complete else []
+    wrong = kept(lambda: _contradicted(track), list[int]()) if complete else []
     if wrong:
         complete = False
         messages.append(_disagreement(track, wrong))

@@ -46,6 +46,8 @@ UNRESOLVED = 20.0
 JUMP = 1e-4
 # A change of mesh may move the solution by this multiple of its error estimate.
 LEAP = 30.0
+# ... or where load and displacement are off by more than this multiple of their own estimates, too.
+SAFETY = 3.0
 # ... and ln of the stretch by this much.
 STRETCHED = 0.1
 # A matrix factorised next to a state serves for its error if its answer is wrong by no more than this share.
@@ -383,7 +385,8 @@ class MeshedContact(EquilibriumProblem):
         allowed = resolution.tolerance * max(1.0, abs(equations.load(fields)))
         reach = self._reach(equations, fields, 0.1 * allowed)
         error = self.relative_error(x, p)
-        if not self.rough(x, p) and error <= resolution.tolerance and reach <= equations.mesh.edges[-1]:
+        served = not self.rough(x, p) and error <= resolution.tolerance and reach <= equations.mesh.edges[-1]
+        if served:
             if error > FINE * resolution.tolerance or mesh.panels <= 6:
                 return self, x
             sharpness = self._sharpened(x, p, resolution.tolerance)
@@ -400,13 +403,23 @@ class MeshedContact(EquilibriumProblem):
             moves = trial.growth(found) * change[: trial.size], trial.moving(change, found)
             moved = min(float(np.abs(by[told]).max(initial=0.0)) for by in moves)
             astray = bool((np.abs(change[trial.size :]) > STRETCHED).any()) or trial.lost(found, p)
-            if astray or not moved <= LEAP * expected + 1e-6 * self.scale:
+            near = moved <= LEAP * expected + 1e-6 * self.scale
+            if astray or not (near or (not served and trial._foretold(found, problem, start, p))):
                 break  # Newton's method has left for another solution
             problem, start, last, error = trial, found, error, trial.relative_error(found, p)
             spent = problem.sharpness == SHARPEST and error > HELPS * last  # what is left is rounding
             if (error <= resolution.tolerance or spent) and not problem.rough(start, p):
                 break
-        return problem, start
+        return (self, x) if served and error > resolution.tolerance else (problem, start)
+
+    def _foretold(self, x: Array, coarse: Self, before: Array, p: float) -> bool:
+        """Whether load and displacement differ from those on a coarser mesh by no more than its errors: a steep front
+        that moves a little changes the state by much."""
+        defect, old, new = coarse.error(before, p), coarse.values(before, p), self.values(x, p)
+        return all(
+            abs(b - a) <= SAFETY * abs(error) + self.resolution.tolerance * max(1.0, abs(a))
+            for a, b, error in zip(old[:2], new[:2], defect[:2], strict=True)
+        )
 
     def within(self, x: Array, p: float) -> float:
         """Radius within which v'' has to be smooth: where a stiff contact may give way, a film as far as it bears much.
