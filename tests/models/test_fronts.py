@@ -122,6 +122,25 @@ def test_films_under_cones_with_rounded_apexes_stay(law):
     assert ends.branches[0].contact_radius[-1] > 0.0
 
 
+def test_a_new_front_does_not_turn_the_curve_round():
+    """Under r⁶ a film gives way on a ring, which becomes the front: behind squeeze-out there is but one way."""
+    said = []
+
+    def enough(fraction, text):
+        said.append(text)
+        if text.startswith("load") and len(said) > 80:
+            raise cb.Stop
+
+    contact = cb.Contact(cb.PowerLaw(6.0, 1.0), cb.VanDerWaals(-1.0, 1 / 16))
+    diagram = cb.trace(contact, accuracy=1e-3, modes=0, progress=enough)
+    assert [fold.name for fold in diagram.folds("load")] == ["squeeze-out"]
+    rows = diagram.branches[0]
+    top = int(np.argmax(rows.load))
+    assert len(rows) - top > 20
+    assert (np.diff(rows.load[top:]) < 0.0).all()
+    assert (np.diff(rows.displacement[top + 1 :]) < 0.0).all()
+
+
 def test_far_from_the_film_nothing_is_said_of_it():
     """Long before the tip is pressed upon the film the pressure below it is a power of the load."""
     diagram = cb.trace(cb.Contact(cb.Cone(1.0), cb.InverseSquare(-1.0, 30.0)), accuracy=1e-4, max_load=5.0)
