@@ -31,8 +31,9 @@ __all__ = ["raw_curve"]
 CONE = "Exactly at first touch admissible variations form a cone, not a space: the indices are those of both sides."
 # Neighbouring folds closer than this multiple of their error estimates are located more sharply, down to this accuracy.
 DISTINCT, SHARPEST = 3.0, 1e-12
-# Rows of one discretisation, whose error they share, differ clearly by this share of what is controlled.
-CLEAR = 1e-6
+# Rows of one discretisation, whose error they share, differ clearly by this share of what is controlled; others, by the
+# second.
+CLEAR, APART = 1e-6, 1e-3
 # The rows' error estimates are those of one Newton step on a finer discretisation, with a floor.
 ROW_SAFETY, ROW_FLOOR = 3.0, 2e-8
 # What a fold may be off where a contact begins on a lattice, in units of what changes from the row before.
@@ -140,13 +141,13 @@ def _contradicted(track: Track) -> list[int]:
 
 
 def _turned(track: Track) -> list[str]:
-    """What is controlled and goes another way than the folds say, between rows of one discretisation."""
+    """What is controlled and goes another way than the folds say."""
     found, load, displacement = [], track.column("load"), track.column("displacement")
     same = np.array([first.problem is second.problem for first, second in pairwise(track.points)], dtype=bool)
     for control in track.controls:
         held = np.array([control.value(*point) for point in zip(load, displacement, strict=True)])
-        steps, clear = np.diff(held), CLEAR * np.maximum(1.0, np.abs(held[1:]))
-        wrong = np.flatnonzero(same & (steps * track.hodograph.pieces(control)[1] < -clear))
+        steps, clear = np.diff(held), np.where(same, CLEAR, APART) * np.maximum(1.0, np.abs(held[1:]))
+        wrong = np.flatnonzero(steps * track.hodograph.pieces(control)[1] < -clear)
         if len(wrong):
             own = track.points[wrong[0]].observables
             place = f"load {own['load']:.6g}, displacement {own['displacement']:.6g} (reduced)"
