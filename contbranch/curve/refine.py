@@ -300,9 +300,8 @@ def _best(place: _Place, event: Event | None, accuracy: float) -> Found | None:
             idle = idle + 1 if best is not None and error > LITTLE * best.relative_error() else 0
             if best is None or error < best.relative_error():
                 best = found
-            if error <= accuracy or finer.size > LARGEST or (rough and error > WORSE * last) or problem.given:
-                break
-            if idle == 2:  # what is left is rounding
+            spent = idle == 2 or (rough and error > WORSE * last)  # what is left is rounding
+            if error <= accuracy or finer.size > LARGEST or spent or problem.given:
                 break
             rough |= error > GAIN * last
             if rough:  # higher order does not help where the law, or the tip, has kinks, as tables have

@@ -365,9 +365,7 @@ class MeshedContact(EquilibriumProblem):
 
         if front is None is self.front:
             transfer = self.equations.mesh.sampler(problem.equations.mesh.nodes)
-        elif front is self.front or (
-            self.moves and self._as_moved(front)
-        ):  # another place to follow, which moves alike
+        elif front is self.front or (self.moves and self._as_moved(front)):
             sampler = self.equations.mesh.sampler(problem.equations.mesh.nodes)
 
             def transfer(vector: Array) -> Array:
