@@ -181,7 +181,8 @@ def correct(
         if done:
             if problem.delicate:
                 dx, dp = solve(bordered, -residual(problem, x, p), 0.0, p)
-                x, p = x + dx, p + dp
+                if metric.norm(problem, dx, dp) <= max(size, noise):  # otherwise it leads away
+                    x, p = x + dx, p + dp
             u, a = solve(bordered, np.zeros_like(x), 1.0, p)
             if kept or problem.delicate:
                 u, a = _refined(problem, row, bordered, (x, p, u, a), (metric, close))
@@ -204,7 +205,9 @@ def _refined(
     Until a change is below a share of it: the next is as much smaller again.
     """
     x, p, u, a = at
-    product, slope, (metric, share) = problem.product(x, p), problem.parameter_derivative(x, p), fine
+    metric, share = fine
+    with evaluating(p):
+        product, slope = problem.product(x, p), problem.parameter_derivative(x, p)
     for _ in range(POLISHINGS if product else 0):
         assert product is not None
         du, da = solve(bordered, -product(u) - a * slope, 1.0 - float(row[0] @ u) - row[1] * a, p)
