@@ -46,10 +46,10 @@ UNRESOLVED = 20.0
 JUMP = 1e-4
 # A change of mesh may move the solution by this multiple of its error estimate.
 LEAP = 30.0
-# ... or where load and displacement are off by more than this multiple of their own estimates, too.
-SAFETY = 3.0
 # ... and ln of the stretch by this much.
 STRETCHED = 0.1
+# A mesh that serves no more is also left for one on which load and displacement differ by this multiple of their errors.
+SAFETY = 3.0
 # A matrix factorised next to a state serves for its error if its answer is wrong by no more than this share.
 SIMILAR = 1e-2
 # Gaps, in ranges, that no solution has.
