@@ -48,7 +48,7 @@ JUMP = 1e-4
 LEAP = 30.0
 # ... and ln of the stretch by this much.
 STRETCHED = 0.1
-# A mesh that serves no more is also left for one on which load and displacement differ by this multiple of their errors.
+# What serves no more is also left for a mesh whose load and displacement differ by this multiple of their errors.
 SAFETY = 3.0
 # A matrix factorised next to a state serves for its error if its answer is wrong by no more than this share.
 SIMILAR = 1e-2
