@@ -290,13 +290,7 @@ class Equations:
         The kernels are homogeneous: `abel` grows with the mesh, and `plane` depends on the rim's radius in its units.
         """
         if "spread" not in fields.derived:
-            rho, a = self.mesh.nodes, fields.rim.radius
-            gap = rho * self.tip.height_derivative(rho)
-            if a > 0:  # rho dg/drho = (2/π) (rho/r)² ∫_a^r ζ' t/√(r² − t²) dt, from its part in dg/da
-                steep = (2 / np.pi) * float(self.tip.transform_derivative(np.float64(a)))
-                around = rho * rho * ((fields.derived["shape_slope"] + steep * np.arctan2(rho, a)) / a)
-                gap = np.where(rho > a / APART, gap, around)
-            gap[~np.isfinite(gap)] = 0.0  # beyond the end of a tip nothing moves
+            a, gap = fields.rim.radius, self._rising(fields)
             if a > 0:
                 gap -= 2 * a * a * fields.rim.plane_slope(fields.h - fields.rim_value)
             gap += power * fields.rim.bent(fields.h - fields.rim_value)
@@ -305,6 +299,27 @@ class Equations:
             fields.derived["spread"] = gap, power * fields.h + self.mesh.abel_of(answer - fields.pressure)
         gap_rate, residual_rate = fields.derived["spread"]
         return gap_rate, residual_rate
+
+    def _rising(self, fields: Fields) -> Array:
+        """rho times the slope of the undeformed tip's gap, (N,)."""
+        rho, a = self.mesh.nodes, fields.rim.radius
+        gap = rho * self.tip.height_derivative(rho)
+        if a > 0:  # rho dg/drho = (2/π) (rho/r)² ∫_a^r ζ' t/√(r² − t²) dt, from its part in dg/da
+            steep = (2 / np.pi) * float(self.tip.transform_derivative(np.float64(a)))
+            around = rho * rho * ((fields.derived["shape_slope"] + steep * np.arctan2(rho, a)) / a)
+            gap = np.where(rho > a / APART, gap, around)
+        gap[~np.isfinite(gap)] = 0.0  # beyond the end of a tip nothing moves
+        return gap
+
+    def drift(self, fields: Fields, edges: Array, nodes: Array) -> tuple[Array, Array]:
+        """Rates of gap and residual where edges and nodes of the mesh move at rates linear on every panel, with their
+        h, (N,) each."""
+        mesh = self.mesh
+        gap = fields.rim.drift(fields.h - fields.rim_value, edges, nodes)
+        gap += nodes / mesh.nodes * self._rising(fields)
+        answer = np.zeros_like(gap)
+        np.multiply(fields.stiffness, gap, out=answer, where=fields.stiffness != 0.0)
+        return gap, mesh.abel_of(answer) - mesh.abel_drift(fields.pressure, edges, nodes)
 
     # -- observables --------------------------------------------------------------------------------------------------
     def displacement(self, fields: Fields) -> float:
@@ -434,6 +449,18 @@ class Equations:
             - beyond.shift_per_gap * gap
             - stretching * shift,
         )
+
+    def drift_rates(self, fields: Fields, edges: Array, nodes: Array) -> tuple[float, float]:
+        """Rates of load and displacement where the mesh moves as in `drift`, with its h."""
+        mesh, a = self.mesh, fields.rim.radius
+        longer = np.repeat(np.diff(edges) / (2 * mesh.half), mesh.order)
+        turned = a * a / np.hypot(a, mesh.nodes) ** 3
+        load = 2 * float((mesh.weights * (longer * fields.rim.factor + nodes * turned)) @ fields.h)
+        beyond = self.beyond(fields)
+        if beyond is NOTHING:
+            return load, 0.0
+        gap = float(self.drift(fields, edges, nodes)[0][-1])
+        return load - beyond.load_per_gap * gap, -beyond.shift_per_gap * gap
 
     def _at_end(self, fields: Fields) -> tuple[float, float, float]:
         """Rates with ln of the stretch: of the last gap, by where it is; of load and shift that the mesh takes over."""

@@ -20,9 +20,10 @@ from contbranch.models.fronts import BEGINS, ENDS, FLATTER, STIFF
 
 from .adapt import needed_reach
 from .equations import Equations, Fields
+from .marks import SHARE, Mark
 from .mesh import Mesh
 
-__all__ = ["Edge", "Front", "Kink", "steepest"]
+__all__ = ["Edge", "Front", "Kink", "lifted", "steepest"]
 
 # A front is moved where the gap rises by less than this share of what it did, too.
 RESTS = 0.25
@@ -67,6 +68,13 @@ class Front:
     width: float
     weight: float
     power: float
+    marks: tuple[Mark, ...] = ()
+
+    @property
+    def resting(self) -> tuple[float, float]:
+        """What marks do not move."""
+        room = SHARE * min([self.place, *(abs(mark.place - self.place) for mark in self.marks)])
+        return self.place - room, self.place + room
 
     @property
     def film(self) -> bool:
@@ -78,7 +86,8 @@ class Front:
 
         Otherwise nothing would tell how it looks, on which Newton's method depends.
         """
-        return np.append(mesh.weights * _near(mesh, self.place, self.width), self.weight)
+        own = [self.weight, *(mark.weight for mark in self.marks)]
+        return np.append(mesh.weights * _near(mesh, self.place, self.width), own)
 
     def slopes(self, mesh: Mesh) -> Array:
         """Weights of dh/dξ in the inner product of states, (N,): so are all lengths around the centre, or the rim.
@@ -99,11 +108,14 @@ class Front:
     def derivatives(self, unit: Mesh, equations: Equations, fields: Fields) -> tuple[Array, float, float]:
         """Those of `off` with respect to h, (N,), to σ and to y."""
         nodes, row = self._row(unit)
-        plane = row @ fields.rim.plane[nodes]
-        plane -= plane.sum() * equations.rim_row
         rates = equations.spread(fields, self.power), equations.slopes(fields)
         spread, slope = (row @ rate[0][nodes] for rate in rates)
-        return plane, float(spread), float(slope)
+        return lifted(equations, fields, nodes, row), float(spread), float(slope)
+
+    def passing(self, unit: Mesh, gap: Array) -> float:
+        """That of `off` where the gap at the nodes changes by so much."""
+        nodes, row = self._row(unit)
+        return float(row @ gap[nodes])
 
     def _row(self, mesh: Mesh) -> tuple[slice, Array]:
         """The nodes of the panel on which the front lies, and their weights in a value at its place."""
@@ -185,11 +197,13 @@ class Edge:
 
     place: float
     film: bool = False
+    marks: tuple[Mark, ...] = ()
     power: ClassVar[float] = 0.0
+    resting: ClassVar[None] = None
 
     def weights(self, mesh: Mesh) -> Array:
         """Weights of the inner product of states, (N + 1,): σ follows from the rim."""
-        return np.append(mesh.weights, 0.0)
+        return np.append(mesh.weights, [0.0, *(mark.weight for mark in self.marks)])
 
     def slopes(self, mesh: Mesh) -> Array:
         """Weights of dh/dξ in the inner product of states, (N,): all lengths next to the edge count alike.
@@ -207,6 +221,10 @@ class Edge:
         """Those of `off` with respect to h, (N,), to σ and to y."""
         growth = equations.coordinate.slopes(fields.y)[1] if equations.contact else 0.0
         return np.zeros(unit.size), 1.0, 0.5 * growth / _to_edge(equations, fields) ** 2
+
+    def passing(self, unit: Mesh, gap: Array) -> float:
+        """Nothing: the edge is the tip's own."""
+        return 0.0
 
     def anchored(self, equations: Equations, fields: Fields) -> float:
         """ln s for which the mesh ends at the edge."""
@@ -281,6 +299,12 @@ def steepest(seen: tuple[Equations, Fields], present: Front | None, unit: Mesh, 
     growth = float(mesh.edges[-1] / unit.edges[-1]) ** power
     weights = unit.weights * _near(unit, at, width)
     return Front(at, own, width, float(weights @ (fields.h / growth) ** 2), power)
+
+
+def lifted(equations: Equations, fields: Fields, nodes: slice, row: Array) -> Array:
+    """Derivatives with respect to h of a row times gaps, (N,)."""
+    plane = row @ fields.rim.plane[nodes]
+    return np.asarray(plane - plane.sum() * equations.rim_row)
 
 
 def _pressed(equations: Equations, fields: Fields) -> bool:

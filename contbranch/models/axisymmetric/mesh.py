@@ -106,6 +106,29 @@ class Mesh:
         """``abel * weights``, (N, N)."""
         return np.asarray(self._abel * (self.stretch * weights))
 
+    def abel_drift(self, pressure: Array, edges: Array, nodes: Array) -> Array:
+        """Rate of ``abel @ pressure`` where edges and nodes move at rates linear on every panel, (N,).
+
+        The transform is homogeneous: tau d/dtau of it is that of p + sigma dp/dsigma. Where the panels' polynomials do
+        not meet, an edge passes from one to the other.
+        """
+        slope, relative = self.derivative(pressure), nodes / self.nodes
+        rate = relative * self.abel_of(pressure + self.nodes * slope) - self.abel_of(nodes * slope)
+        return np.asarray(rate + 2 * (self.jumps(pressure) * self.edges[1:]) @ self.passing(edges, relative, True))
+
+    def jumps(self, values: Array) -> Array:
+        """By how much the panels' polynomials are larger than those of the next panel at their outer ends, (P,)."""
+        ends = values.reshape(self.panels, self.order) @ self.rule.lagrange(np.array([-1.0, 1.0])).T
+        return np.asarray(ends[:, 1] - np.append(ends[1:, 0], 0.0))
+
+    def passing(self, edges: Array, relative: Array, outwards: bool) -> Array:
+        """Rates with which panels' outer ends pass nodes that move at relative rates, in the kernel 1/√|σ² − tau²|,
+        (P, N); of those ends that are farther out, or of the others."""
+        ends, nodes = self.edges[1:, None], self.nodes
+        felt = (ends > nodes) == outwards
+        distance = np.where(felt, np.sqrt(np.abs(ends - nodes) * (ends + nodes)), np.inf)
+        return np.asarray((edges[1:, None] - ends * relative) / distance)
+
     @cached_property
     def to_finer(self) -> Array:
         """Nodal values here -> values of the panels' polynomials at the nodes of `finer`; 0 beyond the last edge."""

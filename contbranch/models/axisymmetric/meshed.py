@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Self
 
 import numpy as np
@@ -25,12 +25,14 @@ from contbranch.curve.problem import (
     Values,
     Work,
 )
+from contbranch.errors import ModelError
 from contbranch.models.fronts import CORE, STIFF
 from contbranch.watch import check
 
 from .adapt import Solver, adapted_edges, defect_error, needed_reach, panel_errors, roughness
 from .equations import RECENT, Equations, Fields
-from .front import Edge, Front, Kink, steepest
+from .front import Edge, Front, Kink, lifted, steepest
+from .marks import SHORTER, creased, located, moved_with, shortened, velocities
 from .mesh import Mesh, mesh_on
 
 __all__ = ["MeshedContact", "Resolution", "order_for"]
@@ -145,6 +147,9 @@ class MeshedContact(EquilibriumProblem):
         layered = law is not None and math.isfinite(law.wave)
         self.ordered = not (layered or self.flat or isinstance(front, Edge))
         self._weights = mesh.weights if front is None else front.weights(mesh)
+        self.marks = () if front is None else front.marks
+        self._carried = velocities(self.marks, front.resting, mesh) if front and self.marks else None
+        self._placed: list[tuple[Array, Equations]] = []
         self.film = front if front and front.film and equations.softens else None
         self.delicate = self.film is not None
         self._slopes = self.film.slopes(mesh) if self.film else None
@@ -171,54 +176,97 @@ class MeshedContact(EquilibriumProblem):
         for state, place, equations, fields in self._seen:
             if state is x and place == y:
                 return equations, fields
-        known = next((one[2] for one in self._seen if one[0][-1] == x[-1]), None)
-        equations = known or self.equations.stretched(math.exp(min(max(float(x[-1]), -FARTHEST), FARTHEST)))
-        fields = equations.fields(self.growth(x) * x[:-1], y)
+        n = self.size
+        known = next((one[2] for one in self._seen if np.array_equal(one[0][n:], x[n:])), None)
+        equations = known or self.placed(x).stretched(math.exp(min(max(float(x[n]), -FARTHEST), FARTHEST)))
+        fields = equations.fields(self.growth(x) * x[:n], y)
         self._seen = [(x, y, equations, fields), *self._seen[: RECENT - 1]]
         return equations, fields
 
+    def placed(self, x: Array) -> Equations:
+        """The equations on the mesh with its marks where a state has them, before it is stretched."""
+        by = x[self.size + 1 :]
+        if self._carried is None or not by.any():
+            return self.equations
+        known = next((one[1] for one in self._placed if np.array_equal(one[0], by)), None)
+        if known is None:
+            known = self.equations.on(moved_with(self.equations.mesh, self._carried[0], by))
+            self._placed = [(by, known), *self._placed[: RECENT - 1]]
+        return known
+
     def growth(self, x: Array) -> float:
         """e^(nσ): what a state grows by where it keeps its shape as the front moves."""
-        return 1.0 if self.front is None else math.exp(self.front.power * min(max(float(x[-1]), -FARTHEST), FARTHEST))
+        if self.front is None:
+            return 1.0
+        return math.exp(self.front.power * min(max(float(x[self.size]), -FARTHEST), FARTHEST))
 
     def fields(self, x: Array, u: float) -> Fields:
         """Everything that follows from a state."""
         return self.seen(x, u)[1]
 
     def residual(self, x: Array, p: float) -> Array:
-        """Residual R, (N,), and how far the front is from its place; both e^(−nσ) times."""
+        """Residual R, (N,), and how far the front and the marks are from their places, (1 + m,); e^(−nσ) times."""
         equations, fields = self.seen(x, p)
         if self.front is None:
             return fields.residual
-        off = self.front.off(self.equations.mesh, equations, fields, float(x[-1]))
+        off = [self.front.off(self.equations.mesh, equations, fields, float(x[self.size]))]
+        off += [float(row @ fields.gap[nodes]) for nodes, row in self._rows]
         return np.append(fields.residual, off) / self.growth(x)
+
+    @cached_property
+    def _rows(self) -> list[tuple[slice, Array]]:
+        """What says how far marks are off."""
+        return [mark.row(self.equations.mesh) for mark in self.marks]
 
     def jacobian(self, x: Array, p: float) -> Array:
         """dR/dx, (N, N); with a front bordered by the derivatives with respect to σ and those of its equation."""
         equations, fields = self.seen(x, p)
         if self.front is None:
             return equations.jacobian(fields)
-        n = self.size
-        matrix = np.empty((n + 1, n + 1))
+        n, (rows, columns, corner) = self.size, self._border(x, p)
+        matrix = np.empty((x.size, x.size))
         matrix[:n, :n] = equations.jacobian(fields)
-        matrix[n, :n], matrix[:n, n], matrix[n, n] = self._border(x, p)
+        matrix[n:, :n], matrix[:n, n:], matrix[n:, n:] = rows, columns, corner
         return matrix
 
-    def _border(self, x: Array, p: float) -> tuple[Array, Array, float]:
-        """What borders dR/dh: the derivatives of the front's equation, those with respect to σ, and the corner."""
+    def _border(self, x: Array, p: float) -> tuple[Array, Array, Array]:
+        """What borders dR/dh: the derivatives of the equations of front and marks, (1 + m, N), those with respect to
+        σ and to the motions of the marks, (N, 1 + m), and the corner.
+
+        At a solution R vanishes between the nodes, too: where they move to, it is what h no longer is there.
+        """
         equations, fields = self.seen(x, p)
         assert self.front is not None
-        row, spread, _ = self.front.derivatives(self.equations.mesh, equations, fields)
-        column = np.append(equations.spread(fields, self.front.power)[1], spread) / self.growth(x)
-        column -= self.front.power * self.residual(x, p)
-        return row, column[:-1], float(column[-1])
+        unit, n = self.equations.mesh, self.size
+        along, spread, _ = self.front.derivatives(unit, equations, fields)
+        lift, stretched = equations.spread(fields, self.front.power)
+        rows, columns, corner = np.empty((x.size - n, n)), np.empty((n, x.size - n)), np.empty((x.size - n,) * 2)
+        rows[0], columns[:, 0], corner[0, 0] = along, stretched, spread
+        for k, (nodes, row) in enumerate(self._rows, 1):
+            rows[k], corner[k, 0] = lifted(equations, fields, nodes, row), row @ lift[nodes]
+        for k in range(1, x.size - n):
+            gap, columns[:, k] = equations.drift(fields, *self._motion(equations, k - 1))
+            corner[0, k] = self.front.passing(unit, gap)
+            corner[1:, k] = [row @ gap[nodes] for nodes, row in self._rows]
+        columns, corner = columns / self.growth(x), corner / self.growth(x)
+        off = self.front.power * self.residual(x, p)
+        columns[:, 0] -= off[:n]
+        corner[:, 0] -= off[n:]
+        return rows, columns, corner
+
+    def _motion(self, equations: Equations, mark: int) -> tuple[Array, Array]:
+        """Rates of the edges and nodes of a mesh with the motion of a mark, (P + 1,) and (N,)."""
+        assert self._carried is not None
+        stretch = equations.mesh.edges[-1] / self.equations.mesh.edges[-1]
+        return stretch * self._carried[0][mark], stretch * self._carried[1][mark]
 
     def parameter_derivative(self, x: Array, p: float) -> Array:
         """dR/du, (N,), and that of the front's equation."""
         equations, fields = self.seen(x, p)
         residual = equations.slopes(fields)[1]
         if self.front is not None:
-            off = self.front.derivatives(self.equations.mesh, equations, fields)[2]
+            off = [self.front.derivatives(self.equations.mesh, equations, fields)[2]]
+            off += [float(row @ equations.slopes(fields)[0][nodes]) for nodes, row in self._rows]
             residual = np.append(residual, off) / self.growth(x)
         return residual * (self.scale * math.cosh(p))
 
@@ -235,35 +283,43 @@ class MeshedContact(EquilibriumProblem):
         equations, fields = self.seen(x, p)
         if self.front is None:
             return partial(equations.multiplied, fields)
-        n, (row, column, corner) = self.size, self._border(x, p)
-        return lambda v: np.append(equations.multiplied(fields, v[:n]) + column * v[n], row @ v[:n] + corner * v[n])
+        n, (rows, columns, corner) = self.size, self._border(x, p)
+        return lambda v: np.append(
+            equations.multiplied(fields, v[:n]) + columns @ v[n:], rows @ v[:n] + corner @ v[n:]
+        )
 
     def moving(self, x_rate: Array, x: Array) -> Array:
         """The rate of h where it is, (N,), of a direction of states: the mesh moves through it."""
         if self.front is None:
             return x_rate
-        mesh, h = self.equations.mesh, x[:-1]
-        spread = self.front.power * h - mesh.nodes * mesh.derivative(h)
-        return self.growth(x) * np.asarray(x_rate[:-1] + spread * x_rate[-1])
+        n = self.size
+        return self.growth(x) * np.asarray(x_rate[:n] - self._passing(x) @ x_rate[n:])
+
+    def _passing(self, x: Array) -> Array:
+        """Rates of h, as a state has it, with σ and the motions of the marks where nothing changes but the mesh."""
+        assert self.front is not None
+        h, mesh = x[: self.size], self.placed(x).mesh
+        slope = mesh.derivative(h)
+        marks = () if self._carried is None else self._carried[1]
+        return np.column_stack([mesh.nodes * slope - self.front.power * h, *(rate * slope for rate in marks)])
 
     def following(self, x_rate: Array, x: Array, p: float, p_rate: float) -> Array:
         """The same direction as one that goes with a mesh at rest, with the mesh moving as its front does."""
         if self.front is None:
             return x_rate
-        (equations, fields), mesh, h = self.seen(x, p), self.equations.mesh, x[:-1]
-        taken = mesh.nodes * mesh.derivative(h) - self.front.power * h
-        along, stretched, ahead = self.front.derivatives(mesh, equations, fields)
-        along *= self.growth(x)
-        off = along @ x_rate[:-1] + ahead * self.scale * math.cosh(p) * p_rate
-        rate = -float(off / (along @ taken + stretched))
-        return np.append(x_rate[:-1] + rate * taken, rate)
+        n, taken = self.size, self._passing(x)
+        rows, _, corner = self._border(x, p)
+        off = rows @ x_rate[:n] + self.parameter_derivative(x, p)[n:] * p_rate
+        rates = -np.linalg.lstsq(rows @ taken + corner, off)[0]
+        return np.append(x_rate[:n] + taken @ rates, rates)
 
     def still(self, x: Array) -> tuple[Self, Array]:
         """The problem on the mesh of a state, which stays as it is, and the state."""
         if self.front is None:
             return self, x
-        equations = self.equations.on(self.equations.mesh.stretched(math.exp(float(x[-1]))))
-        return type(self)(equations, self.scale, self.resolution, self.sharpness), self.growth(x) * x[:-1]
+        placed, n = self.placed(x), self.size
+        equations = placed.on(placed.mesh.stretched(math.exp(float(x[n]))))
+        return type(self)(equations, self.scale, self.resolution, self.sharpness), self.growth(x) * x[:n]
 
     def inner(self, u: Array, v: Array) -> float:
         """∫ u v dtau, which does not know the mesh, and the front's share; in a pressed film also of slopes."""
@@ -274,7 +330,7 @@ class MeshedContact(EquilibriumProblem):
         found = self._weights * u
         if self._slopes is not None:
             mesh = self.equations.mesh
-            found[:-1] += mesh.derivative_dual(self._slopes * mesh.derivative(u[:-1]))
+            found[: self.size] += mesh.derivative_dual(self._slopes * mesh.derivative(u[: self.size]))
         return found
 
     def direction(self, x: Array, p: float) -> tuple[Array, float]:
@@ -335,13 +391,14 @@ class MeshedContact(EquilibriumProblem):
         found, solve = self._corrected or (None, None)
         if found is not x or solve is None or self.front is None:
             return solve if found is x else None
-        solved, pushed = solve, solve(np.append(np.zeros(x.size - 1), 1.0))
-        if not abs(pushed[-1]) > TINY_PIVOT * float(np.abs(pushed).max()):
+        n, solved = self.size, solve
+        pushed = np.column_stack([solve(one) for one in np.eye(x.size)[n:]])
+        if not float(np.linalg.svd(pushed[n:], compute_uv=False)[-1]) > TINY_PIVOT * float(np.abs(pushed).max()):
             return None
 
         def held(f: Array) -> Array:  # with the mesh where it is
-            answer = solved(np.append(f, 0.0))
-            return np.asarray((answer - answer[-1] / pushed[-1] * pushed)[:-1])
+            answer = solved(np.append(f, np.zeros(x.size - n)))
+            return np.asarray(answer[:n] - pushed[:n] @ np.linalg.solve(pushed[n:], answer[n:]))
 
         return held
 
@@ -356,8 +413,9 @@ class MeshedContact(EquilibriumProblem):
         if problem is self and front is self.front:
             return None
         transfer = moved = None
-        if front is not self.front:
+        if front is not problem.front:
             problem, start = problem.anchored(front, start, p)
+        if front is not self.front:
 
             def moved(x: Array, p: float, x_rate: Array, p_rate: float) -> tuple[Array, Array]:
                 state, rate = self.carried(x, x, p, problem), self.carried(x_rate, x, p, problem)
@@ -365,21 +423,21 @@ class MeshedContact(EquilibriumProblem):
 
         if front is None is self.front:
             transfer = self.equations.mesh.sampler(problem.equations.mesh.nodes)
-        elif front is self.front or (self.moves and self._as_moved(front)):
-            sampler = self.equations.mesh.sampler(problem.equations.mesh.nodes)
+        elif not self.marks and (front is self.front or (self.moves and self._as_moved(front))):
+            sampler, n = self.equations.mesh.sampler(problem.equations.mesh.nodes), self.size
 
             def transfer(vector: Array) -> Array:
-                return np.append(sampler(vector[:-1]), vector[-1])
+                return np.append(sampler(vector[:n]), vector[n:])
 
         self._corrected = None
-        self._seen = []
+        self._seen, self._placed = [], []
         self.equations.forget()  # its points stay, by the thousand in cascades of layers, but are seldom asked again
         return Adaptation(problem, start, transfer, moved)
 
     def _refitted(self, x: Array, p: float) -> tuple[Self, Array]:
         """The problem on a mesh that satisfies the tolerance, if this one does not or is far finer, and the state."""
         equations, fields = self.seen(x, p)
-        resolution, mesh = self.resolution, self.equations.mesh
+        resolution, mesh = self.resolution, self.placed(x).mesh
         allowed = resolution.tolerance * max(1.0, abs(equations.load(fields)))
         reach = self._reach(equations, fields, 0.1 * allowed)
         error = self.relative_error(x, p)
@@ -400,7 +458,9 @@ class MeshedContact(EquilibriumProblem):
             change, told = found - carried, trial.told(problem)
             moves = trial.growth(found) * change[: trial.size], trial.moving(change, found)
             moved = min(float(np.abs(by[told]).max(initial=0.0)) for by in moves)
-            astray = bool((np.abs(change[trial.size :]) > STRETCHED).any()) or trial.lost(found, p)
+            lengths = [1.0, *(mark.place for mark in trial.marks)]
+            astray = bool((np.abs(change[trial.size :]) > STRETCHED * np.array(lengths)[: x.size - self.size]).any())
+            astray = astray or trial.lost(found, p)
             near = moved <= LEAP * expected + 1e-6 * self.scale
             if astray or not (near or (not served and trial._foretold(found, problem, start, p))):
                 break  # Newton's method has left for another solution
@@ -442,7 +502,24 @@ class MeshedContact(EquilibriumProblem):
         return slice(int(np.searchsorted(own.nodes, mesh.edges[-2])) if own.bounded else None)
 
     def _fronted(self, x: Array, p: float) -> Front | Edge | None:
-        """What the mesh is to move with at a state."""
+        """What the mesh is to move with at a state: a front and its marks."""
+        found = self._led(x, p)
+        if found is None or isinstance(found, Kink):
+            return found
+        (equations, fields), now, known = self.seen(x, p), self.placed(x).mesh, x[self.size + 1 :]
+        stretch, same = equations.mesh.edges[-1] / now.edges[-1], self._as_moved(found)
+        scale = 1.0 if same else stretch
+        followed = [replace(mark, place=mark.place + by) for mark, by in zip(self.marks, known, strict=True)]
+        followed = [replace(mark, place=scale * mark.place, half=scale * mark.half) for mark in followed]
+        weight = found.weight if isinstance(found, Front) else float(equations.mesh.weights @ fields.h**2)
+        marks = creased(equations.mesh, fields, self.scale, found.place, stretch / scale, followed, weight)
+        stay = same and {mark.key for mark in marks} == {mark.key for mark in self.marks}
+        if stay and not (self.marks and shortened(self.equations.mesh, now.edges) < SHORTER):
+            return found if found.marks is self.marks else replace(found, marks=self.marks)
+        return replace(found, marks=marks)
+
+    def _led(self, x: Array, p: float) -> Front | Edge | None:
+        """The front at a state."""
         equations, fields = self.seen(x, p)
         present = self.front
         if math.isfinite(equations.tip.extent):
@@ -455,12 +532,15 @@ class MeshedContact(EquilibriumProblem):
             return kink
         if isinstance(present, Edge | Kink):
             present = None
-        return steepest((equations, fields), present, self.equations.mesh, self.resolution.moving)
+        return steepest((equations, fields), present, self.placed(x).mesh, self.resolution.moving)
 
     def anchored(self, front: Front | Edge | None, x: Array, p: float) -> tuple[Self, Array]:
         """The problem with another front, or with none, and the state."""
-        if (isinstance(front, Edge) and isinstance(self.front, Edge)) or self._as_moved(front):
-            return type(self)(self.equations, self.scale, self.resolution, self.sharpness, front), x
+        if front is not None and self._as_moved(front):
+            equations, n = self.equations, self.size
+            if front.marks is not self.marks:
+                equations, x = self.placed(x), np.append(x[: n + 1], np.zeros(len(front.marks)))
+            return type(self)(equations, self.scale, self.resolution, self.sharpness, front), x
         still, h = self.still(x)
         edges, ends = still.equations.mesh.edges, isinstance(front, Edge)
         if ends or isinstance(front, Kink) or isinstance(self.front, Edge):
@@ -474,12 +554,13 @@ class MeshedContact(EquilibriumProblem):
             still = still.on_mesh(mesh)
         if front is None:
             return still, h
-        return type(self)(still.equations, self.scale, self.resolution, self.sharpness, front), np.append(h, 0.0)
+        start = np.append(h, np.zeros(1 + len(front.marks)))
+        return type(self)(still.equations, self.scale, self.resolution, self.sharpness, front), start
 
     def remeshed(self, x: Array, p: float, tolerance: float | None = None, solve: bool = True) -> tuple[Self, Array]:
         """The problem on a mesh made for this solution, and the solution there (or, unsolved, carried to it)."""
         equations, fields = self.seen(x, p)
-        unit, tolerance = self.equations.mesh, self.resolution.tolerance if tolerance is None else tolerance
+        unit, tolerance = self.placed(x).mesh, self.resolution.tolerance if tolerance is None else tolerance
         allowed = tolerance * max(1.0, abs(equations.load(fields)))
         reach = self._reach(equations, fields, 0.03 * allowed)
         end = equations.mesh.edges[-1]
@@ -512,10 +593,18 @@ class MeshedContact(EquilibriumProblem):
         self, mesh: Mesh, x: Array, p: float, sharpness: float | None = None, solve: bool = True
     ) -> tuple[Self, Array]:
         """The problem on another mesh, and the solution of the same parameter there (or, unsolved, carried to it)."""
-        problem = self.on_mesh(mesh, sharpness)
-        n = self.size
-        carried = np.append(self.equations.mesh.interpolate(x[:n], mesh.nodes), x[n:])
+        problem, n = self.on_mesh(mesh, sharpness), self.size
+        tail = x[n:]
+        if self.front is not None and self.marks:  # which are at rest where they are
+            marks = tuple(replace(mark, place=mark.place + by) for mark, by in zip(self.marks, x[n + 1 :], strict=True))
+            problem, tail = problem._with(replace(self.front, marks=marks)), x[n : n + 1]
+            tail = np.append(tail, np.zeros(len(marks)))
+        carried = np.append(self.placed(x).mesh.interpolate(x[:n], mesh.nodes), tail)
         return problem, problem.solve_at(carried, p) if solve else carried
+
+    def _with(self, front: Front | Edge | None) -> Self:
+        """On the same mesh with another front."""
+        return type(self)(self.equations, self.scale, self.resolution, self.sharpness, front)
 
     def on_mesh(self, mesh: Mesh, sharpness: float | None = None) -> Self:
         """The problem on another mesh, with the front where it is."""
@@ -528,7 +617,9 @@ class MeshedContact(EquilibriumProblem):
         return isinstance(self.front, Front) and not isinstance(self.front, Kink)
 
     def _as_moved(self, front: Front | Edge | None) -> bool:
-        """Whether a state is the same with another front: the mesh moves alike."""
+        """Whether a state is the same with another front, but for marks: the mesh moves alike."""
+        if front is self.front or (isinstance(front, Edge) and isinstance(self.front, Edge)):
+            return True
         if not isinstance(front, Front) or isinstance(front, Kink) or not isinstance(self.front, Front):
             return False
         return front.power == self.front.power
@@ -565,17 +656,31 @@ class MeshedContact(EquilibriumProblem):
         """A function of tau on another problem's mesh, stretched to have the state at its front."""
         if not isinstance(other, MeshedContact):
             raise TypeError(f"{type(other).__name__} is not a MeshedContact")
-        mesh, nodes, front = self.equations.mesh, other.equations.mesh.nodes, other.front
-        if front == self.front:
-            n = self.size
-            return np.append(mesh.interpolate(vector[:n], nodes), vector[n:])
+        front, n = other.front, self.size
+        if front == self.front and not self.marks:
+            return np.append(self.equations.mesh.interpolate(vector[:n], other.equations.mesh.nodes), vector[n:])
         equations, fields = self.seen(x, p)
-        shift = front.anchored(equations, fields) if front is not None else 0.0
         function = fields.h if vector is x else self.moving(vector, x)
-        found = equations.mesh.interpolate(function, math.exp(shift) * nodes)
         if front is None:
-            return found
-        return np.append(math.exp(-front.power * shift) * found, shift if vector is x else 0.0)
+            return equations.mesh.interpolate(function, other.equations.mesh.nodes)
+        kept = self.front is not None and (front.place, front.power) == (self.front.place, self.front.power)
+        shift = float(x[n]) if kept else front.anchored(equations, fields)
+        places = {mark.key: mark.place + by for mark, by in zip(self.marks, x[n + 1 :], strict=True)}
+        stretch = equations.mesh.edges[-1] / self.equations.mesh.edges[-1]
+        by = [
+            (
+                places[mark.key] * stretch
+                if mark.key in places
+                else located(equations.mesh, fields.gap, math.exp(shift) * mark.place, math.exp(shift) * mark.half)
+            )
+            / math.exp(shift)
+            - mark.place
+            for mark in front.marks
+        ]
+        state = np.concatenate([np.zeros(other.size), [shift], by])
+        nodes = other.placed(state).mesh.nodes
+        found = equations.mesh.interpolate(function, math.exp(shift) * nodes)
+        return np.append(math.exp(-front.power * shift) * found, state[other.size :] * float(vector is x))
 
     def joins(self, other: EquilibriumProblem) -> bool:
         """Either side of first touch is a representation of its own."""
@@ -587,7 +692,7 @@ class MeshedContact(EquilibriumProblem):
         The gap's answer s = (2/π) arccos(a/r) to a rigid motion varies on the scale of the radius a; on panels far
         longer the radius of a fold has a relative error that further panels farther out do not cure.
         """
-        if self.moves:
+        if self.moves or self.marks:
             still, h = self.still(point.x)
             if edge := Edge.needed(still.seen(h, point.parameter), tolerance):
                 still, h = still.anchored(edge, h, point.parameter)
@@ -638,7 +743,10 @@ class MeshedContact(EquilibriumProblem):
         for _ in range(iterations):
             check()
             self.work.newton += 1
-            fields = self.fields(x, p)
+            try:
+                fields = self.fields(x, p)
+            except ModelError:  # marks that leave the mesh
+                return best
             if not fields.finite:
                 return best
             solve = partial(_solved, *lapack.dgetrf(self.jacobian(x, p).T, overwrite_a=1)[:2])

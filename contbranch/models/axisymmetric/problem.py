@@ -421,8 +421,12 @@ class ContactProblem(MeshedContact):
         equations, fields = self.seen(x, p)
         y_rate, h_rate, stretching, power = self.scale * math.cosh(p) * p_rate, x_rate, 0.0, 0.0
         if self.front is not None:
-            h_rate, stretching, power = self.growth(x) * x_rate[:-1], float(x_rate[-1]), self.front.power
+            n = self.size
+            h_rate, stretching, power = self.growth(x) * x_rate[:n], float(x_rate[n]), self.front.power
         load, displacement = equations.rates(fields, h_rate, y_rate, stretching, power)
+        for k in range(len(self.marks)):
+            by, own = x_rate[self.size + 1 + k], equations.drift_rates(fields, *self._motion(equations, k))
+            load, displacement = load + by * own[0], displacement + by * own[1]
         if 0.0 <= p < TINY and equations.interaction is not None:
             parts = abs(float(equations.rim_row @ h_rate))
             if abs(displacement) > MOVING * parts:
