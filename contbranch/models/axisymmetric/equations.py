@@ -313,13 +313,12 @@ class Equations:
 
     def drift(self, fields: Fields, edges: Array, nodes: Array) -> tuple[Array, Array]:
         """Rates of gap and residual where edges and nodes of the mesh move at rates linear on every panel, with their
-        h, (N,) each."""
+        h; (m, P + 1) and (m, N) -> (m, N) each."""
         mesh = self.mesh
         gap = fields.rim.drift(fields.h - fields.rim_value, edges, nodes)
         gap += nodes / mesh.nodes * self._rising(fields)
-        answer = np.zeros_like(gap)
-        np.multiply(fields.stiffness, gap, out=answer, where=fields.stiffness != 0.0)
-        return gap, mesh.abel_of(answer) - mesh.abel_drift(fields.pressure, edges, nodes)
+        answer = mesh.abel_of((fields.stiffness * gap).T).T  # what moves is felt, and its gap is finite
+        return gap, answer - mesh.abel_drift(fields.pressure, edges, nodes)
 
     # -- observables --------------------------------------------------------------------------------------------------
     def displacement(self, fields: Fields) -> float:
@@ -451,7 +450,7 @@ class Equations:
         )
 
     def drift_rates(self, fields: Fields, edges: Array, nodes: Array) -> tuple[float, float]:
-        """Rates of load and displacement where the mesh moves as in `drift`, with its h."""
+        """Rates of load and displacement where the mesh moves as in `drift`, in one way, with its h."""
         mesh, a = self.mesh, fields.rim.radius
         longer = np.repeat(np.diff(edges) / (2 * mesh.half), mesh.order)
         turned = a * a / np.hypot(a, mesh.nodes) ** 3
@@ -459,7 +458,7 @@ class Equations:
         beyond = self.beyond(fields)
         if beyond is NOTHING:
             return load, 0.0
-        gap = float(self.drift(fields, edges, nodes)[0][-1])
+        gap = float(self.drift(fields, edges[None], nodes[None])[0][0, -1])
         return load - beyond.load_per_gap * gap, -beyond.shift_per_gap * gap
 
     def _at_end(self, fields: Fields) -> tuple[float, float, float]:

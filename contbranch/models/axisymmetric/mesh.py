@@ -107,27 +107,28 @@ class Mesh:
         return np.asarray(self._abel * (self.stretch * weights))
 
     def abel_drift(self, pressure: Array, edges: Array, nodes: Array) -> Array:
-        """Rate of ``abel @ pressure`` where edges and nodes move at rates linear on every panel, (N,).
+        """Rates of ``abel @ pressure`` where edges and nodes move at rates linear on every panel; (m, P + 1) and
+        (m, N) -> (m, N).
 
         The transform is homogeneous: tau d/dtau of it is that of p + sigma dp/dsigma. Where the panels' polynomials do
         not meet, an edge passes from one to the other.
         """
         slope, relative = self.derivative(pressure), nodes / self.nodes
-        rate = relative * self.abel_of(pressure + self.nodes * slope) - self.abel_of(nodes * slope)
-        return np.asarray(rate + 2 * (self.jumps(pressure) * self.edges[1:]) @ self.passing(edges, relative, True))
+        rate = relative * self.abel_of(pressure + self.nodes * slope) - self.stretch * (nodes * slope) @ self._abel.T
+        return np.asarray(rate + self.passing(2 * self.edges[1:] * self.jumps(pressure), edges, relative, True))
 
     def jumps(self, values: Array) -> Array:
         """By how much the panels' polynomials are larger than those of the next panel at their outer ends, (P,)."""
         ends = values.reshape(self.panels, self.order) @ self.rule.lagrange(np.array([-1.0, 1.0])).T
         return np.asarray(ends[:, 1] - np.append(ends[1:, 0], 0.0))
 
-    def passing(self, edges: Array, relative: Array, outwards: bool) -> Array:
-        """Rates with which panels' outer ends pass nodes that move at relative rates, in the kernel 1/√|σ² − tau²|,
-        (P, N); of those ends that are farther out, or of the others."""
+    def passing(self, jumps: Array, edges: Array, relative: Array, outwards: bool) -> Array:
+        """What jumps at the panels' outer ends add where these pass nodes that move at relative rates, in the kernel
+        1/√|σ² − tau²|, (m, N); of those ends that are farther out, or of the others."""
         ends, nodes = self.edges[1:, None], self.nodes
         felt = (ends > nodes) == outwards
-        distance = np.where(felt, np.sqrt(np.abs(ends - nodes) * (ends + nodes)), np.inf)
-        return np.asarray((edges[1:, None] - ends * relative) / distance)
+        kernel = jumps[:, None] * felt / np.sqrt(np.where(felt, np.abs(ends - nodes) * (ends + nodes), 1.0))
+        return np.asarray(edges[:, 1:] @ kernel - relative * (self.edges[1:] @ kernel))
 
     @cached_property
     def to_finer(self) -> Array:

@@ -236,29 +236,37 @@ class MeshedContact(EquilibriumProblem):
         At a solution R vanishes between the nodes, too: where they move to, it is what h no longer is there.
         """
         equations, fields = self.seen(x, p)
-        assert self.front is not None
-        unit, n = self.equations.mesh, self.size
-        along, spread, _ = self.front.derivatives(unit, equations, fields)
-        lift, stretched = equations.spread(fields, self.front.power)
-        rows, columns, corner = np.empty((x.size - n, n)), np.empty((n, x.size - n)), np.empty((x.size - n,) * 2)
-        rows[0], columns[:, 0], corner[0, 0] = along, stretched, spread
-        for k, (nodes, row) in enumerate(self._rows, 1):
-            rows[k], corner[k, 0] = lifted(equations, fields, nodes, row), row @ lift[nodes]
-        for k in range(1, x.size - n):
-            gap, columns[:, k] = equations.drift(fields, *self._motion(equations, k - 1))
-            corner[0, k] = self.front.passing(unit, gap)
-            corner[1:, k] = [row @ gap[nodes] for nodes, row in self._rows]
-        columns, corner = columns / self.growth(x), corner / self.growth(x)
-        off = self.front.power * self.residual(x, p)
-        columns[:, 0] -= off[:n]
-        corner[:, 0] -= off[n:]
+        if "border" not in fields.derived:
+            fields.derived["border"] = self._bordered(equations, fields, self.residual(x, p), self.growth(x))
+        rows, columns, corner = fields.derived["border"]
         return rows, columns, corner
 
-    def _motion(self, equations: Equations, mark: int) -> tuple[Array, Array]:
-        """Rates of the edges and nodes of a mesh with the motion of a mark, (P + 1,) and (N,)."""
+    def _bordered(
+        self, equations: Equations, fields: Fields, residual: Array, growth: float
+    ) -> tuple[Array, Array, Array]:
+        assert self.front is not None
+        unit, n, count = self.equations.mesh, self.size, 1 + len(self.marks)
+        rows, corner = np.empty((count, n)), np.zeros((count, count))
+        rows[0], corner[0, 0], _ = self.front.derivatives(unit, equations, fields)
+        lift, stretched = equations.spread(fields, self.front.power)
+        columns = stretched[:, None]
+        for k, (nodes, row) in enumerate(self._rows, 1):
+            rows[k], corner[k, 0] = lifted(equations, fields, nodes, row), row @ lift[nodes]
+        if self.marks:
+            gaps, taken = equations.drift(fields, *self._motion(equations))
+            corner[0, 1:] = [self.front.passing(unit, gap) for gap in gaps]
+            corner[1:, 1:] = [gaps[:, nodes] @ row for nodes, row in self._rows]
+            columns = np.column_stack([stretched, taken.T])
+        columns, corner = columns / growth, corner / growth
+        columns[:, 0] -= self.front.power * residual[:n]
+        corner[:, 0] -= self.front.power * residual[n:]
+        return rows, columns, corner
+
+    def _motion(self, equations: Equations) -> tuple[Array, Array]:
+        """Rates of the edges and nodes of a mesh with the motions of the marks, (m, P + 1) and (m, N)."""
         assert self._carried is not None
         stretch = equations.mesh.edges[-1] / self.equations.mesh.edges[-1]
-        return stretch * self._carried[0][mark], stretch * self._carried[1][mark]
+        return stretch * self._carried[0], stretch * self._carried[1]
 
     def parameter_derivative(self, x: Array, p: float) -> Array:
         """dR/du, (N,), and that of the front's equation."""

@@ -424,9 +424,10 @@ class ContactProblem(MeshedContact):
             n = self.size
             h_rate, stretching, power = self.growth(x) * x_rate[:n], float(x_rate[n]), self.front.power
         load, displacement = equations.rates(fields, h_rate, y_rate, stretching, power)
-        for k in range(len(self.marks)):
-            by, own = x_rate[self.size + 1 + k], equations.drift_rates(fields, *self._motion(equations, k))
-            load, displacement = load + by * own[0], displacement + by * own[1]
+        if self.marks:
+            edges, nodes = (x_rate[self.size + 1 :] @ rates for rates in self._motion(equations))
+            own = equations.drift_rates(fields, edges, nodes)
+            load, displacement = load + own[0], displacement + own[1]
         if 0.0 <= p < TINY and equations.interaction is not None:
             parts = abs(float(equations.rim_row @ h_rate))
             if abs(displacement) > MOVING * parts:

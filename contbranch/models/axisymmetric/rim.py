@@ -66,15 +66,15 @@ class Rim:
         return np.asarray(self._innermost @ f[:n] + self.mesh.plane[:, n:] @ (self.factor[n:] * f[n:]))
 
     def drift(self, f: Array, edges: Array, nodes: Array) -> Array:
-        """Rate of ``plane @ f`` where edges and nodes move at rates linear on every panel but the innermost, which
-        stays; (N,)."""
+        """Rates of ``plane @ f`` where edges and nodes move at rates linear on every panel but the innermost, which
+        stays; (m, P + 1) and (m, N) -> (m, N)."""
         mesh, a, n = self.mesh, self.radius, self.mesh.order
         f = np.concatenate([mesh.rule.project_even @ f[:n], f[n:]])
         weighted, relative, turned = self.factor * f, nodes / mesh.nodes, a * a / np.hypot(a, mesh.nodes) ** 3 * f
         slope = mesh.derivative(weighted)
         slope[:n] = turned[:n] + self.factor[:n] * mesh.derivative(f)[:n]
-        rate = relative * (mesh.plane @ (mesh.nodes * slope)) + mesh.plane @ (nodes * (turned - slope))
-        return np.asarray(rate + (2 / np.pi) * mesh.jumps(weighted) @ mesh.passing(edges, relative, False))
+        rate = relative * (mesh.plane @ (mesh.nodes * slope)) + (nodes * (turned - slope)) @ mesh.plane.T
+        return np.asarray(rate + mesh.passing((2 / np.pi) * mesh.jumps(weighted), edges, relative, False))
 
     def plane_slope(self, f: Array) -> Array:
         """d(plane @ f)/d(a²) for an f that vanishes at the rim, at fixed rho and nodal values; shape (N,)."""
