@@ -19,8 +19,8 @@ from contbranch.arrays import Array
 from contbranch.models.fronts import BEGINS, ENDS, FLATTER, STIFF
 
 from .adapt import needed_reach
+from .creases import SHARE, Crease
 from .equations import Equations, Fields
-from .marks import SHARE, Mark
 from .mesh import Mesh
 
 __all__ = ["Edge", "Front", "Kink", "lifted", "steepest"]
@@ -68,12 +68,12 @@ class Front:
     width: float
     weight: float
     power: float
-    marks: tuple[Mark, ...] = ()
+    creases: tuple[Crease, ...] = ()
 
     @property
     def resting(self) -> tuple[float, float]:
-        """What marks do not move."""
-        room = SHARE * min([self.place, *(abs(mark.place - self.place) for mark in self.marks)])
+        """What creases do not move."""
+        room = SHARE * min([self.place, *(abs(crease.place - self.place) for crease in self.creases)])
         return self.place - room, self.place + room
 
     @property
@@ -86,7 +86,7 @@ class Front:
 
         Otherwise nothing would tell how it looks, on which Newton's method depends.
         """
-        own = [self.weight, *(mark.weight for mark in self.marks)]
+        own = [self.weight, *(crease.weight for crease in self.creases)]
         return np.append(mesh.weights * _near(mesh, self.place, self.width), own)
 
     def slopes(self, mesh: Mesh) -> Array:
@@ -197,13 +197,13 @@ class Edge:
 
     place: float
     film: bool = False
-    marks: tuple[Mark, ...] = ()
+    creases: tuple[Crease, ...] = ()
     power: ClassVar[float] = 0.0
     resting: ClassVar[None] = None
 
     def weights(self, mesh: Mesh) -> Array:
         """Weights of the inner product of states, (N + 1,): σ follows from the rim."""
-        return np.append(mesh.weights, [0.0, *(mark.weight for mark in self.marks)])
+        return np.append(mesh.weights, [0.0, *(crease.weight for crease in self.creases)])
 
     def slopes(self, mesh: Mesh) -> Array:
         """Weights of dh/dξ in the inner product of states, (N,): all lengths next to the edge count alike.

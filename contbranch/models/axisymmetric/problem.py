@@ -51,7 +51,8 @@ from .slope import load_per_displacement
 
 if TYPE_CHECKING:
     from contbranch.models.rings.handover import Disc
-from .meshed import MeshedContact, Resolution, order_for
+from .meshed import MeshedContact
+from .moving import Resolution, order_for
 
 __all__ = ["ContactProblem", "first_problem"]
 
@@ -424,7 +425,7 @@ class ContactProblem(MeshedContact):
             n = self.size
             h_rate, stretching, power = self.growth(x) * x_rate[:n], float(x_rate[n]), self.front.power
         load, displacement = equations.rates(fields, h_rate, y_rate, stretching, power)
-        if self.marks:
+        if self.creases:
             edges, nodes = (x_rate[self.size + 1 :] @ rates for rates in self._motion(equations))
             own = equations.drift_rates(fields, edges, nodes)
             load, displacement = load + own[0], displacement + own[1]

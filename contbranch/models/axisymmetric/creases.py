@@ -11,7 +11,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from contbranch.errors import ModelError
 from .equations import Fields
 from .mesh import Mesh
 
-__all__ = ["SHARE", "SHORTER", "Mark", "creased", "located", "moved_with", "shortened", "velocities"]
+__all__ = ["SHARE", "SHORTER", "Crease", "creases_of", "located", "moved_with", "shortened", "velocities"]
 
 # A crease is narrower than its distance from the rim by this factor, and changes the pressure by this multiple of its
 # largest value over that distance; one that is followed, by a smaller one.
@@ -37,7 +37,7 @@ _keys = itertools.count()
 
 
 @dataclass(frozen=True)
-class Mark:
+class Crease:
     """A crease of the gap, on the mesh before that was moved.
 
     Attributes
@@ -60,6 +60,11 @@ class Mark:
     weight: float
     key: int
 
+    def stretched(self, factor: float, weight: float) -> Crease:
+        """The same where lengths are stretched, with a weight for its motion by its own place."""
+        place = factor * self.place
+        return replace(self, place=place, half=factor * self.half, bend=self.bend / factor**2, weight=weight / place**2)
+
     def row(self, mesh: Mesh) -> tuple[slice, Array]:
         """The nodes of the panel on which it lies, and what their gaps are multiplied by to say how far it is off."""
         panel = int(np.searchsorted(mesh.edges[1:-1], self.place))
@@ -68,25 +73,25 @@ class Mark:
         return slice(panel * mesh.order, (panel + 1) * mesh.order), slopes / (mesh.half[panel] * self.bend)
 
 
-def velocities(marks: Sequence[Mark], resting: tuple[float, float] | None, mesh: Mesh) -> tuple[Array, Array]:
-    """Rates of the mesh's edges and nodes with the motions of all marks, (m, P + 1) and (m, N).
+def velocities(creases: Sequence[Crease], resting: tuple[float, float] | None, mesh: Mesh) -> tuple[Array, Array]:
+    """Rates of the mesh's edges and nodes with the motions of all creases, (m, P + 1) and (m, N).
 
     Parameters
     ----------
     resting : (float, float) or None
         What stays between them where it is: a front.
     """
-    held = [(mark.place - mark.half, mark.place + mark.half) for mark in marks]
+    held = [(crease.place - crease.half, crease.place + crease.half) for crease in creases]
     spans = sorted([*held, resting] if resting else held)
     knots = np.array([mesh.innermost, *itertools.chain(*spans), mesh.edges[-1]])
     rates = [
         np.interp(mesh.edges, knots, [0.0, *itertools.chain(*((float(span == own),) * 2 for span in spans)), 0.0])
         for own in held
     ]
-    edges = np.array(rates).reshape(len(marks), mesh.panels + 1)
+    edges = np.array(rates).reshape(len(creases), mesh.panels + 1)
     along = (mesh.rule.nodes + 1) / 2
     nodes = edges[:, :-1, None] + (edges[:, 1:] - edges[:, :-1])[:, :, None] * along
-    return edges, nodes.reshape(len(marks), mesh.size)
+    return edges, nodes.reshape(len(creases), mesh.size)
 
 
 def moved_with(mesh: Mesh, rates: Array, by: Array) -> Mesh:
@@ -108,53 +113,39 @@ def shortened(mesh: Mesh, edges: Array) -> float:
     return float((np.diff(edges) / np.diff(mesh.edges)).min())
 
 
-def creased(
-    mesh: Mesh, fields: Fields, range_: float, front: float, stretch: float, followed: Sequence[Mark], weight: float
-) -> tuple[Mark, ...]:
-    """The creases of a film with which a mesh is to move.
+def creases_of(
+    mesh: Mesh, fields: Fields, range_: float, front: float, followed: Sequence[Crease]
+) -> tuple[Crease, ...]:
+    """The creases of a film with which a mesh is to move, the narrowest first, without their weights.
 
     Parameters
     ----------
-    mesh : Mesh
-        As the state has it.
+    mesh, fields : Mesh, Fields
+        The state.
     range_ : float
         Of the interaction.
     front : float
-        Its place before the mesh is stretched, or that of the edge at which it ends.
-    stretch : float
-        What marks are found at in units of where they are before the mesh is stretched.
-    followed : sequence of Mark
+        Where the front is, or the edge at which the mesh ends.
+    followed : sequence of Crease
         Those that are followed already, where they are now; they end later.
-    weight : float
-        Of the front in the inner product of states.
     """
-    chosen: list[Mark] = []
-    for place, width, bend in _creases(mesh, fields, range_, [stretch * mark.place for mark in followed]):
-        at, wide = place / stretch, width / stretch
-        near = min(at - mesh.innermost / stretch, abs(at - front), *(abs(at - mark.place) for mark in chosen), mesh.edges[-1] / stretch - at)
-        if SHARE * near < wide:
-            continue
-        known = [mark for mark in followed if abs(mark.place - at) < wide and mark.key not in (m.key for m in chosen)]
-        key = min(known, key=lambda mark: abs(mark.place - at)).key if known else next(_keys)
-        chosen.append(Mark(at, min(AROUND * wide, SHARE * near), bend * stretch**2, weight / at**2, key))
-    return tuple(chosen)
-
-
-def _creases(
-    mesh: Mesh, fields: Fields, range_: float, followed: Sequence[float]
-) -> Iterator[tuple[float, float, float]]:
-    """Places, widths and bends of the creases of a gap, the narrowest first."""
-    nodes = mesh.nodes
+    nodes, chosen = mesh.nodes, list[Crease]()
     steep = np.abs(nodes * mesh.derivative(fields.pressure)) / max(float(np.abs(fields.pressure).max()), 1e-300)
-    found = []
-    for place, bend in _turns(mesh, fields.gap):
-        width = math.sqrt(range_ / abs(bend))
-        needed = ENDS if any(abs(place - one) < width for one in followed) else BEGINS
+    turns = [(place, bend, math.sqrt(range_ / abs(bend))) for place, bend in _turns(mesh, fields.gap)]
+    for place, bend, width in sorted(turns, key=lambda turn: turn[2] / turn[0]):
+        near = [crease for crease in followed if abs(crease.place - place) < width]
+        needed = ENDS if near else BEGINS
         around = steep[np.abs(nodes - place) < AROUND * width]
-        if needed * width < place and float(around.max(initial=0.0)) > needed:
-            found.append((width / place, place, width, bend))
-    for _, place, width, bend in sorted(found)[:MOST]:
-        yield place, width, bend
+        if not (needed * width < place and float(around.max(initial=0.0)) > needed):
+            continue
+        others = [front, mesh.edges[-1], *(crease.place for crease in chosen)]
+        room = SHARE * min(place - mesh.innermost, *(abs(place - other) for other in others))
+        if room > width:
+            taken = [crease.key for crease in chosen]
+            known = [crease for crease in near if crease.key not in taken]
+            key = min(known, key=lambda crease: abs(crease.place - place)).key if known else next(_keys)
+            chosen.append(Crease(place, min(AROUND * width, room), bend, 0.0, key))
+    return tuple(chosen[:MOST])
 
 
 def located(mesh: Mesh, gap: Array, place: float, around: float) -> float:
@@ -170,7 +161,8 @@ def _turns(mesh: Mesh, gap: Array) -> Iterator[tuple[float, float]]:
         slope = mesh.derivative(gap)
         bend = mesh.derivative(slope)
         turns = (slope[2:-1] * slope[1:-2] < 0.0) & (bend[2:-1] * bend[1:-2] > 0.0)
-        turns &= (slope[1:-2] * slope[:-3] > 0.0) & (slope[3:] * slope[2:-1] > 0.0)  # where panels meet, slopes are rough
+        # Where panels meet, slopes are rough.
+        turns &= (slope[1:-2] * slope[:-3] > 0.0) & (slope[3:] * slope[2:-1] > 0.0)
     for k in np.flatnonzero(turns) + 1:
         place = nodes[k] - slope[k] * (nodes[k + 1] - nodes[k]) / (slope[k + 1] - slope[k])
         for _ in range(NEWTON):

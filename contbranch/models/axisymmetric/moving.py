@@ -1,0 +1,342 @@
+"""The equations of a contact on a mesh that moves with the solution: h(tau) against the contact coordinate."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
+from typing import Self
+
+import numpy as np
+
+from contbranch.arrays import Array
+from contbranch.contact.contact import Contact
+from contbranch.continuation import Linearisation
+from contbranch.curve.problem import EquilibriumProblem, Work
+
+from .adapt import Solver
+from .creases import Crease, moved_with, velocities
+from .equations import RECENT, Equations, Fields
+from .front import Edge, Front, lifted
+
+__all__ = ["MovingContact", "Resolution", "order_for"]
+
+# ln of the largest stretch of a mesh; a pivot below this share of its column says that the front alone moves.
+FARTHEST, TINY_PIVOT = 30.0, 1e-12
+
+
+@dataclass
+class Resolution:
+    """How fine the meshes of one trace are, and what it starts from.
+
+    Attributes
+    ----------
+    tolerance : float
+        Error allowed to load and displacement, relative to max(1, |value|), reduced units.
+    order : int
+        Nodes a panel.
+    contact : Contact or None
+        In reduced units, where a curve is to be started.
+    accuracy : float
+        Error allowed to events; the load at the start may be a share of it.
+    far : float
+        Parameter at which the curve starts.
+    moving : float
+        Radius over which the interaction is felt, where meshes may move with a front: where a whole curve is followed.
+    """
+
+    tolerance: float
+    order: int
+    contact: Contact | None = None
+    accuracy: float = 1e-6
+    far: float = -math.inf
+    moving: float = 0.0
+    work: Work = field(default_factory=Work)
+
+
+def order_for(tolerance: float) -> int:
+    """Nodes a panel for a tolerance: high orders pay when many digits are asked for."""
+    return int(min(20, max(8, round(6 - math.log10(tolerance) * 0.8))))
+
+
+class MovingContact(EquilibriumProblem):
+    """R(h, y) = 0 with the parameter u, ``y = scale · sinh(u)``, on one side of first touch.
+
+    The parameter is logarithmic far away and in deep contact, and linear within the interaction's range.
+
+    Parameters
+    ----------
+    equations : Equations
+    scale : float
+        Range of the interaction.
+    resolution : Resolution
+    sharpness : float
+        Factor by which the panels' own error guide was found too optimistic here.
+    front : Front, Edge or None
+        With it a state is (h e^(−nσ), σ, b), and h belongs to the mesh of `equations` with the front's creases moved
+        by b, stretched by e^σ; n is the front's `power`.
+    """
+
+    def __init__(
+        self,
+        equations: Equations,
+        scale: float,
+        resolution: Resolution,
+        sharpness: float = 1.0,
+        front: Front | Edge | None = None,
+    ) -> None:
+        self.equations = equations
+        self.scale = scale
+        self.resolution = resolution
+        self.sharpness = sharpness
+        self.front = front
+        mesh, law = equations.mesh, equations.interaction
+        # Where the film is squeezed out on a ring, round a flat tip or at an edge, the central gap may grow again.
+        layered = law is not None and math.isfinite(law.wave)
+        self.ordered = not (layered or self.flat or isinstance(front, Edge))
+        self._weights = mesh.weights if front is None else front.weights(mesh)
+        self.creases = () if front is None else front.creases
+        self._carried = velocities(self.creases, front.resting, mesh) if front and self.creases else None
+        self._placed: list[tuple[Array, Equations]] = []
+        self.film = front if front and front.film and equations.softens else None
+        self.delicate = self.film is not None
+        self._slopes = self.film.slopes(mesh) if self.film else None
+        self._seen: list[tuple[Array, float, Equations, Fields]] = []
+        self._corrected: tuple[Array, Solver] | None = None
+        self._row = math.nan  # parameter of the last row that was resolved
+        self.work = resolution.work
+        self.work.unknowns = max(self.work.unknowns, mesh.size)
+
+    def coordinate(self, u: float) -> float:
+        """Contact coordinate y of the parameter."""
+        y = self.scale * math.sinh(u)
+        return max(y, 0.0) if self.equations.contact else y
+
+    def parameter(self, y: float) -> float:
+        """The parameter of a contact coordinate."""
+        return math.asinh(y / self.scale)
+
+    def seen(self, x: Array, u: float) -> tuple[Equations, Fields]:
+        """Everything that follows from a state, and the equations on its mesh."""
+        y = self.coordinate(u)
+        if self.front is None:
+            return self.equations, self.equations.fields(x, y)
+        for state, place, equations, fields in self._seen:
+            if state is x and place == y:
+                return equations, fields
+        n = self.size
+        known = next((one[2] for one in self._seen if np.array_equal(one[0][n:], x[n:])), None)
+        equations = known or self.placed(x).stretched(math.exp(min(max(float(x[n]), -FARTHEST), FARTHEST)))
+        fields = equations.fields(self.growth(x) * x[:n], y)
+        self._seen = [(x, y, equations, fields), *self._seen[: RECENT - 1]]
+        return equations, fields
+
+    def placed(self, x: Array) -> Equations:
+        """The equations on the mesh with its creases where a state has them, before it is stretched."""
+        by = x[self.size + 1 :]
+        if self._carried is None or not by.any():
+            return self.equations
+        known = next((one[1] for one in self._placed if np.array_equal(one[0], by)), None)
+        if known is None:
+            known = self.equations.on(moved_with(self.equations.mesh, self._carried[0], by))
+            self._placed = [(by, known), *self._placed[: RECENT - 1]]
+        return known
+
+    def growth(self, x: Array) -> float:
+        """e^(nσ): what a state grows by where it keeps its shape as the front moves."""
+        if self.front is None:
+            return 1.0
+        return math.exp(self.front.power * min(max(float(x[self.size]), -FARTHEST), FARTHEST))
+
+    def fields(self, x: Array, u: float) -> Fields:
+        """Everything that follows from a state."""
+        return self.seen(x, u)[1]
+
+    def residual(self, x: Array, p: float) -> Array:
+        """Residual R, (N,), and how far the front and the creases are from their places, (1 + m,); e^(−nσ) times."""
+        equations, fields = self.seen(x, p)
+        if self.front is None:
+            return fields.residual
+        off = [self.front.off(self.equations.mesh, equations, fields, float(x[self.size]))]
+        off += [float(row @ fields.gap[nodes]) for nodes, row in self._rows]
+        return np.append(fields.residual, off) / self.growth(x)
+
+    @cached_property
+    def _rows(self) -> list[tuple[slice, Array]]:
+        """What says how far creases are off."""
+        return [crease.row(self.equations.mesh) for crease in self.creases]
+
+    def jacobian(self, x: Array, p: float) -> Array:
+        """dR/dx, (N, N); with a front bordered by the derivatives with respect to σ and those of its equation."""
+        equations, fields = self.seen(x, p)
+        if self.front is None:
+            return equations.jacobian(fields)
+        n, (rows, columns, corner) = self.size, self._border(x, p)
+        matrix = np.empty((x.size, x.size))
+        matrix[:n, :n] = equations.jacobian(fields)
+        matrix[n:, :n], matrix[:n, n:], matrix[n:, n:] = rows, columns, corner
+        return matrix
+
+    def _border(self, x: Array, p: float) -> tuple[Array, Array, Array]:
+        """What borders dR/dh: the derivatives of the equations of front and creases, (1 + m, N), those with respect to
+        σ and to the motions of the creases, (N, 1 + m), and the corner.
+
+        At a solution R vanishes between the nodes, too: where they move to, it is what h no longer is there.
+        """
+        equations, fields = self.seen(x, p)
+        if "border" not in fields.derived:
+            fields.derived["border"] = self._bordered(equations, fields, self.residual(x, p), self.growth(x))
+        rows, columns, corner = fields.derived["border"]
+        return rows, columns, corner
+
+    def _bordered(
+        self, equations: Equations, fields: Fields, residual: Array, growth: float
+    ) -> tuple[Array, Array, Array]:
+        assert self.front is not None
+        unit, n, count = self.equations.mesh, self.size, 1 + len(self.creases)
+        rows, corner = np.empty((count, n)), np.zeros((count, count))
+        rows[0], corner[0, 0], _ = self.front.derivatives(unit, equations, fields)
+        lift, stretched = equations.spread(fields, self.front.power)
+        columns = stretched[:, None]
+        for k, (nodes, row) in enumerate(self._rows, 1):
+            rows[k], corner[k, 0] = lifted(equations, fields, nodes, row), row @ lift[nodes]
+        if self.creases:
+            gaps, taken = equations.drift(fields, *self._motion(equations))
+            corner[0, 1:] = [self.front.passing(unit, gap) for gap in gaps]
+            corner[1:, 1:] = [gaps[:, nodes] @ row for nodes, row in self._rows]
+            columns = np.column_stack([stretched, taken.T])
+        columns, corner = columns / growth, corner / growth
+        columns[:, 0] -= self.front.power * residual[:n]
+        corner[:, 0] -= self.front.power * residual[n:]
+        return rows, columns, corner
+
+    def _motion(self, equations: Equations) -> tuple[Array, Array]:
+        """Rates of the edges and nodes of a mesh with the motions of the creases, (m, P + 1) and (m, N)."""
+        assert self._carried is not None
+        stretch = equations.mesh.edges[-1] / self.equations.mesh.edges[-1]
+        return stretch * self._carried[0], stretch * self._carried[1]
+
+    def parameter_derivative(self, x: Array, p: float) -> Array:
+        """dR/du, (N,), and that of the front's equation."""
+        equations, fields = self.seen(x, p)
+        residual = equations.slopes(fields)[1]
+        if self.front is not None:
+            off = [self.front.derivatives(self.equations.mesh, equations, fields)[2]]
+            off += [float(row @ equations.slopes(fields)[0][nodes]) for nodes, row in self._rows]
+            residual = np.append(residual, off) / self.growth(x)
+        return residual * (self.scale * math.cosh(p))
+
+    def linearise(self, x: Array, p: float) -> Linearisation:
+        """Residual and derivatives from one evaluation of the fields."""
+        self.work.newton += 1
+        fields = self.fields(x, p)
+        if not fields.finite:
+            return Linearisation(fields.residual, np.empty((0, 0)), fields.residual)
+        return Linearisation(self.residual(x, p), self.jacobian(x, p), self.parameter_derivative(x, p))
+
+    def product(self, x: Array, p: float) -> Callable[[Array], Array]:
+        """What multiplies by dR/dx, without that matrix."""
+        equations, fields = self.seen(x, p)
+        if self.front is None:
+            return partial(equations.multiplied, fields)
+        n, (rows, columns, corner) = self.size, self._border(x, p)
+        return lambda v: np.append(equations.multiplied(fields, v[:n]) + columns @ v[n:], rows @ v[:n] + corner @ v[n:])
+
+    def moving(self, x_rate: Array, x: Array) -> Array:
+        """The rate of h where it is, (N,), of a direction of states: the mesh moves through it."""
+        if self.front is None:
+            return x_rate
+        n = self.size
+        return self.growth(x) * np.asarray(x_rate[:n] - self._passing(x) @ x_rate[n:])
+
+    def _passing(self, x: Array) -> Array:
+        """Rates of h, as a state has it, with σ and the motions of the creases where nothing changes but the mesh."""
+        assert self.front is not None
+        h, mesh = x[: self.size], self.placed(x).mesh
+        slope = mesh.derivative(h)
+        creases = () if self._carried is None else self._carried[1]
+        return np.column_stack([mesh.nodes * slope - self.front.power * h, *(rate * slope for rate in creases)])
+
+    def following(self, x_rate: Array, x: Array, p: float, p_rate: float) -> Array:
+        """The same direction as one that goes with a mesh at rest, with the mesh moving as its front does."""
+        if self.front is None:
+            return x_rate
+        n, taken = self.size, self._passing(x)
+        rows, _, corner = self._border(x, p)
+        off = rows @ x_rate[:n] + self.parameter_derivative(x, p)[n:] * p_rate
+        rates = -np.linalg.lstsq(rows @ taken + corner, off)[0]
+        return np.append(x_rate[:n] + taken @ rates, rates)
+
+    def still(self, x: Array) -> tuple[Self, Array]:
+        """The problem on the mesh of a state, which stays as it is, and the state."""
+        if self.front is None:
+            return self, x
+        placed, n = self.placed(x), self.size
+        equations = placed.on(placed.mesh.stretched(math.exp(float(x[n]))))
+        return type(self)(equations, self.scale, self.resolution, self.sharpness), self.growth(x) * x[:n]
+
+    def inner(self, u: Array, v: Array) -> float:
+        """∫ u v dtau, which does not know the mesh, and the front's share; in a pressed film also of slopes."""
+        return float(self.dual(u) @ v)
+
+    def dual(self, u: Array) -> Array:
+        """Vector whose product with v is inner(u, v)."""
+        found = self._weights * u
+        if self._slopes is not None:
+            mesh = self.equations.mesh
+            found[: self.size] += mesh.derivative_dual(self._slopes * mesh.derivative(u[: self.size]))
+        return found
+
+    def direction(self, x: Array, p: float) -> tuple[Array, float]:
+        """A tangent of the curve where the parameter is monotone: (dh/du, 1)."""
+        rate = np.linalg.solve(self.jacobian(x, p), -self.parameter_derivative(x, p))
+        return np.asarray(rate, dtype=np.float64), 1.0
+
+    def _solver(self, x: Array) -> Solver | None:
+        """What solves with dR/dh at the point found last; None at any other."""
+        found, solve = self._corrected or (None, None)
+        if found is not x or solve is None or self.front is None:
+            return solve if found is x else None
+        n, solved = self.size, solve
+        pushed = np.column_stack([solve(one) for one in np.eye(x.size)[n:]])
+        if not float(np.linalg.svd(pushed[n:], compute_uv=False)[-1]) > TINY_PIVOT * float(np.abs(pushed).max()):
+            return None
+
+        def held(f: Array) -> Array:  # with the mesh where it is
+            answer = solved(np.append(f, np.zeros(x.size - n)))
+            return np.asarray(answer[:n] - pushed[:n] @ np.linalg.solve(pushed[n:], answer[n:]))
+
+        return held
+
+    def corrected(self, x: Array, p: float, solve: Solver) -> None:
+        """Keep what the next error estimate is made with."""
+        self._corrected = x, solve
+
+    def _creases_at(self, x: Array) -> tuple[Crease, ...]:
+        """The creases where a state has them, on its mesh before it is stretched."""
+        by = x[self.size + 1 :]
+        return tuple(replace(crease, place=crease.place + b) for crease, b in zip(self.creases, by, strict=True))
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns."""
+        return self.equations.mesh.size
+
+    @property
+    def flat(self) -> bool:
+        """Whether the tip begins flatter than the dish that the film presses into the surface.
+
+        However small, a ring of contact then comes before the disc, whose own slope at first touch means nothing.
+        """
+        return self.equations.tip.apex_exponent > 2.0
+
+    @property
+    def power(self) -> float:
+        """In contact the load has a term of order a³ beside a²: it is smooth in the radius a and not in a^m ~ u."""
+        return self.equations.coordinate.power if self.equations.contact else 1.0
+
+    @property
+    def beyond_edge(self) -> bool:
+        """Without contact the equations go on into u > 0, where the gap would be negative at the centre."""
+        return not self.equations.contact
