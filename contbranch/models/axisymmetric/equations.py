@@ -459,6 +459,7 @@ class Equations:
         if beyond is NOTHING:
             return load, 0.0
         gap = float(self.drift(fields, edges[None], nodes[None])[0][0, -1])
+        gap -= float(nodes[-1] / mesh.nodes[-1]) * self._at_end(fields)[0]
         return load - beyond.load_per_gap * gap, -beyond.shift_per_gap * gap
 
     def _at_end(self, fields: Fields) -> tuple[float, float, float]:

@@ -1,0 +1,72 @@
+"""Meshes that move with the creases of films."""
+
+import numpy as np
+import pytest
+
+import contbranch as cb
+from contbranch.models.axisymmetric.creases import Crease, moved_with, velocities
+from contbranch.models.axisymmetric.equations import ContactCoordinate, Equations
+from contbranch.models.axisymmetric.mesh import Mesh
+
+EDGES = np.array([0.0, 0.2, 0.5, 0.8, 1.1, 1.4, 1.8, 2.3, 3.0])
+
+
+@pytest.mark.parametrize("radius", [0.0, 0.7])
+def test_rates_of_a_mesh_that_moves(radius):
+    """All that follows from the same nodal values on a mesh that moves changes at the rates that are computed."""
+    mesh, tip = Mesh(EDGES, 10), cb.Parabola(1.0)
+    creases = [Crease(0.9, 0.1, 1.0, 1.0, 0), Crease(1.9, 0.2, 1.0, 1.0, 1)]
+    edges, nodes = velocities(creases, (1.3, 1.4), mesh)
+    assert edges[:, [0, 1, -1]] == pytest.approx(0.0)
+    assert nodes.max(axis=1) == pytest.approx(1.0, abs=0.1)
+    law, coordinate = cb.Gauss(-1.0, 0.7), ContactCoordinate(tip, 2.0)
+    # Not a solution, and not continuous where panels meet: rates are those of what is computed.
+    h = 1.0 / (1.0 + mesh.nodes**2) + 1e-3 * np.repeat(np.cos(np.arange(8.0)), 10)
+    y = radius**2 if radius else -0.3
+
+    def found(by):
+        moved = mesh if by is None else moved_with(mesh, edges, by)
+        equations = Equations(tip, law, moved, coordinate, radius > 0.0)
+        fields = equations.fields(h, y)
+        values = np.array([equations.load(fields), equations.displacement(fields)])
+        return equations, fields, np.concatenate([fields.gap, fields.residual, values])
+
+    equations, fields, _ = found(None)
+    gaps, residuals = equations.drift(fields, edges, nodes)
+    for k, by in enumerate(1e-5 * np.eye(2)):
+        differences = (found(by)[2] - found(-by)[2]) / 2e-5
+        rates = equations.drift_rates(fields, edges[k], nodes[k])
+        assert gaps[k] == pytest.approx(differences[:80], abs=2e-7 * np.abs(differences[:80]).max())
+        assert residuals[k] == pytest.approx(differences[80:160], abs=2e-7 * np.abs(differences[80:160]).max())
+        assert rates == pytest.approx(differences[160:], abs=1e-9)
+
+
+def test_panels_are_not_crushed():
+    mesh = Mesh(EDGES, 10)
+    edges, _ = velocities([Crease(0.9, 0.1, 1.0, 1.0, 0)], None, mesh)
+    with pytest.raises(cb.ModelError, match="crease"):
+        moved_with(mesh, edges, np.array([-0.55]))
+
+
+def test_creases_cross_a_film_in_a_few_steps():
+    """A film that bends upwards at its centre gives way on a ring, which wanders through it, and then on others.
+
+    Every ring takes the curve from one end of the same range of loads to the other. Meshes at rest follow each of them
+    through 190 rows, which is what keeps curves like this one from being followed at all.
+    """
+    contact = cb.Contact(cb.PowerLaw(2.491, 1.0), cb.VanDerWaals(-1.0, 0.0966))
+    rows = []
+
+    def progress(share, text):
+        rows.append(text)
+        if len(rows) > 230:
+            raise cb.Stop
+
+    diagram = cb.trace(contact, accuracy=1e-4, progress=progress)
+    print(len(rows), len(diagram.branches[0].load), [float(f.load) for f in diagram.folds("load")])
+    turns = np.array([fold.load for fold in diagram.folds("load")])
+    assert len(turns) >= 4
+    assert np.all(np.diff(turns[1:]) * np.diff(turns[:-1]) < 0.0)
+    upper, lower = turns[::2], turns[1::2]
+    assert np.ptp(upper) < 0.01 * upper[0]
+    assert np.ptp(lower) < 0.03 * lower[0]
