@@ -29,7 +29,7 @@ BEGINS, ENDS = 4.0, 2.0
 # What is moved undeformed on either side of it, in its widths, and at most as a share of the way to what is next to it.
 AROUND, SHARE = 3.0, 0.35
 # Panels are shortened down to this share before the mesh is taken for the one to be moved, and no further than this.
-SHORTER, SHORTEST = 0.6, 0.2
+SHORTER, SHORTEST = 0.4, 0.2
 # Creases that are followed; steps of Newton's method by which they are located.
 MOST, NEWTON = 6, 3
 
