@@ -46,7 +46,7 @@ FAR_OUT = 4.0
 
 @dataclass(frozen=True)
 class Front:
-    """Where the front is in the mesh, and which gap it has there.
+    """Where the front is in the mesh, which gap it has there, and the creases besides.
 
     Attributes
     ----------
@@ -82,7 +82,8 @@ class Front:
         return self.power > 0.0
 
     def weights(self, mesh: Mesh) -> Array:
-        """Weights of the inner product of states, (N + 1,): all lengths around the front count alike, down to its own.
+        """Weights of the inner product of states, (N + 1 + m,): all lengths around the front count alike, down to its
+        own.
 
         Otherwise nothing would tell how it looks, on which Newton's method depends.
         """
@@ -202,7 +203,7 @@ class Edge:
     resting: ClassVar[None] = None
 
     def weights(self, mesh: Mesh) -> Array:
-        """Weights of the inner product of states, (N + 1,): σ follows from the rim."""
+        """Weights of the inner product of states, (N + 1 + m,): σ follows from the rim."""
         return np.append(mesh.weights, [0.0, *(crease.weight for crease in self.creases)])
 
     def slopes(self, mesh: Mesh) -> Array:

@@ -37,7 +37,7 @@ UNRESOLVED = 20.0
 JUMP = 1e-4
 # A change of mesh may move the solution by this multiple of its error estimate.
 LEAP = 30.0
-# ... and ln of the stretch by this much.
+# ... and ln of the stretch by this much, and creases by this share of their places.
 STRETCHED = 0.1
 # What serves no more is also left for a mesh whose load and displacement differ by this multiple of their errors.
 SAFETY = 3.0
@@ -167,11 +167,9 @@ class MeshedContact(MovingContact):
             change, told = found - carried, trial.told(problem)
             moves = trial.growth(found) * change[: trial.size], trial.moving(change, found)
             moved = min(float(np.abs(by[told]).max(initial=0.0)) for by in moves)
-            moved_by = (
-                np.abs(change[trial.size :])
-                / np.array([1.0, *(one.place for one in trial.creases)])[: x.size - self.size]
-            )
-            astray = bool((moved_by > STRETCHED).any()) or trial.lost(found, p)
+            away = np.abs(change[trial.size :])
+            away[1:] /= [crease.place for crease in trial.creases]
+            astray = bool((away > STRETCHED).any()) or trial.lost(found, p)
             near = moved <= LEAP * expected + 1e-6 * self.scale
             if astray or not (near or (not served and trial._foretold(found, problem, start, p))):
                 break  # Newton's method has left for another solution
