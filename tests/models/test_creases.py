@@ -15,7 +15,7 @@ EDGES = np.array([0.0, 0.2, 0.5, 0.8, 1.1, 1.4, 1.8, 2.3, 3.0])
 def test_rates_of_a_mesh_that_moves(radius):
     """All that follows from the same nodal values on a mesh that moves changes at the rates that are computed."""
     mesh, tip = Mesh(EDGES, 10), cb.Parabola(1.0)
-    creases = [Crease(0.9, 0.1, 1.0, 1.0, 0), Crease(1.9, 0.2, 1.0, 1.0, 1)]
+    creases = [Crease(0.9, 0.1, 1, 0.0, 1.0, 1.0, 0), Crease(1.9, 0.2, 0, 0.5, 1.0, 1.0, 1)]
     edges, nodes = velocities(creases, (1.3, 1.4), mesh)
     assert edges[:, [0, 1, -1]] == pytest.approx(0.0)
     assert nodes.max(axis=1) == pytest.approx(1.0, abs=0.1)
@@ -43,7 +43,7 @@ def test_rates_of_a_mesh_that_moves(radius):
 
 def test_panels_are_not_crushed():
     mesh = Mesh(EDGES, 10)
-    edges, _ = velocities([Crease(0.9, 0.1, 1.0, 1.0, 0)], None, mesh)
+    edges, _ = velocities([Crease(0.9, 0.1, 1, 0.0, 1.0, 1.0, 0)], None, mesh)
     with pytest.raises(cb.ModelError, match="crease"):
         moved_with(mesh, edges, np.array([-0.55]))
 

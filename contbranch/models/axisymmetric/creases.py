@@ -1,9 +1,9 @@
-"""Creases that wander through a film: places inside of a front, or an edge, with which the mesh moves, too.
+"""Creases that wander through a film, and steps between layers: places with which the mesh moves besides its front.
 
 A film that is about to give way in one place, or layers, make the gap dip, or rise, over a length far below the film's
 own. Where the film is flat there is next to nothing to hold such a crease, and the curve passes through all places that
 it can be at. On a mesh that moves along with it, ``xi -> xi + Σ b_k v_k(xi)`` with one unknown b_k and one equation
-``g'(xi_k) = 0`` for each crease, it stands still.
+for each, ``g'(xi_k) = 0`` for a crease and ``g(xi_k) = g_k`` for a step, it stands still.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _keys = itertools.count()
 
 @dataclass(frozen=True)
 class Crease:
-    """A crease of the gap, on the mesh before that was moved.
+    """A crease of the gap, or a step, on the mesh before that was moved.
 
     Attributes
     ----------
@@ -46,8 +46,12 @@ class Crease:
         ξ_k.
     half : float
         What moves with it undeformed, on either side.
-    bend : float
-        d²g/dξ² there when it was found.
+    order : int
+        Of the derivative of the gap that stays what it is: 1 of a crease, 0 of a step.
+    value : float
+        What that is.
+    slope : float
+        Its own derivative when it was found.
     weight : float
         Of its motion in the inner product of states: like that of h when it moves by its own distance.
     key : int
@@ -56,21 +60,27 @@ class Crease:
 
     place: float
     half: float
-    bend: float
+    order: int
+    value: float
+    slope: float
     weight: float
     key: int
 
     def stretched(self, factor: float, weight: float) -> Crease:
         """The same where lengths are stretched, with a weight for its motion by its own place."""
         place = factor * self.place
-        return replace(self, place=place, half=factor * self.half, bend=self.bend / factor**2, weight=weight / place**2)
+        slope, weight = self.slope / factor ** (1 + self.order), weight / place**2
+        return replace(self, place=place, half=factor * self.half, slope=slope, weight=weight)
 
-    def row(self, mesh: Mesh) -> tuple[slice, Array]:
-        """The nodes of the panel on which it lies, and what their gaps are multiplied by to say how far it is off."""
+    def row(self, mesh: Mesh) -> tuple[slice, Array, float]:
+        """The nodes of the panel on which it lies, what their gaps are multiplied by, and what is taken off to say how
+        far it is from its place."""
         panel = int(np.searchsorted(mesh.edges[1:-1], self.place))
         local = (self.place - mesh.edges[panel]) / mesh.half[panel] - 1.0
-        slopes = mesh.rule.lagrange(np.array([local]))[0] @ mesh.rule.derivative
-        return slice(panel * mesh.order, (panel + 1) * mesh.order), slopes / (mesh.half[panel] * self.bend)
+        row = mesh.rule.lagrange(np.array([local]))[0]
+        if self.order:
+            row = row @ mesh.rule.derivative / mesh.half[panel]
+        return slice(panel * mesh.order, (panel + 1) * mesh.order), row / self.slope, self.value / self.slope
 
 
 def velocities(creases: Sequence[Crease], resting: tuple[float, float] | None, mesh: Mesh) -> tuple[Array, Array]:
@@ -114,7 +124,7 @@ def shortened(mesh: Mesh, edges: Array) -> float:
 
 
 def creases_of(
-    mesh: Mesh, fields: Fields, range_: float, front: float, followed: Sequence[Crease]
+    mesh: Mesh, fields: Fields, range_: float, front: float, followed: Sequence[Crease], steps: bool
 ) -> tuple[Crease, ...]:
     """The creases of a film with which a mesh is to move, the narrowest first, without their weights.
 
@@ -123,35 +133,66 @@ def creases_of(
     mesh, fields : Mesh, Fields
         The state.
     range_ : float
-        Of the interaction.
+        Over which the gap changes where the pressure does.
     front : float
         Where the front is, or the edge at which the mesh ends.
     followed : sequence of Crease
         Those that are followed already, where they are now; they end later.
+    steps : bool
+        Whether steps count, too: where the mesh ends at an edge, and no front leads it.
     """
     nodes, chosen = mesh.nodes, list[Crease]()
     steep = np.abs(nodes * mesh.derivative(fields.pressure)) / max(float(np.abs(fields.pressure).max()), 1e-300)
-    turns = [(place, bend, math.sqrt(range_ / abs(bend))) for place, bend in _turns(mesh, fields.gap)]
-    for place, bend, width in sorted(turns, key=lambda turn: turn[2] / turn[0]):
-        near = [crease for crease in followed if abs(crease.place - place) < width]
-        needed = ENDS if near else BEGINS
+    found = [(place, 1, 0.0, bend, math.sqrt(range_ / abs(bend))) for place, bend in _turns(mesh, fields.gap)]
+    if steps:
+        found += [(place, 0, gap, slope, range_ / abs(slope)) for place, gap, slope in _steps(mesh, fields.gap, steep)]
+    for place, order, value, slope, width in sorted(found, key=lambda one: one[4] / one[0]):
+        taken = [crease.key for crease in chosen]
+        near = [one for one in followed if one.order == order and one.key not in taken]
+        near = [one for one in near if abs(one.place - place) < width]
+        known = min(near, key=lambda one: abs(one.place - place)) if near else None
         around = steep[np.abs(nodes - place) < AROUND * width]
+        needed = ENDS if known else BEGINS
         if not (needed * width < place and float(around.max(initial=0.0)) > needed):
             continue
+        if known:  # what it is known by stays
+            place, value, slope = known.place, known.value, known.slope
         others = [front, mesh.edges[-1], *(crease.place for crease in chosen)]
         room = SHARE * min(place - mesh.innermost, *(abs(place - other) for other in others))
         if room > width:
-            taken = [crease.key for crease in chosen]
-            known = [crease for crease in near if crease.key not in taken]
-            key = min(known, key=lambda crease: abs(crease.place - place)).key if known else next(_keys)
-            chosen.append(Crease(place, min(AROUND * width, room), bend, 0.0, key))
+            key = known.key if known else next(_keys)
+            chosen.append(Crease(place, min(AROUND * width, room), order, value, slope, 0.0, key))
     return tuple(chosen[:MOST])
 
 
-def located(mesh: Mesh, gap: Array, place: float, around: float) -> float:
-    """Where a crease is that will be at a place, or that place."""
-    near = [one for one, _ in _turns(mesh, gap) if abs(one - place) < around]
+def located(mesh: Mesh, gap: Array, crease: Crease, stretch: float) -> float:
+    """Where a state has what will be a crease on a mesh that is stretched, or where that is."""
+    place, around = stretch * crease.place, stretch * crease.half
+    if crease.order:
+        places = [turn for turn, _ in _turns(mesh, gap)]
+    else:
+        above = gap > crease.value
+        places = [
+            float(np.interp(0.0, *_rising(gap[k : k + 2] - crease.value, mesh.nodes[k : k + 2])))
+            for k in np.flatnonzero(above[1:] != above[:-1])
+        ]
+    near = [one for one in places if abs(one - place) < around]
     return min(near or [place], key=lambda one: abs(one - place))
+
+
+def _rising(values: Array, places: Array) -> tuple[Array, Array]:
+    """Two values in order, and their places."""
+    return (values, places) if values[1] > values[0] else (values[::-1], places[::-1])
+
+
+def _steps(mesh: Mesh, gap: Array, steep: Array) -> Iterator[tuple[float, float, float]]:
+    """Nodes at which the pressure is steeper than around while the gap goes on rising, or falling; gaps and slopes."""
+    with np.errstate(invalid="ignore"):  # beyond the edge of a tip
+        slope = mesh.derivative(gap)
+        peaks = (steep[1:-1] > steep[:-2]) & (steep[1:-1] >= steep[2:])
+        peaks &= (slope[1:-1] * slope[:-2] > 0.0) & (slope[1:-1] * slope[2:] > 0.0)
+    for k in np.flatnonzero(peaks) + 1:
+        yield float(mesh.nodes[k]), float(gap[k]), float(slope[k])
 
 
 def _turns(mesh: Mesh, gap: Array) -> Iterator[tuple[float, float]]:

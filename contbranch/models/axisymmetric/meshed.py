@@ -60,6 +60,8 @@ SHARPEST, HELPS = 1e6, 0.5
 # Unknowns that a state may be given where it is not smooth, and where all panels are halved, since halving some leaves
 # more than this share of the error.
 MOST, FINEST, WORTH = 1000, 1400, 0.5
+# Share of the wavelength of layers over which the gap changes where it passes from one to the next.
+LAYER = 0.25
 # Edges of panels below this share of the distance to the edge of a tip are kept where the mesh is to end there.
 INSIDE = 0.97
 
@@ -218,9 +220,13 @@ class MeshedContact(MovingContact):
         (equations, fields), now, same = self.seen(x, p), self.placed(x).mesh, self._as_moved(found)
         stretch = equations.mesh.edges[-1] / now.edges[-1]
         unit = stretch if same else 1.0
-        followed = [replace(crease, place=stretch * crease.place) for crease in self._creases_at(x)]
+        followed = [crease.stretched(stretch, 0.0) for crease in self._creases_at(x)]
         weight = found.weight if isinstance(found, Front) else float(equations.mesh.weights @ fields.h**2)
-        known, own = creases_of(equations.mesh, fields, self.scale, unit * found.place, followed), self.creases
+        law, own = equations.interaction, self.creases
+        assert law is not None  # there is a front
+        stiff = float(np.abs(fields.stiffness).max()) * self.resolution.moving > STIFF
+        narrow, steps = min(self.scale, LAYER * law.wave), stiff and isinstance(found, Edge)
+        known = creases_of(equations.mesh, fields, narrow, unit * found.place, followed, steps)
         stay = same and {crease.key for crease in known} == {crease.key for crease in own}
         if stay and not (own and shortened(self.equations.mesh, now.edges) < SHORTER):
             return found if found.creases is own else replace(found, creases=own)
@@ -372,7 +378,7 @@ class MeshedContact(MovingContact):
         def place(crease: Crease) -> float:
             if crease.key in places:
                 return places[crease.key] * stretch
-            return located(equations.mesh, fields.gap, beyond * crease.place, beyond * crease.half)
+            return located(equations.mesh, fields.gap, crease, beyond)
 
         by = [place(crease) / beyond - crease.place for crease in front.creases]
         state = np.concatenate([np.zeros(other.size), [shift], by])

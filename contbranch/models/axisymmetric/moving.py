@@ -159,11 +159,11 @@ class MovingContact(EquilibriumProblem):
         if self.front is None:
             return fields.residual
         off = [self.front.off(self.equations.mesh, equations, fields, float(x[self.size]))]
-        off += [float(row @ fields.gap[nodes]) for nodes, row in self._rows]
+        off += [float(row @ fields.gap[nodes]) - value for nodes, row, value in self._rows]
         return np.append(fields.residual, off) / self.growth(x)
 
     @cached_property
-    def _rows(self) -> list[tuple[slice, Array]]:
+    def _rows(self) -> list[tuple[slice, Array, float]]:
         """What says how far creases are off."""
         return [crease.row(self.equations.mesh) for crease in self.creases]
 
@@ -199,12 +199,12 @@ class MovingContact(EquilibriumProblem):
         rows[0], corner[0, 0], _ = self.front.derivatives(unit, equations, fields)
         lift, stretched = equations.spread(fields, self.front.power)
         columns = stretched[:, None]
-        for k, (nodes, row) in enumerate(self._rows, 1):
+        for k, (nodes, row, _) in enumerate(self._rows, 1):
             rows[k], corner[k, 0] = lifted(equations, fields, nodes, row), row @ lift[nodes]
         if self.creases:
             gaps, taken = equations.drift(fields, *self._motion(equations))
             corner[0, 1:] = [self.front.passing(unit, gap) for gap in gaps]
-            corner[1:, 1:] = [gaps[:, nodes] @ row for nodes, row in self._rows]
+            corner[1:, 1:] = [gaps[:, nodes] @ row for nodes, row, _ in self._rows]
             columns = np.column_stack([stretched, taken.T])
         columns, corner = columns / growth, corner / growth
         columns[:, 0] -= self.front.power * residual[:n]
@@ -223,7 +223,7 @@ class MovingContact(EquilibriumProblem):
         residual = equations.slopes(fields)[1]
         if self.front is not None:
             off = [self.front.derivatives(self.equations.mesh, equations, fields)[2]]
-            off += [float(row @ equations.slopes(fields)[0][nodes]) for nodes, row in self._rows]
+            off += [float(row @ equations.slopes(fields)[0][nodes]) for nodes, row, _ in self._rows]
             residual = np.append(residual, off) / self.growth(x)
         return residual * (self.scale * math.cosh(p))
 
