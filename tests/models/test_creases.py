@@ -68,3 +68,19 @@ def test_creases_cross_a_film_in_a_few_steps():
     assert second - first < 80
     assert third - second < 90
     assert turns[0] == pytest.approx(turns[2], rel=1e-4) != turns[1]
+
+
+def test_steps_travel_where_the_mesh_ends_at_an_edge():
+    """Stiff attraction is felt out to the edge of a cap, while its steep zone travels from the centre to there.
+
+    At contact the law does not pull, and pull-off tends to that of JKR: of any tip with the Abel transform ζ it is the
+    least of F(a) = 2 E [d a − ∫ ζ] with d = ζ(a) − √(2π a w/E).
+    """
+    tip = cb.SphericalCap(6.0)
+    diagram = cb.trace(cb.Contact(tip, cb.VanDerWaals(1.0, 0.05)), accuracy=1e-4)
+    assert diagram.status == "complete", diagram.message
+    assert len(diagram.branches[0].load) < 140
+    radii = np.linspace(3.0, 5.0, 2001)
+    loads = 2.0 * ((tip.transform(radii) - np.sqrt(2 * np.pi * radii)) * radii - tip.transform_integral(radii))
+    excess = diagram.thresholds["pull_off_load"] / loads.min() - 1.0
+    assert 0.0 < excess < 2.0e-3
