@@ -25,12 +25,9 @@ BARE = 4
 
 def search_from(problem: ContactProblem, points: Sequence[Point]) -> Search:
     """The search on one side of first touch, given the curve's rows there."""
-    problem, _ = problem.still(points[-1].x)
-    meshes = [
-        point.problem.seen(point.x, point.parameter)[0].mesh
-        for point in points
-        if isinstance(point.problem, type(problem))
-    ]
+    own = [(point.problem, point) for point in points if isinstance(point.problem, type(problem))]
+    meshes = [one.seen(point.x, point.parameter)[0].mesh for one, point in own]
+    problem, _ = own[-1][0].still(own[-1][1].x)
     edges = np.unique(np.concatenate([mesh.edges[1:] for mesh in meshes]))
     kept = [0.0, float(edges[0])]
     for edge in edges[1:]:
