@@ -33,8 +33,6 @@ SHORTER, SHORTEST = 0.4, 0.2
 # Creases that are followed; steps of Newton's method by which they are located.
 MOST, NEWTON = 6, 3
 
-_keys = itertools.count()
-
 
 @dataclass(frozen=True)
 class Crease:
@@ -141,7 +139,7 @@ def creases_of(
     steps : bool
         Whether steps count, too: where the mesh ends at an edge, and no front leads it.
     """
-    nodes, chosen = mesh.nodes, list[Crease]()
+    nodes, chosen, fresh = mesh.nodes, list[Crease](), 1 + max((crease.key for crease in followed), default=-1)
     steep = np.abs(nodes * mesh.derivative(fields.pressure)) / max(float(np.abs(fields.pressure).max()), 1e-300)
     found = [(place, 1, 0.0, bend, math.sqrt(range_ / abs(bend))) for place, bend in _turns(mesh, fields.gap)]
     if steps:
@@ -160,7 +158,7 @@ def creases_of(
         others = [front, mesh.edges[-1], *(crease.place for crease in chosen)]
         room = SHARE * min(place - mesh.innermost, *(abs(place - other) for other in others))
         if room > width:
-            key = known.key if known else next(_keys)
+            key = known.key if known else fresh + len(chosen)
             chosen.append(Crease(place, min(AROUND * width, room), order, value, slope, 0.0, key))
     return tuple(chosen[:MOST])
 
@@ -173,16 +171,11 @@ def located(mesh: Mesh, gap: Array, crease: Crease, stretch: float) -> float:
     else:
         above = gap > crease.value
         places = [
-            float(np.interp(0.0, *_rising(gap[k : k + 2] - crease.value, mesh.nodes[k : k + 2])))
+            float(mesh.nodes[k] + (crease.value - gap[k]) * (mesh.nodes[k + 1] - mesh.nodes[k]) / (gap[k + 1] - gap[k]))
             for k in np.flatnonzero(above[1:] != above[:-1])
         ]
     near = [one for one in places if abs(one - place) < around]
     return min(near or [place], key=lambda one: abs(one - place))
-
-
-def _rising(values: Array, places: Array) -> tuple[Array, Array]:
-    """Two values in order, and their places."""
-    return (values, places) if values[1] > values[0] else (values[::-1], places[::-1])
 
 
 def _steps(mesh: Mesh, gap: Array, steep: Array) -> Iterator[tuple[float, float, float]]:

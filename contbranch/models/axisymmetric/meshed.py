@@ -370,7 +370,7 @@ class MeshedContact(MovingContact):
         function = fields.h if vector is x else self.moving(vector, x)
         if front is None:
             return equations.mesh.interpolate(function, other.equations.mesh.nodes)
-        kept = self.front is not None and (front.place, front.power) == (self.front.place, self.front.power)
+        kept = self.front is not None and replace(front, creases=self.creases) == self.front
         shift = float(x[n]) if kept else front.anchored(equations, fields)
         places = {crease.key: crease.place for crease in self._creases_at(x)}
         stretch, beyond = float(equations.mesh.edges[-1] / self.equations.mesh.edges[-1]), math.exp(shift)
@@ -425,14 +425,14 @@ class MeshedContact(MovingContact):
 
     def solve_at(self, x: Array, p: float, iterations: int = 12, enough: float = 1e-13) -> Array:
         """Newton's method at a fixed parameter, up to a relative change that is enough; the best that was reached."""
-        best, size = x, math.inf
+        best, size, valid = x, math.inf, x
         for _ in range(iterations):
             check()
             self.work.newton += 1
             try:
-                fields = self.fields(x, p)
-            except ModelError:  # creases that leave the mesh
-                return best
+                fields, valid = self.fields(x, p), x
+            except ModelError:  # creases have left the mesh
+                return valid
             if not fields.finite:
                 return best
             solve = partial(_solved, *lapack.dgetrf(self.jacobian(x, p).T, overwrite_a=1)[:2])
