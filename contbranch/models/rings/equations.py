@@ -43,6 +43,8 @@ NARROW_RING = 1e-4
 PARTS = 8
 # Displacements are measured in this share of the tip's height at the outermost edge at least.
 TALL = 1e-3
+# Nodes between those on both sides of a front that tell whether the gap rises there.
+AROUND = 2
 # Halvings of an interval that leave a radius to rounding.
 HALVINGS = 50
 
@@ -137,7 +139,8 @@ class RingEquations(EquilibriumProblem):
         Raises
         ------
         ModelError
-            If the edges are not in order, which the continuation answers by a shorter step.
+            If the edges are not in order, or the gap does not rise at the front, which the continuation answers by a
+            shorter step.
         """
         for known in self._recent:
             if known.parameter == p and (known.x is x or np.array_equal(known.x, x)):
@@ -158,6 +161,10 @@ class RingEquations(EquilibriumProblem):
             lift = response @ pressure
         rise = self.setting.tip.height(grid.r) + lift - p
         gap = rise - self.origin
+        if self.panels.front:  # where the gap comes to rest there, its place would turn round, and with it the curve
+            outside = int(grid.r.searchsorted(edges[-1]))
+            if not gap[outside + AROUND] > gap[outside - 1 - AROUND]:
+                raise ModelError("the gap does not rise at the front")
         law_pressure, stiffness = np.zeros(grid.size), np.zeros(grid.size)
         for k, region in enumerate(self.layout.regions):
             if not region.rests:
