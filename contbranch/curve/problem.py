@@ -34,6 +34,7 @@ __all__ = [
     "Succession",
     "Values",
     "Work",
+    "alike",
     "equilibrium",
     "oriented",
 ]
@@ -557,6 +558,12 @@ def equilibrium(point: Point) -> EquilibriumProblem:
     if isinstance(problem, EquilibriumProblem):
         return problem
     raise TypeError(f"{type(problem).__name__} is not an EquilibriumProblem")
+
+
+def alike(values: Values, one: Rates, other: Rates) -> bool:
+    """Whether load, displacement and contact radius of a state change in one sense in two directions."""
+    scale = np.array([max(1.0, abs(values.load)), max(1.0, abs(values.displacement)), 1.0])
+    return float((np.array(one[:3]) / scale) @ (np.array(other[:3]) / scale)) >= 0
 
 
 def oriented(problem: EquilibriumProblem, x: Array, p: float, direction: tuple[Array, float]) -> Point:

@@ -24,8 +24,9 @@ from contbranch.curve.solve import crossings, state_on
 from contbranch.curve.trace import Request, trace
 from contbranch.curve.track import Track
 from contbranch.models.rings import Rings
+from contbranch.models.rings.disc import Disc
 from contbranch.models.rings.equations import rings
-from contbranch.models.rings.handover import Disc, taken_over
+from contbranch.models.rings.handover import taken_over
 from contbranch.models.rings.newton import solved
 from contbranch.models.rings.panels import Grid, Panels
 
@@ -244,7 +245,9 @@ def test_a_film_under_a_cap_to_its_rim() -> None:
     assert state.profile.pressure[-1] > 0.1 * state.profile.pressure.max()
     radii = np.linspace(0.0, contact.axisymmetric_tip.extent, 9)[1:]
     rise = Rates(1.0, 1.0, 0.0, -1.0)
-    disc = Disc(0.0, state.displacement, radii, lambda r: np.interp(r, state.r, state.pressure), rise)
+    disc = Disc(
+        0.0, state.central_gap, state.displacement, radii, lambda r: np.interp(r, state.r, state.pressure), rise
+    )
     point = taken_over(contact.axisymmetric_tip, contact.interaction, 1e-8, disc, Work())
     assert equilibrium(point).values(point.x, point.parameter).load == pytest.approx(state.load, rel=1e-6)
 
@@ -399,7 +402,7 @@ def test_taking_over_from_a_disc() -> None:
     a, d = state.contact_radius, state.displacement
     rise = Rates(*(float(c[row + 1] - c[row]) for c in (branch.load, branch.displacement, branch.contact_radius)), 0.0)
     spaced = np.concatenate([a + np.array([0.01, 0.1, 0.3, 0.6, 1.2, 2.4]), [6.0]])
-    disc = Disc(a, d, spaced, lambda r: np.interp(r, state.r, state.pressure), rise)
+    disc = Disc(a, 0.0, d, spaced, lambda r: np.interp(r, state.r, state.pressure), rise)
     point = taken_over(contact.axisymmetric_tip, contact.interaction, 1e-8, disc, Work())
     found = equilibrium(point).values(point.x, point.parameter)
     assert found[:3] == pytest.approx((state.load, d, a), abs=2e-6)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import chain, islice
 from typing import TYPE_CHECKING
 
@@ -23,6 +24,7 @@ from contbranch.continuation import (
 )
 from contbranch.continuation.edge import Range
 from contbranch.continuation.follow import follow
+from contbranch.continuation.newton import correct
 from contbranch.continuation.problem import UnresolvedError
 from contbranch.control import Control
 from contbranch.curve.events import Margin
@@ -32,9 +34,11 @@ from contbranch.curve.problem import (
     Rates,
     Search,
     Succession,
+    alike,
     equilibrium,
     oriented,
 )
+from contbranch.curve.refine import OPTIONS
 from contbranch.errors import ModelError
 from contbranch.models.fronts import ENDURES, lasts
 from contbranch.models.quadrature import start_edges
@@ -50,7 +54,7 @@ from .search import search_from
 from .slope import load_per_displacement
 
 if TYPE_CHECKING:
-    from contbranch.models.rings.handover import Disc
+    from contbranch.models.rings.disc import Disc
 from .meshed import MeshedContact
 from .moving import Resolution, order_for
 
@@ -112,18 +116,53 @@ LOUD, LOUDER = 1e5, 1e3 * NOISE
 # Gaps at which a film's pressure is looked at; the gap of one that is pressed changes by less than this share of the
 # displacement.
 BARRIER, PRESSED = 400, 0.1
+# Radii and gaps of one state in both models of contact differ by no more than this share of the interaction's range.
+SAME = 1e-2
 # At first touch a mesh aims at this share of the tolerance, since tiny contacts ask for more than the touch itself.
 AHEAD = 0.1
 
 
 def first_problem(contact: Contact, accuracy: float, tolerance: float) -> ContactProblem:
     """The problem from which the curve of a reduced contact starts."""
+    reach = felt(contact.axisymmetric_tip, contact.interaction)
+    resolution = Resolution(tolerance, order_for(tolerance), contact, accuracy, moving=reach)
+    return _begun(resolution, contact, np.array([0.0, 1.0]), False)
+
+
+def _begun(resolution: Resolution, contact: Contact, edges: Array, touching: bool) -> ContactProblem:
     tip, law = contact.axisymmetric_tip, contact.interaction
     coordinate = ContactCoordinate(tip, min(tip.apex_exponent, 2.0))
-    resolution = Resolution(tolerance, order_for(tolerance), contact, accuracy, moving=felt(tip, law))
-    mesh = mesh_on(np.array([0.0, 1.0]), resolution.order)
     scale = 1.0 if law is None else min(term.range for term in law.terms)
-    return ContactProblem(Equations(tip, law, mesh, coordinate, False), scale, resolution)
+    return ContactProblem(
+        Equations(tip, law, mesh_on(edges, resolution.order), coordinate, touching), scale, resolution
+    )
+
+
+def regained(resolution: Resolution, contact: Contact, disc: Disc) -> Point:
+    """The point of a state with one disc of contact, or none, that a model with free boundaries has found.
+
+    Raises
+    ------
+    CorrectionError, ModelError
+        If it is not found, or not admissible.
+    """
+    a = disc.radius
+    edges = np.append(0.0, np.sqrt((disc.radii - a) * (disc.radii + a)))
+    problem = _begun(resolution, contact, edges, a > 0.0)
+    mesh, u = problem.equations.mesh, problem.parameter(problem.equations.coordinate.of(a, disc.central_gap))
+    x, u = problem._at_displacement(mesh.abel_of(disc.pressure(np.hypot(mesh.nodes, a))), u)
+    problem, x = problem.resolved(x, u, resolution.tolerance)
+    problem, x = problem.anchored(problem._fronted(x, u), x, u)
+    x, u = problem._at_displacement(x, u, disc.displacement)
+    point = oriented(problem, x, u, (np.zeros(x.size), 1.0))
+    found = problem.values(x, u)
+    apart = found.contact_radius - a, found.central_gap - disc.central_gap
+    if not max(map(abs, apart)) < SAME * problem.scale:
+        raise ModelError("another state was found with one disc of contact")
+    if not _margin(point) > 0.0:
+        raise ModelError("the state is not admissible with one disc of contact")
+    own = problem.rates(point.x, u, point.tangent_x, point.tangent_parameter)
+    return point if alike(found, own, disc.along) else point.turned()
 
 
 class ContactProblem(MeshedContact):
@@ -258,6 +297,16 @@ class ContactProblem(MeshedContact):
         starts = (start,) if start.label and not disc.flat else (*islice(disc.passed(start), 1), start)
         return Succession("touch", last, starts, step=step, others=lambda: chain(disc.graded(h), disc.passed(start)))
 
+    def _at_displacement(self, x: Array, p: float, displacement: float | None = None) -> tuple[Array, float]:
+        """The solution next to a state with its displacement, or with another one."""
+        row = self.equations.rim_row, self.rates(x, p, np.zeros(x.size), 1.0).displacement
+        if self.front is not None:
+            row = np.append(row[0] * self.growth(x), np.zeros(x.size - self.size)), row[1]
+        if displacement is not None:
+            p += (displacement - self.values(x, p).displacement) / row[1]
+        found = correct(self, (x, p), row, self.metric(x), OPTIONS)
+        return found.x, found.parameter
+
     def _behind(self) -> ContactProblem:
         """The problem on the other side of first touch."""
         other = self.equations.touching(not self.equations.contact)
@@ -280,7 +329,7 @@ class ContactProblem(MeshedContact):
         """The curve with free boundaries, from the last row that is admissible."""
         from contbranch.models.rings.handover import taken_over
 
-        failure = ModelError("no admissible state was left")
+        failure, contact = ModelError("no admissible state was left"), self.resolution.contact
         # A fold is left to one of the two.
         right = [k for k, point in enumerate(points) if k and not point.label and _margin(point) > 0.0]
         for k in reversed(right[-TRIES:]):
@@ -291,6 +340,7 @@ class ContactProblem(MeshedContact):
                     self.resolution.accuracy,
                     _disc(points[k]),
                     self.work,
+                    partial(regained, self.resolution, contact) if contact else None,
                 )
             except ModelError as error:
                 failure = error
@@ -536,7 +586,7 @@ def _margin(point: Point) -> float:
 
 def _disc(point: Point) -> Disc:
     """What a model with free boundaries needs of a state."""
-    from contbranch.models.rings.handover import Disc
+    from contbranch.models.rings.disc import Disc
 
     problem = point.problem
     if not isinstance(problem, ContactProblem):
@@ -552,4 +602,11 @@ def _disc(point: Point) -> Disc:
         return found
 
     along = problem.rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
-    return Disc(a, equations.displacement(fields), np.hypot(mesh.edges[1:], a), pressure, along)
+    return Disc(
+        a,
+        point.observables["central_gap"],
+        equations.displacement(fields),
+        np.hypot(mesh.edges[1:], a),
+        pressure,
+        along,
+    )

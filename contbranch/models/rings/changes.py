@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from contbranch.curve.problem import Succession, equilibrium, oriented
 from contbranch.errors import ModelError
 
 from .constraints import ROUNDING, Breach, begun, least_margin
+from .disc import ALONE, Disc, disc_of
 from .equations import Fields, RingEquations, rings
 from .layout import Layout
 from .meshing import pieces
@@ -23,7 +25,7 @@ from .newton import resolved, solved
 from .panels import Grid
 from .topology import change
 
-__all__ = ["born", "vanished"]
+__all__ = ["born", "left", "vanished"]
 
 # Half-widths with which a region is born, as shares of the room there is for it; the first that succeeds counts, unless
 # an inequality fails there by more than this.
@@ -66,9 +68,37 @@ def born(point: Point) -> Succession:
         told = max(SHALLOW * problem.scale, ROUNDING * float(np.abs(fields.lift).max()))
         if float(np.abs(hole).max()) < told:  # it closes before a disc in it can be told
             return vanished(point, 0)
-    start = begun(seeded(point, breach))
     kind, message = change(problem, breach, growing=True)
-    return Succession(kind, point, (start,), same=False, step=FIRST * narrowest(start), message=message)
+    start = begun(seeded(point, breach))
+    return changed(kind, point, start, FIRST * narrowest(start), message)
+
+
+def changed(kind: str, event: Point, start: Point, step: float, message: str, margin: str = "") -> Succession:
+    """The curve behind an event; one disc of contact, or none, is left to the model of that where it is safe."""
+    disc, problem = disc_of(start), rings(start)
+    if disc is not None and problem.setting.regained is not None:
+        if margin_of(start) > ALONE:
+            if regained := handed(start, disc):
+                return Succession(kind, event, (regained,), same=False, message=message, margin=margin)
+        else:
+            start = replace(start, problem=problem.leaving(True))
+    return Succession(kind, event, (start,), same=False, step=step, message=message, margin=margin)
+
+
+def left(point: Point) -> Succession:
+    """The curve behind a point from which on one disc of contact, or none, is all there is."""
+    disc = disc_of(point)
+    regained = handed(point, disc) if disc else None
+    return Succession("", point, (regained or replace(point, problem=rings(point).leaving(False)),))
+
+
+def handed(point: Point, disc: Disc) -> Point | None:
+    """The point as the model of one disc has it, where that finds it."""
+    regained = rings(point).setting.regained
+    try:
+        return None if regained is None else regained(disc)
+    except (ModelError, CorrectionError):
+        return None
 
 
 def vanished(point: Point, region: int | None = None) -> Succession:
@@ -85,17 +115,16 @@ def vanished(point: Point, region: int | None = None) -> Succession:
     if jump:  # no change of the contact set, only of how it is represented
         return Succession("", point, (begun(joined),), step=AFTER_JUMP * float(joined.x[-1]))
     width = narrowest(point)
-    right = margin(joined) > 0  # for a while already: look back
+    right = margin_of(joined) > 0  # for a while already: look back
     event = along(joined.turned() if right else joined, width, [Begins("breach")])
     if event.label != "breach":
         raise ModelError("a region vanished, but not where its inequality says")
     if right:
         event, start = event.turned(), joined
     else:
-        start = along(event, width, [], lambda found: margin(found) > 0)
+        start = along(event, width, [], lambda found: margin_of(found) > 0)
     kind, message = change(rings(event), failing(event), growing=False)
-    step = max(width, SHORTEST)
-    return Succession(kind, event, (begun(start),), same=False, step=step, message=message, margin="breach")
+    return changed(kind, event, begun(start), max(width, SHORTEST), message, "breach")
 
 
 def along(start: Point, width: float, events: Sequence[Event], arrived: Callable[[Point], bool] | None = None) -> Point:
@@ -109,7 +138,7 @@ def along(start: Point, width: float, events: Sequence[Event], arrived: Callable
     return branch.points[-1]
 
 
-def margin(point: Point) -> float:
+def margin_of(point: Point) -> float:
     """How far the inequalities of contact are from failing."""
     return equilibrium(point).margins(point.x, point.parameter)["breach"]
 
@@ -180,9 +209,9 @@ def seeded(point: Point, breach: Breach) -> Point:
         beyond = abs(found.parameter - point.parameter) - ASTRAY * trial.metric(found.x).parameter_scale
         if beyond > cusp * float(new[-1] * tip.height_derivative(np.float64(half))):
             continue
-        if margin(found) > 0 >= beyond:
+        if margin_of(found) > 0 >= beyond:
             return found
-        if margin(found) >= -FAILS:
+        if margin_of(found) >= -FAILS:
             doubtful.append((max(beyond, 0.0), found))
     if not doubtful:
         raise ModelError("no state was found beyond the change of the contact set")

@@ -12,8 +12,9 @@ The last equation says that the pressure is bounded (and with it continuous) at 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +30,9 @@ from contbranch.errors import ModelError
 from .law import BandedLaw
 from .layout import Layout
 from .panels import Grid, Panels
+
+if TYPE_CHECKING:
+    from .disc import Disc
 
 __all__ = ["NARROW_RING", "Fields", "RingEquations", "Setting", "rings"]
 
@@ -60,12 +64,15 @@ class Setting:
     accuracy : float
         Error allowed to every event, relative to max(1, |value|).
     work : Work
+    regained : callable or None
+        What takes over where there is one disc of contact, or none: the point of another model, from a `Disc`.
     """
 
     tip: Tip
     law: BandedLaw
     accuracy: float
     work: Work = field(default_factory=Work)
+    regained: Callable[[Disc], Point] | None = field(default=None, compare=False)
 
     @property
     def tolerance(self) -> float:
@@ -107,6 +114,8 @@ class RingEquations(EquilibriumProblem):
         Widths in shares of the outermost edge at which regions vanish on this piece of the curve; 0: never.
     origin : float
         Displacement at which the parameter is zero.
+    leaves : bool
+        Whether `Setting.regained` is to take over as soon as that is safe.
     """
 
     def __init__(
@@ -116,9 +125,10 @@ class RingEquations(EquilibriumProblem):
         panels: Panels,
         vanishing: tuple[float, ...] = (),
         origin: float = 0.0,
+        leaves: bool = False,
     ) -> None:
         self.setting, self.layout, self.panels, self.vanishing = setting, layout, panels, vanishing
-        self.origin = origin
+        self.origin, self.leaves = origin, leaves
         self.scale, self.work = setting.scale, setting.work
         self._recent: list[Fields] = []
 
@@ -375,7 +385,11 @@ class RingEquations(EquilibriumProblem):
     # -- other regions and panels -------------------------------------------------------------------------------------
     def on(self, panels: Panels) -> Self:
         """The same regions on other panels."""
-        return type(self)(self.setting, self.layout, panels, self.vanishing, self.origin)
+        return type(self)(self.setting, self.layout, panels, self.vanishing, self.origin, self.leaves)
+
+    def leaving(self, leaves: bool) -> Self:
+        """The same, to be left or not as soon as one disc of contact is all there is."""
+        return type(self)(self.setting, self.layout, self.panels, self.vanishing, self.origin, leaves)
 
     def laid_out(
         self, layout: Layout, panels: Panels, vanishing: tuple[float, ...] = (), origin: float | None = None

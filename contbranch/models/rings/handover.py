@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
-from contbranch.arrays import Array
 from contbranch.contact.interactions import Interaction
 from contbranch.contact.tips import Tip
 from contbranch.continuation import CorrectionError, Point
-from contbranch.curve.problem import Rates, Work, oriented
+from contbranch.curve.problem import Work, alike, oriented
 from contbranch.errors import ModelError
 
 from .constraints import begun
+from .disc import Disc
 from .equations import Setting, rings
 from .law import BandedLaw
 from .layout import Region
@@ -23,32 +22,17 @@ from .newton import resolved, solved
 from .panels import Grid
 from .problem import RingProblem
 
-__all__ = ["Disc", "taken_over"]
+__all__ = ["taken_over"]
 
 
-@dataclass(frozen=True)
-class Disc:
-    """A state with one disc of contact, or none, reduced units.
-
-    Attributes
-    ----------
-    radius, displacement : float
-    radii : array
-        Where panels end that resolve the pressure outside of the contact, increasing.
-    pressure : callable
-        Total pressure at radii, inside of the contact and outside.
-    along : Rates
-        Rates of its values along the curve.
-    """
-
-    radius: float
-    displacement: float
-    radii: Array
-    pressure: Callable[[Array], Array]
-    along: Rates
-
-
-def taken_over(tip: Tip, interaction: Interaction | None, accuracy: float, disc: Disc, work: Work) -> Point:
+def taken_over(
+    tip: Tip,
+    interaction: Interaction | None,
+    accuracy: float,
+    disc: Disc,
+    work: Work,
+    regained: Callable[[Disc], Point] | None = None,
+) -> Point:
     """The same state with free boundaries, from which any contact set may follow.
 
     Parameters
@@ -60,13 +44,15 @@ def taken_over(tip: Tip, interaction: Interaction | None, accuracy: float, disc:
     disc : Disc
     work : Work
         In which what is spent on the whole curve is counted.
+    regained : callable, optional
+        What takes over again where there is one disc of contact, or none.
 
     Raises
     ------
     ModelError
         If the state is not found, or its contact set is not right.
     """
-    setting = Setting(tip, BandedLaw(interaction), accuracy, work)
+    setting = Setting(tip, BandedLaw(interaction), accuracy, work, regained)
     around, a = Region(False, setting.law.outermost), disc.radius
     regions, inside = ((Region(True, 0), around), np.array([a])) if a > 0 else ((around,), np.zeros(0))
     radii, order = disc.radii[disc.radii > a], order_for(setting.tolerance)
@@ -82,8 +68,6 @@ def taken_over(tip: Tip, interaction: Interaction | None, accuracy: float, disc:
     found = rings(point)
     if found.margins(point.x, point.parameter)["breach"] <= 0:
         raise ModelError("the state handed over is not admissible")
-    # Load, displacement and contact radius change as they did before.
     values = found.values(point.x, point.parameter)
     own = found.rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
-    scale = np.array([max(1.0, abs(values.load)), max(1.0, abs(values.displacement)), 1.0])
-    return point if float((np.array(own[:3]) / scale) @ (np.array(disc.along[:3]) / scale)) >= 0 else point.turned()
+    return point if alike(values, own, disc.along) else point.turned()

@@ -43,6 +43,12 @@ class Layout:
         """Number of boundaries, the edge of a tip that is felt as a whole among them."""
         return len(self.regions) - (0 if self.bounded else 1)
 
+    @property
+    def single(self) -> bool:
+        """Whether one disc of contact with the wall is all that rests, or nothing does."""
+        *resting, around = self.regions
+        return not around.rests and resting in ([], [Region(True, 0)])
+
     def neighbour(self, edge: int) -> tuple[int, Region]:
         """The resting region at an edge (0: inside of it, 1: outside of it), and the floating one (its band)."""
         inner = self.regions[edge]

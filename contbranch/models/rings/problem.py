@@ -19,8 +19,9 @@ from contbranch.curve.problem import STEPS, Count, Defect, Succession
 from contbranch.models.fronts import ENDURES, lasts
 from contbranch.results.profile import Profile
 
-from .changes import born, vanished
+from .changes import born, left, vanished
 from .constraints import least_margin, narrowness
+from .disc import ALONE
 from .equations import NARROW_RING, RingEquations
 from .front import fronted, steepest
 from .law import BandedLaw
@@ -87,6 +88,8 @@ class RingProblem(RingEquations):
         fields = self.fields(x, p)
         breach = least_margin(self, fields)
         known = {"breach": 1.0 if breach is None else min(breach.margin, 1.0), "narrow": narrowness(self, fields)}
+        if self.leaves:
+            known["alone"] = ALONE - known["breach"]
         extent, resting = self.setting.tip.extent, [region.rests for region in self.layout.regions[: self.layout.edges]]
         return known | (
             {"tip-edge": WHOLE - max(fields.grid.edges[resting], default=0.0) / extent} if math.isfinite(extent) else {}
@@ -94,7 +97,9 @@ class RingProblem(RingEquations):
 
     def successor(self, name: str, points: Sequence[Point]) -> Succession | None:
         """The layout with a new region where an inequality fails, or without the region that has all but vanished."""
-        return None if name == "tip-edge" else born(points[-1]) if name == "breach" else vanished(points[-1])
+        if name == "tip-edge":
+            return None
+        return {"breach": born, "alone": left}.get(name, vanished)(points[-1])
 
     def ending(self, name: str, point: Point) -> str:
         """A sentence if the contact has come to the edge of a tip of finite extent, or a film that stays to the end."""
@@ -170,7 +175,7 @@ class RingProblem(RingEquations):
 
     def varied(self, contact: Contact) -> Self:
         """The same layout on the same panels."""
-        setting = replace(self.setting, tip=contact.axisymmetric_tip, law=BandedLaw(contact.interaction))
+        setting = replace(self.setting, tip=contact.axisymmetric_tip, law=BandedLaw(contact.interaction), regained=None)
         return type(self)(setting, self.layout, self.panels, self.vanishing, self.origin)
 
     # -- what is seen -------------------------------------------------------------------------------------------------
