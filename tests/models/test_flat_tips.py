@@ -10,7 +10,7 @@ import pytest
 from scipy.optimize import brentq
 
 import contbranch as cb
-from contbranch.models.rings.equations import rings
+from contbranch.models.rings.problem import RingProblem
 
 CASES = [
     (3.5, cb.Exponential(-1.0, 8.0), 6.8, (0.5, 0.62)),
@@ -91,11 +91,25 @@ def test_stiff_contacts_grow_from_rings(exponent, law, most):
     assert topology
     for event in [*topology, diagram.events[-1]]:
         point = event.origin.raw.place
-        problem = rings(point)
-        fields, load = problem.fields(point.x, point.parameter), event.load
-        resting, level = problem.resting(fields.grid)
-        surface, area = problem.interaction(fields), 2 * np.pi * fields.grid.weights * fields.grid.r
-        virial = area @ (np.where(resting, level, fields.gap) * fields.pressure)
-        elastic = problem.energy(fields) - surface
-        work = exponent * load * event.displacement
-        assert (2 * exponent + 1) * elastic + 2 * surface - exponent * virial == pytest.approx(work, rel=1e-5, abs=1e-4)
+        energy, surface, virial = of_rings(point) if isinstance(point.problem, RingProblem) else of_disc(point)
+        work = exponent * event.load * event.displacement
+        scaled = (2 * exponent + 1) * (energy - surface) + 2 * surface - exponent * virial
+        assert scaled == pytest.approx(work, rel=1e-5, abs=1e-4)
+
+
+def of_rings(point):
+    """Energy, that of the interaction, and ∫ g p d²r."""
+    problem = point.problem
+    fields = problem.fields(point.x, point.parameter)
+    resting, level = problem.resting(fields.grid)
+    area = 2 * np.pi * fields.grid.weights * fields.grid.r
+    virial = area @ (np.where(resting, level, fields.gap) * fields.pressure)
+    return problem.energy(fields), problem.interaction(fields), virial
+
+
+def of_disc(point):
+    """The same of one disc."""
+    equations, fields = point.problem.seen(point.x, point.parameter)
+    area = 2 * np.pi * equations.mesh.weights * equations.mesh.nodes
+    inside = np.pi * fields.rim.radius**2 * float(equations.interaction.evaluate(np.zeros(1)).energy[0])
+    return equations.energy(fields), inside + area @ fields.energy_density, area @ (fields.gap * fields.pressure)
