@@ -203,7 +203,7 @@ class Margin(Event):
 
     def value(self, point: Point) -> float:
         """The margin."""
-        return equilibrium(point).margins(point.x, point.parameter)[self.name]
+        return equilibrium(point).margin(point.x, point.parameter, self.name)
 
     def happenings(self, segment: Segment, previous: Segment | None, options: Options) -> list[Happening]:
         """Where it vanishes; at once where it has been negative for a whole step, on a discretisation that shows it."""

@@ -215,7 +215,7 @@ class _Event:
             return self._at_fold(self.control, along, found, pairs, moved)
 
         def margin(problem: EquilibriumProblem, at: Array) -> Array:
-            return np.array(problem.margins(at[:-1], at[-1])[self.margin])
+            return np.array(problem.margin(at[:-1], at[-1], self.margin))
 
         turn = _Pair(problem, problem, 2 * self.length).rate(margin, state, tangent)
         shifts = {name: pair.rate(margin, state, moved[name]) / turn for name, pair in pairs.items()}

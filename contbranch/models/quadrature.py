@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from contbranch.arrays import Array
+
+if TYPE_CHECKING:
+    from contbranch.contact.tip_shape import Tip
 
 __all__ = [
     "PanelRule",
@@ -16,8 +20,12 @@ __all__ = [
     "gauss_between",
     "legendre_values",
     "panel_rule",
+    "peak_pressure",
     "start_edges",
 ]
+
+# Nodes of an integral over a tip.
+PEAK = 32
 
 
 @dataclass(frozen=True)
@@ -117,3 +125,10 @@ def panel_rule(order: int) -> PanelRule:
         derivative,
         np.asarray((-1.0) ** np.arange(order) * np.sqrt((1 - nodes**2) * weights), dtype=np.float64),
     )
+
+
+def peak_pressure(tip: Tip, radius: float) -> float:
+    """p(0) = (1/π) ∫ ζ'(t)/t dt on a disc at rest, which no polynomial tells under a sharp or flat apex; t = c u^m."""
+    nodes, weights = gauss(PEAK)
+    u, power = (1 + nodes) / 2, 4 / (tip.apex_exponent - 1)
+    return float(weights @ (tip.transform_derivative(radius * u**power) / u)) * power / (2 * np.pi)

@@ -23,7 +23,7 @@ from scipy.linalg import lapack
 from contbranch.contact.interactions import Interaction
 from contbranch.contact.tips import Tip
 from contbranch.contact.validity import energy_pole
-from contbranch.models.quadrature import chebyshev_values, gauss
+from contbranch.models.quadrature import chebyshev_values, gauss, peak_pressure
 
 from .mesh import Mesh
 from .rim import Rim
@@ -483,17 +483,24 @@ class Equations:
     # -- pressures inside the contact, admissibility ------------------------------------------------------------------
     def inner_pressure(self, fields: Fields, r: Array) -> Array:
         """Total pressure at radii r < a, (M,):  π p(r) = ∫_r^a ζ'(t)/√(t² − r²) dt − ∫_a^∞ h'(t)/√(t² − r²) dt."""
-        a = fields.rim.radius
-        mesh, n = self.mesh, self.mesh.order
-        distance = np.maximum(a * a - r * r, 0.0)
-        slope = mesh.weights[n:] * mesh.derivative(fields.h)[n:]
-        outside = (1 / np.sqrt(mesh.nodes[n:] ** 2 + distance[:, None])) @ slope
-        outside += self._innermost_slope(fields.h, distance)
+        distance = np.maximum(fields.rim.radius**2 - r * r, 0.0)
         nodes, weights = gauss(24)
         x = np.sqrt(distance)[:, None] * (nodes + 1) / 2
         t = np.sqrt(r[:, None] ** 2 + x * x)
         inside = np.sqrt(distance) / 2 * ((self.tip.transform_derivative(t) / t) @ weights)
-        return (inside - outside) / np.pi
+        return (inside - self._pulled(fields, distance)) / np.pi
+
+    def middle_pressure(self, fields: Fields) -> float:
+        """The same at r = 0."""
+        a = fields.rim.radius
+        return peak_pressure(self.tip, a) - float(self._pulled(fields, np.array([a * a]))[0]) / math.pi
+
+    def _pulled(self, fields: Fields, distance: Array) -> Array:
+        """∫_a^∞ h'(t)/√(t² − r²) dt, (M,), with ``distance = a² − r²``."""
+        mesh, n = self.mesh, self.mesh.order
+        slope = mesh.weights[n:] * mesh.derivative(fields.h)[n:]
+        outside = (1 / np.sqrt(mesh.nodes[n:] ** 2 + distance[:, None])) @ slope
+        return np.asarray(outside + self._innermost_slope(fields.h, distance))
 
     def _innermost_slope(self, h: Array, distance: Array) -> Array:
         """∫ h'(t) dt/√(t² − r²) over the innermost panel, (M,), with ``distance = a² − r²``.
@@ -541,12 +548,15 @@ class Equations:
         (lowest, place), a = self._lowest(fields), fields.rim.radius
         least = min(1.0, lowest / scale)
         if a > 0 and self.interaction is not None:
-            own = self.contact_pressure()
-            wall = self.inner_pressure(fields, a * PROBES) - own
-            largest = max(abs(own), float(np.abs(fields.pressure).max()), 1 / scale)
-            if (pressed := float(wall.min()) / largest) < least:
+            pressed = self.on_wall(fields, scale, float(self.inner_pressure(fields, a * PROBES).min()))
+            if pressed < least:
                 least, place = pressed, 0.0
         return least, place
+
+    def on_wall(self, fields: Fields, scale: float, pressure: float) -> float:
+        """What the wall bears of a pressure, in units of the interaction's largest."""
+        own = self.contact_pressure()
+        return (pressure - own) / max(abs(own), float(np.abs(fields.pressure).max()), 1 / scale)
 
     def _lowest(self, fields: Fields) -> tuple[float, float]:
         """The lowest interior minimum of the gap that is no ripple of rounding, and its radius; infinite without."""

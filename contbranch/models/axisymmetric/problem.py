@@ -159,7 +159,7 @@ def regained(resolution: Resolution, contact: Contact, disc: Disc) -> Point:
     apart = found.contact_radius - a, found.central_gap - disc.central_gap
     if not max(map(abs, apart)) < SAME * problem.scale:
         raise ModelError("another state was found with one disc of contact")
-    if not _margin(point) > 0.0:
+    if not _margin(point) > -TOLERATED:
         raise ModelError("the state is not admissible with one disc of contact")
     own = problem.rates(point.x, u, point.tangent_x, point.tangent_parameter)
     return point if alike(found, own, disc.along) else point.turned()
@@ -272,6 +272,13 @@ class ContactProblem(MeshedContact):
             "inadmissible": 1.0 if outside else least,
             "tip-edge": min(WHOLE - fields.rim.radius / extent, least if outside else 1.0),
         }
+
+    def margin(self, x: Array, p: float, name: str) -> float:
+        """Also the wall pressure in the middle, where discs open into rings."""
+        if name != "middle":
+            return super().margin(x, p, name)
+        equations, fields = self.seen(x, p)
+        return equations.on_wall(fields, self.scale, equations.middle_pressure(fields))
 
     def successor(self, name: str, points: Sequence[Point]) -> Succession | None:
         """First touch is followed by a disc of contact, a contact set that stops being a disc by any other.

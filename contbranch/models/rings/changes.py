@@ -42,6 +42,10 @@ DEEP = 0.1
 FILLED, TOLD, SHALLOW = (1.5, 3.0, 10.0), 3e-3, 1e-6
 # First steps behind a change as a share of the narrowest region, or behind a jump of the outermost edge; no shorter.
 FIRST, AFTER_JUMP, SHORTEST = 0.3, 1e-2, 1e-3
+# A pressure is least in the middle of a disc where it is least within this share of its radius.
+CENTRAL = 1e-2
+# What vanishes there for the model of a disc.
+MIDDLE = "middle"
 # Where a region vanishes is sought no farther away than this multiple of range and displacement.
 FAR = 10.0
 
@@ -69,8 +73,9 @@ def born(point: Point) -> Succession:
         if float(np.abs(hole).max()) < told:  # it closes before a disc in it can be told
             return vanished(point, 0)
     kind, message = change(problem, breach, growing=True)
-    start = begun(seeded(point, breach))
-    return changed(kind, point, start, FIRST * narrowest(start), message)
+    start, filled = begun(seeded(point, breach)), closed(point)
+    step, margin = FIRST * narrowest(start), MIDDLE if filled else ""
+    return changed(kind, filled or point, start, step, message, margin)
 
 
 def changed(kind: str, event: Point, start: Point, step: float, message: str, margin: str = "") -> Succession:
@@ -90,6 +95,12 @@ def left(point: Point) -> Succession:
     disc = disc_of(point)
     regained = handed(point, disc) if disc else None
     return Succession("", point, (regained or replace(point, problem=rings(point).leaving(False)),))
+
+
+def closed(point: Point) -> Point | None:
+    """An event at which a ring closes to a disc or a disc opens into a ring, by the model of the disc."""
+    disc = disc_of(point)
+    return handed(point, disc) if disc is not None and disc.radius > 0.0 == failing(point).radius else None
 
 
 def handed(point: Point, disc: Disc) -> Point | None:
@@ -119,11 +130,14 @@ def vanished(point: Point, region: int | None = None) -> Succession:
     event = along(joined.turned() if right else joined, width, [Begins("breach")])
     if event.label != "breach":
         raise ModelError("a region vanished, but not where its inequality says")
+    event = event.turned() if right else event
+    kind, message = change(rings(event), failing(event), growing=False)
+    if filled := closed(event):
+        return Succession(kind, filled, (filled,), message=message, margin=MIDDLE)
     if right:
-        event, start = event.turned(), joined
+        start = joined
     else:
         start = along(event, width, [], lambda found: margin_of(found) > 0)
-    kind, message = change(rings(event), failing(event), growing=False)
     return changed(kind, event, begun(start), max(width, SHORTEST), message, "breach")
 
 
@@ -145,10 +159,16 @@ def margin_of(point: Point) -> float:
 
 def failing(point: Point) -> Breach:
     """The inequality that fails at a point."""
-    breach = least_margin(rings(point), rings(point).fields(point.x, point.parameter))
+    problem = rings(point)
+    breach = least_margin(problem, problem.fields(point.x, point.parameter))
     if breach is None:
         raise ModelError("where the contact set changes its inequality could not be told")
-    return breach
+    disc = breach.region == 0 and problem.layout.regions[0].rests
+    return (
+        replace(breach, radius=0.0)
+        if disc and breach.radius < CENTRAL * point.observables["contact_radius"]
+        else breach
+    )
 
 
 def narrowest(point: Point) -> float:

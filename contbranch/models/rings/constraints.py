@@ -11,9 +11,8 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from contbranch.arrays import Array
-from contbranch.contact.tips import Tip
 from contbranch.continuation import Point
-from contbranch.models.quadrature import gauss, panel_rule
+from contbranch.models.quadrature import panel_rule, peak_pressure
 
 from .equations import NARROW_RING, Fields, RingEquations, rings
 from .layout import Layout, Region
@@ -39,8 +38,8 @@ PRESSURE_NOISE = 3e-8
 SHRUNK, NARROWEST = 0.5, 1e-3
 # Turning points of a panel's polynomial whose imaginary part is no larger are real: two may all but coincide.
 REAL = 1e-6
-# Nodes of an integral over a tip, and of the polynomial that tells a minimum between the neighbours of a node.
-PEAK, BETWEEN = 32, 12
+# Nodes of the polynomial that tells a minimum between the neighbours of a node.
+BETWEEN = 12
 
 
 @dataclass(frozen=True)
@@ -103,7 +102,7 @@ def breaches(problem: RingEquations, fields: Fields) -> Iterator[Breach]:
             low, high = law.bounds(region.index)
             pressure = fields.pressure
             if problem.layout == Layout((region,), True) and problem.setting.tip.apex_exponent < 2:
-                pressure = np.append(pressure, _peak(problem.setting.tip, float(fields.grid.edges[0])))
+                pressure = np.append(pressure, peak_pressure(problem.setting.tip, float(fields.grid.edges[0])))
             yield from _extrema(problem, fields, k, (pressure - low) / largest, Region(False, region.index))
             if math.isfinite(high):
                 upper = Region(False, region.index - 1)
@@ -136,13 +135,6 @@ def least_margin(problem: RingEquations, fields: Fields) -> Breach | None:
 def _apart(problem: RingEquations, fields: Fields, level: float, sign: int, r: Array) -> Array:
     """How far the gap is from a level at radii, above it or (sign −1) below, in units of the range."""
     return sign * (problem.rise_at(fields, r) - problem.origin - level) / problem.setting.scale
-
-
-def _peak(tip: Tip, radius: float) -> float:
-    """p(0) = (1/π) ∫ ζ'(t)/t dt on a disc at rest, which no polynomial tells under a sharp tip; t = c u^m."""
-    nodes, weights = gauss(PEAK)
-    u, power = (1 + nodes) / 2, 4 / (tip.apex_exponent - 1)
-    return float(weights @ (tip.transform_derivative(radius * u**power) / u)) * power / (2 * math.pi)
 
 
 def _extrema(
