@@ -462,6 +462,10 @@ class EquilibriumProblem(Problem):
         """Whether the discretisation moves along the curve, while that which `resolving` makes stays where it is."""
         return False
 
+    def still(self, x: Array) -> tuple[EquilibriumProblem, Array]:
+        """The problem on the discretisation that a state has, which stays where it is, and the state."""
+        return self, x
+
     @property
     def size(self) -> int:
         """Number of unknowns, where it can be refined."""

@@ -97,10 +97,12 @@ def symmetry_breaking(track: Track, request: Request) -> Breaking:
     for row, (here, there) in enumerate(pairwise(counts)):
         if here is None or there is None:
             continue
+        ends: tuple[Point, Point] | None = None
         for event in _changes(here, there) if track.problem(row).tells_modes else ():
             tell(0.98, f"locating the loss of symmetry, m = {event.mode}")
             try:
-                share, start = between(track.link(row), event, NEAR)
+                ends = ends or _at_rest(track.link(row))
+                share, start = between(ends, event, NEAR)
                 refined = refine(start, event, request.accuracy, beside)
                 kind = "lost" if there.of(event.mode) > here.of(event.mode) else "regained"
                 beside = refined.point
@@ -115,6 +117,18 @@ def symmetry_breaking(track: Track, request: Request) -> Breaking:
         notes.append(f"{lost} symmetry events could not be located: the curve cannot be followed there.")
     everywhere = known if len(known) == len(counts) else ()
     return Breaking(everywhere, tuple(sorted(found, key=_position)), not lost, " ".join(notes))
+
+
+def _at_rest(ends: tuple[Point, Point] | None) -> tuple[Point, Point] | None:
+    """The ends of a piece on a discretisation that does not move, which serves all events on it."""
+    if ends is None or not equilibrium(ends[0]).moves:
+        return ends
+    problem, _ = equilibrium(ends[0]).still(ends[0].x)
+    try:
+        begin, end = (settled(moved(point, problem)) for point in ends)
+    except CorrectionError:
+        return ends
+    return begin, end
 
 
 def _surely(point: Point, unstable: int, count: Count | None, limit: int) -> Count | None:
