@@ -279,6 +279,10 @@ class EquilibriumProblem(Problem):
         """Signed distances, positive as long as this representation holds; the curve is cut where one vanishes."""
         return {}
 
+    def otherwise(self, point: Point) -> tuple[Point, ...]:
+        """The same state as other models have it."""
+        return ()
+
     def margin(self, x: Array, p: float, name: str) -> float:
         """A margin, or another distance of the problem's that names an event."""
         return self.margins(x, p)[name]

@@ -178,12 +178,21 @@ def _refined(track: Track, request: Request) -> list[Found]:
         for k, mark in enumerate(track.marks):
             tell(0.9 + 0.07 * k / len(track.marks), f"locating {mark.kind}")
             beside = found[-1].point if found else None
-            found.append(refine(mark.point, _event_of(track, mark), request.accuracy, beside))
+            found.append(_located(mark.point, _event_of(track, mark), request.accuracy, beside))
         _sharpen(track, found, request.accuracy)
 
     kept(locate, None)
     with finishing():  # what was not reached is where the rows have it
         return found + [by_defect(mark.point, _event_of(track, mark)) for mark in track.marks[len(found) :]]
+
+
+def _located(point: Point, event: Event | None, accuracy: float, beside: Point | None) -> Found:
+    """An event made precise, by another model of the same state where the present one does not get as far."""
+    found = refine(point, event, accuracy, beside)
+    if found.relative_error() <= accuracy or isinstance(event, Margin):
+        return found
+    others = (refine(other, event, accuracy) for other in equilibrium(point).otherwise(point))
+    return min([found, *others], key=Found.relative_error)
 
 
 def _event_of(track: Track, mark: Mark) -> Event | None:

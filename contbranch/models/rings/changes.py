@@ -17,7 +17,7 @@ from contbranch.curve.problem import Succession, equilibrium, oriented
 from contbranch.errors import ModelError
 
 from .constraints import ROUNDING, Breach, begun, least_margin
-from .disc import ALONE, Disc, disc_of
+from .disc import ALONE, disc_of
 from .equations import Fields, RingEquations, rings
 from .layout import Layout
 from .meshing import pieces
@@ -25,7 +25,7 @@ from .newton import resolved, solved
 from .panels import Grid
 from .topology import change
 
-__all__ = ["born", "left", "vanished"]
+__all__ = ["born", "handed", "left", "vanished"]
 
 # Half-widths with which a region is born, as shares of the room there is for it; the first that succeeds counts, unless
 # an inequality fails there by more than this.
@@ -80,34 +80,31 @@ def born(point: Point) -> Succession:
 
 def changed(kind: str, event: Point, start: Point, step: float, message: str, margin: str = "") -> Succession:
     """The curve behind an event; one disc of contact, or none, is left to the model of that where it is safe."""
-    disc, problem = disc_of(start), rings(start)
-    if disc is not None and problem.setting.regained is not None:
-        if margin_of(start) > ALONE:
-            if regained := handed(start, disc):
-                return Succession(kind, event, (regained,), same=False, message=message, margin=margin)
-        else:
+    problem = rings(start)
+    if problem.layout.single and problem.setting.regained is not None:
+        if margin_of(start) <= ALONE:
             start = replace(start, problem=problem.leaving(True))
+        elif regained := handed(start):
+            return Succession(kind, event, (regained,), same=False, message=message, margin=margin)
     return Succession(kind, event, (start,), same=False, step=step, message=message, margin=margin)
 
 
 def left(point: Point) -> Succession:
     """The curve behind a point from which on one disc of contact, or none, is all there is."""
-    disc = disc_of(point)
-    regained = handed(point, disc) if disc else None
-    return Succession("", point, (regained or replace(point, problem=rings(point).leaving(False)),))
+    return Succession("", point, (handed(point) or replace(point, problem=rings(point).leaving(False)),))
 
 
 def closed(point: Point) -> Point | None:
     """An event at which a ring closes to a disc or a disc opens into a ring, by the model of the disc."""
-    disc = disc_of(point)
-    return handed(point, disc) if disc is not None and disc.radius > 0.0 == failing(point).radius else None
+    touches = point.observables["contact_radius"] > 0.0
+    return handed(point) if touches and rings(point).layout.single and failing(point).radius == 0.0 else None
 
 
-def handed(point: Point, disc: Disc) -> Point | None:
-    """The point as the model of one disc has it, where that finds it."""
-    regained = rings(point).setting.regained
+def handed(point: Point) -> Point | None:
+    """The state of one disc of contact, or none, as the model of that has it, where it finds it."""
+    disc, regained = disc_of(point), rings(point).setting.regained
     try:
-        return None if regained is None else regained(disc)
+        return None if disc is None or regained is None else regained(disc)
     except (ModelError, CorrectionError):
         return None
 

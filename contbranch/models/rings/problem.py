@@ -19,7 +19,7 @@ from contbranch.curve.problem import STEPS, Count, Defect, Succession
 from contbranch.models.fronts import ENDURES, lasts
 from contbranch.results.profile import Profile
 
-from .changes import born, left, vanished
+from .changes import born, handed, left, vanished
 from .constraints import least_margin, narrowness
 from .disc import ALONE
 from .equations import NARROW_RING, RingEquations
@@ -100,6 +100,11 @@ class RingProblem(RingEquations):
         if name == "tip-edge":
             return None
         return {"breach": born, "alone": left}.get(name, vanished)(points[-1])
+
+    def otherwise(self, point: Point) -> tuple[Point, ...]:
+        """The state of one disc of contact, or none, by the model of that."""
+        regained = handed(point)
+        return () if regained is None else (regained,)
 
     def ending(self, name: str, point: Point) -> str:
         """A sentence if the contact has come to the edge of a tip of finite extent, or a film that stays to the end."""
