@@ -24,6 +24,7 @@ _MOST_ROWS = 1000  # the fit solves a dense system of that order
 # and the mean square in units of the scatter's above which they miss the tip.
 _DEGREE, _BEND, _MISFIT = 6, 4.0, 4.0
 _QUARTER = 0.5 * math.pi
+_TERMS = 12  # of series in the square of an angle up to there
 _FAR = 3.0  # beyond this multiple of the table's last radius
 
 
@@ -107,23 +108,32 @@ def _rises(pieces: scipy.interpolate.PPoly) -> bool:
     return bool(np.all(slope(places) > 0.0) and slope(0.0) >= 0.0)
 
 
-def _moment(m: int, angle: Array) -> Array:
-    """Return K_m(θ) = ∫_0^θ (cos φ - cos θ)^m dφ for θ in [0, π/2], m = 1, 2, 3, of the shape of `angle`."""
+def _kernels(angle: Array) -> Array:
+    """Return K_m(θ) = ∫_0^θ (cos φ - cos θ)^m dφ for θ in [0, π/2] and m = 1, 2, 3, (3, ...)."""
     square = angle * angle
-    x = square * (2.0 / _QUARTER**2) - 1.0
-    return np.polynomial.chebyshev.chebval(x, _moment_series(m)) * square**m * angle
+    powers = np.empty((_TERMS, square.size))
+    powers[0] = 1.0
+    powers[1:] = (square * (2.0 / _QUARTER**2) - 1.0).ravel()
+    np.multiply.accumulate(powers, axis=0, out=powers)
+    found = (_kernel_series() @ powers).reshape(3, *square.shape)
+    factor = angle
+    for m in range(3):
+        factor = factor * square
+        found[m] *= factor
+    return found
 
 
 @cache
-def _moment_series(m: int) -> Array:
-    """Return the Chebyshev coefficients of K_m(θ)/θ^(2m+1), an entire function of θ², on 0 ≤ θ ≤ π/2."""
+def _kernel_series() -> Array:
+    """Return K_m(θ)/θ^(2m+1), entire functions of θ², as polynomials of 2 (2θ/π)² − 1 up to π/2, (3, n)."""
     x, w = gauss_rule()
-    places = np.polynomial.chebyshev.chebpts1(12)
+    places = np.polynomial.chebyshev.chebpts1(_TERMS)
     angle = _QUARTER * np.sqrt(0.5 * (places + 1.0))[:, None]
     # cos φ - cos θ = 2 sin((θ+φ)/2) sin((θ-φ)/2): no cancellation; and sin u = u sinc(u/π)
     plus, minus = 0.5 * (1.0 + x), 0.5 * (1.0 - x)
     product = 2.0 * plus * minus * np.sinc(plus * angle / math.pi) * np.sinc(minus * angle / math.pi)
-    return np.asarray(np.polynomial.chebyshev.chebfit(places, product**m @ w, 11))
+    series = np.polynomial.chebyshev.chebfit(places, np.stack([product**m @ w for m in (1, 2, 3)], axis=1), _TERMS - 1)
+    return np.array([np.polynomial.chebyshev.cheb2poly(one) for one in series.T])
 
 
 @dataclass(frozen=True)
@@ -233,7 +243,7 @@ class Profile(Tip):
         """Return g = (2/π) ∫_a^r (ζ(t) - ζ(a))/√(r²-t²) dt and its derivative with respect to `a` at fixed ρ."""
         gap, moment, r2, angle = self._moments(np.asarray(rho, dtype=float), a)
         ratio = np.divide(a, r2, out=np.zeros_like(r2), where=r2 > 0.0)
-        slope = ratio * moment - float(self._spline(a, 1)) * angle
+        slope = ratio * moment - self._taylor(a)[1] * angle
         return (2.0 / math.pi) * gap, (2.0 / math.pi) * slope
 
     def _moments(self, rho: Array, a: float) -> tuple[Array, Array, Array, Array]:
@@ -250,9 +260,10 @@ class Profile(Tip):
         knots, jumps = self._spline.x[1:-1][outside], self._jumps[outside] / 6.0
         height = np.maximum((r[..., None] - knots) * (r[..., None] + knots), 0.0)
         angles = np.arctan2(np.sqrt(height), knots)
-        second, third = r2[..., None] * _moment(2, angles), (r2 * r)[..., None] * _moment(3, angles)
-        gap = np.asarray(gap + third @ jumps)
-        moment = np.asarray(moment + 3.0 * (third @ jumps + second @ (jumps * knots)))
+        _, second, third = _kernels(angles)
+        cubes = (r2 * r) * (third @ jumps)
+        gap = np.asarray(gap + cubes)
+        moment = np.asarray(moment + 3.0 * (cubes + r2 * (second @ (jumps * knots))))
         far = np.asarray(r > _FAR * end)
         if a < end and far.any():
             x, w = gauss_rule()
@@ -267,10 +278,17 @@ class Profile(Tip):
 
     def _piece(self, r: Array, b: float, angle: Array) -> tuple[Array, Array]:
         """Return the integrals of `_moments` from b to r = b/cos(angle) of the polynomial that the spline is at b."""
-        c = [float(self._spline(b, order)) / math.factorial(order) for order in range(4)]
-        first, second, third = (r**m * _moment(m, angle) for m in (1, 2, 3))
+        c = self._taylor(b)
+        first, second, third = (r**m * kernel for m, kernel in enumerate(_kernels(angle), start=1))
         moment = c[1] * (first + b * angle) + 2.0 * c[2] * (second + b * first) + 3.0 * c[3] * (third + b * second)
         return c[1] * first + c[2] * second + c[3] * third, moment
+
+    def _taylor(self, b: float) -> tuple[float, float, float, float]:
+        """Return the coefficients, from the lowest on, of the polynomial of t − b that the spline is at b."""
+        cells, knots = self._spline.c, self._spline.x
+        k = min(max(int(knots.searchsorted(b, side="right")) - 1, 0), len(knots) - 2)
+        (p, q, s, z), away = cells[:, k].tolist(), b - float(knots[k])
+        return z + away * (s + away * (q + away * p)), s + away * (2 * q + 3 * away * p), q + 3 * away * p, p
 
     def scaled(self, in_plane: float, normal: float) -> Profile:
         """Return the table in other units."""

@@ -36,6 +36,7 @@ class PanelRule:
     nodes: Array  # (n,)
     weights: Array  # (n,)
     to_legendre: Array  # (n, n): nodal values -> Legendre coefficients
+    to_chebyshev: Array  # (n, n): nodal values -> Chebyshev coefficients
     even_order: int  # number of even polynomials in tau on the innermost panel
     to_even: Array  # (m, n): nodal values -> Chebyshev coefficients in (tau/L)²; least squares
     even_slopes: Array  # (m, m): Chebyshev coefficients -> those of the derivative with respect to the argument
@@ -65,12 +66,12 @@ def legendre_values(count: int, x: Array) -> Array:
     return values
 
 
-def chebyshev_values(count: int, x: Array) -> Array:
-    """Chebyshev polynomials 0 … count − 1 at `x`; shape (count, *x.shape)."""
+def chebyshev_values(count: int, x: Array, factors: Array | float = 1.0) -> Array:
+    """Chebyshev polynomials 0 … count − 1 at `x`, times factors; shape (count, *x.shape)."""
     values = np.empty((count, *x.shape))
-    values[0] = 1.0
+    values[0] = factors
     if count > 1:
-        values[1] = x
+        np.multiply(x, factors, out=values[1])
     twice = 2 * x
     for k in range(1, count - 1):
         np.multiply(twice, values[k], out=values[k + 1])
@@ -117,6 +118,7 @@ def panel_rule(order: int) -> PanelRule:
         nodes,
         weights,
         to_legendre,
+        np.linalg.inv(chebyshev_values(order, nodes).T),
         even_order,
         to_even,
         even_slopes,

@@ -15,7 +15,7 @@ from functools import cache, cached_property, lru_cache
 import numpy as np
 
 from contbranch.arrays import Array, Indices
-from contbranch.models.quadrature import gauss_between, legendre_values, panel_rule
+from contbranch.models.quadrature import chebyshev_values, gauss_between, panel_rule
 from contbranch.watch import check
 
 __all__ = ["Mesh", "mesh_on"]
@@ -166,31 +166,34 @@ class Mesh:
 
     def moments(self, points: Array, panel: Indices, factors: Array) -> Array:
         """Weights of the panel's nodal values in ``Σ_m factors · f(points)``; (pairs, m) -> (pairs, order)."""
-        return self._projected(points, panel, factors) @ self.rule.to_legendre
+        return self._projected(points, panel, factors) @ self.rule.to_chebyshev
 
     def _projected(self, points: Array, panel: Indices, factors: Array) -> Array:
-        """The same of the Legendre coefficients on the panel."""
+        """The same of the Chebyshev coefficients on the panel: Σ_m factors · T_k, by their recursion."""
         local = (points - self.edges[panel][:, None]) / self.half[panel][:, None] - 1.0
-        values = legendre_values(self.order, local)
-        return np.asarray(np.einsum("kpm,pm->pk", values, factors))
+        values = chebyshev_values(self.order, local, factors)
+        return np.asarray(np.add.reduce(values, axis=2).T)  # whose last digits do not depend on the other rows
 
     def _matrices(self) -> tuple[Array, Array]:
         """Both Abel integrals: the kernels at the nodes, and blocks for panels close to each other."""
-        squares = self.nodes**2
-        kernel = np.abs(squares[:, None] - squares)
-        kernel.flat[:: self.size + 1] = np.inf
-        np.sqrt(kernel, out=kernel)
-        np.divide(1.0, kernel, out=kernel)
-        plane = np.tril(kernel) * ((2 / np.pi) * self.weights)
-        abel = np.triu(kernel) * (2 * self.weights * self.nodes)
+        n, squares = self.order, self.nodes**2
+        kernel = np.zeros((self.size, self.size))  # 1/√|rho² − tau²|, below the diagonal
+        for k in range(n, self.size, n):
+            own = kernel[k : k + n, :k]
+            np.subtract(squares[k : k + n, None], squares[:k], out=own)
+            np.sqrt(own, out=own)
+            np.divide(1.0, own, out=own)
+        plane = kernel * ((2 / np.pi) * self.weights)
+        kernel *= (2 * self.weights * self.nodes)[:, None]
         left, right = self.edges[:-1], self.edges[1:]
         near = NEAR * (right - left)
         below, above = np.tril(left[:, None] - right < near), np.triu(left - right[:, None] < near)
-        for matrix, pairs, upwards in ((plane, below, False), (abel, above, True)):
-            target, source = np.nonzero(pairs)
-            blocks = matrix.reshape(self.panels, self.order, self.panels, self.order)
-            blocks[target, :, source, :] = self._near(target, source, upwards)
-        return plane, abel
+        shape = self.panels, n, self.panels, n
+        target, source = np.nonzero(below)
+        plane.reshape(shape)[target, :, source, :] = self._near(target, source, False)
+        target, source = np.nonzero(above)
+        kernel.reshape(shape)[source, :, target, :] = self._near(target, source, True).transpose(0, 2, 1)
+        return plane, np.ascontiguousarray(kernel.T)
 
     def _near(self, target: Indices, source: Indices, upwards: bool) -> Array:
         """The blocks of either integral for pairs of panels, (pairs, order, order); most of them are known."""
@@ -207,7 +210,7 @@ class Mesh:
             nodes = self.nodes.reshape(self.panels, -1)[target[missing]].ravel()
             rows = (self._up if upwards else self._down)(nodes, np.repeat(source[missing], self.order))
             # One product for each block: its last digits do not depend on how many others are missing.
-            own = rows.reshape(-1, self.order, self.order) @ self.rule.to_legendre
+            own = rows.reshape(-1, self.order, self.order) @ self.rule.to_chebyshev
             known.update(zip(first, own / (unit[missing, None, None] if upwards else 1.0), strict=True))
         found = np.stack([known[key] for key in keys])
         return found * unit[:, None, None] if upwards else found
