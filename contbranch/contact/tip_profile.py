@@ -111,10 +111,10 @@ def _rises(pieces: scipy.interpolate.PPoly) -> bool:
 def _kernels(angle: Array) -> Array:
     """Return K_m(θ) = ∫_0^θ (cos φ - cos θ)^m dφ for θ in [0, π/2] and m = 1, 2, 3, (3, ...)."""
     square = angle * angle
-    powers = np.empty((_TERMS, square.size))
-    powers[0] = 1.0
-    powers[1:] = (square * (2.0 / _QUARTER**2) - 1.0).ravel()
-    np.multiply.accumulate(powers, axis=0, out=powers)
+    powers = np.ones((_TERMS, square.size))
+    x = (square * (2.0 / _QUARTER**2) - 1.0).ravel()
+    for k in range(1, _TERMS):
+        np.multiply(powers[k - 1], x, out=powers[k])
     found = (_kernel_series() @ powers).reshape(3, *square.shape)
     factor = angle
     for m in range(3):
