@@ -73,9 +73,8 @@ def born(point: Point) -> Succession:
         if float(np.abs(hole).max()) < told:  # it closes before a disc in it can be told
             return vanished(point, 0)
     kind, message = change(problem, breach, growing=True)
-    start, filled = begun(seeded(point, breach)), closed(point)
-    step, margin = FIRST * narrowest(start), MIDDLE if filled else ""
-    return changed(kind, filled or point, start, step, message, margin)
+    start = begun(seeded(point, breach))
+    return changed(kind, point, start, FIRST * narrowest(start), message)
 
 
 def changed(kind: str, event: Point, start: Point, step: float, message: str, margin: str = "") -> Succession:
@@ -95,7 +94,7 @@ def left(point: Point) -> Succession:
 
 
 def closed(point: Point) -> Point | None:
-    """An event at which a ring closes to a disc or a disc opens into a ring, by the model of the disc."""
+    """An event at which a ring closes to a disc, by the model of the disc."""
     touches = point.observables["contact_radius"] > 0.0
     return handed(point) if touches and rings(point).layout.single and failing(point).radius == 0.0 else None
 
