@@ -73,6 +73,8 @@ ABRUPT = 0.1
 SOFTER = 0.05
 # ... and that of the interaction at the start where it ends with a kink.
 NEXT_TO_NOTHING = 1e-12
+# Gaps among which a curve begins, in units of the wavelength of layers.
+BEFORE = np.linspace(0.0, 0.5, 33)
 # Steps of the gap far away in units of the wavelength of layers.
 LONGEST_IN_LAYERS = 0.15
 # Angle at which steps aim among layers: the curve turns all along as rings move through the mesh, and as foretold.
@@ -199,6 +201,9 @@ class ContactProblem(MeshedContact):
                     if farther == far:  # the end of the law
                         break
                     far = farther
+                if math.isfinite(law.wave):  # between two layers, as far from either's fold as can be
+                    places = far + law.wave * BEFORE
+                    far = float(places[np.abs(law.evaluate(places).stiffness).argmax()])
             problem = self.on_mesh(mesh_on(edges, self.resolution.order))
             u, ends = self.parameter(-max(far, self.scale)), law.ends
         self.resolution.far, x = u, np.zeros(problem.size)
