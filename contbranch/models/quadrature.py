@@ -118,7 +118,7 @@ def panel_rule(order: int) -> PanelRule:
         nodes,
         weights,
         to_legendre,
-        np.linalg.inv(chebyshev_values(order, nodes).T),
+        np.asarray(np.linalg.inv(chebyshev_values(order, nodes).T), dtype=np.float64),
         even_order,
         to_even,
         even_slopes,

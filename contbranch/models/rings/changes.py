@@ -12,6 +12,7 @@ from contbranch.arrays import Array
 from contbranch.continuation import CorrectionError, Event, Point, StopAt
 from contbranch.continuation.edge import Range
 from contbranch.continuation.follow import follow
+from contbranch.continuation.newton import evaluating
 from contbranch.curve.events import Margin
 from contbranch.curve.problem import Succession, equilibrium, oriented
 from contbranch.errors import ModelError
@@ -95,16 +96,19 @@ def left(point: Point) -> Succession:
 
 def closed(point: Point) -> Point | None:
     """An event at which a ring closes to a disc, by the model of the disc."""
-    touches = point.observables["contact_radius"] > 0.0
-    return handed(point) if touches and rings(point).layout.single and failing(point).radius == 0.0 else None
+    resting, single = rings(point).layout.regions[0].rests, rings(point).layout.single
+    return handed(point) if resting and single and failing(point).radius == 0.0 else None
 
 
 def handed(point: Point) -> Point | None:
     """The state of one disc of contact, or none, as the model of that has it, where it finds it."""
     disc, regained = disc_of(point), rings(point).setting.regained
+    if disc is None or regained is None:
+        return None
     try:
-        return None if disc is None or regained is None else regained(disc)
-    except (ModelError, CorrectionError):
+        with evaluating(point.parameter):
+            return regained(disc)
+    except CorrectionError:
         return None
 
 
@@ -159,12 +163,10 @@ def failing(point: Point) -> Breach:
     breach = least_margin(problem, problem.fields(point.x, point.parameter))
     if breach is None:
         raise ModelError("where the contact set changes its inequality could not be told")
-    disc = breach.region == 0 and problem.layout.regions[0].rests
-    return (
-        replace(breach, radius=0.0)
-        if disc and breach.radius < CENTRAL * point.observables["contact_radius"]
-        else breach
-    )
+    middle = breach.region == 0 and problem.layout.regions[0].rests
+    if middle and breach.radius < CENTRAL * problem.widths(point.x[point.x.size - problem.edges :])[0]:
+        return replace(breach, radius=0.0)
+    return breach
 
 
 def narrowest(point: Point) -> float:

@@ -47,15 +47,9 @@ def disc_of(point: Point) -> Disc | None:
     problem = rings(point)
     if not problem.layout.single:
         return None
-    fields, seen = problem.fields(point.x, point.parameter), point.observables
-    grid, radius = fields.grid, seen["contact_radius"]
-    radii = grid.breaks[:, 1][np.isfinite(grid.breaks[:, 1]) & (grid.breaks[:, 1] > radius)]
+    fields = problem.fields(point.x, point.parameter)
+    _, displacement, radius, gap, _ = problem.values(point.x, point.parameter)
+    ends = fields.grid.breaks[:, 1]
     along = problem.rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
-    return Disc(
-        radius,
-        seen["central_gap"],
-        seen["displacement"],
-        radii,
-        lambda r: grid.interpolate(fields.pressure, r),
-        along,
-    )
+    radii = ends[np.isfinite(ends) & (ends > radius)]
+    return Disc(radius, gap, displacement, radii, lambda r: fields.grid.interpolate(fields.pressure, r), along)
