@@ -144,8 +144,9 @@ def _carry(offer: Adaptation) -> Callable[[Point], Point] | None:
 def _direction(point: Point, offer: Adaptation, metric: Metric) -> Direction:
     """Return the old tangent on the new discretisation, or a new tangent oriented like the old one."""
     if offer.moved is not None:
-        along = point.tangent_x, point.tangent_parameter
-        return offer.moved(point.x, point.parameter, *along)[1], point.tangent_parameter
+        with evaluating(point.parameter, " in adapt"):
+            moved = offer.moved(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
+        return moved[1], point.tangent_parameter
     if offer.transfer is not None:
         return offer.transfer(point.tangent_x), point.tangent_parameter
     if offer.x.shape == point.x.shape:

@@ -88,6 +88,19 @@ def test_failing_adaptation_is_told():
     assert len(curve.points) == 2
 
 
+def test_tangents_that_cannot_be_carried_are_told():
+    class Fails(Bratu):
+        def adapt(self, x, p):
+            def moved(x, p, x_rate, p_rate):
+                raise ArithmeticError("nothing is left of the mesh")
+
+            return Adaptation(Bratu(15), x, moved=moved)
+
+    curve = trace_curve(Fails(15), np.zeros(15), 0.0, (0.0, 4.0))
+    assert curve.status == "incomplete"
+    assert "nothing is left of the mesh" in curve.message
+
+
 def test_shared_linearisation_replaces_the_separate_calls():
     class Shared(Bratu):
         calls = 0
