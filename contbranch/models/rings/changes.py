@@ -14,7 +14,7 @@ from contbranch.continuation.edge import Range
 from contbranch.continuation.follow import follow
 from contbranch.continuation.newton import evaluating
 from contbranch.curve.events import Margin
-from contbranch.curve.problem import Succession, equilibrium, oriented
+from contbranch.curve.problem import Rates, Succession, alike, equilibrium, oriented
 from contbranch.errors import ModelError
 
 from .constraints import ROUNDING, Breach, begun, least_margin
@@ -72,7 +72,7 @@ def born(point: Point) -> Succession:
         hole = fields.gap[fields.grid.of_node == 0] - problem.setting.law.levels[breach.new.index]
         told = max(SHALLOW * problem.scale, ROUNDING * float(np.abs(fields.lift).max()))
         if float(np.abs(hole).max()) < told:  # it closes before a disc in it can be told
-            return vanished(point, 0)
+            return vanished([point], 0)
     kind, message = change(problem, breach, growing=True)
     start = begun(seeded(point, breach))
     return changed(kind, point, start, FIRST * narrowest(start), message)
@@ -112,8 +112,8 @@ def handed(point: Point) -> Point | None:
         return None
 
 
-def vanished(point: Point, region: int | None = None) -> Succession:
-    """The curve behind a point at which a region, by default the one that is narrowest, has all but vanished.
+def vanished(points: Sequence[Point], region: int | None = None) -> Succession:
+    """The curve behind the last of points, where a region, by default the one that is narrowest, has all but vanished.
 
     The event lies where the layout without it begins to be right.
 
@@ -122,6 +122,7 @@ def vanished(point: Point, region: int | None = None) -> Succession:
     ModelError
         If the neighbours cannot be joined, or the event was not found.
     """
+    point = points[-1]
     joined, jump = passed(point, region)
     if jump:  # no change of the contact set, only of how it is represented
         return Succession("", point, (begun(joined),), step=AFTER_JUMP * float(joined.x[-1]))
@@ -133,12 +134,25 @@ def vanished(point: Point, region: int | None = None) -> Succession:
     event = event.turned() if right else event
     kind, message = change(rings(event), failing(event), growing=False)
     if filled := closed(event):
-        return Succession(kind, filled, (filled,), message=message, margin=MIDDLE)
+        return Succession(kind, filled, (filled,), dropped=beyond(points, filled), message=message, margin=MIDDLE)
     if right:
         start = joined
     else:
         start = along(event, width, [], lambda found: margin_of(found) > 0)
     return changed(kind, event, begun(start), max(width, SHORTEST), message, "breach")
+
+
+def beyond(points: Sequence[Point], event: Point) -> int:
+    """How many of the last rows do not lie before an event, as another model tells it; at least one."""
+    problem, count = equilibrium(event), 1
+    values = problem.values(event.x, event.parameter)
+    rates = problem.rates(event.x, event.parameter, event.tangent_x, event.tangent_parameter)
+    for row in reversed(points[1:-1]):
+        ahead = (row.observables[name] - getattr(values, name) for name in Rates._fields)
+        if not alike(values, Rates(*ahead), rates):
+            break
+        count += 1
+    return count
 
 
 def along(start: Point, width: float, events: Sequence[Event], arrived: Callable[[Point], bool] | None = None) -> Point:

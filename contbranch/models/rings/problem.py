@@ -99,7 +99,9 @@ class RingProblem(RingEquations):
         """The layout with a new region where an inequality fails, or without the region that has all but vanished."""
         if name == "tip-edge":
             return None
-        return {"breach": born, "alone": left}.get(name, vanished)(points[-1])
+        if name in ("breach", "alone"):
+            return (born if name == "breach" else left)(points[-1])
+        return vanished(points)
 
     def otherwise(self, point: Point) -> tuple[Point, ...]:
         """The state of one disc of contact, or none, by the model of that."""
