@@ -104,6 +104,13 @@ def upright(point: Point) -> bool:
     return abs(point.tangent_parameter) > UPRIGHT * size * metric.parameter_scale
 
 
+def _measured(point: Point) -> Point:
+    """A point with a tangent of unit length: a step's metric may be another, and events are rates along tangents."""
+    problem = equilibrium(point)
+    tangent = problem.metric(point.x).unit(problem, point.tangent_x, point.tangent_parameter)
+    return replace(point, tangent_x=tangent[0], tangent_parameter=tangent[1])
+
+
 def settled(point: Point) -> Point:
     """The equilibrium next to a point: at its parameter where that is a good coordinate, otherwise across the curve.
 
@@ -241,6 +248,7 @@ def refine(point: Point, event: Event | None, accuracy: float, beside: Point | N
     beside : Point, optional
         Another event: next to it a discretisation made for it is likely to serve this one.
     """
+    point = _measured(point)
     stated = equilibrium(point).stated(point, event)
     if stated is not None:
         return Found(numbers(point), stated, point)
@@ -362,6 +370,7 @@ def by_defect(point: Point, event: Event | None) -> Found:
 
     An event that was not located itself adds how far away it may be, by a secant step along the parameter.
     """
+    point = _measured(point)
     problem = equilibrium(point)
     defect, here = problem.defect(point), numbers(point)
     line = _Line(point)

@@ -113,3 +113,19 @@ def of_disc(point):
     area = 2 * np.pi * equations.mesh.weights * equations.mesh.nodes
     inside = np.pi * fields.rim.radius**2 * float(equations.interaction.evaluate(np.zeros(1)).energy[0])
     return equations.energy(fields), inside + area @ fields.energy_density, area @ (fields.gap * fields.pressure)
+
+
+def test_a_fold_next_to_touch_does_not_depend_on_the_steps_that_led_there():
+    """The first step beyond touch is long and its own measure of lengths small: where load turns is found all the same.
+
+    Its displacement is where a polynomial through loads at given displacements has its minimum.
+    """
+    contact = cb.Contact(cb.PowerLaw(5.18, 1.0), cb.InverseSquare(1.0, 3.941580473254946), modulus=3.0)
+    (fold,) = cb.trace(contact, accuracy=1e-4, max_load=9.5).folds("load")
+    given = fold.displacement + np.linspace(-6e-4, 6e-4, 5)
+    states = [cb.solve(contact, displacement=d, accuracy=1e-10) for d in given]
+    load = np.polynomial.Polynomial.fit(given, [state.load for state in states], 4)
+    turn = min(load.deriv().roots(), key=lambda root: abs(root - fold.displacement)).real
+    at_turn = cb.solve(contact, displacement=turn, accuracy=1e-9)
+    assert abs(fold.displacement - turn) < fold.error["displacement"]
+    assert abs(fold.contact_radius - at_turn.contact_radius) < fold.error["contact_radius"]
