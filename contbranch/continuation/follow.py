@@ -107,8 +107,9 @@ class _Direction:
         failure = CorrectionError(Outcome.STEP_TOO_SMALL, "(The curve turns too sharply.)")
         while True:
             here, metric = predictor.here, predictor.metric
-            if math.isfinite(self.interval.width) and here.tangent_parameter != 0.0:
-                step = min(step, options.largest_parameter_step * self.interval.width / abs(here.tangent_parameter))
+            if here.tangent_parameter != 0.0:
+                farthest = min(options.largest_parameter_step * self.interval.width, here.problem.farthest(here.parameter))
+                step = min(step, farthest / abs(here.tangent_parameter))
             if not step >= options.smallest_step:
                 raise failure
             foretold = predictor.at(step)

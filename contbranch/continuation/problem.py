@@ -184,6 +184,10 @@ class Problem(ABC):
         """
         return None
 
+    def farthest(self, p: float) -> float:
+        """Return the largest change of the parameter in a step from p. Default: infinite."""
+        return math.inf
+
     def corrected(self, x: Array, p: float, solve: Callable[[Array], Array]) -> None:
         """Take note of a point that was found; `solve` gives v with dF/dx v = f there, nearly, at little cost.
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from contbranch.continuation import CorrectionError, Event, Options, Point
+from contbranch.continuation.newton import evaluating
 from contbranch.continuation.walk import corrected_point
 from contbranch.curve.events import FoldEvent, Reached
 from contbranch.curve.problem import EquilibriumProblem, Rates, equilibrium
@@ -84,17 +85,19 @@ def numbers(point: Point) -> Four:
 
 
 def moved(point: Point, problem: EquilibriumProblem) -> Point:
-    """A point carried to another discretisation, not yet a solution there."""
+    """A point carried to another discretisation, not yet a solution there.
+
+    Raises
+    ------
+    CorrectionError
+        If the other cannot be where the point has what it follows.
+    """
     old = equilibrium(point)
     if old is problem:
         return point
-    return replace(
-        point,
-        problem=problem,
-        x=old.carried(point.x, point.x, point.parameter, problem),
-        tangent_x=old.carried(point.tangent_x, point.x, point.parameter, problem),
-        observables={},
-    )
+    with evaluating(point.parameter):
+        x, tangent = (old.carried(one, point.x, point.parameter, problem) for one in (point.x, point.tangent_x))
+    return replace(point, problem=problem, x=x, tangent_x=tangent, observables={})
 
 
 def upright(point: Point) -> bool:

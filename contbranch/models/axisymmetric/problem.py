@@ -244,17 +244,23 @@ class ContactProblem(MeshedContact):
         return 0.0, self.parameter(coordinate.of(extent, 0.0)) if math.isfinite(extent) else math.inf
 
     def steps(self, start: Point) -> Options:
-        """Far away a step may be long, since the elastic body answers little; not so long as to miss a layer."""
+        """Far away a step may be long, since the elastic body answers little."""
         floor = STATE_FLOOR * self.scale * (2 * self.scale) ** 0.25
         rough = start.x * (-1.0) ** np.arange(start.x.size)
         loud = LOUD if self.film else LOUDER
         floor = max(floor, loud * np.finfo(float).eps * math.sqrt(self.inner(rough, rough)))
         steps = replace(STEPS, state_floor=floor, noise=NOISE)
-        law, u = self.equations.interaction, start.parameter
+        law = self.equations.interaction
         if law is None or not math.isfinite(law.wave):
             return steps
-        longest = LONGEST_IN_LAYERS * law.wave / (self.scale * math.cosh(u) * abs(u)) if u else math.inf
-        return replace(steps, angle=TURNING, largest_parameter_step=min(steps.largest_parameter_step, longest))
+        return replace(steps, angle=TURNING)
+
+    def farthest(self, p: float) -> float:
+        """Steps of a film's gap shorter than layers, all of which would otherwise not be met far away."""
+        law = self.equations.interaction
+        if self.equations.contact or law is None or not math.isfinite(law.wave):
+            return math.inf
+        return LONGEST_IN_LAYERS * law.wave / (self.scale * math.cosh(p))
 
     def negligible(self, x: Array, p: float) -> float:
         """Far away what the elastic body answers is small against the gap, over the width of that."""
