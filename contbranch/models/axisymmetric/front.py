@@ -42,6 +42,8 @@ LARGE, OF_FILMS = 1000.0, 0.2
 PRESSED = 0.1
 # How much stiffer it has to be where only a film as large as its contact is: below that fixed meshes cost less.
 FAR_OUT = 4.0
+# A front this steep leads whatever the stiffness.
+STEEP = 20.0
 
 
 @dataclass(frozen=True)
@@ -283,10 +285,10 @@ def steepest(seen: tuple[Equations, Fields], present: Front | None, unit: Mesh, 
         serving = present if abs(row @ slope[nodes]) * present.width > RESTS * present.gap else None
     stiffness = np.abs(fields.stiffness)
     stiff = float((stiffness * np.maximum(mesh.nodes, radius)).max())
-    if not (stiff > FAR_OUT * STIFF or float(stiffness.max()) * radius > STIFF):
-        return serving
     steep = np.abs(mesh.nodes * mesh.derivative(fields.pressure)) / max(float(np.abs(fields.pressure).max()), 1e-300)
     place = int(np.argmax(steep))
+    if not (stiff > FAR_OUT * STIFF or float(stiffness.max()) * radius > STIFF or steep[place] > STEEP):
+        return serving
     if not steep[place] > (BEGINS if serving is None else ENDS) * (OF_FILMS if stiff > LARGE else 1.0):
         return None
     if serving is not None and float(steep[nodes].max()) > FLATTER * steep[place]:
