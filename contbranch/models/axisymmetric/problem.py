@@ -89,8 +89,9 @@ ROW_SAFETY = 3.0
 # from there as a share of the last one.
 TRIES, HANDED = 4, 0.1
 # From first touch up to this parameter the rate of the load comes from the slope dF/dd, which keeps its digits
-# there, unless the displacement all but stands still: its rate must be at least this share of its parts.
-TINY, MOVING = 1e-2, 0.1
+# there, unless the displacement all but stands still: its rate must be at least this share of its parts, which may
+# both stand still, and this share of the largest rate of h.
+TINY, MOVING, AT_ALL = 1e-2, 0.1, 1e-3
 # Radius of a contact under a flat tip in which rings that have been passed over do not matter, as a share of the
 # innermost panel.
 DISHED = 1e-3
@@ -499,7 +500,7 @@ class ContactProblem(MeshedContact):
             load, displacement = load + own[0], displacement + own[1]
         if 0.0 <= p < TINY and equations.interaction is not None:
             parts = abs(float(equations.rim_row @ h_rate))
-            if abs(displacement) > MOVING * parts:
+            if abs(displacement) > max(MOVING * parts, AT_ALL * float(np.abs(h_rate).max())):
                 if "slope" not in fields.derived:
                     fields.derived["slope"] = load_per_displacement(equations, fields, self._solver(x))
                 load = fields.derived["slope"] * displacement
