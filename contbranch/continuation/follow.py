@@ -108,7 +108,9 @@ class _Direction:
         while True:
             here, metric = predictor.here, predictor.metric
             if here.tangent_parameter != 0.0:
-                farthest = min(options.largest_parameter_step * self.interval.width, here.problem.farthest(here.parameter))
+                farthest = min(
+                    options.largest_parameter_step * self.interval.width, here.problem.farthest(here.parameter)
+                )
                 step = min(step, farthest / abs(here.tangent_parameter))
             if not step >= options.smallest_step:
                 raise failure
