@@ -43,6 +43,8 @@ TINY = 1e-300
 NEXT = 0.02
 # A first step, from which the steepness of an event follows.
 ASIDE = 1e-5
+# How often a step that leads off the curve, as where a ring has not opened yet, is shortened, and by which factor.
+RETREATS, RETREAT = 4, 0.2
 # Steps towards an event below this multiple of rounding, or this share of the accuracy, are not taken.
 CLOSEST, ENOUGH = 0.5, 1e-4
 
@@ -185,6 +187,15 @@ class _Line:
             return replace(point, parameter=p)
         return corrected_point(self.problem, x, p, self.direction, self.metric, OPTIONS)[0]
 
+    def towards(self, place: float, step: float, near: Point) -> tuple[float, Point]:
+        """A step from a point of known coordinate, shorter where the curve is not found there, and its end."""
+        for _ in range(RETREATS):
+            try:
+                return step, self.at(place + step, near, place)
+            except CorrectionError:
+                step *= RETREAT
+        return step, self.at(place + step, near, place)
+
     def rates(self, point: Point) -> Rates:
         """Rates of the observables per unit of the coordinate."""
         own = self.problem.rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
@@ -218,7 +229,7 @@ def _located(place: _Place, event: Event | None) -> _Place:
         step = math.copysign(min(abs(step), 0.2 * line.unit), step)
         if iteration and abs(step) <= least:
             break
-        new_point = line.at(s + step, point, s)
+        step, new_point = line.towards(s, step, point)
         new_value = event.value(new_point)
         if new_value != value and (abs(step) > 1e-7 * line.unit or not steepness):
             steepness = (new_value - value) / step
@@ -296,6 +307,9 @@ def _best(place: _Place, event: Event | None, accuracy: float) -> Found | None:
     last, rough, idle = math.inf, False, 0
     try:
         place = _located(place, event)
+    except (CorrectionError, ModelError):
+        return None
+    try:
         for _ in range(ROUNDS):
             problem = equilibrium(place.point)
             finer = problem.finer()
@@ -321,7 +335,8 @@ def _best(place: _Place, event: Event | None, accuracy: float) -> Found | None:
             last = error
             place = _located(fine, event)
     except (CorrectionError, ModelError):
-        return best  # what has been reached stands, with its own error estimate
+        # What has been reached stands, with its own error estimate.
+        return by_defect(place.point, event) if best is None else best
     return best
 
 

@@ -178,7 +178,10 @@ def _refined(track: Track, request: Request) -> list[Found]:
         for k, mark in enumerate(track.marks):
             tell(0.9 + 0.07 * k / len(track.marks), f"locating {mark.kind}")
             beside = found[-1].point if found else None
-            found.append(_located(mark.point, _event_of(track, mark), request.accuracy, beside))
+            own = _located(mark.point, _event_of(track, mark), request.accuracy, beside)
+            if mark.control is not None and own.relative_error() > request.accuracy and _opens(track, found, own):
+                own = found[-1]
+            found.append(own)
         _sharpen(track, found, request.accuracy)
 
     kept(locate, None)
@@ -193,6 +196,17 @@ def _located(point: Point, event: Event | None, accuracy: float, beside: Point |
         return found
     others = (refine(other, event, accuracy) for other in equilibrium(point).otherwise(point))
     return min([found, *others], key=Found.relative_error)
+
+
+def _opens(track: Track, found: Sequence[Found], fold: Found) -> bool:
+    """Whether a fold is where the change of the contact set before it is, as where a ring opens.
+
+    Load and displacement rest there, and those next to it tell the fold's place all the less, the closer they are.
+    """
+    if not found or track.marks[len(found) - 1].kind != "topology":
+        return False
+    apart, errors = np.subtract(found[-1].numbers, fold.numbers), np.add(found[-1].error, fold.error)
+    return bool((np.abs(apart) <= errors)[:2].all())
 
 
 def _event_of(track: Track, mark: Mark) -> Event | None:
