@@ -142,3 +142,26 @@ def test_exponents_of_soft_folds_take_less_than_they_did(law):
     means = np.array([(a + b) / 2 for a, b in pairwise(local.kappa)])
     allowed = 1e-3 + local.error[:-1] + local.error[1:]
     assert (np.abs(secants - means) <= allowed)[close].all()
+
+
+@pytest.mark.parametrize(
+    "contact",
+    [
+        cb.Contact(cb.PowerLaw(1.8, 1.0), cb.Layered(-1.0, 0.3, 0.8, 0.5)),
+        cb.Contact(cb.Parabola(1.0), cb.Layered(1.0, 0.5, 1.0)),
+    ],
+)
+def test_every_layer_is_met_at_every_accuracy(contact):
+    """Layers bound the steps where they are: each has its two folds, with loads of either sign by turns.
+
+    A coarse trace begins nearer, where the force is that small: what it has are the last folds of the fine one.
+    """
+    coarse, fine = (cb.trace(contact, accuracy=accuracy) for accuracy in (1e-4, 1e-7))
+    assert coarse.status == fine.status == "complete"
+    for control, count in (("load", 11), ("displacement", 4)):
+        first, second = (list(diagram.folds(control)) for diagram in (coarse, fine))
+        assert len(second) >= len(first) >= count
+        for one, other in zip(first[::-1], second[::-1], strict=False):
+            assert abs(one.load - other.load) <= 3 * (one.error["load"] + other.error["load"])
+    film = np.array([fold.load for fold in fine.folds("load") if fold.central_gap > 0])
+    assert (film[1:] * film[:-1] < 0).sum() >= len(film) - 2

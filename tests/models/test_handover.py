@@ -71,3 +71,21 @@ def test_no_front_where_the_gap_falls():
     assert with_front_at(1.5 * thinnest).gap.min() == pytest.approx(fields.gap.min(), abs=1e-4)
     with pytest.raises(ModelError, match="does not rise at the front"):
         with_front_at(0.7 * thinnest)
+
+
+def test_a_load_that_turns_where_a_ring_opens_turns_there():
+    """Load and displacement rest at the opening of a ring: the fold in that corner is the event of the opening."""
+    law = cb.Exponential(-0.709, 4.070950854001363) + cb.InverseSquare(0.291, 4.51061354623351)
+    contact = cb.Contact(cb.PowerLaw(4.774, 1.0), law)
+    coarse, fine = (cb.trace(contact, accuracy=accuracy, max_load=10.0) for accuracy in (1e-4, 1e-7))
+    for diagram in (coarse, fine):
+        assert diagram.status == "complete"
+        opening = next(event for event in diagram.events if event.kind == "topology")
+        (fold,) = (event for event in diagram.folds("load") if event.name == "wetting")
+        assert (fold.load, fold.displacement) == (opening.load, opening.displacement)
+        assert (
+            opening.load
+            <= diagram.branches[0].load[diagram.branches[0].contact_radius > 0.0].min() + fold.error["load"]
+        )
+    off = abs(coarse.thresholds["wetting_load"] - fine.thresholds["wetting_load"])
+    assert off <= 3e-7 + 3e-10
