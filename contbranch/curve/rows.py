@@ -179,7 +179,7 @@ def _refined(track: Track, request: Request) -> list[Found]:
             tell(0.9 + 0.07 * k / len(track.marks), f"locating {mark.kind}")
             beside = found[-1].point if found else None
             own = _located(mark.point, _event_of(track, mark), request.accuracy, beside)
-            if mark.control is not None and own.relative_error() > request.accuracy and _opens(track, found, own):
+            if mark.control is not None and _opens(track, found, own, request.accuracy):
                 own = found[-1]
             found.append(own)
         _sharpen(track, found, request.accuracy)
@@ -198,15 +198,16 @@ def _located(point: Point, event: Event | None, accuracy: float, beside: Point |
     return min([found, *others], key=Found.relative_error)
 
 
-def _opens(track: Track, found: Sequence[Found], fold: Found) -> bool:
-    """Whether a fold is where the change of the contact set before it is, as where a ring opens.
+def _opens(track: Track, found: Sequence[Found], fold: Found, accuracy: float) -> bool:
+    """Whether a fold is where the contact set changes before it, as where a ring opens.
 
-    Load and displacement rest there, and those next to it tell the fold's place all the less, the closer they are.
+    Load and displacement rest there, and are told well; the closer to it a fold is, the less they tell its place.
     """
-    if not found or track.marks[len(found) - 1].kind != "topology":
+    if not found or track.marks[len(found) - 1].kind != "topology" or fold.relative_error() <= accuracy:
         return False
-    apart, errors = np.subtract(found[-1].numbers, fold.numbers), np.add(found[-1].error, fold.error)
-    return bool((np.abs(apart) <= errors)[:2].all())
+    values, errors = np.array(fold.numbers[:2]), np.array(fold.error[:2])
+    told = errors <= accuracy * np.maximum(1.0, np.abs(values))
+    return bool((told & (np.abs(values - found[-1].numbers[:2]) <= errors + found[-1].error[:2])).all())
 
 
 def _event_of(track: Track, mark: Mark) -> Event | None:
