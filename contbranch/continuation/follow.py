@@ -9,14 +9,14 @@ from dataclasses import dataclass, replace
 from contbranch.continuation.curve import End, Fold, Located, Outcome, Point
 from contbranch.continuation.edge import Range, closes, land
 from contbranch.continuation.events import Event, Happening
-from contbranch.continuation.metric import Balance, Metric
+from contbranch.continuation.metric import Balance
 from contbranch.continuation.newton import CorrectionError, correct
 from contbranch.continuation.options import Options, StopAt
 from contbranch.continuation.problem import UnresolvedError, size_of
 from contbranch.continuation.scan import LeapError, scan
 from contbranch.continuation.segment import Segment
 from contbranch.continuation.step import AFTER_FAILURE, CONTRACTS, MARGIN, POINTS, RECOVERS, Predictor, judge
-from contbranch.continuation.walk import adapted, annotated, to_point
+from contbranch.continuation.walk import adapted, annotated, to_point, unit_tangent
 from contbranch.watch import INTERRUPTIONS, caught
 
 
@@ -94,7 +94,7 @@ class _Direction:
         return self.branch
 
     def _predictor(self) -> Predictor:
-        self.recent[-1] = _unit(self.recent[-1], self.metric)
+        self.recent[-1] = unit_tangent(self.recent[-1], self.metric)
         return Predictor(self.recent, self.metric)
 
     def _take(self) -> _Step:
@@ -137,7 +137,9 @@ class _Direction:
                         step *= AFTER_FAILURE
                     predictor = self._predictor()
                     continue
-                failure, missed = error, step
+                failure = error
+                if error.outcome is not Outcome.EVALUATION_FAILED:  # which tells nothing of predictions
+                    missed = step
                 step *= AFTER_FAILURE
             except LeapError:
                 failure = CorrectionError(Outcome.STEP_TOO_SMALL, "(Every step leaps to another part of the curve.)")
@@ -248,9 +250,3 @@ class _Direction:
         if stop.predicate is not None and stop.predicate(taken.segment.end):
             return End(Outcome.STOPPED_BY_PREDICATE)
         return None
-
-
-def _unit(point: Point, metric: Metric) -> Point:
-    """Return the point with its tangent scaled to unit length in the metric of the next step."""
-    u, a = metric.unit(point.problem, point.tangent_x, point.tangent_parameter)
-    return replace(point, tangent_x=u, tangent_parameter=a)

@@ -177,3 +177,9 @@ def _changes(problem: Problem, x: Array, p: float, u: Array, a: float) -> dict[s
     largest = max((abs(change) for change in changes.values()), default=0.0)
     scaled = {name: change / largest for name, change in changes.items()} if largest > 0 else {}
     return {"": a / size, **scaled}
+
+
+def unit_tangent(point: Point, metric: Metric) -> Point:
+    """Return the point with its tangent scaled to unit length in a metric: that of the next step, or of an event."""
+    u, a = metric.unit(point.problem, point.tangent_x, point.tangent_parameter)
+    return replace(point, tangent_x=u, tangent_parameter=a)

@@ -9,7 +9,7 @@ import numpy as np
 
 from contbranch.continuation import CorrectionError, Event, Options, Point
 from contbranch.continuation.newton import evaluating
-from contbranch.continuation.walk import corrected_point
+from contbranch.continuation.walk import corrected_point, unit_tangent
 from contbranch.curve.events import FoldEvent, Reached
 from contbranch.curve.problem import EquilibriumProblem, Rates, equilibrium
 from contbranch.errors import ModelError
@@ -111,9 +111,7 @@ def upright(point: Point) -> bool:
 
 def _measured(point: Point) -> Point:
     """A point with a tangent of unit length: a step's metric may be another, and events are rates along tangents."""
-    problem = equilibrium(point)
-    tangent = problem.metric(point.x).unit(problem, point.tangent_x, point.tangent_parameter)
-    return replace(point, tangent_x=tangent[0], tangent_parameter=tangent[1])
+    return unit_tangent(point, equilibrium(point).metric(point.x))
 
 
 def settled(point: Point) -> Point:
