@@ -14,18 +14,20 @@ if TYPE_CHECKING:
     from contbranch.contact.tip_shape import Tip
 
 __all__ = [
+    "HalfOrderRule",
     "PanelRule",
     "chebyshev_values",
     "gauss",
     "gauss_between",
+    "half_order_rule",
     "legendre_values",
     "panel_rule",
     "peak_pressure",
     "start_edges",
 ]
 
-# Nodes of an integral over a tip.
-PEAK = 32
+# Nodes of an integral over a tip, and nodes of an integral for the smooth factor besides a panel's polynomial.
+PEAK, SMOOTH_FACTOR = 32, 12
 
 
 @dataclass(frozen=True)
@@ -77,6 +79,48 @@ def chebyshev_values(count: int, x: Array, factors: Array | float = 1.0) -> Arra
         np.multiply(twice, values[k], out=values[k + 1])
         values[k + 1] -= values[k - 1]
     return values
+
+
+@dataclass(frozen=True)
+class HalfOrderRule:
+    """Integrals with the weight 1/√(x − t) over a panel, t from −1 to 1 or x, of its polynomial times a smooth factor.
+
+    With that factor at the nodes, ``weights * factor @ values`` is what the panel's nodal values are multiplied by.
+    """
+
+    nodes: Array  # (m,): Gauss nodes, more of them than a panel has
+    values: Array  # (m, n): a panel's nodal values -> values at the nodes
+    own: Array  # (n, m): weights where x is a node of the panel
+    projection: Array  # (m, m): values at the nodes -> Legendre coefficients, divided by k + 1/2
+
+    def beyond(self, away: Array) -> Array:
+        """Weights where x lies beyond the panel's end by as much, (...,) -> (..., m).
+
+        ``1/√(x − t) = √(2s) Σ s^k P_k(t)`` with ``s = x − √(x² − 1)``: Legendre's generating function.
+        """
+        s = 1 / (1 + away + np.sqrt(away * (away + 2)))
+        powers = np.empty((len(self.nodes), *away.shape))
+        np.sqrt(2 * s, out=powers[0])
+        for k in range(1, len(powers)):
+            np.multiply(powers[k - 1], s, out=powers[k])
+        return np.asarray(
+            (powers.reshape(len(powers), away.size).T @ self.projection).reshape(*away.shape, len(powers))
+        )
+
+
+@cache
+def half_order_rule(order: int) -> HalfOrderRule:
+    """The rule for panels of `order` nodes.
+
+    Within the panel ``∫ P_k(t)/√(x − t) dt = (T_k(x) + T_{k+1}(x)) / ((k + 1/2) √(1 + x))`` from −1 to x.
+    """
+    rule = panel_rule(order)
+    nodes, weights = gauss(order + SMOOTH_FACTOR)
+    count = len(nodes)
+    projection = legendre_values(count, nodes) * weights
+    chebyshev = chebyshev_values(count + 1, rule.nodes)
+    own = ((chebyshev[:-1] + chebyshev[1:]) / np.sqrt(1 + rule.nodes)).T @ projection
+    return HalfOrderRule(nodes, rule.lagrange(nodes), np.asarray(own), projection)
 
 
 @cache

@@ -10,12 +10,12 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable
-from functools import cache, cached_property, lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
 from contbranch.arrays import Array, Indices
-from contbranch.models.quadrature import chebyshev_values, gauss_between, panel_rule
+from contbranch.models.quadrature import chebyshev_values, gauss_between, half_order_rule, panel_rule
 from contbranch.watch import check
 
 __all__ = ["Mesh", "mesh_on"]
@@ -23,8 +23,10 @@ __all__ = ["Mesh", "mesh_on"]
 # A source panel closer to the target than this many of its own lengths is integrated with the kernel's substitution;
 # farther away the kernel is analytic in a Bernstein ellipse of parameter > 5.8 and the panel's own nodes suffice.
 NEAR = 1.0
-# Blocks of the matrices that are kept, of one order, and whole meshes.
-MOST, MESHES = 4000, 16
+# On a panel this many of its half lengths from the mirror image of a target the kernel's other root is smooth.
+SMOOTH = 3.0
+# Meshes that are kept.
+MESHES = 16
 # How `Mesh.finer` is refined; with these, errors of the coarser mesh are measured to about a tenth of themselves.
 FINER_GRADING = 0.25
 FINER_ORDER_SHARE = 3
@@ -65,7 +67,6 @@ class Mesh:
         self.nodes, self.weights = nodes.ravel(), weights.ravel()
         self.size = len(self.nodes)
         self.innermost = float(self.edges[1])
-        self.plane, self._abel = self._matrices()
         self.stretch = 1.0
 
     @cached_property
@@ -93,18 +94,28 @@ class Mesh:
             setattr(mesh, name, factor * getattr(self, name))
         return mesh
 
+    @cached_property
+    def _kernels(self) -> tuple[Array, Array]:
+        """`plane`, and `abel` before the mesh was stretched; many a mesh only has nodes to interpolate at."""
+        return self.source[0]._kernels if self.source else self._matrices()
+
+    @property
+    def plane(self) -> Array:
+        """The first integral."""
+        return self._kernels[0]
+
     @property
     def abel(self) -> Array:
-        """The matrix in full, which states of a moving mesh do without."""
-        return self.stretch * self._abel
+        """The second one in full, which states of a moving mesh do without."""
+        return self.stretch * self._kernels[1]
 
     def abel_of(self, pressure: Array) -> Array:
         """``abel @ pressure``, (N,)."""
-        return np.asarray(self.stretch * (self._abel @ pressure))
+        return np.asarray(self.stretch * (self._kernels[1] @ pressure))
 
     def abel_with(self, weights: Array) -> Array:
         """``abel * weights``, (N, N)."""
-        return np.asarray(self._abel * (self.stretch * weights))
+        return np.asarray(self._kernels[1] * (self.stretch * weights))
 
     def abel_drift(self, pressure: Array, edges: Array, nodes: Array) -> Array:
         """Rates of ``abel @ pressure`` where edges and nodes move at rates linear on every panel; (m, P + 1) and
@@ -114,7 +125,7 @@ class Mesh:
         not meet, an edge passes from one to the other.
         """
         slope, relative = self.derivative(pressure), nodes / self.nodes
-        rate = relative * self.abel_of(pressure + self.nodes * slope) - self.stretch * (nodes * slope) @ self._abel.T
+        rate = relative * self.abel_of(pressure + self.nodes * slope) - (nodes * slope) @ self.abel.T
         return np.asarray(rate + self.passing(2 * self.edges[1:] * self.jumps(pressure), edges, relative, True))
 
     def jumps(self, values: Array) -> Array:
@@ -196,24 +207,36 @@ class Mesh:
         return plane, np.ascontiguousarray(kernel.T)
 
     def _near(self, target: Indices, source: Indices, upwards: bool) -> Array:
-        """The blocks of either integral for pairs of panels, (pairs, order, order); most of them are known."""
-        edges, known = self.edges, _blocks(self.order, upwards)
-        # Lengths in a power of two: the blocks of panels that differ by one are the same, to the last digit.
-        unit = np.exp2(np.floor(np.log2(edges[source + 1])))
-        sides = np.stack([edges[target], edges[target + 1], edges[source], edges[source + 1]], axis=1) / unit[:, None]
-        keys = [tuple(row) for row in sides.tolist()]
-        if len(known) > MOST:
-            known.clear()
-        first = {key: k for k, key in enumerate(keys) if key not in known}
-        missing = np.array(list(first.values()), dtype=np.intp)
-        if len(missing):
-            nodes = self.nodes.reshape(self.panels, -1)[target[missing]].ravel()
-            rows = (self._up if upwards else self._down)(nodes, np.repeat(source[missing], self.order))
-            # One product for each block: its last digits do not depend on how many others are missing.
-            own = rows.reshape(-1, self.order, self.order) @ self.rule.to_chebyshev
-            known.update(zip(first, own / (unit[missing, None, None] if upwards else 1.0), strict=True))
-        found = np.stack([known[key] for key in keys])
-        return found * unit[:, None, None] if upwards else found
+        """The blocks of either integral for pairs of panels, (pairs, order, order)."""
+        n, blocks = self.order, np.empty((len(target), self.order, self.order))
+        smooth = self.edges[source] + self.half[source] + self.edges[target] >= SMOOTH * self.half[source]
+        for own in (True, False):
+            pick = np.flatnonzero(smooth & ((target == source) == own))
+            blocks[pick] = self._smooth(target[pick], source[pick], upwards, own)
+        pick = np.flatnonzero(~smooth)
+        nodes, panel = self.nodes.reshape(-1, n)[target[pick]].ravel(), np.repeat(source[pick], n)
+        rows = self._up(nodes, panel) if upwards else self._down(nodes, panel)
+        blocks[pick] = rows.reshape(-1, n, n) @ self.rule.to_chebyshev
+        return blocks
+
+    def _smooth(self, target: Indices, source: Indices, upwards: bool, own: bool) -> Array:
+        """The same where 1/√|rho² − tau²| is 1/√|rho − tau|, whose moments are known in full, times what is smooth.
+
+        Upwards all is seen in a mirror.
+        """
+        rule, sign = half_order_rule(self.order), -1.0 if upwards else 1.0
+        half, nodes = self.half[source][:, None], self.nodes.reshape(-1, self.order)[target]
+        tau = self.edges[source][:, None] + half * (1 + sign * rule.nodes)
+        if own:
+            weights = rule.own[::-1] if upwards else rule.own
+        else:
+            low, high = (target, source) if upwards else (source, target)
+            between = self.edges[high] - self.edges[low + 1]
+            within = self.half[target][:, None] * (1 + sign * self.rule.nodes)
+            weights = rule.beyond((between[:, None] + within) / half)
+        factors = 2 * tau if upwards else np.full_like(tau, 2 / np.pi)
+        rows = weights * ((np.sqrt(half) * factors)[:, None] / np.sqrt(nodes[:, :, None] + tau[:, None]))
+        return np.asarray(rows @ (rule.values[:, ::-1] if upwards else rule.values))
 
     def _down(self, rho: Array, panel: Indices) -> Array:
         """Rows of `plane`: tau = rho sin(theta) removes the weight, and leaves a polynomial in sin(theta)."""
@@ -269,15 +292,8 @@ def mesh_on(edges: Array, order: int, bounded: bool = False) -> Mesh:
 def forget() -> None:
     """Forget the last meshes, so that time is measured as in a process of its own."""
     _mesh_on.cache_clear()
-    _blocks.cache_clear()
 
 
 @lru_cache(MESHES)
 def _mesh_on(edges: tuple[float, ...], order: int, bounded: bool) -> Mesh:
     return Mesh(np.array(edges), order, bounded)
-
-
-@cache
-def _blocks(order: int, upwards: bool) -> dict[tuple[float, ...], Array]:
-    """The blocks of either integral met so far, by the edges of target and source."""
-    return {}

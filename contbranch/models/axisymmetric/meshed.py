@@ -366,24 +366,24 @@ class MeshedContact(MovingContact):
         front, n = other.front, self.size
         if front == self.front and not self.creases:
             return np.append(self.equations.mesh.interpolate(vector[:n], other.equations.mesh.nodes), vector[n:])
-        equations, fields = self.seen(x, p)
-        function = fields.h if vector is x else self.moving(vector, x)
+        mesh = self.placed(x).mesh.stretched(math.exp(float(x[n]))) if self.front else self.equations.mesh
+        function = self.growth(x) * x[:n] if vector is x else self.moving(vector, x)
         if front is None:
-            return equations.mesh.interpolate(function, other.equations.mesh.nodes)
+            return mesh.interpolate(function, other.equations.mesh.nodes)
         kept = self.front is not None and replace(front, creases=self.creases) == self.front
-        shift = float(x[n]) if kept else front.anchored(equations, fields)
+        shift = float(x[n]) if kept else front.anchored(*self.seen(x, p))
         places = {crease.key: crease.place for crease in self._creases_at(x)}
-        stretch, beyond = float(equations.mesh.edges[-1] / self.equations.mesh.edges[-1]), math.exp(shift)
+        stretch, beyond = float(mesh.edges[-1] / self.equations.mesh.edges[-1]), math.exp(shift)
 
         def place(crease: Crease) -> float:
             if crease.key in places:
                 return places[crease.key] * stretch
-            return located(equations.mesh, fields.gap, crease, beyond)
+            return located(mesh, self.fields(x, p).gap, crease, beyond)
 
         by = [place(crease) / beyond - crease.place for crease in front.creases]
         state = np.concatenate([np.zeros(other.size), [shift], by])
         nodes = other.placed(state).mesh.nodes
-        found = equations.mesh.interpolate(function, beyond * nodes)
+        found = mesh.interpolate(function, beyond * nodes)
         return np.append(math.exp(-front.power * shift) * found, state[other.size :] * float(vector is x))
 
     def joins(self, other: EquilibriumProblem) -> bool:
