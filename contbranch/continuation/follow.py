@@ -137,9 +137,7 @@ class _Direction:
                         step *= AFTER_FAILURE
                     predictor = self._predictor()
                     continue
-                failure = error
-                if error.outcome is not Outcome.EVALUATION_FAILED:  # which tells nothing of predictions
-                    missed = step
+                failure, missed = error, step
                 step *= AFTER_FAILURE
             except LeapError:
                 failure = CorrectionError(Outcome.STEP_TOO_SMALL, "(Every step leaps to another part of the curve.)")
