@@ -185,7 +185,7 @@ def _code(function: Callable[..., object]) -> CodeType:
 
 LINEAR_ALGEBRA = tuple(str(Path(module.__file__ or "").parent) for module in (np.linalg, scipy.linalg))
 LAPACK_CALLERS = {_code(function) for function in vars(bordered.DenseBordered).values() if callable(function)}
-MESH_MAKERS = {_code(mesh.Mesh.__init__), _code(mesh.panel_rule)}
+MESH_MAKERS = {_code(mesh.Mesh.__init__), _code(mesh.Mesh._matrices), _code(mesh.panel_rule)}
 EVENT_FINDERS = {_code(refine.refine)}
 WORKERS = {str(module.__file__) for module in (equations, rim, profile, interactions, interaction_law, tips, tip_shape)}
 
