@@ -120,10 +120,8 @@ class Turning:
         """A row reached without a fold on the way, by its rates; the folds that were passed all the same, in order."""
         raw = math.atan2(load, displacement)
         turn = short_way(raw - self.present)
-        missed = []
-        for control in in_passing(self.controls, self.present, turn):
-            if abs(math.sin(raw - alpha(control))) > ON:
-                missed.append(control)
+        crossed = [*(control for control in self.controls if self._back(control, raw)), *in_passing(self.controls, self.present, turn)]
+        missed = [control for control in crossed if abs(math.sin(raw - alpha(control))) > ON]
         if missed:  # in the corner that this row is
             self._piece(self.present)
             self.corner(turn)
@@ -137,6 +135,11 @@ class Turning:
         self._piece(found)
         self._know(load, displacement)
         return []
+
+    def _back(self, control: Control, raw: float) -> bool:
+        """Whether a direction is behind that of the fold just left, once more: the curve came to lie before it again."""
+        off = self.present - alpha(control)
+        return abs(math.sin(off)) < ON and math.sin(raw - alpha(control)) * self.signs.get(control.kind, 0) < 0
 
     def fold(self, control: Control) -> None:
         """A row at a fold."""

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from contbranch.control import DISPLACEMENT, LOAD, Control
+from contbranch.curve.angle import Hodograph, Turning
 from contbranch.curve.events import FoldEvent
 from contbranch.curve.problem import EquilibriumProblem, Rates, Succession, Values, Work, oriented
 from contbranch.curve.refine import refine
@@ -292,3 +293,27 @@ def test_the_index_tells_how_a_curve_turns_back(short, clockwise):
     assert last - first == pytest.approx((-1 if clockwise else 1) * np.pi + short)
     for control in (LOAD, DISPLACEMENT, spring):
         assert track.hodograph.pieces(control)[0][[0, -1]].tolist() == [1, 2 if clockwise else 0]
+
+
+@pytest.mark.parametrize("control", [LOAD, DISPLACEMENT, SPRINGS[2]], ids=["load", "displacement", "spring"])
+@pytest.mark.parametrize("sense", [1, -1], ids=["forwards", "backwards"])
+def test_a_row_before_the_fold_just_left_has_passed_it_once_more(control, sense):
+    """On another discretisation a row may come to lie there: no index changes without a fold of its own."""
+
+    def rates(held):
+        """Rates of load and displacement with which what is controlled changes at a rate."""
+        along = np.array([-1.0, 1.0 / control.stiffness]) if control.stiffness else np.array([0.0, 1.0])
+        across = np.array([0.0, 1.0]) if control == DISPLACEMENT else np.array([1.0, 0.0])
+        along = np.array([1.0, 0.0]) if control == DISPLACEMENT else along / np.linalg.norm(along)
+        assert control.weighted(*along) == pytest.approx(0.0, abs=1e-15)
+        return sense * (along + held * across / control.weighted(*across))
+
+    turning = Turning([control])
+    turning.begin(*rates(-0.2))
+    assert turning.row(*rates(-0.1)) == []
+    turning.fold(control)
+    assert turning.row(*rates(-1e-4)) == [control]
+    assert turning.row(*rates(-0.1)) == []
+    index, rising = Hodograph(np.array(turning.angles)).pieces(control)
+    np.testing.assert_array_equal(rising, sense * np.array([-1, -1, 1, -1]))
+    assert index[0] == index[1] == index[3] != index[2]
