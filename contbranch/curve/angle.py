@@ -120,7 +120,8 @@ class Turning:
         """A row reached without a fold on the way, by its rates; the folds that were passed all the same, in order."""
         raw = math.atan2(load, displacement)
         turn = short_way(raw - self.present)
-        crossed = [*(control for control in self.controls if self._back(control, raw)), *in_passing(self.controls, self.present, turn)]
+        crossed = [control for control in self.controls if self._back(control, raw)]
+        crossed += in_passing(self.controls, self.present, turn)
         missed = [control for control in crossed if abs(math.sin(raw - alpha(control))) > ON]
         if missed:  # in the corner that this row is
             self._piece(self.present)
@@ -137,7 +138,7 @@ class Turning:
         return []
 
     def _back(self, control: Control, raw: float) -> bool:
-        """Whether a direction is behind that of the fold just left, once more: the curve came to lie before it again."""
+        """Whether a direction is behind that of the fold just left: the curve came to lie before it again."""
         off = self.present - alpha(control)
         return abs(math.sin(off)) < ON and math.sin(raw - alpha(control)) * self.signs.get(control.kind, 0) < 0
 
