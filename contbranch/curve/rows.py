@@ -179,6 +179,8 @@ def _refined(track: Track, request: Request) -> list[Found]:
             tell(0.9 + 0.07 * k / len(track.marks), f"locating {mark.kind}")
             beside = found[-1].point if found else None
             own = _located(mark.point, _event_of(track, mark), request.accuracy, beside)
+            if mark.control is not None and mark.row in track.onward:
+                own = _beyond(track, mark, own, request.accuracy)
             if mark.control is not None and _opens(track, found, own, request.accuracy):
                 own = found[-1]
             found.append(own)
@@ -196,6 +198,22 @@ def _located(point: Point, event: Event | None, accuracy: float, beside: Point |
         return found
     others = (refine(other, event, accuracy) for other in equilibrium(point).otherwise(point))
     return min([found, *others], key=Found.relative_error)
+
+
+def _beyond(track: Track, mark: Mark, corner: Found, accuracy: float) -> Found:
+    """A fold in the corner of first touch: it lies between there and the first row of the contact.
+
+    The stiffness of a contact begins with its radius: what the film loses is made up for behind the touch.
+    """
+    ahead, before = track.onward[mark.row], track.points[mark.row].observables["contact_radius"]
+    first = ahead.observables["contact_radius"]
+    if mark.control is None or equilibrium(ahead).given or not before == 0.0 < first:
+        return corner
+    found = refine(ahead, FoldEvent(mark.control), accuracy)
+    if 0.0 < found.numbers[2] <= first and found.relative_error() <= accuracy:
+        return found
+    load, displacement, radius, gap = corner.error
+    return replace(corner, error=(load, displacement, max(radius, first), gap))
 
 
 def _opens(track: Track, found: Sequence[Found], fold: Found, accuracy: float) -> bool:

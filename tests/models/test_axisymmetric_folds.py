@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+import scipy
 from followed import Followed
 
 import contbranch as cb
@@ -165,3 +166,27 @@ def test_every_layer_is_met_at_every_accuracy(contact):
             assert abs(one.load - other.load) <= 3 * (one.error["load"] + other.error["load"])
     film = np.array([fold.load for fold in fine.folds("load") if fold.central_gap > 0])
     assert (film[1:] * film[:-1] < 0).sum() >= len(film) - 2
+
+
+@pytest.mark.parametrize(
+    ("exponent", "law", "tolerance"),
+    [(5.0, cb.VanDerWaals(-1.0, 150.0), 1e-3), (3.5, cb.Gauss(-1.0, 40.0), 1e-2)],
+    ids=["vdw", "gauss"],
+)
+def test_wetting_of_a_soft_film_under_a_flat_tip_lies_behind_the_touch(exponent, law, tolerance):
+    """The load changes by 2π ∫ v''(z − d) r dr with d, a long range leaving the body all but rigid, and a contact adds
+    2a: the fold is where both balance, up to the deformation by the film. Load and displacement rest next to it."""
+    tip = cb.PowerLaw(exponent, 1.0)
+    diagram = cb.trace(cb.Contact(tip, law), accuracy=1e-8)
+    touch = next(event for event in diagram.events if event.kind == "touch")
+    fold = list(diagram.folds("load"))[-1]
+
+    def density(r):
+        gap = tip.height(np.array([r])) - touch.displacement
+        return 2 * np.pi * r * float(law.evaluate(gap).stiffness[0])
+
+    slope = scipy.integrate.quad(density, 0.0, 20.0, limit=500, epsabs=1e-12)[0]
+    assert diagram.status == "complete"
+    assert fold.name == "wetting"
+    assert fold.contact_radius == pytest.approx(-slope / 2, rel=tolerance)
+    assert fold.error["contact_radius"] <= 1e-8
