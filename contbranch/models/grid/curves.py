@@ -105,9 +105,11 @@ def traced(setup: Setup, request: Request) -> Track:
     notes = [resolution.message, repetition(setup), jump_message(setup.law)]
     for note in notes:
         warn(note)
-    fine = setup.averaging and not setup.crowded and 1.0 < resolution.ratio <= HOPELESS
+    # Few nodes are cheap to double twice.
+    stiffest = 4.0 * COARSE if 16 * setup.lattice.size <= LARGEST else HOPELESS
+    fine = setup.averaging and not setup.crowded and 1.0 < resolution.ratio <= stiffest
     fine &= 2 * setup.lattice.size <= LARGEST
-    coarse = fine and resolution.ratio > COARSE
+    coarse = fine and COARSE < resolution.ratio <= HOPELESS
     with quietly():
         track = None if coarse else trace(LatticeProblem(setup, tolerance(request)), request)
         if track is None or (fine and not track.complete and not over()):

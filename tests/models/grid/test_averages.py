@@ -167,6 +167,18 @@ def test_a_lattice_that_is_hopeless_states_no_error() -> None:
         assert abs(event.load - other.load) <= event.error["load"]
 
 
+@pytest.mark.filterwarnings("ignore::contbranch.GridWarning")
+def test_a_lattice_that_is_hopeless_is_refined_twice() -> None:
+    """Van der Waals repulsion under an ellipsoid, five times as stiff as the lattice: its curve ends in the film."""
+    contact = cb.Contact(cb.EllipticParaboloid(2.7951, 1.0 / 2.7951), interaction=cb.VanDerWaals(-1.0, 0.9564))
+    coarse, fine = (cb.trace(contact, model=cb.Periodic(grid=grid), modes=0) for grid in (64, 96))
+    assert coarse.status == fine.status == "complete"
+    assert folds(coarse) == folds(fine)
+    for control in ("load", "displacement"):
+        for own, other in zip(coarse.folds(control), fine.folds(control), strict=True):
+            assert abs(own.load - other.load) <= own.error["load"] + other.error["load"]
+
+
 def test_a_fold_at_a_row_is_one_fold() -> None:
     """Here a step ends within 1e-5 of the squeeze-out fold: it was two folds that no error could tell apart."""
     contact = cb.Contact.reduced("gauss", tabor=0.8199181789703047, sign=-1)
