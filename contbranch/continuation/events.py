@@ -15,6 +15,7 @@ from functools import partial
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from contbranch.continuation.curve import EventPoint, Located, Outcome, Point
 from contbranch.continuation.locate import Sample, find_root
@@ -161,19 +162,30 @@ class Probe:
         return found[-1], error
 
 
+def clear(values: Array, doubt: Array) -> NDArray[np.bool_]:
+    """Return whether functions seen as in `division`, (..., n), are certainly of one sign, as nearly always; (...)."""
+    largest, least = doubt.max(axis=-1), np.minimum(values[..., 0], values[..., -1])
+    lowest = values.min(axis=-1) - np.maximum(0.0, _bends(values).max(axis=-1)) / 8
+    resolved = largest <= RESOLVED * np.abs(values).max(axis=-1)
+    return np.asarray(resolved & (lowest > np.maximum(np.maximum(SAFETY * largest, SUSPICIOUS * least), 0.0)))
+
+
+def _bends(values: Array) -> Array:
+    """Return the second differences of functions at even distances."""
+    return np.asarray(values[..., :-2] - 2 * values[..., 1:-1] + values[..., 2:])
+
+
 def division(values: Array, doubt: Array) -> float | None:
     """Return where to divide a step, seen at even distances, the first value positive; None if its zeros are certain.
 
     The errors are those inside the step; at the ends there is none.
     """
     spaces = len(values) - 1
-    largest = float(doubt.max())
-    if largest > RESOLVED * float(np.abs(values).max()):
+    if float(doubt.max()) > RESOLVED * float(np.abs(values).max()):
         return 0.5
-    bends = values[:-2] - 2 * values[1:-1] + values[2:]
-    lowest = float(values.min()) - max(0.0, float(bends.max())) / 8
-    if lowest > max(SAFETY * largest, SUSPICIOUS * float(min(values[0], values[-1])), 0.0):
-        return None  # clearly of one sign, as nearly always
+    if clear(values, doubt):
+        return None
+    bends = _bends(values)
     crossings = np.flatnonzero((values[:-1] > 0) != (values[1:] > 0))
     if len(crossings) > 1:
         between = np.arange(crossings[0] + 1, crossings[1] + 1)

@@ -16,7 +16,7 @@ from contbranch.continuation.problem import UnresolvedError, size_of
 from contbranch.continuation.scan import LeapError, scan
 from contbranch.continuation.segment import Segment
 from contbranch.continuation.step import AFTER_FAILURE, CONTRACTS, MARGIN, POINTS, RECOVERS, Predictor, judge
-from contbranch.continuation.walk import adapted, annotated, to_point, unit_tangent
+from contbranch.continuation.walk import adapted, annotated, examined, to_point, unit_tangent
 from contbranch.watch import INTERRUPTIONS, caught
 
 
@@ -127,7 +127,7 @@ class _Direction:
                 )
                 longest, self.count = predictor.longest(step, constants, growth, self.reach)
                 if judgement.accepted:
-                    segment, happenings, stop = self._look_inside(Segment(here, annotated(end), metric))
+                    segment, happenings, stop = self._look_inside(Segment(here, examined(end), metric))
                     return _Step(segment, happenings, stop, min(judgement.factor, longest, growth))
                 step *= judgement.factor
             except CorrectionError as error:

@@ -26,7 +26,7 @@ def size_of(problem: Problem, u: Array) -> float:
 
 
 class UnresolvedError(Exception):
-    """Raised by `Problem.observables`: a solution that its discretisation does not resolve.
+    """Raised by `Problem.examine`: a solution that its discretisation does not resolve.
 
     A step to it is repeated on the discretisation that `Problem.adapt` offers for it, or shorter.
     """
@@ -154,14 +154,18 @@ class Problem(ABC):
         return u / u.size
 
     def observables(self, x: Array, p: float) -> Mapping[str, float]:
-        """Return named numbers to record at every point. Default: none.
+        """Return named numbers to record at every point. Default: none."""
+        return {}
+
+    def examine(self, x: Array, p: float) -> None:
+        """Look at the solution to which a step has led. Default: whatever was found is resolved.
 
         Raises
         ------
         UnresolvedError
-            If the discretisation does not resolve the solution.
+            If the discretisation does not resolve it.
         """
-        return {}
+        return
 
     def morse_index(self, x: Array, p: float) -> int | None:
         """Return the number of unstable directions, None if it is not known (the default)."""
@@ -191,7 +195,7 @@ class Problem(ABC):
     def corrected(self, x: Array, p: float, solve: Callable[[Array], Array]) -> None:
         """Take note of a point that was found; `solve` gives v with dF/dx v = f there, nearly, at little cost.
 
-        Default: nothing. For problems that estimate the errors of their discretisation in `observables` and `adapt`.
+        Default: nothing. For problems that estimate the errors of their discretisation in `examine` and `adapt`.
         """
         return
 

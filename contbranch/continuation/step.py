@@ -52,6 +52,13 @@ class Hermite:
         counts = range(2, len(self._nodes) + 1, 2)
         return [(own[..., :k] @ coefficients[:k], rate[..., :k] @ coefficients[:k]) for k in counts]
 
+    def slopes(self, s: Array) -> list[Array]:
+        """Return the slopes of the last two polynomials (of the only one) where s is none of the places."""
+        away = np.subtract.outer(s, self._nodes[:-1])
+        rates = np.multiply.accumulate(away, axis=1) * np.add.accumulate(1.0 / away, axis=1)
+        least = max(len(self._nodes) - 2, 2)
+        return [rates[:, : k - 1] @ self._coefficients[1:k] for k in range(least, len(self._nodes) + 1, 2)]
+
 
 # Points that the polynomial of highest degree goes through.
 POINTS = 3

@@ -47,6 +47,19 @@ def annotated(point: Point, label: str | None = None) -> Point:
         )
 
 
+def examined(point: Point, label: str | None = None) -> Point:
+    """Return the point of a step with what the problem says of it, if its discretisation resolves it.
+
+    Raises
+    ------
+    CorrectionError
+        If it does not, or if the problem fails.
+    """
+    with evaluating(point.parameter):
+        point.problem.examine(point.x, point.parameter)
+    return annotated(point, label)
+
+
 def corrected_point(
     problem: Problem, x: Array, p: float, direction: Direction, metric: Metric, options: Options
 ) -> tuple[Point, Bordered]:
@@ -110,7 +123,7 @@ def adapted(
         row = metric.row(offer.problem, *along)
         corrected = correct(offer.problem, (there.x, point.parameter), row, metric, options)
         there = replace(there, x=corrected.x, parameter=point.parameter if upright else corrected.parameter)
-        return annotated(there, label=point.label), carry
+        return examined(there, label=point.label), carry
     row = metric.row(offer.problem, *metric.unit(offer.problem, *_direction(point, offer, metric)))
     corrected = correct(offer.problem, (offer.x, point.parameter), row, metric, options)
     found = to_point(offer.problem, corrected, metric)
@@ -121,7 +134,7 @@ def adapted(
         turned = offer.moved is not None and _agreement(point, offer, found.tangent_x, after) < 0.0
     if turned:
         found = found.turned()
-    return annotated(found, label=point.label), carry
+    return examined(found, label=point.label), carry
 
 
 def _carry(offer: Adaptation) -> Callable[[Point], Point] | None:

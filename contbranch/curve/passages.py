@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contbranch.continuation import CorrectionError, Outcome, Point, Segment
-from contbranch.continuation.events import UNTESTED, Bracket, Probe, division
+from contbranch.continuation.events import UNTESTED, Bracket, Probe, clear, division
 from contbranch.continuation.step import STEEPEST, Hermite
 from contbranch.continuation.walk import point_on
 from contbranch.control import Control
-from contbranch.curve.problem import equilibrium
+from contbranch.curve.problem import equilibrium, valued
 
 __all__ = ["BESIDES", "Search", "Seen"]
 
@@ -36,8 +35,8 @@ class Seen(NamedTuple):
     point: Point
     place: float
     rate: float
-    held: np.complex128
-    slope: np.complex128
+    held: complex
+    slope: complex
 
 
 class _Part(NamedTuple):
@@ -89,8 +88,8 @@ class Search:
             rate = max(rate, STEEPEST * size)
         place = math.copysign(abs(q) ** (1 / self.power), q)
         own = point.observables
-        slope = np.complex128(complex(*self.rates(point)) * (self._stretch(place) / rate))
-        return Seen(point, place, rate, np.complex128(complex(own["load"], own["displacement"])), slope)
+        slope = complex(*self.rates(point)) * (self._stretch(place) / rate)
+        return Seen(point, place, rate, complex(own["load"], own["displacement"]), slope)
 
     def brackets(self, past: Sequence[Seen]) -> tuple[list[tuple[Control, Bracket]], list[Seen]]:
         """Brackets of all zeros, and the points in order, the earlier ones included."""
@@ -118,10 +117,11 @@ class Search:
         """Where to divide a part, None if its zeros are certain; and where the zeros are."""
         crossing: list[tuple[Control, float]] = []
         inside, doubt = self._inside(part, points, EVENLY)
-        for k, (control, probe) in enumerate(self.probes.items()):
-            first, last = (probe.at(one.point) / one.rate for one in (part.first, part.last))
-            sign = math.copysign(1.0, first)
-            values = sign * np.concatenate(((first,), inside[k], (last,)))
+        ends = np.array([[probe.at(one.point) / one.rate for one in part[:2]] for probe in self.probes.values()])
+        signs = np.copysign(1.0, ends[:, :1])
+        seen = signs * np.concatenate((ends[:, :1], inside, ends[:, 1:]), axis=1)
+        for k in np.flatnonzero(~clear(seen, doubt)):
+            control, sign, values = list(self.probes)[k], signs[k], seen[k]
             share = division(values, doubt[k])
             if share is not None:
                 return share, crossing
@@ -157,10 +157,11 @@ class Search:
         nodes = [part.first, part.last, *besides]
         places = begin + shares[1:-1] * length
         curve = Hermite([one.place for one in nodes], [one.held for one in nodes], [one.slope for one in nodes])
-        weights = np.array([[complex(*control.weights).conjugate()] for control in self.probes])
-        stretched = weights / self._stretch(places)
-        found = [(stretched * slope).real for _, slope in curve.at(places)[-2:]]
-        return found[-1], np.abs(found[-1] - found[-2]) if besides else UNTESTED * np.abs(found[-1])
+        weights = np.array([control.weights for control in self.probes])
+        found = [weights @ slope.view(float).reshape(-1, 2).T for slope in curve.slopes(places)]
+        if self.power != 1.0:
+            found = [rates / self._stretch(places) for rates in found]
+        return found[-1], np.abs(found[-1] - found[0]) if besides else UNTESTED * np.abs(found[-1])
 
     def _divided(self, part: _Part, share: float) -> list[_Part]:
         """Both parts of a part, the first one last; the point between them is no zero."""
@@ -171,7 +172,7 @@ class Search:
             point = point_on(segment, theta, probes[0].options, precise=False)[0]
             if all(probe.at(point) for probe in probes):
                 break
-        middle = self.seen(replace(point, observables=self.problem.values(point.x, point.parameter)._asdict()))
+        middle = self.seen(valued(point))
         if middle is None:
             raise CorrectionError(Outcome.STEP_TOO_SMALL, "(The curve turns back within a step.)")
         return [

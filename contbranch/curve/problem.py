@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
 import numpy as np
@@ -37,6 +37,7 @@ __all__ = [
     "alike",
     "equilibrium",
     "oriented",
+    "valued",
 ]
 
 # Accuracies that may be asked for.
@@ -570,6 +571,12 @@ def equilibrium(point: Point) -> EquilibriumProblem:
     if isinstance(problem, EquilibriumProblem):
         return problem
     raise TypeError(f"{type(problem).__name__} is not an EquilibriumProblem")
+
+
+def valued(point: Point) -> Point:
+    """The point with the values of its state."""
+    problem = equilibrium(point)
+    return replace(point, observables=problem.values(point.x, point.parameter)._asdict())
 
 
 def alike(values: Values, one: Rates, other: Rates) -> bool:

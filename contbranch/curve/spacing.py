@@ -10,9 +10,9 @@ import numpy as np
 
 from contbranch.arrays import Array
 from contbranch.continuation import CorrectionError, Point, Segment
-from contbranch.continuation.walk import adapted, annotated, point_on
+from contbranch.continuation.walk import adapted, point_on
 from contbranch.curve.events import Slopes
-from contbranch.curve.problem import STEPS, equilibrium
+from contbranch.curve.problem import STEPS, equilibrium, valued
 from contbranch.curve.track import linked, piece
 
 __all__ = ["Spacing"]
@@ -34,10 +34,12 @@ class Spacing:
         The rows: their extent is the unit.
     slopes : Slopes
         What is known of the rates at the rows.
+    fine : bool
+        Whether all rows are to be as accurate as asked; errors of those inside a step are but stated otherwise.
     """
 
-    def __init__(self, points: Sequence[Point], slopes: Slopes) -> None:
-        self.slopes = slopes
+    def __init__(self, points: Sequence[Point], slopes: Slopes, fine: bool = False) -> None:
+        self.slopes, self.fine = slopes, fine
         seen = np.array([_seen(point) for point in points])
         self.extent = np.maximum(np.ptp(seen, axis=0), 1e-9 * (1.0 + np.abs(seen).max(axis=0)))
 
@@ -63,8 +65,11 @@ class Spacing:
         if equilibrium(begin).given or not self.stray(begin, end) > STRAY:
             return []
         try:
-            segment = piece(*(point if point.observables else annotated(point) for point in linked(begin, end)))
-            return self._divided(segment, DIVISIONS)
+            segment = piece(*(point if point.observables else valued(point) for point in linked(begin, end)))
+            found = self._divided(segment, DIVISIONS)
+            # Where the end asked for a better discretisation, rows on the way there may do so, too.
+            asked = self.fine or end.problem is not begin.problem
+            return [adapted(point, segment.metric, STEPS)[0] for point in found] if asked else found
         except CorrectionError:  # two rows that no piece of curve joins: nothing is known between them
             return []
 
@@ -72,11 +77,11 @@ class Spacing:
         """Rows inside a piece, evenly along its cubic: the distance of an arc from its chord falls like its square."""
         stray = self.stray(segment.begin, segment.end)
         parts = min(math.ceil(math.sqrt(stray / STRAY)), PARTS) if divisions and stray > STRAY else 1
-        inner = (annotated(point_on(segment, k / parts, STEPS, precise=False)[0]) for k in range(1, parts))
+        inner = (valued(point_on(segment, k / parts, STEPS, precise=False)[0]) for k in range(1, parts))
         found = []
         for begin, end in pairwise(chain([segment.begin], inner, [segment.end])) if parts > 1 else ():
             found += self._divided(Segment(begin, end, segment.metric), divisions - 1)
-            found += [adapted(end, segment.metric, STEPS)[0]] if end is not segment.end else []
+            found += [end] if end is not segment.end else []
         return found
 
 

@@ -270,7 +270,7 @@ class _Tracing:
     # -- rows between, folds in corners, indices ---------------------------------------------------------------------
     def fill(self) -> None:
         """Compute the rows that are missing for lines between rows to show the curve."""
-        missing = Spacing(self.points, self.slopes).missing(self.onward, self.points, self.gaps)
+        missing = Spacing(self.points, self.slopes, self.request.fine).missing(self.onward, self.points, self.gaps)
         place = np.arange(len(self.points)) + np.cumsum([0, *map(len, missing)])
         self.points = [
             row for point, behind in zip(self.points, [*missing, []], strict=True) for row in (point, *behind)

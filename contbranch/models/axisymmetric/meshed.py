@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Self
@@ -92,13 +91,13 @@ class MeshedContact(MovingContact):
         load, displacement = equations.load(fields), equations.displacement(fields)
         return Values(load, displacement, fields.rim.radius, gap, equations.energy(fields))
 
-    def observables(self, x: Array, p: float) -> Mapping[str, float]:
-        """The values, by name, where the mesh resolves them."""
-        if self.relative_error(x, p) <= UNRESOLVED * self.resolution.tolerance:
-            self._row = p
-        elif not abs(p - self._row) < JUMP * abs(p):
+    def examine(self, x: Array, p: float) -> None:
+        """Look whether the mesh resolves a row, or one as close to it as that."""
+        if abs(p - self._row) < JUMP * abs(p):
+            return
+        if not self.relative_error(x, p) <= UNRESOLVED * self.resolution.tolerance:
             raise UnresolvedError("the mesh does not resolve the solution")
-        return self.values(x, p)._asdict()
+        self._row = p
 
     def defect(self, point: Point) -> Defect:
         """One Newton step towards the solution on the finer mesh."""
@@ -126,6 +125,8 @@ class MeshedContact(MovingContact):
         transfer = moved = None
         if front is not problem.front:
             problem, start = problem.anchored(front, start, p)
+        else:
+            problem.examine(start, p)  # whose error has been found, and will be nearly that of the row
         if front is not self.front:
 
             def moved(x: Array, p: float, x_rate: Array, p_rate: float) -> tuple[Array, Array]:

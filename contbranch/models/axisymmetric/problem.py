@@ -37,6 +37,7 @@ from contbranch.curve.problem import (
     alike,
     equilibrium,
     oriented,
+    valued,
 )
 from contbranch.curve.refine import OPTIONS
 from contbranch.errors import ModelError
@@ -380,8 +381,7 @@ class ContactProblem(MeshedContact):
         if kinked and (found := problem._beyond(x)):
             return found
         rate, one = problem.direction(x, 0.0)
-        seen = problem.values(x, 0.0)._asdict()
-        return Point(problem, x, 0.0, rate, one, observables=seen, label="" if kinked else "start")
+        return valued(Point(problem, x, 0.0, rate, one, label="" if kinked else "start"))
 
     def ahead(self) -> float:
         """Parameter of a contact that has long passed the kink, seen from the front."""
@@ -401,8 +401,7 @@ class ContactProblem(MeshedContact):
             return None
         problem, here = self.resolved(here, ahead, self.resolution.tolerance)
         x = problem.solve_at(here, 0.0)
-        seen = problem.values(x, 0.0)._asdict()
-        return Point(problem, x, 0.0, (here - x) / ahead, 1.0, observables=seen, label="start")
+        return valued(Point(problem, x, 0.0, (here - x) / ahead, 1.0, label="start"))
 
     def _small(self, x: Array) -> float:
         """Parameter of a contact far smaller than the length on which elasticity answers the interaction."""
@@ -430,10 +429,10 @@ class ContactProblem(MeshedContact):
             try:
                 found, x = problem.resolved(x, ahead, problem.resolution.tolerance)
                 rate, one = found.direction(x, ahead)
-                seen = found.observables(x, ahead)
+                found.examine(x, ahead)
             except (CorrectionError, np.linalg.LinAlgError, UnresolvedError):
                 continue
-            yield Point(found, x, ahead, rate, one, observables=seen, label="start")
+            yield valued(Point(found, x, ahead, rate, one, label="start"))
 
     @property
     def begins(self) -> str | None:
