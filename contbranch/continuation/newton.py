@@ -25,6 +25,9 @@ SMALL = 1e-3
 # Where a problem multiplies by its Jacobian at little cost, the matrix factorised for a correction of that size serves
 # for a precise point's next ones as long as they contract by this factor, and for the tangent, refined so often.
 CONTRACTS, POLISHINGS = 0.1, 8
+# ... and for those of steps where matrices are this large, and residuals cost little beside them. What a kept one
+# leaves of a residual would count as a discretisation's error: it is to be smaller than otherwise by this factor.
+LARGE, KEPT = 150, 1e-2
 # Most corrections of a predicted point; what does not contract is given up earlier.
 ITERATIONS = 10
 # ... and of a start.
@@ -145,8 +148,7 @@ def correct(
     contraction = 0.0
     worst = 0.0
     slow = False
-    # steps have matrices of their own: what a kept one leaves of a residual would count as the mesh's error
-    polishes, kept = precise and type(problem).product is not Problem.product, False
+    polishes, kept = (precise or x.size >= LARGE) and type(problem).product is not Problem.product, False
     trusted = 1.0  # contraction from which on a matrix is kept
     for iteration in range(1, ITERATIONS + 1):
         if kept:
@@ -167,7 +169,7 @@ def correct(
         else:
             contraction = size / previous if previous > 0 else 0.0
             # The next correction, by the matrix kept or by its own.
-            left_over = contraction * size if kept else contraction**2 * size
+            left_over = contraction * size / KEPT if kept else contraction**2 * size
             done = (kept or size <= max(close, floor)) and left_over <= max(tolerance, floor)
             # What no longer contracts close to rounding is as good as it gets.
             if not (done or kept) and contraction > 0.1:

@@ -16,7 +16,7 @@ from contbranch.models.quadrature import gauss_between
 from .equations import Equations, Fields, felt
 from .mesh import Mesh
 
-__all__ = ["Solver", "adapted_edges", "defect_error", "needed_reach", "panel_errors", "roughness"]
+__all__ = ["Solver", "adapted_edges", "defect_error", "needed_reach", "panel_errors", "roughness", "similar"]
 
 Solver = Callable[[Array], Array]
 
@@ -33,6 +33,8 @@ STIFF = 1e5
 STEPS, CONTRACTS = 2, 0.5
 # ... the second one where the first is larger than its residual by this: where something gives way.
 SOFT = 4.0
+# A matrix factorised next to a state serves for its error if its answer is wrong by no more than this share.
+SIMILAR = 1e-2
 # Panels are merged when the joint panel's error stays below this part of what is allowed, so that it is not split
 # again soon.
 MERGE = 0.1
@@ -76,6 +78,33 @@ def defect_error(equations: Equations, fields: Fields, solve: Solver | None = No
         if not float(np.abs(step).max()) > SOFT * float(np.abs(residual).max()):
             break
     return Defect(*(max(column, key=abs) for column in zip(*(found[1:] or found), strict=True)))
+
+
+def similar(equations: Equations, fields: Fields, solve: Solver) -> Solver:
+    """What solves with the Jacobian of a state by one that was factorised next to it.
+
+    Where something all but gives way, that one is not soft alike: then its answer is corrected along what gives way as
+    the contact changes, as far as that leaves little of the residual.
+    """
+    slopes = equations.slopes(fields)[1]
+    given = solve(slopes)
+    answer = equations.multiplied(fields, given)
+    if _small(answer - slopes, slopes):
+        return solve
+
+    def corrected(f: Array) -> Array:
+        own = solve(f)
+        images = np.column_stack([equations.multiplied(fields, own), answer])
+        shares = np.linalg.lstsq(images, f)[0]
+        if not _small(images @ shares - f, f):
+            return np.asarray(np.linalg.solve(equations.jacobian(fields), f))
+        return np.asarray(shares[0] * own + shares[1] * given)
+
+    return corrected
+
+
+def _small(off: Array, wanted: Array) -> bool:
+    return float(np.abs(off).max()) < SIMILAR * float(np.abs(wanted).max())
 
 
 def roughness(equations: Equations, fields: Fields, edges: Array, within: float) -> Array:

@@ -18,7 +18,7 @@ from contbranch.errors import ModelError
 from contbranch.models.fronts import CORE, STIFF
 from contbranch.watch import check
 
-from .adapt import adapted_edges, defect_error, needed_reach, panel_errors, roughness
+from .adapt import adapted_edges, defect_error, needed_reach, panel_errors, roughness, similar
 from .creases import SHORTER, Crease, creases_of, located, shortened
 from .equations import Equations, Fields
 from .front import Edge, Front, Kink, steepest
@@ -40,8 +40,6 @@ LEAP = 30.0
 STRETCHED = 0.1
 # What serves no more is also left for a mesh whose load and displacement differ by this multiple of their errors.
 SAFETY = 3.0
-# A matrix factorised next to a state serves for its error if its answer is wrong by no more than this share.
-SIMILAR = 1e-2
 # Gaps, in ranges, that no solution has.
 DEEPEST = 0.5
 # Below this radius parameter meshes are graded down to this share of the radius, each panel longer by this factor than
@@ -105,16 +103,12 @@ class MeshedContact(MovingContact):
 
     def error(self, x: Array, p: float) -> Defect:
         """Discretisation error of a solution."""
-        equations, fields = self.seen(x, p)
-        if "error" not in fields.derived:
-            solve, slopes = self._solver(x), equations.slopes(fields)[1]
-            if solve is not None:
-                off = equations.multiplied(fields, solve(slopes)) - slopes
-                if not float(np.abs(off).max()) < SIMILAR * float(np.abs(slopes).max()):
-                    solve = None  # what was factorised next to the state is not soft alike
-            fields.derived["error"] = defect_error(equations, fields, solve)
-        found: Defect = fields.derived["error"]
-        return found
+        if not (self._judged and self._judged[0] is x and self._judged[1] == p):
+            equations, fields = self.seen(x, p)
+            solve = self._solver(x)
+            solve = None if solve is None else similar(equations, fields, solve)
+            self._judged = x, p, defect_error(equations, fields, solve)
+        return self._judged[2]
 
     def adapt(self, x: Array, p: float) -> Adaptation | None:
         """A better mesh where the error estimate exceeds the tolerance, or where far fewer panels would do."""
@@ -453,10 +447,8 @@ class MeshedContact(MovingContact):
     def relative_error(self, x: Array, p: float) -> float:
         """Discretisation error of a solution relative to max(1, |value|): the larger of load's and displacement's."""
         equations, fields = self.seen(x, p)
-        if "relative" not in fields.derived:
-            load, displacement = equations.load(fields), equations.displacement(fields)
-            fields.derived["relative"] = self.error(x, p).relative(Values(load, displacement, 0.0, 0.0, 0.0))
-        return float(fields.derived["relative"])
+        here = Values(equations.load(fields), equations.displacement(fields), 0.0, 0.0, 0.0)
+        return float(self.error(x, p).relative(here))
 
 
 def _solved(factors: Array, pivots: Array, f: Array) -> Array:

@@ -13,7 +13,7 @@ import numpy as np
 from contbranch.arrays import Array
 from contbranch.contact.contact import Contact
 from contbranch.continuation import Linearisation
-from contbranch.curve.problem import EquilibriumProblem, Work
+from contbranch.curve.problem import Defect, EquilibriumProblem, Work
 
 from .adapt import Solver
 from .creases import Crease, moved_with, velocities
@@ -104,6 +104,7 @@ class MovingContact(EquilibriumProblem):
         self._slopes = self.film.slopes(mesh) if self.film else None
         self._seen: list[tuple[Array, float, Equations, Fields]] = []
         self._corrected: tuple[Array, Solver] | None = None
+        self._judged: tuple[Array, float, Defect] | None = None  # the last state whose error was estimated
         self._row = math.nan  # parameter of the last row that was resolved
         self.work = resolution.work
         self.work.unknowns = max(self.work.unknowns, mesh.size)
