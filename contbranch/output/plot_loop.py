@@ -125,13 +125,10 @@ def _window(loop: Hysteresis) -> tuple[float, float]:
 
 def _arrow(axes: Axes, x: Array, y: Array, color: str) -> None:
     """An arrow head in the middle of a leg."""
-    if len(x) < 3:
-        return
-    scaled = [np.diff(one) / (np.ptp(one) or 1.0) for one in (x, y)]
-    length = np.concatenate([[0.0], np.cumsum(np.hypot(*scaled))])
-    k = int(np.clip(np.searchsorted(length, 0.55 * length[-1]), 1, len(x) - 1))
-    style = {"arrowstyle": "-|>", "color": color, "shrinkA": 0.0, "shrinkB": 0.0, "linewidth": 0.0}
-    axes.annotate("", (x[k], y[k]), (x[k - 1], y[k - 1]), arrowprops=style)
+    k = len(x) // 2
+    if k:
+        style = {"arrowstyle": "-|>", "color": color, "shrinkA": 0.0, "shrinkB": 0.0, "linewidth": 0.0}
+        axes.annotate("", (x[k], y[k]), (x[k - 1], y[k - 1]), arrowprops=style)
 
 
 def _draw_jump(axes: Axes, ends: list[tuple[float, float]]) -> None:

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from scipy.interpolate import Akima1DInterpolator
 
 from contbranch.arrays import Array
-from contbranch.output.plot_view import BLUE, GREY, ORANGE, axis_label, figure_of, mark_rim, new_figure
+from contbranch.output.plot_view import BLUE, GREY, ORANGE, axis_label, figure_of, loud_radius, mark_rim, new_figure
 from contbranch.results.diagram import ModeShape
 from contbranch.results.record import UnitNames
 
@@ -56,14 +56,8 @@ def mode_figure(shape: ModeShape, contact_radius: float = 0.0, unit_names: UnitN
 def _reach(shape: ModeShape, contact_radius: float) -> float:
     """Return the radius out to which there is something to see."""
     outside = shape.r > contact_radius
-    r = shape.r[outside]
-    reach = 1.2 * contact_radius
-    for values in (shape.gap[outside], shape.pressure[outside]):
-        strength = np.abs(values)
-        loud = np.flatnonzero(strength > _FAINT * np.max(strength, initial=0.0))
-        if loud.size:
-            reach = max(reach, float(r[loud[-1]]))
-    return min(1.1 * reach, float(shape.r[-1]))
+    reach = [loud_radius(shape.r[outside], values[outside], _FAINT) for values in (shape.gap, shape.pressure)]
+    return min(1.1 * max(1.2 * contact_radius, *reach), float(shape.r[-1]))
 
 
 def _profile(r: Array, values: Array, at: Array) -> Array:
