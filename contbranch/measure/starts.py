@@ -86,7 +86,7 @@ def _placed(minimiser: Minimiser, problem: Problem, x: Array) -> Array:
         around = state.contact.scales.normal
         places += list(np.linspace(min(places) - around, max(places) + around, PLACES))
     k, losses = problem.names.index("contact_point"), []
-    comparison, (_, baseline, tilt) = minimiser.few, state.line
+    comparison, (_, baseline, tilt) = minimiser.samples, state.line
     recorded = force[comparison.samples] - baseline - tilt * piezo[comparison.samples]
     for place in places:
         own = comparison.forces(approach, retract, place) / state.sensitivity
