@@ -24,7 +24,6 @@ import numpy as np
 from contbranch.contact.height_map import HeightMap
 from contbranch.errors import InputError
 from contbranch.output import files
-from contbranch.output.document import VERSION, document, head
 from contbranch.output.sweep_file import is_sweep, load_sweep, rebuilt
 from contbranch.results.diagram import (
     Branch,
@@ -41,7 +40,18 @@ from contbranch.results.diagram import (
 from contbranch.results.followed import Followed, Special
 from contbranch.results.loop import Hysteresis, Jump, Path as LoopPath
 from contbranch.results.profile import CellFields, ModeShape, Profile
-from contbranch.results.record import Record, Result, UnitNames, Values, columns, key_of, kind_of, same, unit_of
+from contbranch.results.record import (
+    VERSION,
+    Record,
+    Result,
+    UnitNames,
+    Values,
+    columns,
+    key_of,
+    kind_of,
+    same,
+    unit_of,
+)
 
 if TYPE_CHECKING:
     import h5py
@@ -102,22 +112,7 @@ def content(result: Result) -> bytes:
         result = _as_diagram(result)
     if isinstance(result, Diagram):
         return _stored(_write_diagram, result)
-    return _stored(_write_object, document(result))
-
-
-def save_document(document: Mapping[str, Any], path: str | Path) -> None:
-    """Write a document, such as that of a loop or of a followed event, to an HDF5 file as it is.
-
-    Objects are groups, lists of numbers datasets (NaN for null), lists of objects groups numbered from 0, everything
-    else attributes; what is null has none.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be written.
-    """
-    with files.reserved(path) as place:
-        place.write(_stored(_write_object, document))
+    return _stored(_write_object, result.document())
 
 
 def _stored(fill: Callable[[h5py.File, Kept], None], value: Kept) -> bytes:
@@ -250,7 +245,7 @@ def _kind_of(file: h5py.File, path: Path) -> Any:
 
 
 def _write_diagram(file: h5py.File, diagram: Diagram) -> None:
-    top = head(diagram)
+    top = diagram.head()
     names = top.get("unit_names", {})
     file.attrs.update({key: top[key] for key in ("format", "version", "units")})
     for key, text in (("unit_names", names), ("contact", top["contact"])):

@@ -128,8 +128,8 @@ def stacked(count: int, draw: Callable[[Axes, int], None], handles: Sequence[Lin
     with new_figure(2.7 if count == 1 else 4.9) as figure:
         for number, axes in enumerate(figure.subplots(count, 1, squeeze=False)[:, 0].tolist()):
             draw(axes, number)
-            for axis in ("x", "y"):  # of ticks that are made later, outside of the style, too
-                axes.tick_params(axis=axis, which="both", labelsize=rcParams[f"{axis}tick.labelsize"])
+            # of ticks that are made later, outside of the style, too
+            axes.tick_params(which="both", labelsize=rcParams["xtick.labelsize"])
             if count > 1:
                 axes.set_title(f"({'ab'[number]})", loc="left", fontsize=rcParams["axes.labelsize"], pad=4.0)
         figure.legend(handles=handles, loc="outside upper center", ncols=ncols, columnspacing=1.6, handletextpad=0.5)

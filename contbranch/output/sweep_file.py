@@ -18,11 +18,10 @@ import numpy as np
 from contbranch.arrays import AnyArray, Columns, Integers
 from contbranch.contact.contact import Contact
 from contbranch.errors import InputError
-from contbranch.output.document import VERSION
 from contbranch.results.diagram import Branch, Cost, Diagram, Event, ModelChoice
 from contbranch.results.fit_map import FitMap
 from contbranch.results.profile import Profile
-from contbranch.results.record import OBSERVABLES, Values
+from contbranch.results.record import OBSERVABLES, VERSION, Values
 from contbranch.results.sweep import Sweep, SweepTask, quantity, values_at
 
 if TYPE_CHECKING:

@@ -532,9 +532,7 @@ class Diagram(Result):
         InputError
             If the file cannot be written.
         """
-        from contbranch.output.tables import write_csv
-
-        write_csv(self.tables()["event"], path)
+        self.tables()["event"].to_csv(path)
 
     def plot_mode(self, event: Event) -> Figure:
         """Draw the mode that changes stability at a symmetry event: gap and pressure over r, and the gap from above.
