@@ -12,7 +12,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from contbranch.arrays import Array, Flags
+from contbranch.arrays import Array
 from contbranch.contact.tip_shape import gauss_rule
 from contbranch.contact.units import finite_number, positive_number
 from contbranch.errors import InputError
@@ -20,8 +20,6 @@ from contbranch.errors import InputError
 # Gaps beyond this many ranges (infinite ones too, outside a tip of finite extent) are taken as this many: every power
 # that the shapes form of it is still a finite number.
 _FAR = 1e50
-# Gaps tried at once in the search for a law's reach.
-_CHUNK = 40
 # Where kinks are looked for, in ranges: from, to, how many places; jumps of f'' that count, as a share of its largest
 # value, and how closely they are told.
 _KINKS, _JUMP, _KINKED = (1e-3, 20.0, 4001), 1e-2, 1e-13
@@ -154,28 +152,24 @@ class Interaction:
 
     def _shape_reach(self, tolerance: float) -> float:
         """Return x beyond which |f| ≤ `tolerance`; where a law does not have it in closed form, by search."""
-        x = np.concatenate([[0.0], np.geomspace(1e-3, 1e12, 1501)])
+        places = np.concatenate([[0.0], np.geomspace(1e-3, 1e12, 1501)])
 
-        def exceeds(at: Array) -> Flags:
-            energy = self.evaluate(at * self.range).energy
-            return np.abs(energy) > tolerance * self.reference_work  # NaN, beyond the law's end, does not
+        def exceeds(x: float) -> bool:
+            energy = self.evaluate(x * self.range).energy
+            return bool(np.abs(energy) > tolerance * self.reference_work)  # NaN, beyond the law's end, does not
 
         # From far away inwards, so that a law which fails close to the wall is not asked there.
-        for stop in range(x.size, 0, -_CHUNK):
-            start = max(0, stop - _CHUNK)
-            above = np.flatnonzero(exceeds(x[start:stop]))
-            if above.size:
-                last = start + int(above[-1])
-                break
-        else:
+        last = next((k for k in range(places.size - 1, -1, -1) if exceeds(places[k])), -1)
+        if last == places.size - 1:
+            far = f"{places[-1]:g}"
+            raise InputError(f"interaction: {type(self).__name__} has not decayed at {far} ranges; it must vanish")
+        if last < 0:
             return 0.0
-        if last == x.size - 1:
-            raise InputError(f"interaction: {type(self).__name__} has not decayed at {x[-1]:g} ranges; it must vanish")
-        low, high = float(x[last]), float(x[last + 1])
+        low, high = places[last : last + 2].tolist()
         while high - low > 1e-9 * high:
             middle = 0.5 * (low + high)
-            low, high = (middle, high) if bool(exceeds(np.array([middle]))[0]) else (low, middle)
-        return high
+            low, high = (middle, high) if exceeds(middle) else (low, middle)
+        return float(high)
 
     def _shape_tail(self, x: Array) -> Array:
         """Return ∫ f dx from `x` to infinity; where a law does not have it in closed form, by quadrature."""
