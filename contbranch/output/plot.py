@@ -35,7 +35,6 @@ from contbranch.output.plot_view import (
     mark_rim,
     new_figure,
     said,
-    settle,
     stacked,
     styled,
     view,
@@ -121,7 +120,6 @@ def _figure(diagram: Diagram, panels: Sequence[tuple[str, str]], labels: bool, l
     with styled():
         lines, handles = _lines(diagram), _legend(diagram)
         figure = stacked(len(panels), lambda axes, k: _draw_curve(axes, diagram, lines, panels[k], line), handles, 2)
-        settle(figure)
         for axes, (x, y) in zip(figure.axes, panels if labels else [], strict=False):
             _place_labels(axes, diagram, x, y)
     return figure

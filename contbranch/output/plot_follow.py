@@ -16,7 +16,7 @@ from matplotlib.patches import Patch
 from contbranch.arrays import Array
 from contbranch.errors import look_up
 from contbranch.output.plot_labels import place_labels
-from contbranch.output.plot_view import BLUE, DASHES, GREY, ORANGE, axis_label, figure_of, handle, new_figure, settle
+from contbranch.output.plot_view import BLUE, DASHES, GREY, ORANGE, axis_label, figure_of, handle, new_figure
 from contbranch.output.smooth import smooth_path
 from contbranch.results.followed import Followed, Special
 from contbranch.results.phase import PhaseDiagram
@@ -171,7 +171,9 @@ def _mark(axes: Axes, shown: Followed | PhaseDiagram, y: str, special: Sequence[
             *point, linestyle="none", marker=_MARKERS[one.kind], markersize=4.6, markerfacecolor=face,
             markeredgecolor="white", markeredgewidth=0.7, zorder=5,
         )  # fmt: skip
-    settle(figure_of(axes))
+    figure = figure_of(axes)
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")
     place_labels(axes, points, [one.kind.replace("-", " ") for one in marked], ["black"] * len(marked))
 
 
