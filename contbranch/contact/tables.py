@@ -95,14 +95,12 @@ def scattered(places: Array, values: Array) -> tuple[float, float]:
 
     It is 0 where they are smooth; its mean exceeds its median more where the scatter is not alike everywhere.
     """
-    count = values.size - 4
     if values.size < _SCATTER_ROWS:
         return 0.0, math.inf
-    differences = np.empty(count)
-    for row in range(count):  # the fourth divided difference, as a sum with weights of square sum 1
-        x = places[row : row + 5]
-        weights = 1.0 / np.prod(x[:, None] - x + np.eye(5), axis=1)
-        differences[row] = weights @ values[row : row + 5] / np.linalg.norm(weights)
+    # fourth divided differences, as sums with weights of square sum 1
+    x, y = (np.lib.stride_tricks.sliding_window_view(one, 5) for one in (places, values))
+    weights = 1.0 / np.prod(x[:, :, None] - x[:, None] + np.eye(5), axis=2)
+    differences = np.sum(weights * y, axis=1) / np.linalg.norm(weights, axis=1)
     median, mean = float(np.median(np.abs(differences))), float(np.mean(np.abs(differences)))
     scatter = median / 0.6745
     alternating = np.mean(differences[1:] * differences[:-1] < 0.0)
@@ -110,7 +108,7 @@ def scattered(places: Array, values: Array) -> tuple[float, float]:
     return (0.0, math.inf) if smooth else (scatter, mean / median)
 
 
-def _smoothed(places: Array, values: Array, scatter: float | Array, degree: int) -> scipy.interpolate.BSpline:
+def smoothed(places: Array, values: Array, scatter: float | Array, degree: int) -> scipy.interpolate.BSpline:
     """Return a spline with as few knots as the scatter of the values allows, or through values without scatter."""
     if not np.any(scatter):
         return scipy.interpolate.make_interp_spline(places, values, k=degree)
@@ -135,7 +133,7 @@ def _exponential(gaps: Array, values: Array, scatter: float, degree: int) -> sci
     if count <= degree or own[count:].min(initial=0.0) < -2.0 * _SEEN * scatter:
         return None
     places, seen = gaps[:count], own[:count]
-    spline = _smoothed(places, np.log(seen), scatter / seen, degree)
+    spline = smoothed(places, np.log(seen), scatter / seen, degree)
     end = float(places[-1])
     level, slope, bow = (float(spline(end, order)) for order in range(3))
     if not slope < 0.0:
@@ -180,11 +178,11 @@ def energy_of_table(gaps: Array, values: Array, kind: str) -> Table:
     scatter, _ = scattered(gaps, values)
     # Energies are differentiated once more: both give pressures with continuous curvature, whose kinks cost digits.
     degree = 5 if kind == "energies" and gaps.size >= _QUINTIC_ROWS and not scatter else 3
-    spline = _smoothed(gaps, values, scatter, degree)
+    spline = smoothed(gaps, values, scatter, degree)
     seen = int(np.flatnonzero(np.abs(spline(gaps)) > _SEEN * scatter)[-1]) + 1 if scatter else 0
     if _QUINTIC_ROWS <= seen < gaps.size:  # beyond, there is nothing but scatter
         gaps, values = gaps[:seen], values[:seen]
-        spline = _smoothed(gaps, values, scatter, degree)
+        spline = smoothed(gaps, values, scatter, degree)
     level, slope, *higher = (float(spline(gaps[-1], order)) for order in range(spline.k))
     decayed = abs(level) <= _DECAYED * np.max(np.abs(values))
     if kind == "energies":  # a constant tail has no force, so the force must have decayed as well

@@ -13,16 +13,16 @@ import scipy
 from numpy.typing import ArrayLike
 
 from contbranch.arrays import Array
-from contbranch.contact.tables import columns, increasing_from_zero, scattered
+from contbranch.contact.tables import columns, increasing_from_zero, scattered, smoothed
 from contbranch.contact.tip_shape import Tip, gauss_rule
 from contbranch.errors import InputError
 
 End = Literal["not-a-knot", "clamped", "natural"]
 
+_LOOKS = 17  # places on a piece at which its slope is looked at
 _MOST_ROWS = 1000  # the fit solves a dense system of that order
-# Degree of the polynomials that take the place of heights which scatter; the table's length in units of ρ there,
-# and the mean square in units of the scatter's above which they miss the tip.
-_DEGREE, _BEND, _MISFIT = 6, 4.0, 4.0
+# The table's length in units of ρ where heights that scatter are smoothed.
+_BEND = 4.0
 _QUARTER = 0.5 * math.pi
 _TERMS = 12  # of series in the square of an angle up to there
 _FAR = 3.0  # beyond this multiple of the table's last radius
@@ -32,24 +32,17 @@ def _smoothed(radii: Array, heights: Array, power: float) -> tuple[Array, str]:
     """Return heights without their scatter, be it that of heights or of their logarithms, and that in words.
 
     What is smoothed is ln z/r^n as a function of ln(1 + (r/ρ)^n): constant around the apex, and nearly straight where
-    the tip is another power of r farther out. A polynomial will do, unless it leaves more than scatter.
+    the tip is another power of r farther out.
     """
     places, logarithms = radii[1:], np.log(heights[1:] / radii[1:] ** power)
     (own, uneven), (relative, other) = scattered(radii, heights), scattered(places, logarithms)
     if not (own or relative):
         return heights, ""
-    told, weights = f"{own:.2g}", heights[1:] / max(own, 1e-300)
+    told, scatter = f"{own:.2g}", own / heights[1:]
     if not own or (relative and other < uneven):
-        told, weights = f"{relative:.2g} of themselves", np.full_like(places, 1.0 / relative)
+        told, scatter = f"{relative:.2g} of themselves", np.full_like(places, relative)
     x = np.log1p((_BEND * places / places[-1]) ** power)
-    fits = [np.polynomial.Polynomial.fit(x, logarithms, degree, w=weights)(x) for degree in range(_DEGREE + 1)]
-    off = [float(np.sum((weights * (fit - logarithms)) ** 2)) for fit in fits]
-    # Schwarz's criterion: another power has to bring more than scatter alone would
-    best = int(np.argmin(x.size * np.log(off) + math.log(x.size) * np.arange(_DEGREE + 1)))
-    smooth = fits[best]
-    if off[best] > _MISFIT * x.size:
-        smooth = scipy.interpolate.splev(x, scipy.interpolate.splrep(x, logarithms, weights, k=3, s=x.size))
-    heights = np.append(0.0, places**power * np.exp(smooth))
+    heights = np.append(0.0, places**power * np.exp(smoothed(x, logarithms, scatter, 3)(x)))
     return heights, f"the table of heights scatters by {told} and is smoothed"
 
 
@@ -99,13 +92,9 @@ def _continued(pieces: scipy.interpolate.PPoly) -> scipy.interpolate.PPoly:
 
 
 def _rises(pieces: scipy.interpolate.PPoly) -> bool:
-    """Whether the cubic pieces have a positive slope for t > 0: at their ends and where the slope is least."""
-    slope = pieces.derivative()
-    with np.errstate(divide="ignore", invalid="ignore"):
-        vertex = -slope.c[1] / (2.0 * slope.c[0])
-    inside = (vertex > 0.0) & (vertex < np.diff(slope.x))
-    places = np.concatenate([slope.x[1:], (slope.x[:-1] + np.where(inside, vertex, 0.0))[inside]])
-    return bool(np.all(slope(places) > 0.0) and slope(0.0) >= 0.0)
+    """Whether the cubic pieces have a positive slope for t > 0."""
+    places = np.linspace(pieces.x[:-1], pieces.x[1:], _LOOKS).ravel()
+    return bool(np.all(pieces(places[places > 0.0], 1) > 0.0) and pieces(0.0, 1) >= 0.0)
 
 
 def _kernels(angle: Array) -> Array:

@@ -19,7 +19,6 @@ from contbranch.results.record import (
     OBSERVABLES,
     Record,
     Result,
-    UnitNames,
     Values,
     described,
     given,
@@ -437,8 +436,6 @@ class Diagram(Result):
     cost: Cost
     control: str = "load"
     accuracy: float = 1e-6
-    description: Mapping[str, Any] = described(default_factory=dict)
-    unit_names: UnitNames = described(default_factory=dict)
     local_exponents: Callable[[Event], LocalExponent] | Mapping[int, LocalExponent] | None = described(
         written=False, computed=lambda diagram: diagram.known_exponents(), default=None
     )

@@ -11,7 +11,7 @@ from contbranch.contact.contact import Contact
 from contbranch.contact.family import dimension_of
 from contbranch.errors import InputError
 from contbranch.results.diagram import Cost, Event, ModelChoice
-from contbranch.results.record import Record, Result, UnitNames, Values, described, record
+from contbranch.results.record import Record, Result, Values, described, record
 from contbranch.results.table import Tables, of_columns
 
 if TYPE_CHECKING:
@@ -101,7 +101,6 @@ class Followed(Result):
     model: ModelChoice
     cost: Cost
     accuracy: float
-    unit_names: UnitNames = described(default_factory=dict)
     solver: Callable[[float], tuple[FollowedPoint, ...]] | None = described(
         written=False, computed=lambda followed: None, default=None
     )

@@ -196,6 +196,9 @@ class Result(Record):
 
     format: ClassVar[str]
     contact: Contact | None = described(kw_only=True, default=None)
+    # of a contact that cannot be made again
+    description: Mapping[str, Any] = described(kw_only=True, default_factory=dict, compare=False)
+    unit_names: UnitNames = described(kw_only=True, default_factory=dict, compare=False)
     status: Status = described(kw_only=True, default="complete")
     message: str = described(kw_only=True, default="")
 
@@ -206,7 +209,7 @@ class Result(Record):
     @property
     def units(self) -> UnitNames:
         """Units of its numbers by quantity; none where they are reduced."""
-        return getattr(self, "unit_names", {}) if self.contact is None else self.contact.units.names
+        return self.unit_names if self.contact is None else self.contact.units.names
 
     def __repr__(self) -> str:
         """Kind, contact and status, what there is to say in a line, and the message: three lines at most."""
@@ -241,7 +244,7 @@ class Result(Record):
 
     def head(self) -> Values:
         """What its document begins with: format, the contact, and the unit of every quantity if it is physical."""
-        described = getattr(self, "description", None) or ({} if self.contact is None else self.contact.describe())
+        described = self.description or ({} if self.contact is None else self.contact.describe())
         names = dict(self.units)
         units = {"units": "physical", "unit_names": names} if names else {"units": "reduced"}
         return {"format": self.format, "version": VERSION, "contact": plain(described), **units}
