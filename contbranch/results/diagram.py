@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -270,6 +271,10 @@ class Event(Record):
     mode: int | None = None
     mode_shape: ModeShape | None = described(written=False, default=None, repr=False, compare=False)
     verdict: str | None = None
+
+    def brief(self) -> Values:
+        """What documents hold, but for the exponent, which takes long."""
+        return {key: value for key, value in replace(self, critical=None).items().items() if key != "exponent"}
 
     @cached_property
     def exponent(self) -> Exponent | None:

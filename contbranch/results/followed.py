@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from contbranch.arrays import Array
@@ -107,9 +106,7 @@ class Followed(Result):
 
     def body(self) -> Values:
         """All but the exponent of what was followed, which changes along the curve and takes long."""
-        event = replace(self.event, critical=None).items()
-        del event["exponent"]
-        return {**self.items(), "event": event}
+        return {**self.items(), "event": self.event.brief()}
 
     def told(self) -> str:
         """What was followed, and how far."""

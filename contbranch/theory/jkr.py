@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike
 from contbranch.arrays import Array
 from contbranch.theory._inputs import not_below, not_negative, positive
 from contbranch.theory._power_law import PowerLaw
+from contbranch.theory._roots import rising
 
 __all__ = [
     "Fold",
@@ -121,9 +122,6 @@ def contact_radius_at_displacement(
 ) -> Array:
     """Return the contact radius at a displacement, on the part that is stable under displacement control.
 
-    Solves a^2/R - sqrt(2 pi a w/E) = d with a at or above its value at the displacement fold, by Newton's method in
-    sqrt(a), which converges from above because the left side is convex there.
-
     Raises
     ------
     InputError
@@ -131,20 +129,10 @@ def contact_radius_at_displacement(
     """
     fold = displacement_fold(radius=radius, modulus=modulus, work_of_adhesion=work_of_adhesion)
     d = not_below("displacement", displacement, fold.displacement, "pull-off under displacement control")
-    rim = positive("radius", radius)
-    # the excess x - x_fold is the unknown: the residual then has no constant term and no cancellation near the fold
-    base = np.sqrt(fold.contact_radius)
-    excess = np.asarray(d - fold.displacement)
-    x = np.asarray(np.sqrt(excess * rim / 6.0) / base)
-    for _ in range(60):
-        # with s = sqrt(2 pi w/E) = 4 base^3/R (base+x)^4/R - s (base+x) - d_fold loses its lower powers of x
-        value = (6.0 * base**2 + 4.0 * base * x + x * x) * x * x / rim - excess
-        slope = (12.0 * base**2 + 12.0 * base * x + 4.0 * x * x) * x / rim
-        step = np.where(slope > 0.0, value / np.where(slope > 0.0, slope, 1.0), 0.0)
-        x = x - step
-        if np.all(np.abs(step) <= 1e-16 * (base + x)):
-            break
-    return (base + x) ** 2
+    tip, rim = PowerLaw.of(radius), positive("radius", radius)
+    beyond = 2.0 * np.sqrt(rim * np.abs(d)) + 4.0 * fold.contact_radius  # where the displacement is larger
+    constants = {"modulus": modulus, "work_of_adhesion": work_of_adhesion}
+    return rising(lambda a: _state(tip, a, **constants).displacement - d, fold.contact_radius, beyond)
 
 
 def load_fold(*, modulus: ArrayLike = 1.0, work_of_adhesion: ArrayLike = 1.0, **shape: ArrayLike) -> Fold:
