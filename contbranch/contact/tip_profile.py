@@ -24,7 +24,7 @@ _MOST_ROWS = 1000  # the fit solves a dense system of that order
 # The table's length in units of ρ where heights that scatter are smoothed.
 _BEND = 4.0
 _QUARTER = 0.5 * math.pi
-_TERMS = 12  # of series in the square of an angle up to there
+_TERMS = 40  # of a power series up to 1/2
 _FAR = 3.0  # beyond this multiple of the table's last radius
 
 
@@ -97,32 +97,20 @@ def _rises(pieces: scipy.interpolate.PPoly) -> bool:
     return bool(np.all(pieces(places[places > 0.0], 1) > 0.0) and pieces(0.0, 1) >= 0.0)
 
 
-def _kernels(angle: Array) -> Array:
-    """Return K_m(θ) = ∫_0^θ (cos φ - cos θ)^m dφ for θ in [0, π/2] and m = 1, 2, 3, (3, ...)."""
-    square = angle * angle
-    powers = np.ones((_TERMS, square.size))
-    x = (square * (2.0 / _QUARTER**2) - 1.0).ravel()
-    for k in range(1, _TERMS):
-        np.multiply(powers[k - 1], x, out=powers[k])
-    found = (_kernel_series() @ powers).reshape(3, *square.shape)
-    factor = angle
-    for m in range(3):
-        factor = factor * square
-        found[m] *= factor
-    return found
+def _kernel(m: int, angle: Array) -> Array:
+    """Return K_m(θ) = ∫_0^θ (cos φ - cos θ)^m dφ for θ in [0, π/2], a Legendre function of cos θ (Mehler, Dirichlet).
+
+    With x = (1 - cos θ)/2 ≤ 1/2 it is √(π/2) m!/Γ(m + 3/2) (2x)^(m+1/2) ₂F₁(1/2, 1/2; m + 3/2; x).
+    """
+    x = np.sin(0.5 * angle) ** 2
+    return (2.0 * x) ** (m + 0.5) * np.polynomial.polynomial.polyval(x, _kernel_series(m))
 
 
 @cache
-def _kernel_series() -> Array:
-    """Return K_m(θ)/θ^(2m+1), entire functions of θ², as polynomials of 2 (2θ/π)² − 1 up to π/2, (3, n)."""
-    x, w = gauss_rule()
-    places = np.polynomial.chebyshev.chebpts1(_TERMS)
-    angle = _QUARTER * np.sqrt(0.5 * (places + 1.0))[:, None]
-    # cos φ - cos θ = 2 sin((θ+φ)/2) sin((θ-φ)/2): no cancellation; and sin u = u sinc(u/π)
-    plus, minus = 0.5 * (1.0 + x), 0.5 * (1.0 - x)
-    product = 2.0 * plus * minus * np.sinc(plus * angle / math.pi) * np.sinc(minus * angle / math.pi)
-    series = np.polynomial.chebyshev.chebfit(places, np.stack([product**m @ w for m in (1, 2, 3)], axis=1), _TERMS - 1)
-    return np.array([np.polynomial.chebyshev.cheb2poly(one) for one in series.T])
+def _kernel_series(m: int) -> Array:
+    k = np.arange(_TERMS)
+    series = np.append(1.0, np.cumprod((k + 0.5) ** 2 / ((k + m + 1.5) * (k + 1.0))))
+    return math.sqrt(0.5 * math.pi) * math.factorial(m) / math.gamma(m + 1.5) * series
 
 
 @dataclass(frozen=True)
@@ -249,7 +237,7 @@ class Profile(Tip):
         knots, jumps = self._spline.x[1:-1][outside], self._jumps[outside] / 6.0
         height = np.maximum((r[..., None] - knots) * (r[..., None] + knots), 0.0)
         angles = np.arctan2(np.sqrt(height), knots)
-        _, second, third = _kernels(angles)
+        second, third = (_kernel(m, angles) for m in (2, 3))
         cubes = (r2 * r) * (third @ jumps)
         gap = np.asarray(gap + cubes)
         moment = np.asarray(moment + 3.0 * (cubes + r2 * (second @ (jumps * knots))))
@@ -268,7 +256,7 @@ class Profile(Tip):
     def _piece(self, r: Array, b: float, angle: Array) -> tuple[Array, Array]:
         """Return the integrals of `_moments` from b to r = b/cos(angle) of the polynomial that the spline is at b."""
         c = self._taylor(b)
-        first, second, third = (r**m * kernel for m, kernel in enumerate(_kernels(angle), start=1))
+        first, second, third = (r**m * _kernel(m, angle) for m in (1, 2, 3))
         moment = c[1] * (first + b * angle) + 2.0 * c[2] * (second + b * first) + 3.0 * c[3] * (third + b * second)
         return c[1] * first + c[2] * second + c[3] * third, moment
 
