@@ -27,8 +27,6 @@ from contbranch.results.fit import Fit, LawFit
 from contbranch.threads import one_thread
 from contbranch.watch import INTERRUPTIONS, Progress, caught, finishing, over, part, tell, told, watched
 
-__all__ = ["fit", "named"]
-
 # Laws that are compared.
 COMPARED = ("maugis-dugdale", "exponential", "van-der-waals", *LIMITS)
 # Evaluations that starts which are tried may take, and those of the last fit.

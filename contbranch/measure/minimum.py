@@ -20,8 +20,6 @@ from contbranch.measure.quantities import Problem, State
 from contbranch.measure.reduced import curve_of
 from contbranch.watch import INTERRUPTIONS, caught, check, finishing
 
-__all__ = ["MISFIT", "Minimiser", "Minimum", "correlation_length", "errors_of", "loss", "moved"]
-
 # Residuals beyond so many standard deviations count less.
 ROBUST = 3.0
 # Where the residuals' standard deviation exceeds the noise by this, or their correlation length a sample, the model is

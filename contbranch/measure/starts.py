@@ -16,8 +16,6 @@ from contbranch.measure.minimum import Minimiser, moved
 from contbranch.measure.quantities import Problem, State
 from contbranch.measure.reduced import tabulated
 
-__all__ = ["guessed", "starts"]
-
 # Tabor coefficients from which fits start, where the range is free; and factors of the modulus otherwise.
 STARTS, FACTORS = (0.2, 0.8, 3.0, 12.0), (0.2, 1.0, 5.0)
 # Contact points that are tried.

@@ -83,6 +83,9 @@ class Listed(Design):
 
 def listed(contacts: Sequence[Any]) -> Listed:
     """Contacts with the numbers in which they differ."""
+    for number, contact in enumerate(contacts):
+        if not hasattr(contact, "describe"):
+            raise InputError(f"contacts: number {number} is {type(contact).__name__}; must be a Contact")
     rows = [dict(_numbers(contact.describe())) for contact in contacts]
     names = dict.fromkeys(name for row in rows for name in row)
     axes = {name: tuple(row.get(name, math.nan) for row in rows) for name in names}

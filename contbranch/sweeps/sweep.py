@@ -80,7 +80,7 @@ def sweep(
     path = Path(path)
     if not len(contacts):
         raise InputError("contacts: none; give at least one")
-    design = contacts if isinstance(contacts, Design) else listed(_checked(contacts))
+    design = contacts if isinstance(contacts, Design) else listed(contacts)
     chosen: dict[str, Any] = {name: settings[name] for name in _TRACING[:4] if name in settings}
     limit = settings.get("task_limit", 3600.0)
     chosen["keep"] = settings.get("keep") or ("profiles" if len(contacts) <= _FEW else "curves")
@@ -96,13 +96,6 @@ def sweep(
             raise InputError(f"path: '{path}' is no file; give a name for one")
         found = _swept(design, path, task, executor, settings)
     return watch.passed(found)
-
-
-def _checked(contacts: Sequence[Any]) -> Sequence[Any]:
-    for number, contact in enumerate(contacts):
-        if not hasattr(contact, "describe"):
-            raise InputError(f"contacts: number {number} is {type(contact).__name__}; must be a Contact")
-    return contacts
 
 
 def _swept(design: Design, path: Path, task: Task, executor: Executor | None, settings: dict[str, Any]) -> Sweep:
