@@ -121,22 +121,20 @@ class Interaction:
 
     @cached_property
     def _shape_kink(self) -> float:
-        """x where f'' jumps: where halving an interval over and over leaves its change as large as it was."""
+        """x where f'' jumps: where halving the interval of its sharpest bend over and over leaves as large a change."""
         x = np.linspace(*_KINKS)
         try:
-            least = _JUMP * float(np.nanmax(np.abs(self._curvature(x)), initial=0.0))
+            values = np.nan_to_num(self._curvature(x))
         except Exception:  # a law may fail where the contact never comes
             return math.inf
-        low, high = x[:-1], x[1:]
-        while low.size and high[0] - low[0] > _KINKED:
-            middle = (low + high) / 2
-            below, at, above = map(self._curvature, (low, middle, high))
-            inner = np.abs(at - below) > np.abs(above - at)
-            low, high = np.where(inner, low, middle), np.where(inner, middle, high)
-            jumps = np.maximum(np.abs(at - below), np.abs(above - at)) > least
-            low, high = low[jumps], high[jumps]
-        change = np.abs(self._curvature(high) - self._curvature(low))
-        return float(high[np.argmax(change)]) if change.size else math.inf
+        k = int(np.argmax(np.abs(np.diff(values, 2))))
+        low, high = float(x[k]), float(x[k + 2])
+        while high - low > _KINKED:
+            middle = 0.5 * (low + high)
+            before, after = np.abs(np.diff(self._curvature(np.array([low, middle, high]))))
+            low, high = (low, middle) if before > after else (middle, high)
+        change = float(np.abs(np.diff(self._curvature(np.array([low, high]))))[0])
+        return high if change > _JUMP * np.abs(values).max() else math.inf
 
     def _curvature(self, x: Array) -> Array:
         with np.errstate(all="ignore"):
