@@ -14,7 +14,7 @@ from contbranch.contact.contact import Contact
 from contbranch.contact.interactions import MaugisDugdale
 from contbranch.contact.tips import Cone, Parabola, PowerLaw
 from contbranch.contact.units import finite_number
-from contbranch.control import Control, Spring, as_control
+from contbranch.control import LOAD, Control, Spring, as_control
 from contbranch.errors import InputError
 from contbranch.models.axisymmetric.model import Axisymmetric
 from contbranch.models.choice import axisymmetric, choose
@@ -39,8 +39,8 @@ LOST = ("pull_off", "jump_in", "squeeze_out", "wetting")
 
 Thresholds = Mapping[str, float]
 Judged = Mapping[str, tuple[float, float]]
-# A theory's thresholds for a reduced contact; None where it does not speak of it.
-Theory = Callable[[Contact], Thresholds | None]
+# A theory's thresholds for a reduced contact under a control; None where it does not speak of it.
+Theory = Callable[[Contact, Control], Thresholds | None]
 
 
 @one_thread
@@ -72,10 +72,9 @@ def advise(contact: Contact, accuracy: float = 0.01, control: str | Spring = "lo
     reduced = contact.to_reduced()
     truth = None
     if axisymmetric(contact) is not None or model.name == Exact.name:
-        kind = "load" if held.kind == "spring" else held.kind
         coarse = min(max(SHARE * accuracy, FINE), COARSE)
         for tolerance in (coarse, SHARE**2 * coarse):  # what coarse meshes cannot settle, finer ones may
-            truth = trace(reduced, kind, tolerance, modes=0, time_limit=PATIENCE)
+            truth = trace(reduced, _kinds(held)[0], tolerance, modes=0, time_limit=PATIENCE)
             if truth.status == "complete":
                 break
     wanted: Judged = {} if truth is None else _judged(truth, held)
@@ -83,7 +82,6 @@ def advise(contact: Contact, accuracy: float = 0.01, control: str | Spring = "lo
         candidates = list(_grids(reduced, wanted, accuracy, truth))
     if truth is not None:
         candidates += _theories(reduced, wanted, held)
-        candidates += _substitute(reduced, wanted, held)
         candidates.append(_own(reduced, wanted, accuracy, truth))
     candidates.sort(key=lambda one: one.seconds)
     chosen, reason = _choice(candidates, accuracy, truth)
@@ -123,7 +121,7 @@ def regime(contact: Contact, pull_off: float | None = None) -> str:
         Its pull-off load; without, that of the Maugis-Dugdale law of the same work and range is taken.
     """
     tabor, reduced = f"Tabor coefficient {contact.tabor:.4g}", contact.to_reduced()
-    limits = {"JKR": _jkr(reduced), "DMT": _dmt(reduced)}
+    limits = {"JKR": _jkr(reduced, LOAD), "DMT": _dmt(reduced, LOAD)}
     known = {name: found["pull_off_load"] for name, found in limits.items() if found is not None}
     law = reduced.interaction
     if law is None or len(known) < len(limits):
@@ -174,17 +172,17 @@ def _work(contact: Contact) -> float:
     return 0.0 if contact.interaction is None else -float(contact.interaction.evaluate(0.0).energy)
 
 
-def _hertz(contact: Contact) -> Thresholds | None:
+def _hertz(contact: Contact, _: Control) -> Thresholds | None:
     return {} if contact.interaction is None else None
 
 
-def _dmt(contact: Contact) -> Thresholds | None:
+def _dmt(contact: Contact, _: Control) -> Thresholds | None:
     if not isinstance(contact.tip, Parabola) or _work(contact) <= 0.0:
         return None
     return {"pull_off_load": float(dmt.pull_off_load(radius=contact.tip.radius, work_of_adhesion=_work(contact)))}
 
 
-def _jkr(contact: Contact) -> Thresholds | None:
+def _jkr(contact: Contact, _: Control) -> Thresholds | None:
     if not isinstance(contact.tip, Parabola | Cone | PowerLaw) or _work(contact) <= 0.0:
         return None
     tip = Transformed(np.asarray(contact.tip.apex_exponent), contact.tip.transform(1.0))
@@ -197,35 +195,35 @@ def _jkr(contact: Contact) -> Thresholds | None:
     }
 
 
+def _maugis(contact: Contact, control: Control) -> Thresholds | None:
+    """The Maugis-Dugdale law of the same work and range."""
+    work, law = _work(contact), contact.interaction
+    if law is None or work <= 0.0 or not isinstance(contact.tip, Parabola) or isinstance(law, MaugisDugdale):
+        return None
+    other = replace(contact, interaction=MaugisDugdale(work, law.range))
+    found = trace(other, _kinds(control)[0], 1e-9, model="exact", modes=0)
+    return {name: value for name, (value, _) in _judged(found, control).items()}
+
+
 _THEORIES: dict[str, tuple[Theory, str]] = {
     "hertz": (_hertz, "Without interaction there are no folds."),
     "dmt": (_dmt, "The limit of an interaction of long range on a stiff solid."),
     "jkr": (_jkr, "The limit of an interaction of short range on a soft solid."),
+    "maugis-dugdale": (
+        _maugis,
+        "In place of the law: constant attraction of the same work and range, in closed form.",
+    ),
 }
 
 
 def _theories(contact: Contact, wanted: Judged, control: Control) -> Iterator[Candidate]:
     for name, (theory, why) in _THEORIES.items():
         began = time.perf_counter()
-        values = theory(contact)
+        values = theory(contact, control)
         seconds = time.perf_counter() - began
         if values is not None:
             spoken = {name: value for name, value in values.items() if name.rpartition("_")[2] in _kinds(control)}
             yield Candidate(name, _errors(spoken, wanted), seconds, why)
-
-
-def _substitute(contact: Contact, wanted: Judged, control: Control) -> Iterator[Candidate]:
-    """The Maugis-Dugdale law of the same work and range."""
-    work, law = _work(contact), contact.interaction
-    if law is None or work <= 0.0 or not isinstance(contact.tip, Parabola) or isinstance(law, MaugisDugdale):
-        return
-    other = replace(contact, interaction=MaugisDugdale(work, law.range))
-    kind = "load" if control.kind == "spring" else control.kind
-    began = time.perf_counter()
-    found = trace(other, kind, 1e-9, model="exact", modes=0)
-    why = "In place of the law: constant attraction of the same work and range, in closed form."
-    values = {name: value for name, (value, _) in _judged(found, control).items()}
-    yield Candidate("maugis-dugdale", _errors(values, wanted), time.perf_counter() - began, why)
 
 
 def _own(contact: Contact, wanted: Judged, accuracy: float, truth: Diagram) -> Candidate:

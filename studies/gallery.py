@@ -26,7 +26,7 @@ def layers(work: float = -1.0) -> cb.Contact:
 
 
 def cascade() -> Figure:
-    """A cascade of layers: the first and the last fold of a name are named, those between numbered."""
+    """A cascade of layers: the first and the last fold of a name are named."""
     return cb.trace(layers(), accuracy=1e-4).plot()
 
 

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from contbranch.contact.contact import Contact
-from contbranch.output.document import document as document_of
 from contbranch.results.diagram import Cost, Diagram, ModelChoice, Solution
 
 EVENT_KEYS = {"kind", "control", "name", "load", "displacement", "contact_radius", "central_gap", "error", "exponent"}
@@ -22,7 +21,7 @@ def strict(document: dict) -> dict:
 
 
 def test_diagram_has_every_key(attraction: Diagram) -> None:
-    document = strict(document_of(attraction))
+    document = strict(attraction.document())
     assert document["format"] == "contbranch-diagram"
     assert document["version"] == 1
     assert {"contact", "units", "model", "branches", "events", "thresholds"} <= set(document)
@@ -38,7 +37,7 @@ def test_diagram_has_every_key(attraction: Diagram) -> None:
 
 
 def test_every_event_has_every_key_and_null_where_it_does_not_apply(attraction: Diagram) -> None:
-    events = strict(document_of(attraction))["events"]
+    events = strict(attraction.document())["events"]
     assert all(set(event) >= EVENT_KEYS for event in events)
     assert all(set(event["error"]) == {"load", "displacement", "contact_radius", "central_gap"} for event in events)
     touch = next(event for event in events if event["kind"] == "touch")
@@ -52,7 +51,7 @@ def test_every_event_has_every_key_and_null_where_it_does_not_apply(attraction: 
 
 
 def test_units(attraction: Diagram, repulsion: Diagram) -> None:
-    physical, reduced = document_of(attraction), document_of(repulsion)
+    physical, reduced = attraction.document(), repulsion.document()
     assert physical["units"] == "physical"
     assert physical["unit_names"]["load"] == "nN"
     assert physical["unit_names"]["contact_radius"] == "nm"
@@ -63,7 +62,7 @@ def test_units(attraction: Diagram, repulsion: Diagram) -> None:
 
 def test_not_a_number_becomes_null(broken: Diagram) -> None:
     event = replace(broken.events[0], load=np.inf, error={"load": np.nan}, stiffness=2.0)
-    document = strict(document_of(replace(broken, events=(event,), thresholds={"touch_load": np.float64(np.nan)})))
+    document = strict(replace(broken, events=(event,), thresholds={"touch_load": np.float64(np.nan)}).document())
     assert document["branches"][0]["load"][-1] is None
     assert document["branches"][0]["load"][-2] == broken.branches[0].load[-2]
     assert document["events"][0]["load"] is None
@@ -85,19 +84,19 @@ def test_document_of_a_solution(attraction: Diagram) -> None:
         states=(first, second),
         contact=attraction.contact,
     )
-    document = strict(document_of(replace(solution, states=())))
+    document = strict(replace(solution, states=()).document())
     assert {"states", "model", "cost", "status", "message"} <= set(document)
     assert len(document["states"]) == 1
     keys = {"load", "displacement", "contact_radius", "central_gap", "energy", "residual"}
     assert keys | {"unstable_load", "unstable_displacement"} <= set(document["states"][0])
     assert document["states"][0]["load"] == first.load
     assert document["unit_names"]["energy"] == "nN·nm"
-    both = document_of(solution)["states"]
+    both = solution.document()["states"]
     assert [state["load"] for state in both] == [first.load, second.load]
 
 
 def test_contact_is_described_without_a_description_of_the_diagram(repulsion: Diagram) -> None:
-    assert Contact.from_description(document_of(repulsion)["contact"]) == repulsion.contact
+    assert Contact.from_description(repulsion.document()["contact"]) == repulsion.contact
 
 
 @pytest.mark.parametrize("points", [200, 400])
@@ -107,5 +106,5 @@ def test_a_branch_of_some_hundred_points_takes_milliseconds(repulsion: Diagram, 
     columns = {n: values[at] for n, values in branch.columns.items()}
     diagram = replace(repulsion, branches=(replace(branch, **columns),))
     start = time.process_time()
-    json.dumps(document_of(diagram), allow_nan=False)
+    json.dumps(diagram.document(), allow_nan=False)
     assert time.process_time() - start < 0.05

@@ -14,7 +14,6 @@ from contbranch.continuation import CorrectionError, Outcome
 from contbranch.control import as_control
 from contbranch.curve.curves import FollowedCurves
 from contbranch.curve.trace import Request
-from contbranch.output.document import document as document_of
 
 LAMBDA = (2 * math.pi / 9) ** (1 / 3)
 """Reduced Tabor coefficient for Maugis' λ = 1, (43) with its misprint corrected."""
@@ -110,7 +109,7 @@ def test_attraction_under_a_load_never_comes_back():
     assert jump.to is None
     assert jump.dissipated is None
     assert "infinite separation" in loop.message
-    document = document_of(loop)
+    document = loop.document()
     assert document["dissipated"] is None
     assert document["jumps"][0]["to"] is None
     json.dumps(document, allow_nan=False)

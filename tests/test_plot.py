@@ -185,19 +185,6 @@ def test_profiles_show_contact_and_interaction_zone(attraction: Diagram) -> None
         plot.profiles(replace(state, profile=None))
 
 
-def test_local_exponents_have_their_reference_lines(attraction: Diagram) -> None:
-    axes = plot.local_exponent(attraction).axes[0]
-    levels = [line.get_ydata()[0] for line in axes.get_lines() if len(set(line.get_ydata())) == 1][:2]
-    assert levels == [1 / 2, 1 / 3]
-    assert axes.get_xscale() == "log"
-    assert axes.get_xlabel() == r"Excess over the event $\Delta F_N$ (nN)"
-    assert [text.get_text() for text in axes.get_legend().get_texts()] == ["pull-off (load)"]
-    other = plot.local_exponent(attraction, list(attraction.folds("displacement"))).axes[0]
-    assert other.get_xlabel() == r"Excess over the event $\Delta d$ (nm)"
-    with pytest.raises(InputError, match="no fold under load control"):
-        plot.local_exponent(replace(attraction, events=()))
-
-
 FILES = [(".png", b"\x89PNG"), (".pdf", b"%PDF"), (".svg", b"<?xml"), (".PNG", b"\x89PNG")]
 
 

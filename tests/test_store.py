@@ -20,9 +20,10 @@ from contbranch.contact.tips import HeightMap
 from contbranch.contact.units import PHYSICAL
 from contbranch.errors import InputError, ModelError
 from contbranch.output import files
-from contbranch.output.hdf5 import load, save, save_document
+from contbranch.output.hdf5 import load, save
 from contbranch.output.plot import save_figure
-from contbranch.results.diagram import Cost, Diagram, LocalExponent, ModelChoice, Solution
+from contbranch.results.diagram import Cost, Diagram, LocalExponent, ModelChoice, Solution, State
+from contbranch.results.loop import Hysteresis, Jump, Path as LoopPath
 
 COLUMNS = ("load", "displacement", "contact_radius", "central_gap", "energy", "load_error", "displacement_error")
 INDICES = ("unstable_load", "unstable_displacement")
@@ -324,27 +325,46 @@ def test_nothing_is_read_of_a_damaged_file(repulsion: Diagram, tmp_path: Path, d
         assert "\n" not in str(caught.value)
 
 
-def test_a_document_is_written_as_it_is(tmp_path: Path) -> None:
-    document = {
-        "format": "contbranch-loop",
-        "dissipated": None,
-        "closed": True,
-        "path": {"load": [1.0, None, 3.0], "leg": [0, 0, 1]},
-        "jumps": [{"name": "pull-off", "from": {"load": -5.0}, "to": None}],
-        "special": [],
-    }
-    save_document(document, tmp_path / "loop.h5")
+def test_a_loop_is_written_as_its_document(tmp_path: Path) -> None:
+    values, whole = np.array([1.0, np.nan, 3.0]), np.zeros(3, dtype=int)
+    jump = Jump("pull-off", 1.0, State(-5.0, *4 * (0.0,), 0, 0, 0.0), None, None, None)
+    loop = Hysteresis(
+        LoopPath(*6 * (values,), whole, whole),
+        (jump,),
+        None,
+        None,
+        True,
+        ModelChoice("exact", "", 1),
+        Cost(0.0, 0),
+        "load",
+    )
+    loop.save(tmp_path / "loop.h5")
     with h5py.File(tmp_path / "loop.h5") as file:
         assert file.attrs["format"] == "contbranch-loop"
         assert "dissipated" not in file.attrs
-        np.testing.assert_array_equal(file["path/load"][()], [1.0, np.nan, 3.0])
+        np.testing.assert_array_equal(file["path/load"][()], values)
         assert file["jumps/0"].attrs["name"] == "pull-off"
         assert file["jumps/0/from"].attrs["load"] == -5.0
-        assert file["special"].shape == (0,)
-    with pytest.raises(InputError, match="damaged"):  # of a loop it holds too little
-        load(tmp_path / "loop.h5")
+        assert "to" not in file["jumps/0"]
     with pytest.raises(InputError, match="cannot be written"):
-        save_document(document, tmp_path / "missing" / "loop.h5")
+        loop.save(tmp_path / "missing" / "loop.h5")
+    followed = cb.Followed(
+        "tabor",
+        {},
+        {},
+        (),
+        cb.Event("fold", *4 * (0.0,), {}),
+        ModelChoice("", "", 0),
+        Cost(0.0, 0),
+        1e-6,
+        contact=Contact(cb.Parabola(1.0)),
+    )
+    followed.save(tmp_path / "followed.h5")
+    with h5py.File(tmp_path / "followed.h5") as file:
+        assert file["special"].shape == (0,)
+    changed(tmp_path / "loop.h5", lambda file: file.__delitem__("path/load"))
+    with pytest.raises(InputError, match="damaged"), pytest.warns(UserWarning, match="no checksum"):
+        load(tmp_path / "loop.h5")  # of a loop it holds too little
 
 
 def test_loops_and_followed_events_are_read_again(tmp_path: Path) -> None:

@@ -433,12 +433,9 @@ def _parsed(parser: _Parser, given: list[str]) -> tuple[Values, list[str]]:
 
 
 def _print_version() -> int:
-    from importlib.metadata import PackageNotFoundError, version
+    from contbranch import __version__
 
-    try:
-        print(f"contbranch {version('contbranch')}")
-    except PackageNotFoundError:  # run from a source tree that was never installed
-        print("contbranch, not installed")
+    print(f"contbranch {__version__}")
     return COMPLETE
 
 
@@ -528,9 +525,7 @@ def _content(result: Result, place: Place) -> bytes:
         from contbranch.output.plot import draw, figure_content
 
         return figure_content(draw(result), place.path.suffix)
-    from contbranch.output.tables import as_csv
-
-    return as_csv(result.table() if place.field == "--csv" else result.tables()["event"]).encode()
+    return (result.table() if place.field == "--csv" else result.tables()["event"]).csv().encode()
 
 
 def _text(result: Result) -> str:

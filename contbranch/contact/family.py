@@ -7,7 +7,6 @@ anew for every member.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -16,9 +15,7 @@ import numpy as np
 
 from contbranch.contact.contact import Contact
 from contbranch.contact.interaction_law import terms_of
-from contbranch.contact.interactions import Interaction
 from contbranch.contact.parameters import Parameter, numbers_of, with_number
-from contbranch.contact.tips import TipShape
 from contbranch.contact.units import Scales, finite_number, positive_number
 from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.errors import InputError, nearest
@@ -27,7 +24,6 @@ Vary = str | Callable[[float], Contact]
 
 # In contact files the modulus stands in a table of that name.
 _MATERIAL = "material."
-_PART = re.compile(r"(tip|interaction)(?:\[(\d+)\])?\.(\w+)")
 # A value in its unit as coordinate, the value at a coordinate, and its derivative.
 _SPACINGS: dict[str, tuple[Callable[[float], float], ...]] = {
     "logarithmic": (math.log, math.exp, math.exp),
@@ -218,26 +214,26 @@ def _named(contact: Contact, vary: str) -> Parameter:
         return Parameter(
             vary, present, "dimensionless", lambda value: replace(contact, interaction=law.scaled(value / present, 1.0))
         )
-    match, known = _PART.fullmatch(vary), numbers_of(contact)
-    if vary in known:
-        return known[vary]
-    if match is None:
-        names = ("tabor", "share", "stiffness", "modulus", "tip.radius", "interaction[0].range")
-        raise InputError(f"vary: {vary!r}; must be one of tabor, share, stiffness, modulus, tip.NAME and "
-                         f"interaction[K].NAME{nearest(vary, names)}")  # fmt: skip
-    place, number, name = match.groups()
-    part: TipShape | Interaction = contact.tip
-    if place != "tip":
-        k = int(number or 0)
-        if k >= len(terms) or (number is None and len(terms) > 1):
-            words = f"the interaction has {len(terms)} laws, counted from 0: write interaction[K].{name}"
-            raise InputError(f"vary: {vary!r}; {words}")
-        place, part = f"interaction[{k}]", terms[k]
-    own = {key.removeprefix(f"{place}."): one for key, one in known.items() if key.startswith(f"{place}.")}
-    if name not in own:
-        listed = ", ".join(own) or "none"
-        raise InputError(f"vary: {vary!r}; {type(part).__name__} has the numbers {listed}{nearest(name, own)}")
-    return own[name]
+    known, parts = (
+        numbers_of(contact),
+        {"tip": contact.tip, **{f"interaction[{k}]": one for k, one in enumerate(terms)}},
+    )
+    place, _, field = vary.rpartition(".")
+    if place == "interaction" and len(terms) == 1:
+        place = "interaction[0]"
+    if place in parts:
+        own = {key.removeprefix(f"{place}."): one for key, one in known.items() if key.startswith(f"{place}.")}
+        if field not in own:
+            listed = f"{type(parts[place]).__name__} has the numbers {', '.join(own) or 'none'}{nearest(field, own)}"
+            raise InputError(f"vary: {vary!r}; {listed}")
+        return own[field]
+    if place.startswith("interaction"):
+        words = f"the interaction has {len(terms)} laws, counted from 0: write interaction[K].{field}"
+        raise InputError(f"vary: {vary!r}; {words}")
+    names = ("tabor", "share", "stiffness", "modulus", "tip.NAME", "interaction[K].NAME")
+    if vary not in known:
+        raise InputError(f"vary: {vary!r}; must be one of {', '.join(names)}{nearest(vary, (*names, *known))}")
+    return known[vary]
 
 
 def dimension_of(contact: Contact, name: str) -> str:

@@ -185,13 +185,13 @@ class _Reader:
         for name, kind, example in _HEIGHT_MAP_KINDS:
             if name in table and not isinstance(table[name], kind):
                 raise InputError(f"tip.{name}: {table[name]!r}; write for example {name} = {example}")
-        keywords: _Table = {name: table[name] for name, *_ in _HEIGHT_MAP_KINDS[1:] if name in table}
-        for name in ("cell", "radius"):
-            if name in table:
-                keywords[name] = self.number(table[name], "length", f"tip.{name}")
+        keywords: _Table = {**table}
+        for name in keywords.keys() & {"cell", "radius"}:
+            keywords[name] = self.number(table[name], "length", f"tip.{name}")
+        file = keywords.pop("file")
         keywords["unit"] = self._unit(table, "tip", "file", "unit")
         try:
-            return HeightMap.from_file(self._folder / table["file"], **keywords)
+            return HeightMap.from_file(self._folder / file, **keywords)
         except InputError as error:
             raise InputError(f"tip.{error}") from None
 

@@ -208,29 +208,22 @@ def _read_image(path: Path, grey: tuple[float, float] | None) -> Array:
     with Image.open(path) as image:
         if image.mode == "F":  # numbers, not shades
             return np.asarray(image, dtype=float)
-        values = np.asarray(image.convert() if image.mode == "P" else image)
-    if values.ndim == 3:
-        colours = values[..., : min(3, values.shape[2] - 1 + values.shape[2] % 2)]
-        if not (colours == colours[..., :1]).all():
-            raise InputError(f"file: '{path}' is a coloured image; shades of grey can be heights: convert it")
-        values = values[..., 0]
+        deep = image.mode.startswith("I")  # of 16 bits
+        values = np.asarray(image if deep else image.convert("RGB"), dtype=float)
+    if not deep and np.ptp(values, axis=2).any():
+        raise InputError(f"file: '{path}' is a coloured image; shades of grey can be heights: convert it")
     if grey is None:
         raise InputError(f"grey: missing; give the heights of black and of white in '{path}', for example (0.0, 12.0)")
-    white = 1 if values.dtype == bool else 255 if values.dtype == np.uint8 else 65535
-    return grey[0] + (grey[1] - grey[0]) / white * values.astype(np.float64)
+    return grey[0] + (grey[1] - grey[0]) * (values / 65535.0 if deep else values[..., 0] / 255.0)
 
 
 def _read_dataset(path: Path, dataset: str | None) -> tuple[object, str, object]:
     import h5py
 
     with h5py.File(path, "r") as file:
-        found: dict[str, int] = {}
-
-        def note(name: str, item: Any) -> None:
-            if isinstance(item, h5py.Dataset):
-                found[name] = item.ndim
-
-        file.visititems(note)
+        names: list[str] = []
+        file.visit(names.append)
+        found = {name: file[name].ndim for name in names if isinstance(file[name], h5py.Dataset)}
         if dataset is None:
             flat = [name for name, ndim in found.items() if ndim == 2]
             if len(flat) != 1:

@@ -12,7 +12,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from contbranch.arrays import Array, Flags
+from contbranch.arrays import Array
 from contbranch.contact.tip_shape import gauss_rule
 from contbranch.contact.units import finite_number, positive_number
 from contbranch.errors import InputError
@@ -20,8 +20,6 @@ from contbranch.errors import InputError
 # Gaps beyond this many ranges (infinite ones too, outside a tip of finite extent) are taken as this many: every power
 # that the shapes form of it is still a finite number.
 _FAR = 1e50
-# Gaps tried at once in the search for a law's reach.
-_CHUNK = 40
 # Where kinks are looked for, in ranges: from, to, how many places; jumps of f'' that count, as a share of its largest
 # value, and how closely they are told.
 _KINKS, _JUMP, _KINKED = (1e-3, 20.0, 4001), 1e-2, 1e-13
@@ -123,22 +121,20 @@ class Interaction:
 
     @cached_property
     def _shape_kink(self) -> float:
-        """x where f'' jumps: where halving an interval over and over leaves its change as large as it was."""
+        """x where f'' jumps: where halving the interval of its sharpest bend over and over leaves as large a change."""
         x = np.linspace(*_KINKS)
         try:
-            least = _JUMP * float(np.nanmax(np.abs(self._curvature(x)), initial=0.0))
+            values = np.nan_to_num(self._curvature(x))
         except Exception:  # a law may fail where the contact never comes
             return math.inf
-        low, high = x[:-1], x[1:]
-        while low.size and high[0] - low[0] > _KINKED:
-            middle = (low + high) / 2
-            below, at, above = map(self._curvature, (low, middle, high))
-            inner = np.abs(at - below) > np.abs(above - at)
-            low, high = np.where(inner, low, middle), np.where(inner, middle, high)
-            jumps = np.maximum(np.abs(at - below), np.abs(above - at)) > least
-            low, high = low[jumps], high[jumps]
-        change = np.abs(self._curvature(high) - self._curvature(low))
-        return float(high[np.argmax(change)]) if change.size else math.inf
+        k = int(np.argmax(np.abs(np.diff(values, 2))))
+        low, high = float(x[k]), float(x[k + 2])
+        while high - low > _KINKED:
+            middle = 0.5 * (low + high)
+            before, after = np.abs(np.diff(self._curvature(np.array([low, middle, high]))))
+            low, high = (low, middle) if before > after else (middle, high)
+        change = float(np.abs(np.diff(self._curvature(np.array([low, high]))))[0])
+        return high if change > _JUMP * np.abs(values).max() else math.inf
 
     def _curvature(self, x: Array) -> Array:
         with np.errstate(all="ignore"):
@@ -154,28 +150,24 @@ class Interaction:
 
     def _shape_reach(self, tolerance: float) -> float:
         """Return x beyond which |f| ≤ `tolerance`; where a law does not have it in closed form, by search."""
-        x = np.concatenate([[0.0], np.geomspace(1e-3, 1e12, 1501)])
+        places = np.concatenate([[0.0], np.geomspace(1e-3, 1e12, 1501)])
 
-        def exceeds(at: Array) -> Flags:
-            energy = self.evaluate(at * self.range).energy
-            return np.abs(energy) > tolerance * self.reference_work  # NaN, beyond the law's end, does not
+        def exceeds(x: float) -> bool:
+            energy = self.evaluate(x * self.range).energy
+            return bool(np.abs(energy) > tolerance * self.reference_work)  # NaN, beyond the law's end, does not
 
         # From far away inwards, so that a law which fails close to the wall is not asked there.
-        for stop in range(x.size, 0, -_CHUNK):
-            start = max(0, stop - _CHUNK)
-            above = np.flatnonzero(exceeds(x[start:stop]))
-            if above.size:
-                last = start + int(above[-1])
-                break
-        else:
+        last = next((k for k in range(places.size - 1, -1, -1) if exceeds(places[k])), -1)
+        if last == places.size - 1:
+            far = f"{places[-1]:g}"
+            raise InputError(f"interaction: {type(self).__name__} has not decayed at {far} ranges; it must vanish")
+        if last < 0:
             return 0.0
-        if last == x.size - 1:
-            raise InputError(f"interaction: {type(self).__name__} has not decayed at {x[-1]:g} ranges; it must vanish")
-        low, high = float(x[last]), float(x[last + 1])
+        low, high = places[last : last + 2].tolist()
         while high - low > 1e-9 * high:
             middle = 0.5 * (low + high)
-            low, high = (middle, high) if bool(exceeds(np.array([middle]))[0]) else (low, middle)
-        return high
+            low, high = (middle, high) if exceeds(middle) else (low, middle)
+        return float(high)
 
     def _shape_tail(self, x: Array) -> Array:
         """Return ∫ f dx from `x` to infinity; where a law does not have it in closed form, by quadrature."""

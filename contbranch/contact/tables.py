@@ -21,11 +21,9 @@ _ALTERNATING = 0.5
 _SCATTERED = 1e-7
 _SCATTER_ROWS = 12
 _SEEN = 3.0  # standard deviations by which values of such a table differ from nothing
-_FADING = 5  # order with which it vanishes
-_TAIL = 10.0  # weight of what is beyond such a table
-# Places on a piece at which turns are looked for; of a law taken as the exponential of a spline, how soon its slope
-# comes to rest beyond the table, ln of what is nothing, and pieces in units of its decay.
-_LOOKS, _STRAIGHTER, _NOTHING, _FINE = 8, 0.25, 41.0, 8.0
+# Of a law taken as the exponential of a spline: how soon its slope comes to rest beyond the table, ln of what is
+# nothing, and pieces in units of its decay.
+_STRAIGHTER, _NOTHING, _FINE = 0.25, 41.0, 8.0
 _DECAYED = 0.01  # a law whose table ends below this part of its maximum is taken to zero
 
 
@@ -92,21 +90,17 @@ class Table(NamedTuple):
     scatter: float
 
 
-def scatter_of(places: Array, values: Array) -> float:
-    """Return the standard deviation of what makes values scatter; 0 where they are smooth."""
-    return scattered(places, values)[0]
-
-
 def scattered(places: Array, values: Array) -> tuple[float, float]:
-    """Return the same, and how much larger than the median the mean of it is: more where it is not alike everywhere."""
-    count = values.size - 4
+    """Return the standard deviation of what makes values scatter, and how much larger than its median its mean is.
+
+    It is 0 where they are smooth; its mean exceeds its median more where the scatter is not alike everywhere.
+    """
     if values.size < _SCATTER_ROWS:
         return 0.0, math.inf
-    differences = np.empty(count)
-    for row in range(count):  # the fourth divided difference, as a sum with weights of square sum 1
-        x = places[row : row + 5]
-        weights = 1.0 / np.prod(x[:, None] - x + np.eye(5), axis=1)
-        differences[row] = weights @ values[row : row + 5] / np.linalg.norm(weights)
+    # fourth divided differences, as sums with weights of square sum 1
+    x, y = (np.lib.stride_tricks.sliding_window_view(one, 5) for one in (places, values))
+    weights = 1.0 / np.prod(x[:, :, None] - x[:, None] + np.eye(5), axis=2)
+    differences = np.sum(weights * y, axis=1) / np.linalg.norm(weights, axis=1)
     median, mean = float(np.median(np.abs(differences))), float(np.mean(np.abs(differences)))
     scatter = median / 0.6745
     alternating = np.mean(differences[1:] * differences[:-1] < 0.0)
@@ -114,38 +108,18 @@ def scattered(places: Array, values: Array) -> tuple[float, float]:
     return (0.0, math.inf) if smooth else (scatter, mean / median)
 
 
-def _smoothing(
-    places: Array, values: Array, allowed: float, weights: Array, end: float = math.inf
-) -> scipy.interpolate.BSpline:
-    """Return a spline s with as few knots as a sum of squares allows, such that s (1 - g/end)^m has the values."""
-    fading = (1.0 - places / end) ** _FADING
-    tck = scipy.interpolate.splrep(places, values / fading, fading * weights, k=5, s=allowed)
-    return scipy.interpolate.BSpline(*tck)
-
-
-def _fading(gaps: Array, values: Array, scatter: float, tail: scipy.interpolate.PPoly) -> scipy.interpolate.PPoly:
-    """Return a smooth law through scattered values and a tail that ends with zero, as pieces without kinks."""
-    end, spaces = float(tail.x[-1]), gaps.size
-    places = np.concatenate([gaps, np.linspace(gaps[-1], end, spaces, endpoint=False)[1:]])
-    wanted = np.append(values, tail(places[spaces:]))
-    weights = np.repeat([1.0, _TAIL], [spaces, spaces - 1])
-    pieces = _pieces(_smoothing(places, wanted, spaces * scatter**2, weights, end))
-    knots = np.append(pieces.x[:-1], end)
-    powers = [np.polynomial.Polynomial([1.0 - knot / end, -1.0 / end]) ** _FADING for knot in knots[:-1]]
-    products = [np.convolve(own, np.float64(power.coef[::-1])) for own, power in zip(pieces.c.T, powers, strict=True)]
-    return scipy.interpolate.PPoly(np.array(products, dtype=float).T, knots)
+def smoothed(places: Array, values: Array, scatter: float | Array, degree: int) -> scipy.interpolate.BSpline:
+    """Return a spline with as few knots as the scatter of the values allows, or through values without scatter."""
+    if not np.any(scatter):
+        return scipy.interpolate.make_interp_spline(places, values, k=degree)
+    weights = 1.0 / np.broadcast_to(scatter, values.shape)
+    return scipy.interpolate.BSpline(*scipy.interpolate.splrep(places, values, weights, k=degree, s=places.size))
 
 
 def _pieces(spline: scipy.interpolate.BSpline) -> scipy.interpolate.PPoly:
     """Return a spline as pieces, each of a length."""
     pieces = scipy.interpolate.PPoly.from_spline((spline.t, spline.c, spline.k))
     return scipy.interpolate.PPoly(pieces.c[:, np.diff(pieces.x) > 0], np.unique(pieces.x))
-
-
-def _turns(pieces: scipy.interpolate.PPoly) -> int:
-    """Return how often the pressure of a law turns up to where it ends."""
-    gaps = np.linspace(pieces.x[:-1], pieces.x[1:], _LOOKS, endpoint=False).T.ravel()
-    return int(np.count_nonzero(np.diff(np.sign(np.diff(pieces(gaps, 1))))))
 
 
 def _exponential(gaps: Array, values: Array, scatter: float, degree: int) -> scipy.interpolate.PPoly | None:
@@ -159,12 +133,7 @@ def _exponential(gaps: Array, values: Array, scatter: float, degree: int) -> sci
     if count <= degree or own[count:].min(initial=0.0) < -2.0 * _SEEN * scatter:
         return None
     places, seen = gaps[:count], own[:count]
-    if scatter:
-        spline = scipy.interpolate.BSpline(
-            *scipy.interpolate.splrep(places, np.log(seen), seen / scatter, k=degree, s=count)
-        )
-    else:
-        spline = scipy.interpolate.make_interp_spline(places, np.log(seen), k=degree)
+    spline = smoothed(places, np.log(seen), scatter / seen, degree)
     end = float(places[-1])
     level, slope, bow = (float(spline(end, order)) for order in range(3))
     if not slope < 0.0:
@@ -206,15 +175,14 @@ def energy_of_table(gaps: Array, values: Array, kind: str) -> Table:
         Which of the two.
     """
     told = gaps, values
-    if scatter := scatter_of(gaps, values):
-        spline = _smoothing(gaps, values, gaps.size * scatter**2, np.ones_like(gaps))
-        ends = int(np.flatnonzero(np.abs(spline(gaps)) > _SEEN * scatter)[-1]) + 1
-        if _LEAST_ROWS <= ends < gaps.size:  # beyond, there is nothing but scatter
-            gaps, values = gaps[:ends], values[:ends]
-    else:
-        # Energies are differentiated once more: both give pressures with continuous curvature, whose kinks cost digits.
-        degree = 5 if kind == "energies" and gaps.size >= _QUINTIC_ROWS else 3
-        spline = scipy.interpolate.make_interp_spline(gaps, values, k=degree)
+    scatter, _ = scattered(gaps, values)
+    # Energies are differentiated once more: both give pressures with continuous curvature, whose kinks cost digits.
+    degree = 5 if kind == "energies" and gaps.size >= _QUINTIC_ROWS and not scatter else 3
+    spline = smoothed(gaps, values, scatter, degree)
+    seen = int(np.flatnonzero(np.abs(spline(gaps)) > _SEEN * scatter)[-1]) + 1 if scatter else 0
+    if _QUINTIC_ROWS <= seen < gaps.size:  # beyond, there is nothing but scatter
+        gaps, values = gaps[:seen], values[:seen]
+        spline = smoothed(gaps, values, scatter, degree)
     level, slope, *higher = (float(spline(gaps[-1], order)) for order in range(spline.k))
     decayed = abs(level) <= _DECAYED * np.max(np.abs(values))
     if kind == "energies":  # a constant tail has no force, so the force must have decayed as well
@@ -222,10 +190,9 @@ def energy_of_table(gaps: Array, values: Array, kind: str) -> Table:
     decayed = decayed or abs(level) <= 2.0 * _SEEN * scatter
     derivatives = (level, slope, *higher)[: 3 if scatter else spline.k]
     tail = _to_zero(float(gaps[-1]), float(gaps[-2]), derivatives)
-    pieces = _fading(gaps, values, scatter, tail) if scatter else _joined(_pieces(spline), tail)
+    pieces = _joined(_pieces(spline), tail)
     if kind == "energies" and values[0]:
-        smooth = (_exponential(*told, scatter, degree) for degree in (5, 4, 3))
-        pieces = min([*filter(None, smooth), pieces], key=_turns)
+        pieces = _exponential(*told, scatter, degree) or pieces
     if kind == "pressures":
         integral = pieces.antiderivative()
         pieces = scipy.interpolate.PPoly(-integral.c, integral.x)

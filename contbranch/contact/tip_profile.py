@@ -13,18 +13,18 @@ import scipy
 from numpy.typing import ArrayLike
 
 from contbranch.arrays import Array
-from contbranch.contact.tables import columns, increasing_from_zero, scattered
+from contbranch.contact.tables import columns, increasing_from_zero, scattered, smoothed
 from contbranch.contact.tip_shape import Tip, gauss_rule
 from contbranch.errors import InputError
 
 End = Literal["not-a-knot", "clamped", "natural"]
 
+_LOOKS = 17  # places on a piece at which its slope is looked at
 _MOST_ROWS = 1000  # the fit solves a dense system of that order
-# Degree of the polynomials that take the place of heights which scatter; the table's length in units of ρ there,
-# and the mean square in units of the scatter's above which they miss the tip.
-_DEGREE, _BEND, _MISFIT = 6, 4.0, 4.0
+# The table's length in units of ρ where heights that scatter are smoothed.
+_BEND = 4.0
 _QUARTER = 0.5 * math.pi
-_TERMS = 12  # of series in the square of an angle up to there
+_TERMS = 40  # of a power series up to 1/2
 _FAR = 3.0  # beyond this multiple of the table's last radius
 
 
@@ -32,24 +32,17 @@ def _smoothed(radii: Array, heights: Array, power: float) -> tuple[Array, str]:
     """Return heights without their scatter, be it that of heights or of their logarithms, and that in words.
 
     What is smoothed is ln z/r^n as a function of ln(1 + (r/ρ)^n): constant around the apex, and nearly straight where
-    the tip is another power of r farther out. A polynomial will do, unless it leaves more than scatter.
+    the tip is another power of r farther out.
     """
     places, logarithms = radii[1:], np.log(heights[1:] / radii[1:] ** power)
     (own, uneven), (relative, other) = scattered(radii, heights), scattered(places, logarithms)
     if not (own or relative):
         return heights, ""
-    told, weights = f"{own:.2g}", heights[1:] / max(own, 1e-300)
+    told, scatter = f"{own:.2g}", own / heights[1:]
     if not own or (relative and other < uneven):
-        told, weights = f"{relative:.2g} of themselves", np.full_like(places, 1.0 / relative)
+        told, scatter = f"{relative:.2g} of themselves", np.full_like(places, relative)
     x = np.log1p((_BEND * places / places[-1]) ** power)
-    fits = [np.polynomial.Polynomial.fit(x, logarithms, degree, w=weights)(x) for degree in range(_DEGREE + 1)]
-    off = [float(np.sum((weights * (fit - logarithms)) ** 2)) for fit in fits]
-    # Schwarz's criterion: another power has to bring more than scatter alone would
-    best = int(np.argmin(x.size * np.log(off) + math.log(x.size) * np.arange(_DEGREE + 1)))
-    smooth = fits[best]
-    if off[best] > _MISFIT * x.size:
-        smooth = scipy.interpolate.splev(x, scipy.interpolate.splrep(x, logarithms, weights, k=3, s=x.size))
-    heights = np.append(0.0, places**power * np.exp(smooth))
+    heights = np.append(0.0, places**power * np.exp(smoothed(x, logarithms, scatter, 3)(x)))
     return heights, f"the table of heights scatters by {told} and is smoothed"
 
 
@@ -99,41 +92,25 @@ def _continued(pieces: scipy.interpolate.PPoly) -> scipy.interpolate.PPoly:
 
 
 def _rises(pieces: scipy.interpolate.PPoly) -> bool:
-    """Whether the cubic pieces have a positive slope for t > 0: at their ends and where the slope is least."""
-    slope = pieces.derivative()
-    with np.errstate(divide="ignore", invalid="ignore"):
-        vertex = -slope.c[1] / (2.0 * slope.c[0])
-    inside = (vertex > 0.0) & (vertex < np.diff(slope.x))
-    places = np.concatenate([slope.x[1:], (slope.x[:-1] + np.where(inside, vertex, 0.0))[inside]])
-    return bool(np.all(slope(places) > 0.0) and slope(0.0) >= 0.0)
+    """Whether the cubic pieces have a positive slope for t > 0."""
+    places = np.linspace(pieces.x[:-1], pieces.x[1:], _LOOKS).ravel()
+    return bool(np.all(pieces(places[places > 0.0], 1) > 0.0) and pieces(0.0, 1) >= 0.0)
 
 
-def _kernels(angle: Array) -> Array:
-    """Return K_m(θ) = ∫_0^θ (cos φ - cos θ)^m dφ for θ in [0, π/2] and m = 1, 2, 3, (3, ...)."""
-    square = angle * angle
-    powers = np.ones((_TERMS, square.size))
-    x = (square * (2.0 / _QUARTER**2) - 1.0).ravel()
-    for k in range(1, _TERMS):
-        np.multiply(powers[k - 1], x, out=powers[k])
-    found = (_kernel_series() @ powers).reshape(3, *square.shape)
-    factor = angle
-    for m in range(3):
-        factor = factor * square
-        found[m] *= factor
-    return found
+def _kernel(m: int, angle: Array) -> Array:
+    """Return K_m(θ) = ∫_0^θ (cos φ - cos θ)^m dφ for θ in [0, π/2], a Legendre function of cos θ (Mehler, Dirichlet).
+
+    With x = (1 - cos θ)/2 ≤ 1/2 it is √(π/2) m!/Γ(m + 3/2) (2x)^(m+1/2) ₂F₁(1/2, 1/2; m + 3/2; x).
+    """
+    x = np.sin(0.5 * angle) ** 2
+    return (2.0 * x) ** (m + 0.5) * np.polynomial.polynomial.polyval(x, _kernel_series(m))
 
 
 @cache
-def _kernel_series() -> Array:
-    """Return K_m(θ)/θ^(2m+1), entire functions of θ², as polynomials of 2 (2θ/π)² − 1 up to π/2, (3, n)."""
-    x, w = gauss_rule()
-    places = np.polynomial.chebyshev.chebpts1(_TERMS)
-    angle = _QUARTER * np.sqrt(0.5 * (places + 1.0))[:, None]
-    # cos φ - cos θ = 2 sin((θ+φ)/2) sin((θ-φ)/2): no cancellation; and sin u = u sinc(u/π)
-    plus, minus = 0.5 * (1.0 + x), 0.5 * (1.0 - x)
-    product = 2.0 * plus * minus * np.sinc(plus * angle / math.pi) * np.sinc(minus * angle / math.pi)
-    series = np.polynomial.chebyshev.chebfit(places, np.stack([product**m @ w for m in (1, 2, 3)], axis=1), _TERMS - 1)
-    return np.array([np.polynomial.chebyshev.cheb2poly(one) for one in series.T])
+def _kernel_series(m: int) -> Array:
+    k = np.arange(_TERMS)
+    series = np.append(1.0, np.cumprod((k + 0.5) ** 2 / ((k + m + 1.5) * (k + 1.0))))
+    return math.sqrt(0.5 * math.pi) * math.factorial(m) / math.gamma(m + 1.5) * series
 
 
 @dataclass(frozen=True)
@@ -260,7 +237,7 @@ class Profile(Tip):
         knots, jumps = self._spline.x[1:-1][outside], self._jumps[outside] / 6.0
         height = np.maximum((r[..., None] - knots) * (r[..., None] + knots), 0.0)
         angles = np.arctan2(np.sqrt(height), knots)
-        _, second, third = _kernels(angles)
+        second, third = (_kernel(m, angles) for m in (2, 3))
         cubes = (r2 * r) * (third @ jumps)
         gap = np.asarray(gap + cubes)
         moment = np.asarray(moment + 3.0 * (cubes + r2 * (second @ (jumps * knots))))
@@ -279,7 +256,7 @@ class Profile(Tip):
     def _piece(self, r: Array, b: float, angle: Array) -> tuple[Array, Array]:
         """Return the integrals of `_moments` from b to r = b/cos(angle) of the polynomial that the spline is at b."""
         c = self._taylor(b)
-        first, second, third = (r**m * kernel for m, kernel in enumerate(_kernels(angle), start=1))
+        first, second, third = (r**m * _kernel(m, angle) for m in (1, 2, 3))
         moment = c[1] * (first + b * angle) + 2.0 * c[2] * (second + b * first) + 3.0 * c[3] * (third + b * second)
         return c[1] * first + c[2] * second + c[3] * third, moment
 

@@ -135,25 +135,22 @@ class Comparison:
     retract: Indices
 
     @classmethod
-    def of(cls, curve: ForceCurve, seen: Features, most: int | None = None) -> Comparison:
-        """Sort the samples; keep about so many of each leg, all of them around jumps."""
+    def of(cls, curve: ForceCurve, seen: Features) -> Comparison:
+        """Sort the samples."""
         none = np.empty(0, dtype=np.intp)
         far, near, whole = [none], [none], [none, none]
         for retract, jump in ((False, seen.jump_in), (True, seen.pull_off)):
             leg = curve.leg(retract)
-            kept = _thinned(leg, jump, most)
             if jump is not None:
-                (near if retract else far).append(kept[kept <= jump.before - STEEP])
-                (far if retract else near).append(kept[kept >= jump.after])
+                (near if retract else far).append(leg[leg <= jump.before - STEEP])
+                (far if retract else near).append(leg[leg >= jump.after])
             elif not (seen.returned if retract else seen.begun):
-                near.append(kept)
+                near.append(leg)
             else:
-                whole[retract] = kept
+                whole[retract] = leg
         return cls(curve, seen, np.concatenate(far), np.concatenate(near), *whole)
 
-    def labelled(
-        self, approach: Leg, retract: Leg, contact_point: float, recorded: Array, most: int | None
-    ) -> Comparison:
+    def labelled(self, approach: Leg, retract: Leg, contact_point: float, recorded: Array) -> Comparison:
         """With the place of a jump in legs where none stands out, where the branches of a model put it most likely.
 
         Parameters
@@ -182,7 +179,7 @@ class Comparison:
             width = math.hypot(float(abs(np.diff(self.curve.piezo[own[k : k + 2]])[0])), math.sqrt(12.0) * spread)
             before, after = int(own[k]), int(own[k + 1])
             found[name] = MeasuredJump(before, after, place, float(self.curve.force[before]), step, width)
-        return Comparison.of(self.curve, replace(self.seen, **found), most) if found else self
+        return Comparison.of(self.curve, replace(self.seen, **found)) if found else self
 
     @property
     def samples(self) -> Indices:
@@ -213,13 +210,6 @@ class Comparison:
                 late = (retract.jump.piezo + contact_point - samples.min()) * samples.size / float(np.ptp(samples))
             found.append(max(0.0, late))
         return np.array(found)
-
-
-def _thinned(leg: Indices, jump: MeasuredJump | None, most: int | None) -> Indices:
-    if most is None or leg.size <= most:
-        return leg
-    kept = leg[:: max(1, leg.size // most)]
-    return kept if jump is None else np.union1d(kept, leg[np.abs(leg - jump.before) <= most // 20])
 
 
 def _jump_place(leg: Leg) -> float:

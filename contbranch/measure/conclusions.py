@@ -21,8 +21,6 @@ from contbranch.measure.reduced import TABOR
 from contbranch.results.diagram import Cost
 from contbranch.results.fit import Correlations, Fit, FitJump
 
-__all__ = ["concluded"]
-
 # Largest relative error of a value that the data determine, and the part of the length of the contact by which its
 # place is to be known.
 KNOWN, PLACED = 0.2, 0.3

@@ -18,7 +18,7 @@ from contbranch.contact.units import Quantity
 from contbranch.errors import InputError, ModelError, look_up
 from contbranch.measure.conclusions import concluded
 from contbranch.measure.force_curve import ForceCurve
-from contbranch.measure.minimum import FEW, MISFIT, Minimiser, Minimum, correlation_length, errors_of, loss, moved
+from contbranch.measure.minimum import MISFIT, Minimiser, Minimum, correlation_length, errors_of, loss, moved
 from contbranch.measure.quantities import LINE, NARROW, Problem, State
 from contbranch.measure.reduced import LIMITS, tabulated
 from contbranch.measure.starts import guessed, starts
@@ -26,8 +26,6 @@ from contbranch.results.diagram import Cost
 from contbranch.results.fit import Fit, LawFit
 from contbranch.threads import one_thread
 from contbranch.watch import INTERRUPTIONS, Progress, caught, finishing, over, part, tell, told, watched
-
-__all__ = ["fit", "named"]
 
 # Laws that are compared.
 COMPARED = ("maugis-dugdale", "exponential", "van-der-waals", *LIMITS)
@@ -187,7 +185,7 @@ class _Fitting:
         return {name: losses[name] / (misfit * length) + one.x.size * penalty for name, one in found.items()}
 
     def _followed(self, problem: Problem) -> Minimum:
-        """The best minimum: starts tried on few samples, the best of them followed on all."""
+        """The best minimum: starts tried roughly, the best of them followed to the end."""
         noise = self.minimiser.seen.noise
         tried: list[Minimum] = []
         failure: Exception | None = None
@@ -200,13 +198,13 @@ class _Fitting:
                 break
             try:
                 tell(0.1 * k, f"start {k + 1}")
-                tried.append(self.minimiser.minimised(pilot, x, self.minimiser.few, (rough, TRIED)))
+                tried.append(self.minimiser.minimised(pilot, x, self.minimiser.samples, (rough, TRIED)))
             except (ModelError, InputError, FloatingPointError) as error:
                 failure = error
             except INTERRUPTIONS as error:
                 caught(error)
                 with finishing():  # the start itself is there then
-                    tried.append(self.minimiser.minimised(pilot, x, self.minimiser.few, (rough, 1)))
+                    tried.append(self.minimiser.minimised(pilot, x, self.minimiser.samples, (rough, 1)))
         if not tried:
             raise ModelError(f"fit: the contact cannot be traced near the curve. {failure}")
         tried.sort(key=lambda one: one.cost)
@@ -217,9 +215,10 @@ class _Fitting:
             fits = found and found[0].cost < MISFIT**2 * found[0].comparison.samples.size
             if found and (over() or (fits and worse)):  # one start has led to a fit, this one was clearly worse
                 break
-            coarse = self.minimiser.minimised(problem, one.x, self.minimiser.few, (max(noise, 0.2 * rough), TRIED))
-            coarse = self.minimiser.minimised(problem, coarse.x, self.minimiser.labelled(coarse, FEW), (noise, TRIED))
-            found.append(self.minimiser.minimised(problem, coarse.x, self.minimiser.labelled(coarse), (noise, MOST)))
+            one = self.minimiser.minimised(problem, one.x, self.minimiser.samples, (max(noise, 0.2 * rough), TRIED))
+            for evaluations in (TRIED, MOST):  # each time with jumps where the last one puts them
+                one = self.minimiser.minimised(problem, one.x, self.minimiser.labelled(one), (noise, evaluations))
+            found.append(one)
         best = min(found, key=lambda one: one.cost)
         spread = self.minimiser.spread(best)
         if spread > MISFIT * best.spread:  # weights that residuals which are no white noise deserve

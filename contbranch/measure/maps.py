@@ -127,7 +127,7 @@ def fit_map(
     limit = positive_number(settings.get("task_limit", 600.0), "task_limit")
     task = Fitting(contact, named(free), **chosen, time_limit=limit)
     running = {name: settings[name] for name in _SWEEPING if name in settings}
-    design = _laid_out(listed, settings.get("shape"))
+    design = _laid_out(contact, listed, settings.get("shape"))
     resume = settings.get("resume", False)
     found = sweep(design, path, executor, resume, task=task, progress=progress, **running)
     if not isinstance(found, FitMap):
@@ -135,7 +135,7 @@ def fit_map(
     return found
 
 
-def _laid_out(curves: Sequence[ForceCurve | Unread], shape: tuple[int, int] | None) -> Listed:
+def _laid_out(contact: Contact, curves: Sequence[ForceCurve | Unread], shape: tuple[int, int] | None) -> Listed:
     """Curves with their places: a grid where they fill one, row by row."""
     places: list[Mapping[str, float]] = [one.place for one in curves]
     if shape is not None:
@@ -153,5 +153,6 @@ def _laid_out(curves: Sequence[ForceCurve | Unread], shape: tuple[int, int] | No
     if np.array_equal(np.sort(flat), np.arange(np.prod(size))):
         order = np.argsort(flat)
         axes = {name: tuple(one.tolist()) for name, one in zip(names, centres, strict=True)}
-        return Listed([curves[k] for k in order], axes, "grid")
-    return Listed(curves, {name: tuple(one.tolist()) for name, one in zip(names, columns_of, strict=True)}, "zip")
+        return Listed(contact, axes, "grid", [curves[k] for k in order])
+    axes = {name: tuple(one.tolist()) for name, one in zip(names, columns_of, strict=True)}
+    return Listed(contact, axes, "zip", curves)

@@ -20,10 +20,6 @@ from contbranch.measure.quantities import Problem, State
 from contbranch.measure.reduced import curve_of
 from contbranch.watch import INTERRUPTIONS, caught, check, finishing
 
-__all__ = ["FEW", "MISFIT", "Minimiser", "Minimum", "correlation_length", "errors_of", "loss", "moved"]
-
-# Samples of a leg while starts are tried.
-FEW = 250
 # Residuals beyond so many standard deviations count less.
 ROBUST = 3.0
 # Where the residuals' standard deviation exceeds the noise by this, or their correlation length a sample, the model is
@@ -76,8 +72,8 @@ class Minimiser:
     curve : ForceCurve
     seen : Features
         Of the curve.
-    all, few : Comparison
-        With all its samples, and with few.
+    samples : Comparison
+        With the jumps that are seen in it.
     stiffness : float
         Of the spring; infinite where the curve was measured without one.
     evaluations : int
@@ -91,8 +87,7 @@ class Minimiser:
     def __init__(self, curve: ForceCurve, adhesive: bool) -> None:
         self.curve, self.evaluations = curve, 0
         self.seen = features(curve, adhesive=adhesive)
-        self.all = Comparison.of(curve, self.seen)
-        self.few = Comparison.of(curve, self.seen, FEW)
+        self.samples = Comparison.of(curve, self.seen)
         if not curve.rigid and curve.spring is None:
             raise InputError("spring: missing; give the stiffness of the cantilever, such as '0.5 N/m'")
         self.stiffness = math.inf if curve.spring is None else curve.spring
@@ -204,13 +199,12 @@ class Minimiser:
         own = {"contact_point": 0.1 * length, "baseline": noise, "tilt": noise / float(np.ptp(self.curve.piezo))}
         return np.array([own.get(name, 0.1) for name in problem.names])
 
-    def labelled(self, found: Minimum, most: int | None = None) -> Comparison:
+    def labelled(self, found: Minimum) -> Comparison:
         """The samples on the branches on which a fit puts them."""
         state = found.problem.state(found.x)
         place, baseline, tilt = state.line
         own = (self.curve.force - baseline - tilt * self.curve.piezo) / self.gain(state)
-        known = self.all if most is None else self.few
-        return known.labelled(*self.legs(found.problem, state), place, own, most)
+        return self.samples.labelled(*self.legs(found.problem, state), place, own)
 
     def spread(self, found: Minimum) -> float:
         """Standard deviation that independent residuals would have, were there as many as they are worth."""

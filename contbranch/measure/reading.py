@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import math
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -138,37 +138,35 @@ def _of_table(path: Path, spring: Quantity) -> _Makers:
         raise InputError(
             f"curve: '{path}' has the columns {', '.join(filter(None, names))}; needs piezo (or tip) and force"
         )
-    for number, row in enumerate(rows, start=2):
-        if len(row) < len(names):
-            raise InputError(f"curve: '{path}', row {number}: {len(row)} values; must be {len(names)}")
-    units = {name: match[2] for name, match in zip(names, headings, strict=True) if match and match[2]}
+    decimal = "." if delimiter == "," else ","
     columns: dict[str, AnyArray] = {}
-    for name, cells in zip(names, zip(*rows, strict=False), strict=False):
-        if name in (*COLUMNS, *_POSITION):
-            columns[name] = np.array(_numbers(cells, name, path, decimal="." if delimiter == "," else ","))
-        elif name in ("segment", "curve"):
-            columns[name] = np.array(cells)
-    maps = columns.pop("curve", np.zeros(len(rows)))
+    for place, name in enumerate(names):
+        if name in ("segment", "curve", *COLUMNS, *_POSITION):
+            kind = str if name in ("segment", "curve") else float
+            columns[name] = np.array([_cell(row, place, f"'{path}', row {k}: {name}", kind, decimal)
+                                      for k, row in enumerate(rows, start=2)])  # fmt: skip
+    units = {name: match[2] for name, match in zip(names, headings, strict=True) if match and match[2]}
     where = {name: columns.pop(name) for name in _POSITION if name in columns}
     for name, values in where.items():
-        values *= parse(f"1 {units.get(name, 'nm')}", "length", f"curve: unit of {name}")
+        values *= parse(f"1 {units.pop(name, 'nm')}", "length", f"curve: unit of {name}")
     units = {name: unit for name, unit in units.items() if name in COLUMNS}
+    maps = columns.pop("curve", np.zeros(len(rows)))
     found: _Makers = []
     for part in (np.flatnonzero(maps == one) for one in dict.fromkeys(maps.tolist())):
         own = {name: values[part] for name, values in columns.items()}
-        place = {name: float(values[part[0]]) for name, values in where.items()}
-        found.append((place, partial(ForceCurve, spring=spring, units=units, source=str(path), **own)))
+        place_of = {name: float(values[part[0]]) for name, values in where.items()}
+        found.append((place_of, partial(ForceCurve, spring=spring, units=units, source=str(path), **own)))
     return found
 
 
-def _numbers(cells: Sequence[str], name: str, path: Path, decimal: str) -> list[float]:
-    found = []
-    for number, cell in enumerate(cells, start=2):
-        try:
-            found.append(float(cell.replace(decimal, ".").strip() or "nan"))
-        except ValueError:
-            raise InputError(f"curve: '{path}', row {number}: {name} {cell!r} is not a number") from None
-    return found
+def _cell(row: list[str], place: int, what: str, kind: type, decimal: str) -> Any:
+    """A cell of a row: a text, or a number, of which there may be none."""
+    if place >= len(row):
+        raise InputError(f"curve: {what} is missing")
+    try:
+        return row[place] if kind is str else float(row[place].replace(decimal, ".").strip() or "nan")
+    except ValueError:
+        raise InputError(f"curve: {what} {row[place]!r} is not a number") from None
 
 
 def _of_instrument(path: Path, spring: Quantity) -> _Makers:

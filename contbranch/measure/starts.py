@@ -16,8 +16,6 @@ from contbranch.measure.minimum import Minimiser, moved
 from contbranch.measure.quantities import Problem, State
 from contbranch.measure.reduced import tabulated
 
-__all__ = ["guessed", "starts"]
-
 # Tabor coefficients from which fits start, where the range is free; and factors of the modulus otherwise.
 STARTS, FACTORS = (0.2, 0.8, 3.0, 12.0), (0.2, 1.0, 5.0)
 # Contact points that are tried.
@@ -86,7 +84,7 @@ def _placed(minimiser: Minimiser, problem: Problem, x: Array) -> Array:
         around = state.contact.scales.normal
         places += list(np.linspace(min(places) - around, max(places) + around, PLACES))
     k, losses = problem.names.index("contact_point"), []
-    comparison, (_, baseline, tilt) = minimiser.few, state.line
+    comparison, (_, baseline, tilt) = minimiser.samples, state.line
     recorded = force[comparison.samples] - baseline - tilt * piezo[comparison.samples]
     for place in places:
         own = comparison.forces(approach, retract, place) / state.sensitivity

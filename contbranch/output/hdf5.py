@@ -13,7 +13,7 @@ import re
 import subprocess
 import sys
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import MISSING, fields, replace
 from itertools import pairwise
 from pathlib import Path
@@ -24,7 +24,6 @@ import numpy as np
 from contbranch.contact.height_map import HeightMap
 from contbranch.errors import InputError
 from contbranch.output import files
-from contbranch.output.document import VERSION, document, head
 from contbranch.output.sweep_file import is_sweep, load_sweep, rebuilt
 from contbranch.results.diagram import (
     Branch,
@@ -41,7 +40,18 @@ from contbranch.results.diagram import (
 from contbranch.results.followed import Followed, Special
 from contbranch.results.loop import Hysteresis, Jump, Path as LoopPath
 from contbranch.results.profile import CellFields, ModeShape, Profile
-from contbranch.results.record import Record, Result, UnitNames, Values, columns, key_of, kind_of, same, unit_of
+from contbranch.results.record import (
+    VERSION,
+    Record,
+    Result,
+    UnitNames,
+    Values,
+    columns,
+    key_of,
+    kind_of,
+    quantity_of,
+    same,
+)
 
 if TYPE_CHECKING:
     import h5py
@@ -102,22 +112,7 @@ def content(result: Result) -> bytes:
         result = _as_diagram(result)
     if isinstance(result, Diagram):
         return _stored(_write_diagram, result)
-    return _stored(_write_object, document(result))
-
-
-def save_document(document: Mapping[str, Any], path: str | Path) -> None:
-    """Write a document, such as that of a loop or of a followed event, to an HDF5 file as it is.
-
-    Objects are groups, lists of numbers datasets (NaN for null), lists of objects groups numbered from 0, everything
-    else attributes; what is null has none.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be written.
-    """
-    with files.reserved(path) as place:
-        place.write(_stored(_write_object, document))
+    return _stored(_write_object, result.document())
 
 
 def _stored(fill: Callable[[h5py.File, Kept], None], value: Kept) -> bytes:
@@ -250,22 +245,22 @@ def _kind_of(file: h5py.File, path: Path) -> Any:
 
 
 def _write_diagram(file: h5py.File, diagram: Diagram) -> None:
-    top = head(diagram)
+    top = diagram.head()
     names = top.get("unit_names", {})
     file.attrs.update({key: top[key] for key in ("format", "version", "units")})
     for key, text in (("unit_names", names), ("contact", top["contact"])):
         file[key] = json.dumps(text, ensure_ascii=False)  # no attribute: a tabulated law may be long
     tip = None if diagram.contact is None else diagram.contact.tip
     if isinstance(tip, HeightMap):  # of which the description has only a digest
-        _write(file.create_group("tip"), "heights", tip.heights, names, "gap")
+        _write(file, "tip", {"heights": tip.heights}, {"heights": names.get("gap", "")})
     shapes = {number: event.mode_shape for number, event in enumerate(diagram.events) if event.mode_shape is not None}
     for item in fields(diagram):
         if item.name not in ("contact", "description", "unit_names"):
             _write(file, item.name, diagram.held(item.name), names)
-    _write(file, "mode_shapes", shapes, names)
+    _write(file, "mode_shapes", shapes, {"radius": names.get("radius", "")})  # the rest is relative to the gap
 
 
-def _write(group: h5py.Group, name: str, value: Any, names: UnitNames, quantity: str = "") -> None:
+def _write(group: h5py.Group, name: str, value: Any, names: UnitNames) -> None:
     """Write a value: an array as dataset with its unit, numbers and texts as attributes, everything else as groups.
 
     A list of numbers is an array, with NaN for null.
@@ -275,25 +270,27 @@ def _write(group: h5py.Group, name: str, value: Any, names: UnitNames, quantity:
     if isinstance(value, list) and not any(isinstance(item, list | Mapping) for item in value):
         value = np.array([np.nan if item is None else item for item in value], dtype=float)
     if isinstance(value, np.ndarray):
-        group.create_dataset(name, data=value, compression="gzip" if value.ndim > 1 else None)
-        if quantity in names:
-            group[name].attrs["unit"] = names[quantity]
+        data = group.create_dataset(name, data=value, compression="gzip" if value.ndim > 1 else None)
+        if unit := names.get(quantity_of(name)):
+            data.attrs["unit"] = unit
     elif isinstance(value, int | float | str | np.generic):
         group.attrs[name] = value
-    elif isinstance(value, Record):
-        inner = group.create_group(name)
-        for item in fields(value):
-            _write(inner, key_of(item), value.held(item.name), names, unit_of(item))
     elif name == "events":
         _write_table(group.create_group(name), Event, value)
-    elif name == "profiles":
-        joined = {item.name: [getattr(profile, item.name) for profile in value] for item in fields(Profile)}
-        _write(group, name, Profile(**{name: np.concatenate(arrays) for name, arrays in joined.items()}), names)
-        group[name]["offsets"] = np.cumsum([0, *(len(r) for r in joined["r"])])
     else:
         inner = group.create_group(name)
-        for key, one in value.items() if isinstance(value, Mapping) else enumerate(value):
+        for key, one in _parts(name, value):
             _write(inner, str(key), one, names)
+
+
+def _parts(name: str, value: Any) -> Iterable[tuple[Any, Any]]:
+    """What a group holds: of profiles their arrays one behind the other, and where each begins."""
+    if name == "profiles":
+        joined = {item.name: np.concatenate([getattr(one, item.name) for one in value]) for item in fields(Profile)}
+        return {**joined, "offsets": np.cumsum([0, *(len(one.r) for one in value)])}.items()
+    if isinstance(value, Record):
+        return [(key_of(item), value.held(item.name)) for item in fields(value)]
+    return value.items() if isinstance(value, Mapping) else enumerate(value)
 
 
 def _write_table(group: h5py.Group, kind: type[Record], records: Sequence[Record]) -> None:

@@ -155,11 +155,9 @@ class _Packed:
         counts, reach = [], 0.0
         for one, radius in zip(branch.profiles, branch.contact_radius, strict=True):
             profile = given(one)
-            beyond = np.flatnonzero(profile.gap > 1.25 * limit) if limit else np.zeros(0, int)
-            last = min(int(beyond[0]) + 1 if beyond.size else len(profile.r), len(profile.r))
-            last = max(last, 2)
-            near = np.flatnonzero(profile.gap[:last] <= limit) if limit else np.arange(last)
-            reach = max(reach, float(profile.r[near[-1]]) if near.size else 0.0)
+            beyond = np.flatnonzero(profile.gap > 1.25 * (limit or np.inf))
+            last = max(int(beyond[0]) + 1, 2) if beyond.size else len(profile.r)
+            reach = max(reach, *profile.r[:last][profile.gap[:last] <= (limit or np.inf)][-1:].tolist(), 0.0)
             nodes = np.unique(np.linspace(0, last - 1, min(last, most)).round().astype(int))
             if radius > 0.0:  # the kink at the rim
                 nodes = np.union1d(nodes, [int(np.argmin(np.abs(profile.r[:last] - radius)))])

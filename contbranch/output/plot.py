@@ -1,4 +1,4 @@
-"""Publication plots: bifurcation diagrams, profiles of gap and pressure, local exponents.
+"""Publication plots: bifurcation diagrams, profiles of gap and pressure.
 
 Figures are one column wide and drawn without pyplot, so that they need no display and keep no global state. Colours are
 those of Okabe and Ito, which stay apart for colour-blind readers; line style and marker shape repeat what colour says.
@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib import rcParams
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -20,7 +19,7 @@ from matplotlib.lines import Line2D
 from contbranch.arrays import Array
 from contbranch.errors import InputError
 from contbranch.output.files import write
-from contbranch.output.plot_curve import Line, Piece, coordinate, fine_profile, pieces, smooth_line
+from contbranch.output.plot_curve import Line, Piece, coordinate, pieces, smooth_line
 from contbranch.output.plot_labels import place_labels
 from contbranch.output.plot_maps import cell_maps
 from contbranch.output.plot_view import (
@@ -32,6 +31,7 @@ from contbranch.output.plot_view import (
     check_observables,
     figure_of,
     handle,
+    loud_radius,
     mark_rim,
     new_figure,
     said,
@@ -40,16 +40,14 @@ from contbranch.output.plot_view import (
     view,
 )
 from contbranch.results.diagram import Diagram, Event, Solution, State
+from contbranch.results.profile import FAINT
 from contbranch.results.record import UnitNames
-from contbranch.results.table import with_unit
 
 SUFFIXES = (".pdf", ".png", ".svg")
 
 _STABLE, _UNSTABLE, _TOUCH, _SYMMETRY = SERIES[:4]
-_MODES = 6  # up to so many losses of symmetry are all labelled; of more, those of the least and the largest m
 _MOST = 8  # labels of a panel
 _CLOSE = 6.0  # pixels between points that are not told apart
-_KNOWN = 0.1  # local exponents with a larger error are not drawn
 
 
 def draw(result: Any) -> Figure:
@@ -123,7 +121,7 @@ def _figure(diagram: Diagram, panels: Sequence[tuple[str, str]], labels: bool, l
         lines, handles = _lines(diagram), _legend(diagram)
         figure = stacked(len(panels), lambda axes, k: _draw_curve(axes, diagram, lines, panels[k], line), handles, 2)
         for axes, (x, y) in zip(figure.axes, panels if labels else [], strict=False):
-            _place_labels(axes, diagram, x, y)  # now that the layout is final
+            _place_labels(axes, diagram, x, y)
     return figure
 
 
@@ -139,65 +137,24 @@ def profiles(state: State, unit_names: UnitNames | None = None) -> Figure:
     if profile is None:
         raise InputError("state: it has no profile; take a state of a traced diagram or of solve")
     names = unit_names or {}
-    fine = fine_profile(profile, state.contact_radius)
-    shown = fine.r <= _interesting_radius(state)
-    r = fine.r[shown]
+    reach = max(1.25 * loud_radius(profile.r, profile.pressure, FAINT), 1.5 * state.contact_radius)
+    shown = profile.r <= reach
+    r = profile.r[shown]
     with new_figure(3.8) as figure:
         above, below = figure.subplots(2, 1, sharex=True)
-        above.plot(r, fine.gap[shown], color=_STABLE)
-        below.plot(r, fine.pressure[shown], color=_STABLE, label="total")
+        above.plot(r, profile.gap[shown], color=_STABLE)
+        below.plot(r, profile.pressure[shown], color=_STABLE, label="total")
         if state.contact_radius > 0.0:
-            below.plot(r, fine.wall_pressure[shown], color=_UNSTABLE, linestyle="--", label="wall")
+            below.plot(r, profile.wall_pressure[shown], color=_UNSTABLE, linestyle="--", label="wall")
             below.legend()
         below.axhline(0.0, color=GREY, linewidth=0.5, zorder=0)
         mark_rim((above, below), state.contact_radius, True, -1)
-        for axes in (above, below):
-            axes.margins(x=0.0)
-        above.set_ylim(bottom=-0.04 * float(np.max(fine.gap[shown], initial=1e-300)))
+        above.margins(x=0.0)
+        above.set_ylim(bottom=-0.04 * float(np.max(profile.gap[shown], initial=1e-300)))
         above.set_ylabel(axis_label("gap", names))
         below.set_ylabel(axis_label("pressure", names))
         below.set_xlabel(axis_label("r", names))
         figure.align_ylabels()
-    return figure
-
-
-def local_exponent(diagram: Diagram, events: Sequence[Event] | None = None) -> Figure:
-    """Draw the local exponents of events against the excess of the control, with lines at 1/2 and 1/3.
-
-    Parameters
-    ----------
-    diagram : Diagram
-    events : sequence of Event, optional
-        Folds and touches of the diagram; default: the named folds under its control.
-
-    Raises
-    ------
-    InputError
-        If there is no such event, or an event has no local exponent.
-    """
-    chosen = [e for e in diagram.folds(diagram.control) if e.name] if events is None else list(events)
-    if not chosen:
-        raise InputError(f"events: no fold under {diagram.control} control has a name; give events of the diagram")
-    names = diagram.unit_names
-    with new_figure(2.7) as figure:
-        axes = figure.subplots()
-        for level, text in ((1 / 2, "1/2"), (1 / 3, "1/3")):
-            axes.axhline(level, color=GREY, linewidth=0.6, linestyle=":", zorder=0)
-            axes.annotate(
-                text, (1.0, level), (3.0, 0.0), xycoords=axes.get_yaxis_transform(), textcoords="offset points",
-                va="center", color=GREY, fontsize=rcParams["legend.fontsize"], annotation_clip=False,
-            )  # fmt: skip
-        for event, color in zip(chosen, SERIES * (1 + len(chosen) // len(SERIES)), strict=False):
-            _draw_exponent(axes, diagram, event, color)
-        axes.set_xscale("log")
-        shown = np.concatenate([line.get_ydata() for line in axes.get_lines()])
-        axes.set_ylim(max(min(shown.min(), 1 / 3) - 0.05, -0.2), min(max(shown.max(), 1 / 2) + 0.05, 1.2))
-        axes.margins(x=0.02)
-        symbol = r"\Delta d" if all(e.control == "displacement" for e in chosen) else r"\Delta F_N"
-        unit = names.get("displacement" if "d" in symbol[-1] else "load", "")
-        axes.set_xlabel(with_unit(f"Excess over the event ${symbol}$", unit))
-        axes.set_ylabel(r"Local exponent $\kappa_\mathrm{local}$")
-        axes.legend()
     return figure
 
 
@@ -223,16 +180,6 @@ def figure_content(figure: Figure, suffix: str, **options: Any) -> bytes:
     dates = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}.get(kind)
     figure.savefig(drawn, metadata=dates, format=kind, **options)
     return drawn.getvalue()
-
-
-def _interesting_radius(state: State) -> float:
-    """Return the radius up to which a profile is shown: where its pressure fades, beyond the contact at any rate."""
-    profile = state.profile
-    assert profile is not None
-    strength = np.abs(profile.pressure)
-    loud = np.flatnonzero(strength > 0.01 * np.max(strength, initial=0.0))
-    reach = 1.25 * float(profile.r[loud[-1]]) if loud.size else float(profile.r[-1])
-    return max(reach, 1.5 * state.contact_radius)
 
 
 # One curve
@@ -311,38 +258,35 @@ def _place_labels(axes: Axes, diagram: Diagram, x: str, y: str) -> None:
 
 
 def _labelled(axes: Axes, diagram: Diagram, x: str, y: str) -> list[tuple[Event, str, Array]]:
-    """Return the events that get a label, with it and their place: the most important ones, one of each at a place.
+    """Return the events that get a label, with it and their place: those of the control first, one of each at a place.
 
-    In a cascade the first and the last fold of a kind are named, and those between numbered where there is room.
+    Of the folds of a cascade, and of the modes that lose their symmetry, the first and the last are named.
     """
-    modes = [e.mode for e in diagram.events if e.mode is not None]
-    ends = set(modes if len(modes) <= _MODES else (min(modes), max(modes)))
+    marked = _marked(diagram)
     numbers: dict[str, set[int]] = {}
-    for event in diagram.events:
-        base, _, number = (event.name or "").rpartition("-")
-        if number.isdigit():
-            numbers.setdefault(base, set()).add(int(number))
-    found = []
-    for event in _marked(diagram):
-        base, _, number = _label(event).rpartition("-")
-        between = number.isdigit() and min(numbers[base]) < int(number) < max(numbers[base])
-        if event.kind != "symmetry" or event.mode in ends:
-            found.append((event, number if between else _label(event), between, event.control != diagram.control))
+    for event in marked:
+        kind, number = _numbered(event)
+        numbers.setdefault(kind, set()).add(number)
     kept: list[tuple[Event, str, Array]] = []
-    pixels: list[Array] = []
-    for event, text, between, _ in sorted(found, key=lambda one: one[2:]):
-        point = np.array([coordinate(diagram, event, x), coordinate(diagram, event, y)])
-        pixel = axes.transData.transform(point)
-        close = [text if between else other[1] for other, at in zip(kept, pixels, strict=True)
-                 if np.hypot(*(pixel - at)) <= _CLOSE]  # fmt: skip
-        if text not in close and len(kept) < _MOST:
+    for event in sorted(marked, key=lambda event: event.control != diagram.control):
+        kind, number = _numbered(event)
+        text, point = _label(event), np.array([coordinate(diagram, event, name) for name in (x, y)])
+        pixels = axes.transData.transform(np.array([point, *(place for _, _, place in kept)]))
+        beside = np.hypot(*(pixels[1:] - pixels[0]).T) <= _CLOSE
+        shared = any(near and one[1] == text for near, one in zip(beside, kept, strict=True))
+        if not shared and len(kept) < _MOST and number in (min(numbers[kind]), max(numbers[kind])):
             kept.append((event, text, point))
-            pixels.append(pixel)
     return kept
 
 
 def _label(event: Event) -> str:
     return f"$m = {event.mode}$" if event.kind == "symmetry" else event.name or "touch"
+
+
+def _numbered(event: Event) -> tuple[str, int]:
+    """Of what an event is one of several, and its number among them."""
+    kind, _, number = (event.name or "").rpartition("-")
+    return (kind, int(number)) if number.isdigit() else (event.kind + kind, event.mode or 0)
 
 
 def _legend(diagram: Diagram) -> list[Line2D]:
@@ -359,23 +303,3 @@ def _legend(diagram: Diagram) -> list[Line2D]:
         if label not in handles:
             handles[label] = handle(label, linestyle="none", markeredgewidth=0.7, **_marker(diagram, event))
     return list(handles.values())
-
-
-def _draw_exponent(axes: Axes, diagram: Diagram, event: Event, color: str) -> None:
-    """Draw κ_local of one event with its error band and the crossover."""
-    found = diagram.local_exponent(event)
-    good = np.isfinite(found.kappa) & (found.excess > 0.0) & ~(found.error > _KNOWN)
-    excess, kappa = found.excess[good], found.kappa[good]
-    error = np.nan_to_num(found.error[good], nan=0.0)
-    label = event.name or event.kind
-    if event.control:
-        label += f" ({event.control})"
-    axes.plot(excess, kappa, color=color, label=label)
-    axes.fill_between(excess, kappa - error, kappa + error, color=color, alpha=0.25, linewidth=0.0)
-    crossover = None if event.exponent is None else event.exponent.crossover_load
-    if crossover is not None and excess.size and excess[0] < crossover < excess[-1]:
-        at = float(np.interp(np.log(crossover), np.log(excess), kappa))
-        axes.plot(crossover, at, marker="|", markersize=9.0, color=color)
-        symbol = r"$\Delta d_\times$" if event.control == "displacement" else r"$\Delta F_\times$"
-        axes.annotate(symbol, (crossover, at), (2.0, 5.0), textcoords="offset points", color=color,
-                      fontsize=rcParams["legend.fontsize"])  # fmt: skip

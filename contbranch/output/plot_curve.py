@@ -1,4 +1,4 @@
-"""Smooth lines: a branch turns round at its folds and nowhere else, a profile has its kink at the rim."""
+"""Smooth lines: a branch turns round at its folds and nowhere else."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from contbranch.arrays import AnyArray, Array, Flags, Integers
 from contbranch.output.smooth import smooth
-from contbranch.results.diagram import Branch, Diagram, Event, Profile
+from contbranch.results.diagram import Branch, Diagram, Event
 
 Columns = dict[str, Array]
 
@@ -110,24 +110,6 @@ def pieces(line: Line, x: str, y: str) -> list[Piece]:
             part = slice(start * _FINE, stop * _FINE + 1)
             found.append(Piece(line.columns[x][part], line.columns[y][part], bool(line.stable[start])))
     return found
-
-
-def fine_profile(profile: Profile, contact_radius: float) -> Profile:
-    """Return a profile with its steps filled in by monotonic cubics, inside and outside the contact apart."""
-    r = profile.r
-    fine = np.unique(r[:-1, None] + np.diff(r)[:, None] * np.linspace(0.0, 1.0, 9))
-    columns = []
-    for values in (profile.gap, profile.pressure, profile.wall_pressure):
-        filled = np.interp(fine, r, values)
-        for side, here in (
-            (r <= contact_radius, fine <= contact_radius),
-            (r >= contact_radius, fine >= contact_radius),
-        ):
-            if np.count_nonzero(side) > 2:
-                inner = here & (fine >= r[side][0]) & (fine <= r[side][-1])
-                filled[inner] = smooth(r[side], values[side], fine[inner])
-        columns.append(filled)
-    return Profile(fine, *columns)
 
 
 def _knots(diagram: Diagram, branch: Branch, events: list[Event]) -> tuple[Columns, Array, Integers, list[int]]:

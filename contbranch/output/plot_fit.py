@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from contbranch.output.plot_view import BLUE, GREY, ORANGE, WIDTH, handle, new_figure
+from contbranch.output.plot_view import BLUE, GREY, ORANGE, handle, heat_map, new_figure
 from contbranch.results.fit import Fit
 from contbranch.results.fit_map import FitMap
 from contbranch.results.table import with_unit
@@ -48,18 +48,17 @@ def fit_figure(fit: Fit) -> Figure:
 
 def map_figure(fits: FitMap, names: Sequence[str]) -> Figure:
     """Draw values over the places of a map, side by side; a cross where there is none."""
-    with new_figure(2.6) as figure:
-        figure.set_figwidth(WIDTH * max(1.0, len(names)))
+    with new_figure(2.6, max(1, len(names))) as figure:
         for axes, name in zip(figure.subplots(1, len(names), squeeze=False)[0], names, strict=True):
             x, y, values = fits.picture(name)
             unit = fits.unit_names.get(name, "")
             unit, factor = PEOPLE.get(unit, (unit, 1.0))
-            image = axes.pcolormesh(x, y, factor * values, shading="nearest", cmap="viridis", rasterized=True)
+            axes.set_aspect("equal")
+            title = with_unit(name.replace("_", " "), unit)
+            heat_map(axes, x, y, factor * values, title, shading="nearest", cmap="viridis")
             rows, columns = np.nonzero(~np.isfinite(values))
             axes.plot(x[columns], y[rows], "x", color=GREY, markersize=3.0, markeredgewidth=0.6)
-            axes.set(aspect="equal", title=with_unit(name.replace("_", " "), unit))
             across, up = ("x", "y") if "x" in fits.parameters else ("column", "row")
             axes.set_xlabel(with_unit(across, fits.unit_names.get(across, "")))
             axes.set_ylabel(with_unit(up, fits.unit_names.get(up, "")))
-            figure.colorbar(image, ax=axes, shrink=0.8).outline.set_linewidth(0.5)
     return figure

@@ -172,7 +172,7 @@ def _mark(axes: Axes, shown: Followed | PhaseDiagram, y: str, special: Sequence[
             markeredgecolor="white", markeredgewidth=0.7, zorder=5,
         )  # fmt: skip
     figure = figure_of(axes)
-    figure.canvas.draw()
+    figure.draw_without_rendering()
     figure.set_layout_engine("none")
     place_labels(axes, points, [one.kind.replace("-", " ") for one in marked], ["black"] * len(marked))
 

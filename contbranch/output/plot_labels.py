@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from matplotlib import rcParams
@@ -22,12 +22,8 @@ _ROOM = 1.5  # around a label, points
 _BLOCKED, _OUTSIDE = 10.0, 10.0  # what it costs to cover a label, in lines covered; and to leave the frame, in labels
 
 
-class _Place(NamedTuple):
-    """A place of a label, in pixels: its box, the line from its point, and how far it is away."""
-
-    box: Bbox
-    leader: Path | None
-    distance: float
+# A place of a label, in pixels: its box, the line from its point, and how far it is away.
+_Place = tuple[Bbox, Path | None, float]
 
 
 def place_labels(axes: Axes, points: Array, texts: Sequence[str], colors: Sequence[str]) -> None:
@@ -60,21 +56,19 @@ def place_labels(axes: Axes, points: Array, texts: Sequence[str], colors: Sequen
         text = Text(0.0, 0.0, texts[i], fontsize=size, figure=figure)
         extent = np.array(text.get_window_extent(figure.canvas.get_renderer()).padded(_ROOM * unit).size)
         others = np.array([at[j] for j in seen if np.hypot(*(at[j] - at[i])) > unit]).reshape(-1, 2)
-        best, least = None, np.inf
+        costs: list[tuple[float, _Place]] = []
         for place in _places(at[i], extent, unit):
-            cost = obstacles(place, others)
-            if cost < least:
-                best, least = place, cost
-            if not least:
+            costs.append((obstacles(place, others), place))
+            if not costs[-1][0]:
                 break
-        assert best is not None
-        taken.append(best.box)
-        lines += [] if best.leader is None else [best.leader]
+        box, leader, _ = min(costs, key=lambda one: one[0])[1]
+        taken.append(box)
+        lines += [] if leader is None else [leader]
         style = {"arrowstyle": "-", "linewidth": 0.5, "color": colors[i], "shrinkA": 0.0, "shrinkB": 3.0}
-        offset = (best.box.get_points().mean(axis=0) - at[i]) / unit
+        offset = (box.get_points().mean(axis=0) - at[i]) / unit
         axes.annotate(
             texts[i], tuple(points[i]), tuple(offset), textcoords="offset points", ha="center", va="center",
-            fontsize=size, color=colors[i], arrowprops=None if best.leader is None else style, zorder=6,
+            fontsize=size, color=colors[i], arrowprops=None if leader is None else style, zorder=6,
         )  # fmt: skip
 
 
@@ -86,4 +80,4 @@ def _places(at: Array, extent: Array, unit: float) -> Iterator[_Place]:
             centre = at + ray * (distance * unit + 0.5 * extent)
             ends = at + np.outer([1.5 * _HALF, distance], ray) * unit
             leader = Path(ends) if distance > _NEAR else None
-            yield _Place(Bbox([centre - 0.5 * extent, centre + 0.5 * extent]), leader, distance)
+            yield Bbox([centre - 0.5 * extent, centre + 0.5 * extent]), leader, distance

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from matplotlib import rcParams
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from contbranch.arrays import Array
 from contbranch.output.plot_curve import observable
 from contbranch.output.plot_view import (
     BLUE,
@@ -28,6 +25,7 @@ from contbranch.results.loop import Hysteresis
 
 _UP, _DOWN = BLUE, ORANGE
 _PAD = 0.6  # of the extent of the jumps, shown on either side of them
+_ARROW = {"arrowstyle": "-|>", "shrinkA": 0.0, "shrinkB": 0.0}
 _MARGIN = 0.05  # of the axes, so that nothing lies on the frame
 
 
@@ -76,37 +74,29 @@ def _draw(axes: Axes, loop: Hysteresis, across: str, name: str) -> None:
     axes.set_xlabel(axis_label(across, loop.units, loop.contact))
     axes.set_ylabel(axis_label(name, loop.units, loop.contact))
     low, high = _window(loop)
-    shown: list[Array] = []
     for number in np.unique(path.leg):
         here = path.leg == number
         if np.count_nonzero(here) < 2:
             continue
         columns = (path.position[here], *(observable(path, one, stiffness)[here] for one in (across, name)))
         folded = any(jump.position == columns[0][-1] for jump in loop.jumps)
-        position, x, y = smooth_path(*columns, flat=folded)
+        position, *line = smooth_path(*columns, flat=folded)
+        x, y = np.array(line)[:, (position >= low) & (position <= high)]
         up = path.direction[here][0] > 0
-        axes.plot(x, y, color=_UP if up else _DOWN, linewidth=1.6 if up else 1.1, zorder=2.0 if up else 2.5)
-        inside = (position >= low) & (position <= high)
-        shown.append(np.array([x[inside], y[inside]]))
-        _arrow(axes, x[inside], y[inside], _UP if up else _DOWN)
+        color = _UP if up else _DOWN
+        axes.plot(x, y, color=color, linewidth=1.6 if up else 1.1, zorder=2.0 if up else 2.5)
+        if k := len(x) // 2:  # the way it is passed
+            axes.annotate(
+                "", (x[k], y[k]), (x[k - 1], y[k - 1]), arrowprops={**_ARROW, "color": color, "linewidth": 0.0}
+            )
     for jump in loop.jumps:
-        ends = [
-            (observable(s, across, stiffness), observable(s, name, stiffness))
-            for s in (jump.start, jump.to)
-            if s is not None
-        ]
-        shown.append(np.array(ends).T)
-        _draw_jump(axes, ends)
-    points = np.concatenate([*shown, np.zeros((2, 0))], axis=1)
-    if not points.size:
-        return
-    axis_of: tuple[Any, ...] = (axes.set_xlim, axes.axvline), (axes.set_ylim, axes.axhline)
-    for one, values, (limit, line) in zip((across, name), points, axis_of, strict=True):
-        if one in ("load", "deflection") and np.abs(values).min() <= np.ptp(values):  # zero would not dwarf the loop
-            values = np.append(values, 0.0)
-            line(0.0, color=GREY, linewidth=0.4, alpha=0.6, zorder=0)
-        margin = _MARGIN * (np.ptp(values) or 1.0)
-        limit(float(values.min()) - margin, float(values.max()) + margin)
+        states = [state for state in (jump.start, jump.to) if state is not None]
+        _draw_jump(axes, [(observable(s, across, stiffness), observable(s, name, stiffness)) for s in states])
+    axes.margins(_MARGIN)
+    seen = (axes.dataLim.intervalx, axes.axvline), (axes.dataLim.intervaly, axes.axhline)
+    for one, ((low, high), zero) in zip((across, name), seen, strict=True):
+        if one in ("load", "deflection") and min(abs(low), abs(high)) <= high - low:  # it would not dwarf the loop
+            zero(0.0, color=GREY, linewidth=0.4, alpha=0.6, zorder=0)
 
 
 def _window(loop: Hysteresis) -> tuple[float, float]:
@@ -123,17 +113,6 @@ def _window(loop: Hysteresis) -> tuple[float, float]:
     return max(low, min(at) - pad), min(high, max(at) + pad)
 
 
-def _arrow(axes: Axes, x: Array, y: Array, color: str) -> None:
-    """An arrow head in the middle of a leg."""
-    if len(x) < 3:
-        return
-    scaled = [np.diff(one) / (np.ptp(one) or 1.0) for one in (x, y)]
-    length = np.concatenate([[0.0], np.cumsum(np.hypot(*scaled))])
-    k = int(np.clip(np.searchsorted(length, 0.55 * length[-1]), 1, len(x) - 1))
-    style = {"arrowstyle": "-|>", "color": color, "shrinkA": 0.0, "shrinkB": 0.0, "linewidth": 0.0}
-    axes.annotate("", (x[k], y[k]), (x[k - 1], y[k - 1]), arrowprops=style)
-
-
 def _draw_jump(axes: Axes, ends: list[tuple[float, float]]) -> None:
     """A dotted line with an arrow from the fold to where the jump ends, or a mark where it ends nowhere."""
     axes.plot(*ends[0], marker="o", markersize=3.5, color="black", zorder=4.0)
@@ -141,5 +120,5 @@ def _draw_jump(axes: Axes, ends: list[tuple[float, float]]) -> None:
         size = rcParams["legend.fontsize"]
         axes.annotate("to infinity", ends[0], (4.0, 8.0), textcoords="offset points", fontsize=size)
         return
-    style = {"arrowstyle": "-|>", "linestyle": ":", "color": "black", "shrinkA": 0.0, "shrinkB": 0.0, "linewidth": 0.9}
+    style = {**_ARROW, "linestyle": ":", "color": "black", "linewidth": 0.9}
     axes.annotate("", ends[1], ends[0], arrowprops=style, zorder=4.0)

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-import numpy as np
 from matplotlib.colors import CenteredNorm, ListedColormap, Normalize
 from matplotlib.figure import Figure
 
+from contbranch.arrays import Array
 from contbranch.errors import InputError
-from contbranch.output.plot_view import WIDTH, Style, axis_label, new_figure
+from contbranch.output.plot_view import Style, axis_label, heat_map, new_figure
 from contbranch.results.diagram import State
 from contbranch.results.record import UnitNames
+from contbranch.results.table import with_unit
 
 CONTACT = ListedColormap(["#F2F2F2", "#404040"])
 
@@ -36,30 +35,24 @@ def cell_maps(state: State, unit_names: UnitNames | None = None) -> Figure:
     x, y = cell.x, cell.y
     if len(x) < 2 or len(y) < 2:
         raise InputError("state: its cell has fewer than two nodes a side to be shown")
-    fields: list[tuple[str, Any, Style]] = [
+    fields: list[tuple[str, Array, Style]] = [
         (axis_label("gap", names), cell.gap, {"cmap": "viridis", "norm": Normalize(0.0)}),
         (axis_label("pressure", names), cell.pressure, _pressure_colours(cell.pressure)),
-        (f"contact: {share:.3g} of the cell", contact, {"cmap": CONTACT, "vmin": 0, "vmax": 1}),
+        (f"contact: {share:.3g} of the cell", contact.astype(float), {"cmap": CONTACT, "bar": False}),
     ]
-    unit = f" ({names['radius']})" if names.get("radius") else ""
-    with new_figure(2.3) as figure:
-        figure.set_figwidth(2.2 * WIDTH)
-        for axes, (title, field, style) in zip(figure.subplots(1, 3, sharey=True), fields, strict=True):
-            shown = np.asarray(field, dtype=float)
-            image = axes.pcolormesh(x, y, shown.T, shading="nearest", rasterized=True, **style)
-            if field is not contact:
-                tall = 0.8 * min(1.0, float(np.ptp(y) / np.ptp(x)))
-                bar = figure.colorbar(image, ax=axes, shrink=tall, aspect=22 * tall, pad=0.03)
-                bar.outline.set_linewidth(0.5)
-                if contact.any() and not contact.all():
-                    axes.contour(x, y, contact.T, levels=[0.5], colors="k", linewidths=0.5)
-            axes.set(aspect="equal", xlabel=f"$x${unit}")
-            axes.set_title(title, fontsize=8.5, pad=3.0)
-        figure.axes[0].set_ylabel(f"$y${unit}")
+    unit = names.get("radius", "")
+    with new_figure(2.3, 2.2) as figure:
+        panels = figure.subplots(1, 3, sharey=True)
+        for axes, (title, field, style) in zip(panels, fields, strict=True):
+            axes.set(aspect="equal", xlabel=with_unit("$x$", unit))
+            heat_map(axes, x, y, field.T, title, shading="nearest", **style)
+            if contact.any() and not contact.all():
+                axes.contour(x, y, contact.T, levels=[0.5], colors="k", linewidths=0.5)
+        panels[0].set_ylabel(with_unit("$y$", unit))
     return figure
 
 
-def _pressure_colours(pressure: np.ndarray[Any, Any]) -> Style:
+def _pressure_colours(pressure: Array) -> Style:
     """A scale with white at zero where attraction and repulsion are both there."""
     if pressure.min() < 0.0 < pressure.max():
         return {"cmap": "RdBu_r", "norm": CenteredNorm()}

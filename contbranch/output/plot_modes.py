@@ -5,18 +5,25 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from scipy.interpolate import Akima1DInterpolator
+from matplotlib.patches import Circle
 
-from contbranch.arrays import Array
-from contbranch.output.plot_view import BLUE, GREY, ORANGE, axis_label, figure_of, mark_rim, new_figure
+from contbranch.output.plot_view import (
+    BLUE,
+    GREY,
+    ORANGE,
+    Style,
+    axis_label,
+    heat_map,
+    loud_radius,
+    mark_rim,
+    new_figure,
+)
 from contbranch.results.diagram import ModeShape
 from contbranch.results.record import UnitNames
 
 _FAINT = 0.03  # the mode is shown out to where its gap, or its pressure, falls below this part of its largest
 _NAMED = 0.1  # a contact of at least this part of what is shown has its radius named
-_WIDE = 0.2  # and of this part its disc
 _AROUND = 361  # angles of the map
-_ACROSS = 241  # and radii
 _RIM = 0.97  # pressures nearer to the rim, in units of its radius, do not set the scale: they have no bound
 
 
@@ -37,10 +44,9 @@ def mode_figure(shape: ModeShape, contact_radius: float = 0.0, unit_names: UnitN
         panels = figure.subplot_mosaic([["map"], ["gap"], ["pressure"]], height_ratios=[2.3, 1, 1])
         above, gap, pressure = (panels[name] for name in ("map", "gap", "pressure"))
         _draw_map(above, shape, contact_radius, reach)
-        r = np.linspace(0.0, reach, 800)
-        gap.plot(r, _profile(shape.r, shape.gap, r), color=BLUE)
+        gap.plot(np.append(0.0, shape.r), np.append(0.0, shape.gap), color=BLUE)
         gap.set_ylabel(r"$\delta g\,/\,\max|\delta g|$")
-        _draw_pressure(pressure, shape, contact_radius, r)
+        _draw_pressure(pressure, shape, contact_radius)
         unit = f"{names['pressure']} per {names['displacement']}" if "pressure" in names else ""
         pressure.set_ylabel(r"$\delta p\,/\,\max|\delta g|$" + (f"\n({unit})" if unit else ""))
         pressure.set_xlabel(axis_label("r", names))
@@ -56,53 +62,29 @@ def mode_figure(shape: ModeShape, contact_radius: float = 0.0, unit_names: UnitN
 def _reach(shape: ModeShape, contact_radius: float) -> float:
     """Return the radius out to which there is something to see."""
     outside = shape.r > contact_radius
-    r = shape.r[outside]
-    reach = 1.2 * contact_radius
-    for values in (shape.gap[outside], shape.pressure[outside]):
-        strength = np.abs(values)
-        loud = np.flatnonzero(strength > _FAINT * np.max(strength, initial=0.0))
-        if loud.size:
-            reach = max(reach, float(r[loud[-1]]))
-    return min(1.1 * reach, float(shape.r[-1]))
-
-
-def _profile(r: Array, values: Array, at: Array) -> Array:
-    """Return a mode's profile between its radii; up to the first it rises from zero on the axis."""
-    if at[0] < r[0]:
-        r, values = np.concatenate([[0.0], r]), np.concatenate([[0.0], values])
-    return Akima1DInterpolator(r, values)(at)
+    reach = [loud_radius(shape.r[outside], values[outside], _FAINT) for values in (shape.gap, shape.pressure)]
+    return min(1.1 * max(1.2 * contact_radius, *reach), float(shape.r[-1]))
 
 
 def _draw_map(axes: Axes, shape: ModeShape, contact_radius: float, reach: float) -> None:
     theta = np.linspace(0.0, 2.0 * np.pi, _AROUND)
-    r = np.linspace(0.0, reach, _ACROSS)
-    values = _profile(shape.r, shape.gap, r)[:, None] * np.cos(shape.mode * theta)
-    x, y = r[:, None] * np.cos(theta), r[:, None] * np.sin(theta)
-    image = axes.pcolormesh(x, y, values, cmap="RdBu_r", vmin=-1, vmax=1, shading="gouraud", rasterized=True)
-    turn = np.linspace(0.0, 2.0 * np.pi, 400)
-    if contact_radius > 0.0:
-        axes.fill(contact_radius * np.cos(turn), contact_radius * np.sin(turn), facecolor="#D9D9D9", edgecolor=GREY,
-                  linewidth=0.6)  # fmt: skip
-        if contact_radius > _WIDE * reach:
-            axes.annotate("contact", (0.0, 0.0), ha="center", va="center", color=GREY, fontsize=7.0)
+    r = np.append(0.0, shape.r[shape.r <= reach])[:, None]
+    values = np.append(0.0, shape.gap[shape.r <= reach])[:, None] * np.cos(shape.mode * theta)
+    title = rf"$\delta g = \eta(r)\,\cos\,{shape.mode if shape.mode > 1 else ''}\theta$"
     axes.set_aspect("equal")
     axes.set_axis_off()
-    axes.set_title(rf"$\delta g = \eta(r)\,\cos\,{shape.mode if shape.mode > 1 else ''}\theta$", fontsize=8.5, pad=3.0)
-    bar = figure_of(axes).colorbar(image, ax=axes, shrink=0.85, aspect=16, ticks=[-1, 0, 1], pad=0.04)
-    bar.outline.set_linewidth(0.5)
-    bar.ax.minorticks_off()
+    style: Style = {"cmap": "RdBu_r", "vmin": -1, "vmax": 1, "shading": "gouraud"}
+    heat_map(axes, r * np.cos(theta), r * np.sin(theta), values, title, **style)
+    if contact_radius > 0.0:
+        axes.add_patch(Circle((0.0, 0.0), contact_radius, facecolor="#D9D9D9", edgecolor=GREY, linewidth=0.6))
 
 
-def _draw_pressure(axes: Axes, shape: ModeShape, contact_radius: float, r: Array) -> None:
+def _draw_pressure(axes: Axes, shape: ModeShape, contact_radius: float) -> None:
     """Draw the pressure, in two parts if there is a rim, where it has no bound from inside and jumps."""
-    if contact_radius <= 0.0:
-        axes.plot(r, _profile(shape.r, shape.pressure, r), color=ORANGE)
-        return
     inside = shape.r < contact_radius
-    axes.plot(shape.r[inside], shape.pressure[inside], color=ORANGE, linestyle="--", label="wall")
-    beyond = np.concatenate([shape.r[~inside][:1], r[r > shape.r[~inside][0]]])
-    outer = _profile(shape.r[~inside], shape.pressure[~inside], beyond)
-    axes.plot(beyond, outer, color=ORANGE, label="interaction")
+    if inside.any():
+        axes.plot(shape.r[inside], shape.pressure[inside], color=ORANGE, linestyle="--", label="wall")
+    axes.plot(shape.r[~inside], shape.pressure[~inside], color=ORANGE, label="interaction")
     bounded = shape.pressure[~inside | (shape.r < _RIM * contact_radius)]
     low, high = min(0.0, float(bounded.min())), max(0.0, float(bounded.max()))
     margin = 0.15 * (high - low)

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import cycle
-from typing import Any
 
 import numpy as np
-from matplotlib import rcParams
 from matplotlib.figure import Figure
 
 from contbranch.arrays import Array
 from contbranch.errors import InputError
 from contbranch.output.plot_follow import is_logarithmic, parameter_label, scale_axis
-from contbranch.output.plot_view import SERIES, new_figure
+from contbranch.output.plot_view import SERIES, heat_map, new_figure
 from contbranch.results.sweep import Sweep, quantity
 from contbranch.results.table import with_unit
 
@@ -85,23 +83,21 @@ def _curves(sweep: Sweep, x: Array, values: dict[str, Array], levels: Sequence[f
 def _maps(sweep: Sweep, place: Sequence[Array], values: dict[str, Array], levels: Sequence[float]) -> Figure:
     """Every threshold over both parameters: cells of a grid, otherwise points; grey where there is none."""
     shown = dict(list(values.items())[:_MOST])
-    with new_figure(2.9) as figure:
-        figure.set_figwidth(figure.get_figwidth() * len(shown))
+    with new_figure(2.9, len(shown)) as figure:
         panels = figure.subplots(1, len(shown), sharex=True, sharey=True, squeeze=False)[0]
         for panel, (name, found) in zip(panels, shown.items(), strict=True):
+            title = _label(sweep, name) + (", grey: none" if np.isnan(found).any() else "")
             if sweep.mode == "grid":
                 x, y = (np.array(sweep.axes[parameter]) for parameter in sweep.parameters)
                 panel.set_facecolor(_NONE)
                 cells = found.reshape(sweep.shape)[np.argsort(x)][:, np.argsort(y)].T
-                image: Any = panel.pcolormesh(_edges(x), _edges(y), cells, rasterized=True)
+                heat_map(panel, _edges(x), _edges(y), cells, title)
                 if levels and min(cells.shape) > 1:
                     panel.contour(np.sort(x), np.sort(y), cells, levels, colors="white", linewidths=1.2)
             else:
                 panel.scatter(*place, color=_NONE, s=14.0)
-                image = panel.scatter(*place, c=found, s=14.0)
-            figure.colorbar(image, ax=panel).outline.set_linewidth(0.5)
-            none = ", grey: none" if np.isnan(found).any() else ""
-            panel.set_title(_label(sweep, name) + none, fontsize=rcParams["axes.labelsize"], pad=4.0)
+                figure.colorbar(panel.scatter(*place, c=found, s=14.0), ax=panel)
+                panel.set_title(title)
             panel.set_xlabel(parameter_label(sweep.parameters[0], sweep.unit_names))
             for axis, along in zip((panel.xaxis, panel.yaxis), place, strict=True):
                 scale_axis(axis, along)

@@ -6,8 +6,7 @@ import textwrap
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from io import BytesIO
-from itertools import pairwise
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib import rc_context, rcParams, rcParamsDefault
@@ -16,9 +15,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 from matplotlib.lines import Line2D
-from matplotlib.ticker import MaxNLocator, ScalarFormatter
+from matplotlib.ticker import MaxNLocator
 
-from contbranch.arrays import Flags
+from contbranch.arrays import Array, Flags
 from contbranch.contact.contact import Contact
 from contbranch.errors import InputError, look_up
 from contbranch.output.plot_curve import COORDINATES, OF_SPRINGS, Line, coordinate
@@ -113,30 +112,38 @@ def styled() -> Any:
 
 
 @contextmanager
-def new_figure(height: float, layout: Literal["constrained"] | None = "constrained") -> Iterator[Figure]:
-    """Make a figure, one column wide, in the style of all; with a layout it is drawn twice, to measure it first.
+def new_figure(height: float, width: float = 1.0) -> Iterator[Figure]:
+    """Make a figure in the style of all, so many columns wide.
 
     Size, style and fonts that the user has set in ``matplotlib.rcParams`` have precedence.
     """
     own = list(rcParams["figure.figsize"]) != list(rcParamsDefault["figure.figsize"])
     size = rcParams["figure.figsize"] if own else (WIDTH, height)
     with styled():
-        figure = _Picture(figsize=size, layout=layout)
+        figure = _Picture(figsize=(size[0] * width, size[1]), layout="constrained")
         FigureCanvasAgg(figure)
         yield figure
 
 
 def stacked(count: int, draw: Callable[[Axes, int], None], handles: Sequence[Line2D], ncols: int) -> Figure:
-    """A figure of panels one above the other, (a), (b), … if there are several, below a legend."""
-    with new_figure(2.7 if count == 1 else 4.9, None) as figure:
-        panels = figure.subplots(count, 1, squeeze=False)[:, 0].tolist()
-        for number, axes in enumerate(panels):
+    """A figure of panels one above the other, (a), (b), … if there are several, below a legend.
+
+    Margins are those that labels of the size in use need: to measure them takes longer than all of the drawing.
+    """
+    with new_figure(2.7 if count == 1 else 4.9) as figure:
+        figure.set_layout_engine(None)
+        width, height = figure.get_size_inches()
+        em = FontProperties(size=rcParams["axes.labelsize"]).get_size_in_points() / 72.0
+        top = 1.6 * em * -(-len(handles) // ncols) + (2.0 if count > 1 else 1.0) * em
+        figure.subplots_adjust(5.8 * em / width, 3.4 * em / height, 1.0 - em / width, 1.0 - top / height, hspace=0.35)
+        for number, axes in enumerate(figure.subplots(count, 1, squeeze=False)[:, 0].tolist()):
             draw(axes, number)
+            axes.xaxis.set_major_locator(MaxNLocator(7, steps=[1, 2, 2.5, 5, 10]))
+            # of ticks that are made later, outside of the style, too
+            axes.tick_params(which="both", labelsize=rcParams["xtick.labelsize"])
             if count > 1:
-                axes.set_title(f"({'ab'[number]})", loc="left", fontsize=rcParams["axes.labelsize"], pad=4.0, y=1.0)
-        figure.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, 1.0), ncols=ncols, columnspacing=1.6,
-                      handletextpad=0.5, borderpad=0.1, borderaxespad=0.2)  # fmt: skip
-        arrange_panels(figure, panels)
+                axes.set_title(f"({'ab'[number]})", loc="left", fontsize=rcParams["axes.labelsize"], pad=4.0)
+        figure.legend(handles=handles, loc="upper center", ncols=ncols, columnspacing=1.6, handletextpad=0.5)
     return figure
 
 
@@ -150,6 +157,25 @@ def said(words: str) -> Figure:
 def figure_of(axes: Axes) -> Any:
     """The figure in which axes are."""
     return axes.get_figure(root=True)
+
+
+def heat_map(axes: Axes, x: Array, y: Array, values: Array, title: str, bar: bool = True, **style: Any) -> None:
+    """Draw values, (M, N) at M places y and N places x or between them, as colours with a bar; `style` as pcolormesh's.
+
+    The bar is as tall as a map of equal scales.
+    """
+    image = axes.pcolormesh(x, y, values, rasterized=True, **style)
+    axes.set_title(title, fontsize=rcParams["axes.labelsize"], pad=4.0)
+    if bar:
+        tall = min(1.0, float(np.ptp(y) / np.ptp(x))) if axes.get_aspect() == 1.0 else 1.0
+        figure_of(axes).colorbar(image, ax=axes, shrink=tall, aspect=22 * tall, pad=0.03).outline.set_linewidth(0.5)
+
+
+def loud_radius(r: Array, values: Array, share: float) -> float:
+    """The radius beyond which values are less than a share of the largest; the last one where all are nothing."""
+    strength = np.abs(values)
+    loud = np.flatnonzero(strength > share * np.max(strength, initial=0.0))
+    return float(r[loud[-1] if loud.size else -1])
 
 
 def mark_rim(panels: Sequence[Axes], contact_radius: float, named: bool, inwards: int) -> None:
@@ -253,56 +279,3 @@ def _core(line: Line, positions: Sequence[float]) -> Flags:
     if crossing.size:
         first, last = min(first, line.position[crossing[0]]), max(last, line.position[crossing[-1] + 1])
     return (line.position >= first) & (line.position <= last)
-
-
-class _PlainTicks(ScalarFormatter):
-    """Labels of ticks as plain text, which is laid out in a tenth of the time of a formula that looks the same."""
-
-    def format_ticks(self, values: Any) -> list[str]:
-        """Return the labels without what makes them formulas."""
-        return [label.removeprefix(r"$\mathdefault{").removesuffix("}$") for label in super().format_ticks(values)]
-
-
-def arrange_panels(figure: Any, panels: Sequence[Axes]) -> None:
-    """Place panels one above the other below the legend of the figure.
-
-    Only labels are measured: a general layout engine takes as long as all of the drawing.
-    """
-    width, height = figure.get_size_inches()
-    renderer, dpi = figure.canvas.get_renderer(), figure.dpi
-    legend = max((one.get_window_extent(renderer).height / dpi for one in figure.legends), default=0.0)
-    below = _BELOW * max(1.0, FontProperties(size=rcParams["axes.labelsize"]).get_size_in_points() / 8.5)
-    slot = (height - legend - 0.05) / len(panels)
-    title = _TITLE if len(panels) > 1 else 0.08
-    left, right = 0.55, _RIGHT
-    for axes in panels:
-        # Written into the axes, since the number of ticks depends on it, also when the figure is saved.
-        axes.tick_params(axis="x", which="both", labelsize=rcParams["xtick.labelsize"])
-        axes.tick_params(axis="y", which="both", labelsize=rcParams["ytick.labelsize"])
-        for axis in (axes.xaxis, axes.yaxis):
-            axis.set_major_formatter(_PlainTicks())
-    for _ in range(2):  # the second time with the ticks that fit
-        over = 0.0
-        for i, axes in enumerate(panels):
-            bottom = (len(panels) - 1 - i) * slot + below
-            size = (width - left - right, slot - below - title)
-            axes.set_position((left / width, bottom / height, size[0] / width, size[1] / height))
-            over = max(over, _space_ticks(axes, renderer) / dpi)
-        reach = ((axes.get_window_extent().x0, axes.yaxis.get_tightbbox(renderer)) for axes in panels)
-        left = max((edge - box.x0 for edge, box in reach if box), default=0.0) / dpi + 0.06
-        right = max(_RIGHT, over + 0.03)
-
-
-def _space_ticks(axes: Axes, renderer: Any) -> float:
-    """Take fewer ticks along x until their labels stand apart; return how far the last reaches beyond the frame."""
-    apart = _APART * renderer.points_to_pixels(1.0)
-    edge = float(axes.get_window_extent().x1)
-    boxes: list[Any] = []
-    for count in range(_MOST_TICKS, 2, -1):
-        low, high = axes.get_xlim()
-        labels = (label for label in axes.get_xticklabels() if low <= label.get_position()[0] <= high)
-        boxes = [label.get_window_extent(renderer) for label in labels]
-        if all(right.x0 - left.x1 > apart for left, right in pairwise(boxes)):
-            break
-        axes.xaxis.set_major_locator(MaxNLocator(count, steps=[1, 2, 2.5, 5, 10]))
-    return max((float(box.x1) - edge for box in boxes), default=0.0)

@@ -72,9 +72,9 @@ def parts(result: Result) -> Parts:
         from contbranch.advice import regime
 
         yield regime(told.contact, told.thresholds.get("pull_off_load") if isinstance(result, Diagram) else None)
-    size = {Diagram: lambda: sum(map(len, told.branches)), Hysteresis: lambda: len(told.path)}
-    size[Followed] = lambda: len(told.curve["load"])
-    points = f"{size[type(result)]()} points in " if type(result) in size else ""
+    points = ""
+    if isinstance(result, Diagram | Hysteresis | Followed):
+        points = f"{len(next(iter(result.table().columns.values()), ()))} points in "
     accuracy = f", accuracy {told.accuracy:g}" if hasattr(result, "accuracy") else ""
     yield f"{points}{told.cost.wall_s:.2f} s{accuracy}: {told.status}"
     if told.message:

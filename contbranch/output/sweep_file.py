@@ -18,11 +18,10 @@ import numpy as np
 from contbranch.arrays import AnyArray, Columns, Integers
 from contbranch.contact.contact import Contact
 from contbranch.errors import InputError
-from contbranch.output.document import VERSION
 from contbranch.results.diagram import Branch, Cost, Diagram, Event, ModelChoice
 from contbranch.results.fit_map import FitMap
 from contbranch.results.profile import Profile
-from contbranch.results.record import OBSERVABLES, Values
+from contbranch.results.record import VERSION, Values
 from contbranch.results.sweep import Sweep, SweepTask, quantity, values_at
 
 if TYPE_CHECKING:
@@ -253,7 +252,7 @@ def diagram_of(sweep: Sweep, index: int, record: Record) -> Diagram:
         known: Values = {name: values[here] for name, values in points.items()}
         known |= dict.fromkeys(("load_error", "displacement_error"), np.full(len(here), np.nan))
         branches.append(Branch(**known, profiles=profiles))
-    events = tuple(_event(said) for said in about.get("events", ()))
+    events = tuple(Event(**said) for said in about.get("events", ()))
     kept = ("status", "message", "thresholds", "control", "accuracy", "stiffness")
     return Diagram(
         contact=None,
@@ -274,8 +273,3 @@ def read_diagram(sweep: Sweep, index: int) -> Diagram:
 
 def _profile(arrays: Columns, start: int, stop: int) -> Profile:
     return Profile(*(arrays[f"node.{name}"][start:stop] for name in ("r", "gap", "pressure", "wall_pressure")))
-
-
-def _event(said: Mapping[str, Any]) -> Event:
-    known = {name: value for name, value in said.items() if name in Event.__dataclass_fields__ and name != "error"}
-    return Event(**known, error={name: said[f"{name}_error"] for name in OBSERVABLES})

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from contbranch.contact.contact import Contact
 from contbranch.results.diagram import Cost, ModelChoice
-from contbranch.results.record import Record, Result, UnitNames, described, record
+from contbranch.results.record import Record, Result, described, record
 from contbranch.results.table import Tables, of_records
 
 
@@ -71,7 +71,6 @@ class Advice(Result):
     cost: Cost
     accuracy: float
     control: str = "load"
-    unit_names: UnitNames = described(default_factory=dict)
 
     def told(self) -> str:
         """The choice."""

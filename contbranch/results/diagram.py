@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -19,7 +20,6 @@ from contbranch.results.record import (
     OBSERVABLES,
     Record,
     Result,
-    UnitNames,
     Values,
     described,
     given,
@@ -272,6 +272,10 @@ class Event(Record):
     mode_shape: ModeShape | None = described(written=False, default=None, repr=False, compare=False)
     verdict: str | None = None
 
+    def brief(self) -> Values:
+        """What documents hold, but for the exponent, which takes long."""
+        return {key: value for key, value in replace(self, critical=None).items().items() if key != "exponent"}
+
     @cached_property
     def exponent(self) -> Exponent | None:
         """Critical exponent of a fold; computed when it is asked for, since it costs some tens of solutions."""
@@ -437,8 +441,6 @@ class Diagram(Result):
     cost: Cost
     control: str = "load"
     accuracy: float = 1e-6
-    description: Mapping[str, Any] = described(default_factory=dict)
-    unit_names: UnitNames = described(default_factory=dict)
     local_exponents: Callable[[Event], LocalExponent] | Mapping[int, LocalExponent] | None = described(
         written=False, computed=lambda diagram: diagram.known_exponents(), default=None
     )
@@ -532,9 +534,7 @@ class Diagram(Result):
         InputError
             If the file cannot be written.
         """
-        from contbranch.output.tables import write_csv
-
-        write_csv(self.tables()["event"], path)
+        self.tables()["event"].to_csv(path)
 
     def plot_mode(self, event: Event) -> Figure:
         """Draw the mode that changes stability at a symmetry event: gap and pressure over r, and the gap from above.

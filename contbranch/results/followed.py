@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from contbranch.arrays import Array
@@ -11,7 +10,7 @@ from contbranch.contact.contact import Contact
 from contbranch.contact.family import dimension_of
 from contbranch.errors import InputError
 from contbranch.results.diagram import Cost, Event, ModelChoice
-from contbranch.results.record import Record, Result, UnitNames, Values, described, record
+from contbranch.results.record import Record, Result, Values, described, record
 from contbranch.results.table import Tables, of_columns
 
 if TYPE_CHECKING:
@@ -101,16 +100,13 @@ class Followed(Result):
     model: ModelChoice
     cost: Cost
     accuracy: float
-    unit_names: UnitNames = described(default_factory=dict)
     solver: Callable[[float], tuple[FollowedPoint, ...]] | None = described(
         written=False, computed=lambda followed: None, default=None
     )
 
     def body(self) -> Values:
         """All but the exponent of what was followed, which changes along the curve and takes long."""
-        event = replace(self.event, critical=None).items()
-        del event["exponent"]
-        return {**self.items(), "event": event}
+        return {**self.items(), "event": self.event.brief()}
 
     def told(self) -> str:
         """What was followed, and how far."""

@@ -11,7 +11,7 @@ from contbranch.arrays import Array, Integers
 from contbranch.contact.contact import Contact
 from contbranch.results.diagram import Cost
 from contbranch.results.followed import Followed
-from contbranch.results.record import Record, Result, UnitNames, described, record
+from contbranch.results.record import Record, Result, described, record
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -76,7 +76,6 @@ class PhaseDiagram(Result):
     contact: Contact = described(kw_only=True)
     cost: Cost
     logarithmic: bool = False
-    unit_names: UnitNames = described(default_factory=dict)
 
     @property
     def counts(self) -> dict[str, Integers]:

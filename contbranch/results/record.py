@@ -6,14 +6,19 @@ it may be None, its name the quantity in whose unit it is; what else there is to
 
 from __future__ import annotations
 
+import json
 import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import Field, dataclass, field, fields
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, Self, TypeVar, dataclass_transform
 
 import numpy as np
+
+from contbranch.arrays import plain
+from contbranch.errors import InputError
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -30,6 +35,8 @@ Values = dict[str, Any]
 # Units by the quantities that are in them.
 UnitNames = Mapping[str, str]
 
+# Of documents and files.
+VERSION = 1
 OBSERVABLES = ("load", "displacement", "contact_radius", "central_gap")
 # Quantities of fields that have another name; a field NAME_error is in the unit of NAME.
 _QUANTITIES = {"r": "radius", "x": "radius", "y": "radius", "wall_pressure": "pressure"}
@@ -189,6 +196,9 @@ class Result(Record):
 
     format: ClassVar[str]
     contact: Contact | None = described(kw_only=True, default=None)
+    # of a contact that cannot be made again
+    description: Mapping[str, Any] = described(kw_only=True, default_factory=dict, compare=False)
+    unit_names: UnitNames = described(kw_only=True, default_factory=dict, compare=False)
     status: Status = described(kw_only=True, default="complete")
     message: str = described(kw_only=True, default="")
 
@@ -199,7 +209,7 @@ class Result(Record):
     @property
     def units(self) -> UnitNames:
         """Units of its numbers by quantity; none where they are reduced."""
-        return getattr(self, "unit_names", {}) if self.contact is None else self.contact.units.names
+        return self.unit_names if self.contact is None else self.contact.units.names
 
     def __repr__(self) -> str:
         """Kind, contact and status, what there is to say in a line, and the message: three lines at most."""
@@ -230,9 +240,14 @@ class Result(Record):
 
     def document(self) -> Values:
         """Return the JSON document: a dictionary of plain values, with None for what JSON cannot hold."""
-        from contbranch.output.document import document
+        return {**self.head(), **plain(self.body())}
 
-        return document(self)
+    def head(self) -> Values:
+        """What its document begins with: format, the contact, and the unit of every quantity if it is physical."""
+        described = self.description or ({} if self.contact is None else self.contact.describe())
+        names = dict(self.units)
+        units = {"units": "physical", "unit_names": names} if names else {"units": "reduced"}
+        return {"format": self.format, "version": VERSION, "contact": plain(described), **units}
 
     def save(self, path: str | Path) -> None:
         """Write an HDF5 file; see ``docs/file-layout.md``.
@@ -262,9 +277,7 @@ class Result(Record):
         InputError
             If the file cannot be written.
         """
-        from contbranch.output.tables import write_csv
-
-        write_csv(self.table(), path)
+        self.table().to_csv(path)
 
     def to_dataframe(self) -> pd.DataFrame:
         """The table for pandas, its columns called as in a CSV file.
@@ -274,9 +287,10 @@ class Result(Record):
         InputError
             If pandas is not installed (extra ``tables``).
         """
-        from contbranch.output.tables import as_dataframe
-
-        return as_dataframe(self.table())
+        table = self.table()
+        columns = dict(zip(table.headings, table.columns.values(), strict=True))
+        frame: pd.DataFrame = _library("pandas", "to_dataframe").DataFrame(columns)
+        return frame
 
     def to_xarray(self) -> xr.Dataset:
         """The tables for xarray: a dimension for each, units as attributes.
@@ -286,9 +300,23 @@ class Result(Record):
         InputError
             If xarray is not installed (extra ``tables``).
         """
-        from contbranch.output.tables import as_xarray
+        library, found = _library("xarray", "to_xarray"), dict[str, Any]()
+        for number, (row, table) in enumerate(self.tables().items()):
+            for name, values in table.columns.items():
+                units = {"units": table.units[name]} if name in table.units else {}
+                found[f"{row}_{name}" if number else name] = (row, values, units)
+        about = {**self.head(), "status": self.status, "message": self.message}
+        attrs = {key: json.dumps(value) if isinstance(value, dict) else value for key, value in about.items()}
+        data: xr.Dataset = library.Dataset(found, attrs=attrs)
+        return data
 
-        return as_xarray(self)
+
+def _library(name: str, field: str) -> Any:
+    """An optional library."""
+    try:
+        return import_module(name)
+    except ModuleNotFoundError:
+        raise InputError(f"{field}: {name} is not installed; install contbranch[tables]") from None
 
 
 def shorten(text: str, lines: int) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 
 from contbranch.errors import InputError
 from contbranch.results.diagram import Cost, Diagram
-from contbranch.results.record import Record, Result, UnitNames, described, record
+from contbranch.results.record import Record, Result, described, record
 from contbranch.results.table import Tables, of_columns
 
 if TYPE_CHECKING:
@@ -78,8 +78,6 @@ class Sweep(Result):
     reused: int
     cost: Cost
     path: Path = described(written=False)
-    description: Mapping[str, Any] = described(default_factory=dict)
-    unit_names: UnitNames = described(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.tasks)

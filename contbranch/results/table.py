@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -38,6 +40,26 @@ class Table(NamedTuple):
     def headings(self) -> list[str]:
         """Names with units, ``load [nN]``."""
         return [f"{name} [{self.units[name]}]" if name in self.units else name for name in self.columns]
+
+    def csv(self) -> str:
+        """The table as text: a line of names with units, then numbers with all their digits, ``nan`` for what is not
+        known.
+
+        Read it with `pandas.read_csv`, or without names by ``numpy.loadtxt(path, delimiter=",", skiprows=1)``.
+        """
+        import csv  # what most commands do not write is not imported for them
+
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(self.headings)
+        writer.writerows(zip(*(values.tolist() for values in self.columns.values()), strict=True))
+        return text.getvalue()
+
+    def to_csv(self, path: str | Path) -> None:
+        """Write that text; InputError if the file cannot be written."""
+        from contbranch.output.files import write
+
+        write(path, self.csv().encode())
 
 
 # Tables by what a row is.

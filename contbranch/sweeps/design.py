@@ -62,18 +62,17 @@ class Design(Sequence[Contact]):
 
 
 @dataclass(frozen=True)
-class Listed(Sequence[Any]):
-    """Contacts, or whatever else a task takes, as they come, with parameters: one value each, or those of a grid."""
+class Listed(Design):
+    """Contacts, or whatever else a task takes, as they come, with parameters: one value each, or those of a grid.
 
-    given: Sequence[Any]
-    axes: Mapping[str, tuple[float, ...]]
+    Attributes
+    ----------
+    given : sequence
+        What the contact, the first of them, stands for.
+    """
+
     mode: Literal["grid", "zip"] = "zip"
-
-    @property
-    def contact(self) -> Contact:
-        """The first one."""
-        first: Contact = self.given[0]
-        return first
+    given: Sequence[Any] = ()
 
     def __len__(self) -> int:
         return len(self.given)
@@ -81,20 +80,19 @@ class Listed(Sequence[Any]):
     def __getitem__(self, index: Any) -> Any:
         return self.given[index]
 
-    def parameters(self, index: int) -> dict[str, float]:
-        """Values of a contact's parameters."""
-        return values_at(self.axes, self.mode, index)
-
 
 def listed(contacts: Sequence[Any]) -> Listed:
     """Contacts with the numbers in which they differ."""
+    for number, contact in enumerate(contacts):
+        if not hasattr(contact, "describe"):
+            raise InputError(f"contacts: number {number} is {type(contact).__name__}; must be a Contact")
     rows = [dict(_numbers(contact.describe())) for contact in contacts]
     names = dict.fromkeys(name for row in rows for name in row)
     axes = {name: tuple(row.get(name, math.nan) for row in rows) for name in names}
     axes = {name: values for name, values in axes.items() if len(set(values)) > 1}
     if len(axes) > 1:  # it follows from the others
         axes.pop("tabor", None)
-    return Listed(contacts, axes)
+    return Listed(contacts[0], axes, given=contacts)
 
 
 def _numbers(value: object, name: str = "") -> Iterator[tuple[str, float]]:

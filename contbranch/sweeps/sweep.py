@@ -19,7 +19,7 @@ from contbranch.output.sweep_file import load_sweep, records_of, write_sweep
 from contbranch.results.diagram import Cost
 from contbranch.results.record import UnitNames
 from contbranch.results.sweep import Sweep, SweepTask
-from contbranch.sweeps.design import Design, Listed, listed
+from contbranch.sweeps.design import Design, listed
 from contbranch.sweeps.journal import Journal, decoded, encoded
 from contbranch.sweeps.run import Run
 from contbranch.sweeps.tasks import Task, Tracing, key_of
@@ -80,7 +80,7 @@ def sweep(
     path = Path(path)
     if not len(contacts):
         raise InputError("contacts: none; give at least one")
-    design = contacts if isinstance(contacts, Design | Listed) else listed(_checked(contacts))
+    design = contacts if isinstance(contacts, Design) else listed(contacts)
     chosen: dict[str, Any] = {name: settings[name] for name in _TRACING[:4] if name in settings}
     limit = settings.get("task_limit", 3600.0)
     chosen["keep"] = settings.get("keep") or ("profiles" if len(contacts) <= _FEW else "curves")
@@ -98,16 +98,7 @@ def sweep(
     return watch.passed(found)
 
 
-def _checked(contacts: Sequence[Any]) -> Sequence[Any]:
-    for number, contact in enumerate(contacts):
-        if not hasattr(contact, "describe"):
-            raise InputError(f"contacts: number {number} is {type(contact).__name__}; must be a Contact")
-    return contacts
-
-
-def _swept(
-    design: Design | Listed, path: Path, task: Task, executor: Executor | None, settings: dict[str, Any]
-) -> Sweep:
+def _swept(design: Design, path: Path, task: Task, executor: Executor | None, settings: dict[str, Any]) -> Sweep:
     """Compute what is missing, and write the file when nothing is."""
     began = time.perf_counter()
     keys = [key_of(contact, task) for contact in design]
@@ -151,7 +142,7 @@ def _add(earlier: Sweep, tasks: Sequence[SweepTask], journal: Journal) -> None:
         journal.add(encoded({"key": one.key, "run": f"file-{one.key}", **about}, arrays), sync=False)
 
 
-def _result(design: Design | Listed, task: Task, keys: Sequence[str], journal: Journal, path: Path) -> Sweep:
+def _result(design: Design, task: Task, keys: Sequence[str], journal: Journal, path: Path) -> Sweep:
     """What is known of the tasks."""
     tasks = []
     for index, key in enumerate(keys):

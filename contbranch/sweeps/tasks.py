@@ -14,16 +14,15 @@ from contbranch.arrays import AnyArray, Columns, plain
 from contbranch.contact.contact import Contact
 from contbranch.control import Spring, as_control
 from contbranch.errors import look_up
-from contbranch.results.diagram import Branch, Diagram, Event
+from contbranch.results.diagram import Branch, Diagram
 from contbranch.results.profile import Profile
-from contbranch.results.record import Values, columns, given
+from contbranch.results.record import Values, given
 from contbranch.results.table import joined
 
 KEEP = ("thresholds", "curves", "profiles")
 _POINT = ("load", "displacement", "contact_radius", "central_gap", "energy", "unstable_load",
                  "unstable_displacement", "unstable_spring", "unstable_azimuthal", "contact_area",
                  "contact_perimeter")  # fmt: skip
-_EVENT = [column for column in columns(Event) if column.path[0] != "critical"]
 
 
 class Outcome(NamedTuple):
@@ -98,7 +97,7 @@ class Tracing:
 
     def outcome(self, diagram: Diagram) -> Outcome:
         """What is kept of a diagram."""
-        events = [{column.name: column.of(event) for column in _EVENT} for event in diagram.events]
+        events = [event.brief() for event in diagram.events]
         kept = ("status", "message", "thresholds", "control", "stiffness", "accuracy")
         about = {name: getattr(diagram, name) for name in kept} | {"model": diagram.model, "events": events}
         arrays: dict[str, AnyArray] = {}

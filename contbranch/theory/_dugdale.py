@@ -25,6 +25,7 @@ import numpy as np
 from contbranch.arrays import Array
 from contbranch.errors import InputError
 from contbranch.theory._inputs import finite, positive
+from contbranch.theory._roots import rising
 
 
 def _either(number: Callable[..., Any], array: Callable[..., Any]) -> Callable[..., Array]:
@@ -60,6 +61,8 @@ class Slopes(NamedTuple):
     contact_radius: Array
 
 
+# Tangents between which all rim angles lie.
+_WIDEST = np.asarray(1e-30), np.asarray(1e30)
 _OPENING_SERIES = [(-1) ** (k + 1) * 2 * k / math.factorial(2 * k + 1) for k in range(10)]
 
 
@@ -168,31 +171,10 @@ class Zone:
         return Slopes(self.modulus * (f1 + f2 - f3), d1 + d2 - d3, rim)
 
     def tangent_at(self, contact_radius: Array) -> Array:
-        """Return tau for a contact radius; infinite for none.
-
-        The sum of A c^2/R and 2 (sigma/E) B c grows monotonically with tau at fixed a, in double logarithms with a
-        slope between 1 and 3, so Newton's method in log(tau) converges from any of its four asymptotes.
-        """
-        a, radius, strain, u = np.broadcast_arrays(
-            contact_radius, self.radius, self.strain, 0.5 * np.pi * self.interaction_range
-        )
-        open_contact = a > 0.0
-        a = np.where(open_contact, a, 1.0)
-        start = [np.cbrt(1.5 * u * radius / a**2), np.sqrt(u / (strain * a)), np.sqrt(u * radius) / a, u / (strain * a)]
-        tau = np.asarray(np.minimum.reduce(start))
-        for _ in range(60):
-            angle = Angle.from_tangent(tau)
-            theta, cos, sin = angle
-            c = a / cos
-            opening, zone = opening_of_contact(angle), opening_of_zone(angle)
-            first, second = opening * c * c / radius, 2.0 * strain * zone * c
-            # d(A c^2)/dlog(tau) = sin cos (A' + 2 A tan) c^2 with A' = 2 theta sin cos, likewise with B' = theta cos
-            growth = sin * (2.0 * cos * theta * sin * cos + 2.0 * opening * sin) * c * c / radius
-            growth = growth + 2.0 * strain * c * sin * (theta * cos * cos + zone * sin)
-            step = np.log((first + second) / u) * (first + second) / growth
-            tau = tau * np.exp(-np.clip(step, -3.0, 3.0))
-            if np.all(np.abs(step) < 4e-16):
-                break
+        """Return tau for a contact radius, which falls as tau grows; infinite for none."""
+        open_contact = contact_radius > 0.0
+        a = np.where(open_contact, contact_radius, 1.0)
+        tau = self.root(lambda angle: a - self.interaction_radius(angle) * angle.cos, *_WIDEST)
         return np.where(open_contact, tau, np.inf)
 
     def tangent_range(self) -> tuple[Array, Array]:
@@ -203,14 +185,5 @@ class Zone:
         return np.asarray(1e-3 / (1.0 + mu)), np.asarray(1e4 * (1.0 + mu**-1.5))
 
     def root(self, function: Callable[[Angle], Array], low: Array, high: Array) -> Array:
-        """Return the tangent where ``function`` changes from negative at ``low`` to positive at ``high``, by
-        bisection of log(tau).
-
-        Bisection costs 60 evaluations, works on whole arrays and ends on neighbouring numbers.
-        """
-        left, right = np.broadcast_arrays(np.log(low), np.log(high))
-        for _ in range(64):
-            middle = 0.5 * (left + right)
-            beyond = function(Angle.from_tangent(np.exp(middle))) > 0.0
-            left, right = np.where(beyond, left, middle), np.where(beyond, middle, right)
-        return np.asarray(np.exp(0.5 * (left + right)))
+        """Return the tangent where ``function`` changes from negative at ``low`` to positive at ``high``."""
+        return rising(lambda tau: function(Angle.from_tangent(tau)), low, high)

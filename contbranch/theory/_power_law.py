@@ -9,6 +9,7 @@ import scipy
 from numpy.typing import ArrayLike
 
 from contbranch.arrays import Array
+from contbranch.errors import InputError
 from contbranch.theory._inputs import not_below, positive
 
 
@@ -24,25 +25,34 @@ class PowerLaw:
     strength: Array
 
     @classmethod
-    def of(cls, exponent: ArrayLike, length: ArrayLike) -> PowerLaw:
-        """Return the transform of z = r^n / (n length^(n-1)): strength = B(n/2, 1/2) / (2 length^(n-1))."""
-        n = not_below(
-            "exponent",
-            positive("exponent", exponent),
-            1.0,
-            "a blunter power has no finite pressure at the rim of the tip",
-        )
-        return cls(n, np.asarray(0.5 * scipy.special.beta(0.5 * n, 0.5) / positive("length", length) ** (n - 1.0)))
+    def of(
+        cls,
+        radius: ArrayLike = 1.0,
+        slope: ArrayLike | None = None,
+        exponent: ArrayLike | None = None,
+        length: ArrayLike | None = None,
+    ) -> PowerLaw:
+        """Return the transform of a shape by its numbers.
 
-    @classmethod
-    def parabola(cls, radius: ArrayLike) -> PowerLaw:
-        """Return the transform of z = r^2 / (2 radius): strength = 1 / radius."""
-        return cls(np.asarray(2.0), np.asarray(1.0 / positive("radius", radius)))
-
-    @classmethod
-    def cone(cls, slope: ArrayLike) -> PowerLaw:
-        """Return the transform of z = slope * r: strength = pi slope / 2."""
-        return cls(np.asarray(1.0), np.asarray(0.5 * np.pi * positive("slope", slope)))
+        Parameters
+        ----------
+        radius : array_like
+            R > 0 of a parabola, z = r^2 / (2 R): strength = 1 / R.
+        slope : array_like, optional
+            Of a cone, z = slope * r: strength = pi slope / 2.
+        exponent, length : array_like, optional
+            n >= 1 and L > 0 (1 if not given) of z = r^n / (n L^(n-1)): strength = B(n/2, 1/2) / (2 L^(n-1)).
+        """
+        if slope is not None:
+            return cls(np.asarray(1.0), np.asarray(0.5 * np.pi * positive("slope", slope)))
+        if exponent is None and length is None:
+            return cls(np.asarray(2.0), np.asarray(1.0 / positive("radius", radius)))
+        if exponent is None:
+            raise InputError("exponent must be given with the length of a power law")
+        why = "a blunter power has no finite pressure at the rim of the tip"
+        n = not_below("exponent", positive("exponent", exponent), 1.0, why)
+        height = positive("length", 1.0 if length is None else length) ** (n - 1.0)
+        return cls(n, np.asarray(0.5 * scipy.special.beta(0.5 * n, 0.5) / height))
 
     def transform(self, t: Array) -> Array:
         """Return zeta(t)."""

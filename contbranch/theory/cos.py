@@ -21,6 +21,7 @@ from scipy.optimize import least_squares
 from contbranch.arrays import Array
 from contbranch.errors import InputError
 from contbranch.theory._inputs import finite, not_below, not_negative, positive
+from contbranch.theory._roots import rising
 
 __all__ = [
     "ASYMPTOTIC_DISPLACEMENT_C5",
@@ -56,6 +57,8 @@ ASYMPTOTIC_DISPLACEMENT_C5 = -8.0 / (3.0 * np.sqrt(np.pi))
 
 ASYMPTOTIC_DISPLACEMENT_C6 = np.cbrt(6.0) / 36.0
 """Exact first correction for lambda -> inf: displacement at zero load (4/3)^(1/3) + 6^(1/3)/36 / lambda^2 + ..."""
+
+_NONE = 1e-150  # a radius that is none
 
 FORMS = ("cos", "modified", "free")
 """What `fit` can fit: (47); (48) with (49); and (48) with a free exponent in place of the square root."""
@@ -297,15 +300,12 @@ class Fitted:
     def force(self, displacement: ArrayLike) -> Array:
         """Return F(d) of a tip whose displacement is prescribed and that has not lost contact; 0 where it has."""
         d, least = finite("displacement", displacement), self.detachment_radius
-        gone = d < float(self.displacement(least))
         constant, slope = self.lift
-        # d is a convex function of a with its least value on the left: Newton's method comes from the right
-        a = np.sqrt(self.radius * (np.maximum(d, 0.0) + np.sqrt(abs(constant)))) + np.cbrt(self.radius**2 * abs(slope))
-        for _ in range(60):
-            root = np.sqrt(np.maximum(constant + slope * a, 1e-300))
-            rate = 2.0 * a / self.radius - 0.5 * slope / root
-            a = np.maximum(a - (a**2 / self.radius - root - d) / np.where(rate > 0.0, rate, np.inf), least)
-        return np.where(gone, 0.0, self.load(a))
+        beyond = np.sqrt(self.radius * (np.maximum(d, 0.0) + np.sqrt(abs(constant)))) + np.cbrt(
+            self.radius**2 * abs(slope)
+        )
+        a = rising(lambda radius: self.displacement(radius) - d, max(least, _NONE), 2.0 * beyond + _NONE)
+        return np.where(d < float(self.displacement(least)), 0.0, self.load(a))
 
 
 def fit(

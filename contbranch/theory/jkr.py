@@ -12,6 +12,7 @@ K. L. Johnson, K. Kendall and A. D. Roberts, Proc. R. Soc. A 324, 301 (1971).
 
 from __future__ import annotations
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -20,6 +21,7 @@ from numpy.typing import ArrayLike
 from contbranch.arrays import Array
 from contbranch.theory._inputs import not_below, not_negative, positive
 from contbranch.theory._power_law import PowerLaw
+from contbranch.theory._roots import rising
 
 __all__ = [
     "Fold",
@@ -49,30 +51,35 @@ class Fold(NamedTuple):
 
 
 def load(
-    contact_radius: ArrayLike, *, radius: ArrayLike = 1.0, modulus: ArrayLike = 1.0, work_of_adhesion: ArrayLike = 1.0
+    contact_radius: ArrayLike, *, modulus: ArrayLike = 1.0, work_of_adhesion: ArrayLike = 1.0, **shape: ArrayLike
 ) -> Array:
-    """Return the load on a parabola, F = 4 E a^3 / (3 R) - sqrt(8 pi w E a^3).
+    """Return the load, Hertz' load minus sqrt(8 pi w E a^3): 4 E a^3 / (3 R) - sqrt(8 pi w E a^3) of a parabola.
 
     Parameters
     ----------
     contact_radius : array_like
         Contact radius a >= 0, in units of length.
-    radius, modulus, work_of_adhesion : array_like
-        Radius of curvature R, effective modulus E and work of adhesion w, all > 0.
+    modulus, work_of_adhesion : array_like
+        Effective modulus E and work of adhesion w, all > 0.
+    **shape : array_like
+        ``radius``, R > 0 (by default 1) of a parabola; ``slope`` of a cone z = slope * r; or ``exponent`` n >= 1 and
+        ``length`` L > 0 (by default 1) of z = r^n / (n L^(n-1)).
 
     Raises
     ------
     InputError
         If a length is negative or a constant not positive; so for every function here.
     """
-    return _load(PowerLaw.parabola(radius), contact_radius, modulus, work_of_adhesion)
+    return _state(PowerLaw.of(**shape), contact_radius, modulus, work_of_adhesion).load
 
 
 def displacement(
-    contact_radius: ArrayLike, *, radius: ArrayLike = 1.0, modulus: ArrayLike = 1.0, work_of_adhesion: ArrayLike = 1.0
+    contact_radius: ArrayLike, *, modulus: ArrayLike = 1.0, work_of_adhesion: ArrayLike = 1.0, **shape: ArrayLike
 ) -> Array:
-    """Return the displacement of a parabola, d = a^2 / R - sqrt(2 pi a w / E); parameters as in `load`."""
-    return _displacement(PowerLaw.parabola(radius), contact_radius, modulus, work_of_adhesion)
+    """Return the displacement, d = zeta(a) - sqrt(2 pi a w / E): a^2 / R less that of a parabola, (pi/2) slope a of a
+    cone; parameters as in `load`.
+    """
+    return _state(PowerLaw.of(**shape), contact_radius, modulus, work_of_adhesion).displacement
 
 
 def contact_radius(
@@ -115,9 +122,6 @@ def contact_radius_at_displacement(
 ) -> Array:
     """Return the contact radius at a displacement, on the part that is stable under displacement control.
 
-    Solves a^2/R - sqrt(2 pi a w/E) = d with a at or above its value at the displacement fold, by Newton's method in
-    sqrt(a), which converges from above because the left side is convex there.
-
     Raises
     ------
     InputError
@@ -125,125 +129,44 @@ def contact_radius_at_displacement(
     """
     fold = displacement_fold(radius=radius, modulus=modulus, work_of_adhesion=work_of_adhesion)
     d = not_below("displacement", displacement, fold.displacement, "pull-off under displacement control")
-    rim = positive("radius", radius)
-    # the excess x - x_fold is the unknown: the residual then has no constant term and no cancellation near the fold
-    base = np.sqrt(fold.contact_radius)
-    excess = np.asarray(d - fold.displacement)
-    x = np.asarray(np.sqrt(excess * rim / 6.0) / base)
-    for _ in range(60):
-        # with s = sqrt(2 pi w/E) = 4 base^3/R (base+x)^4/R - s (base+x) - d_fold loses its lower powers of x
-        value = (6.0 * base**2 + 4.0 * base * x + x * x) * x * x / rim - excess
-        slope = (12.0 * base**2 + 12.0 * base * x + 4.0 * x * x) * x / rim
-        step = np.where(slope > 0.0, value / np.where(slope > 0.0, slope, 1.0), 0.0)
-        x = x - step
-        if np.all(np.abs(step) <= 1e-16 * (base + x)):
-            break
-    return (base + x) ** 2
+    tip, rim = PowerLaw.of(radius), positive("radius", radius)
+    beyond = 2.0 * np.sqrt(rim * np.abs(d)) + 4.0 * fold.contact_radius  # where the displacement is larger
+    constants = {"modulus": modulus, "work_of_adhesion": work_of_adhesion}
+    return rising(lambda a: _state(tip, a, **constants).displacement - d, fold.contact_radius, beyond)
 
 
-def load_fold(*, radius: ArrayLike = 1.0, modulus: ArrayLike = 1.0, work_of_adhesion: ArrayLike = 1.0) -> Fold:
-    """Return the pull-off under load control: F = -(3/2) pi w R at a^3 = 9 pi w R^2 / (8 E), d = -a^2 / (3R)."""
-    return fold(PowerLaw.parabola(radius), 1.5, modulus, work_of_adhesion)
+def load_fold(*, modulus: ArrayLike = 1.0, work_of_adhesion: ArrayLike = 1.0, **shape: ArrayLike) -> Fold:
+    """Return the pull-off under load control, n zeta(a) = (3/2) sqrt(2 pi a w / E); parameters as in `load`.
 
-
-def displacement_fold(*, radius: ArrayLike = 1.0, modulus: ArrayLike = 1.0, work_of_adhesion: ArrayLike = 1.0) -> Fold:
-    """Return the pull-off under displacement control: F = -(5/6) pi w R at a^3 = pi w R^2 / (8 E), d = -3 a^2 / R."""
-    return fold(PowerLaw.parabola(radius), 0.5, modulus, work_of_adhesion)
-
-
-def cone_load(
-    contact_radius: ArrayLike, *, slope: ArrayLike = 1.0, modulus: ArrayLike = 1.0, work_of_adhesion: ArrayLike = 1.0
-) -> Array:
-    """Return the load on a cone z = slope * r, F = (pi/2) E slope a^2 - sqrt(8 pi w E a^3)."""
-    return _load(PowerLaw.cone(slope), contact_radius, modulus, work_of_adhesion)
-
-
-def cone_displacement(
-    contact_radius: ArrayLike, *, slope: ArrayLike = 1.0, modulus: ArrayLike = 1.0, work_of_adhesion: ArrayLike = 1.0
-) -> Array:
-    """Return the displacement of a cone z = slope * r, d = (pi/2) slope a - sqrt(2 pi a w / E)."""
-    return _displacement(PowerLaw.cone(slope), contact_radius, modulus, work_of_adhesion)
-
-
-def cone_load_fold(*, slope: ArrayLike = 1.0, modulus: ArrayLike = 1.0, work_of_adhesion: ArrayLike = 1.0) -> Fold:
-    """Return a cone's pull-off under load control: F = -54 w^2 / (pi E slope^3) at a = 18 w / (pi E slope^2), d = 3 w
-    / (E slope).
+    For a parabola, F = -(3/2) pi w R at a^3 = 9 pi w R^2 / (8 E), d = -a^2 / (3R); for a cone,
+    F = -54 w^2 / (pi E slope^3) at a = 18 w / (pi E slope^2), d = 3 w / (E slope).
     """
-    return fold(PowerLaw.cone(slope), 1.5, modulus, work_of_adhesion)
+    return fold(PowerLaw.of(**shape), 1.5, modulus, work_of_adhesion)
 
 
-def cone_displacement_fold(
-    *, slope: ArrayLike = 1.0, modulus: ArrayLike = 1.0, work_of_adhesion: ArrayLike = 1.0
-) -> Fold:
-    """Return a cone's pull-off under displacement control: d = -w / (E slope) at a = 2 w / (pi E slope^2)."""
-    return fold(PowerLaw.cone(slope), 0.5, modulus, work_of_adhesion)
+def displacement_fold(*, modulus: ArrayLike = 1.0, work_of_adhesion: ArrayLike = 1.0, **shape: ArrayLike) -> Fold:
+    """Return the pull-off under displacement control, n zeta(a) = (1/2) sqrt(2 pi a w / E); parameters as in `load`.
 
-
-def power_law_load(
-    contact_radius: ArrayLike,
-    *,
-    exponent: ArrayLike,
-    length: ArrayLike = 1.0,
-    modulus: ArrayLike = 1.0,
-    work_of_adhesion: ArrayLike = 1.0,
-) -> Array:
-    """Return the load on a tip z = r^n / (n L^(n-1)), Hertz' load minus sqrt(8 pi w E a^3).
-
-    Parameters
-    ----------
-    contact_radius : array_like
-        Contact radius a >= 0, in units of length.
-    exponent : array_like
-        Exponent n >= 1; 1 is a cone of slope 1, 2 a parabola of radius L.
-    length, modulus, work_of_adhesion : array_like
-        Length L of the tip, effective modulus E and work of adhesion w, all > 0.
+    For a parabola, F = -(5/6) pi w R at a^3 = pi w R^2 / (8 E), d = -3 a^2 / R; for a cone, d = -w / (E slope) at
+    a = 2 w / (pi E slope^2).
     """
-    return _load(PowerLaw.of(exponent, length), contact_radius, modulus, work_of_adhesion)
+    return fold(PowerLaw.of(**shape), 0.5, modulus, work_of_adhesion)
 
 
-def power_law_displacement(
-    contact_radius: ArrayLike,
-    *,
-    exponent: ArrayLike,
-    length: ArrayLike = 1.0,
-    modulus: ArrayLike = 1.0,
-    work_of_adhesion: ArrayLike = 1.0,
-) -> Array:
-    """Return the displacement of a power-law tip, d = zeta(a) - sqrt(2 pi a w / E); parameters as in
-    `power_law_load`.
-    """
-    return _displacement(PowerLaw.of(exponent, length), contact_radius, modulus, work_of_adhesion)
+# The same for a cone and for other powers, where no parabola is meant.
+cone_load, cone_displacement = partial(load, slope=1.0), partial(displacement, slope=1.0)
+cone_load_fold, cone_displacement_fold = partial(load_fold, slope=1.0), partial(displacement_fold, slope=1.0)
+power_law_load, power_law_displacement = partial(load, length=1.0), partial(displacement, length=1.0)
+power_law_load_fold = partial(load_fold, length=1.0)
+power_law_displacement_fold = partial(displacement_fold, length=1.0)
 
 
-def power_law_load_fold(
-    *, exponent: ArrayLike, length: ArrayLike = 1.0, modulus: ArrayLike = 1.0, work_of_adhesion: ArrayLike = 1.0
-) -> Fold:
-    """Return a power-law tip's pull-off under load control, n zeta(a) = (3/2) sqrt(2 pi a w / E)."""
-    return fold(PowerLaw.of(exponent, length), 1.5, modulus, work_of_adhesion)
-
-
-def power_law_displacement_fold(
-    *, exponent: ArrayLike, length: ArrayLike = 1.0, modulus: ArrayLike = 1.0, work_of_adhesion: ArrayLike = 1.0
-) -> Fold:
-    """Return a power-law tip's pull-off under displacement control, n zeta(a) = (1/2) sqrt(2 pi a w / E)."""
-    return fold(PowerLaw.of(exponent, length), 0.5, modulus, work_of_adhesion)
-
-
-def _neck(contact_radius: Array, modulus: Array, work_of_adhesion: Array) -> Array:
-    """Return sqrt(2 pi a w / E), by which adhesion lowers the displacement at fixed contact radius."""
-    return np.sqrt(2.0 * np.pi * contact_radius * work_of_adhesion / modulus)
-
-
-def _load(tip: PowerLaw, contact_radius: ArrayLike, modulus: ArrayLike, work_of_adhesion: ArrayLike) -> Array:
+def _state(tip: PowerLaw, contact_radius: ArrayLike, modulus: ArrayLike, work_of_adhesion: ArrayLike) -> Fold:
+    """The equilibrium with a contact radius: adhesion lowers the displacement at fixed radius by sqrt(2 pi a w / E)."""
     a = not_negative("contact_radius", contact_radius)
     e, w = positive("modulus", modulus), positive("work_of_adhesion", work_of_adhesion)
-    return 2.0 * e * (tip.deficit(a) - a * _neck(a, e, w))
-
-
-def _displacement(tip: PowerLaw, contact_radius: ArrayLike, modulus: ArrayLike, work_of_adhesion: ArrayLike) -> Array:
-    a = not_negative("contact_radius", contact_radius)
-    neck = _neck(a, positive("modulus", modulus), positive("work_of_adhesion", work_of_adhesion))
-    return tip.transform(a) - neck
+    neck = np.sqrt(2.0 * np.pi * a * w / e)
+    return Fold(2.0 * e * (tip.deficit(a) - a * neck), tip.transform(a) - neck, a)
 
 
 def fold(tip: PowerLaw, share: float, modulus: ArrayLike, work_of_adhesion: ArrayLike) -> Fold:
@@ -251,4 +174,4 @@ def fold(tip: PowerLaw, share: float, modulus: ArrayLike, work_of_adhesion: Arra
     ratio = positive("work_of_adhesion", work_of_adhesion) / positive("modulus", modulus)
     n = tip.exponent
     a = np.asarray((share * np.sqrt(2.0 * np.pi * ratio) / (n * tip.strength)) ** (1.0 / (n - 0.5)))
-    return Fold(_load(tip, a, modulus, work_of_adhesion), _displacement(tip, a, modulus, work_of_adhesion), a)
+    return _state(tip, a, modulus, work_of_adhesion)

@@ -19,7 +19,6 @@ from contbranch.models.axisymmetric.azimuthal import (
     unstable_count,
 )
 from contbranch.models.axisymmetric.modal import ModeSpace, inner_mode_pressure
-from contbranch.output.document import document as document_of
 from contbranch.output.plot_modes import mode_figure
 
 TABOR = 2.0
@@ -267,7 +266,7 @@ def test_results_carry_modes(cascade, tmp_path):
     np.testing.assert_allclose(shape.r, reduced.mode_shape.r * scales.in_plane)
     np.testing.assert_allclose(shape.pressure, reduced.mode_shape.pressure * scales.pressure / scales.normal)
 
-    document = document_of(diagram)
+    document = diagram.document()
     json.dumps(document, allow_nan=False)
     assert {item["mode"] for item in document["events"] if item["kind"] != "symmetry"} == {None}
     assert document["events"][diagram.events.index(event)]["mode"] == event.mode

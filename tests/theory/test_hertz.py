@@ -90,6 +90,7 @@ def test_pressure_vanishes_outside():
         (lambda: hertz.contact_radius(-1.0), "load"),
         (lambda: hertz.displacement(float("nan")), "contact_radius"),
         (lambda: hertz.power_law_load(1.0, exponent=0.5), "exponent"),
+        (lambda: hertz.power_law_load(1.0), "exponent"),
         (lambda: hertz.cone_load(1.0, slope="steep"), "slope"),
     ],
 )
