@@ -18,7 +18,7 @@ from contbranch.curve.angle import in_passing, short_way
 from contbranch.curve.passages import BESIDES, Search, Seen
 from contbranch.curve.problem import Rates, equilibrium
 
-__all__ = ["NEGATIVE", "Ceiling", "FoldEvent", "Folds", "Margin", "Reached", "Slopes", "rates"]
+__all__ = ["NEGATIVE", "Balanced", "Ceiling", "FoldEvent", "Folds", "Margin", "Reached", "Slopes", "rates"]
 
 # Relative to their place in a step, folds are located so coarsely while tracing (they are refined afterwards); where
 # there are several, as sharply as it takes to tell them apart, down to the last.
@@ -83,6 +83,19 @@ class FoldEvent(Event):
     def value(self, point: Point) -> float:
         """The rate of what is controlled along the unit tangent."""
         return self.control.weighted(*rates(point))
+
+
+@dataclass(frozen=True)
+class Balanced(FoldEvent):
+    """A fold by the slope of the curve, which is minus the control's stiffness there: for states where all rates rest.
+
+    Displacement, whose fold has an infinite slope, is told by its rate.
+    """
+
+    def value(self, point: Point) -> float:
+        """dF/dd + K, or the rate of what is controlled where the slope is not known."""
+        slope = None if self.control == DISPLACEMENT else equilibrium(point).slope(point.x, point.parameter)
+        return super().value(point) if slope is None else slope + self.control.stiffness
 
 
 @dataclass(frozen=True)

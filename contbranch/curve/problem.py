@@ -347,6 +347,10 @@ class EquilibriumProblem(Problem):
     def rates(self, x: Array, p: float, x_rate: Array, p_rate: float) -> Rates:
         """Derivatives of load, displacement, contact radius and central gap along a direction, exact."""
 
+    def slope(self, x: Array, p: float) -> float | None:
+        """dF/dd of the curve, where it is known apart from the rates: both may rest next to a change of contact."""
+        return None
+
     @property
     def countable(self) -> bool:
         """Whether the unstable modes of its states are those of the contact."""

@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 
 from contbranch.arrays import Array, Integers
-from contbranch.continuation import Event, Point
+from contbranch.continuation import CorrectionError, Event, Point
 from contbranch.control import LOAD, Control
-from contbranch.curve.events import FoldEvent, Margin, Reached
+from contbranch.curve.events import Balanced, FoldEvent, Margin, Reached
 from contbranch.curve.exponents import critical_exponent, sampled_exponent
 from contbranch.curve.outcome import RawCurve, RawEvent, no_curve
 from contbranch.curve.problem import COARSEST, equilibrium
-from contbranch.curve.refine import Found, by_defect, refine
+from contbranch.curve.refine import Found, at_parameter, by_defect, refine
 from contbranch.curve.symmetry import Breaking, critical_eigenvalues, has_modes, merged, symmetry_breaking
 from contbranch.curve.trace import Request
 from contbranch.curve.track import Mark, Track
@@ -209,11 +209,26 @@ def _beyond(track: Track, mark: Mark, corner: Found, accuracy: float) -> Found:
     first = ahead.observables["contact_radius"]
     if mark.control is None or equilibrium(ahead).given or not before == 0.0 < first:
         return corner
-    found = refine(ahead, FoldEvent(mark.control), accuracy)
+    event = Balanced(mark.control)
+    found = refine(_foretold(ahead, event), event, accuracy)
     if 0.0 < found.numbers[2] <= first and found.relative_error() <= accuracy:
         return found
     load, displacement, radius, gap = corner.error
     return replace(corner, error=(load, displacement, max(radius, first), gap))
+
+
+def _foretold(ahead: Point, event: Balanced) -> Point:
+    """Where slope and control balance behind a touch, as its first row foretells: a contact adds its diameter."""
+    problem, radius = equilibrium(ahead), ahead.observables["contact_radius"]
+    place = radius - event.value(ahead) / 2.0
+    if problem.slope(ahead.x, ahead.parameter) is None or not 0.0 < place < radius:
+        return ahead
+    rates = problem.rates(ahead.x, ahead.parameter, ahead.tangent_x, ahead.tangent_parameter)
+    power = radius * ahead.tangent_parameter / (ahead.parameter * rates.contact_radius)  # of the radius, next to touch
+    try:
+        return at_parameter(replace(ahead, parameter=ahead.parameter * (place / radius) ** power, observables={}))
+    except CorrectionError:
+        return ahead
 
 
 def _opens(track: Track, found: Sequence[Found], fold: Found, accuracy: float) -> bool:

@@ -97,12 +97,12 @@ def symmetry_breaking(track: Track, request: Request) -> Breaking:
     for row, (here, there) in enumerate(pairwise(counts)):
         if here is None or there is None:
             continue
-        ends: tuple[Point, Point] | None = None
-        for event in _changes(here, there) if track.problem(row).tells_modes else ():
+        passing = _changes(here, there) if track.problem(row).tells_modes else []
+        rest = _at_rest(track, row) if passing else None
+        for event in passing:
             tell(0.98, f"locating the loss of symmetry, m = {event.mode}")
             try:
-                ends = ends or _at_rest(track.link(row))
-                share, start = between(ends, event, NEAR)
+                share, start = _between(track, row, rest, event)
                 refined = refine(start, event, request.accuracy, beside)
                 kind = "lost" if there.of(event.mode) > here.of(event.mode) else "regained"
                 beside = refined.point
@@ -119,16 +119,35 @@ def symmetry_breaking(track: Track, request: Request) -> Breaking:
     return Breaking(everywhere, tuple(sorted(found, key=_position)), not lost, " ".join(notes))
 
 
-def _at_rest(ends: tuple[Point, Point] | None) -> tuple[Point, Point] | None:
-    """The ends of a piece on a discretisation that does not move, which serves all events on it."""
-    if ends is None or not equilibrium(ends[0]).moves:
-        return ends
-    problem, _ = equilibrium(ends[0]).still(ends[0].x)
+def _at_rest(track: Track, row: int) -> tuple[Point, Point] | None:
+    """The ends of a piece on a discretisation that does not move, which serves all events on it; None without one."""
+    if row in track.gaps:
+        return None
+    begin, end = track.onward.get(row, track.points[row]), track.points[row + 1]
+    problem = equilibrium(begin)
+    if not problem.joins(equilibrium(end)):
+        return None
+    problem, _ = problem.still(begin.x)
     try:
-        begin, end = (settled(moved(point, problem)) for point in ends)
+        return settled(moved(begin, problem)), settled(moved(end, problem))
     except CorrectionError:
-        return ends
-    return begin, end
+        return None
+
+
+def _between(track: Track, row: int, rest: tuple[Point, Point] | None, event: Event) -> tuple[float, Point]:
+    """Where an event vanishes on a piece: what stands still may not foretell a curve with which a discretisation moved.
+
+    Raises
+    ------
+    CorrectionError
+        If the curve cannot be followed there.
+    """
+    if rest is not None:
+        try:
+            return between(rest, event, NEAR)
+        except CorrectionError:
+            pass
+    return between(track.link(row), event, NEAR)
 
 
 def _surely(point: Point, unstable: int, count: Count | None, limit: int) -> Count | None:

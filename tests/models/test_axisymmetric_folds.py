@@ -169,11 +169,15 @@ def test_every_layer_is_met_at_every_accuracy(contact):
 
 
 @pytest.mark.parametrize(
-    ("exponent", "law", "tolerance"),
-    [(5.0, cb.VanDerWaals(-1.0, 150.0), 1e-3), (3.5, cb.Gauss(-1.0, 40.0), 1e-2)],
-    ids=["vdw", "gauss"],
+    ("exponent", "law", "name", "tolerance"),
+    [
+        (5.0, cb.VanDerWaals(-1.0, 150.0), "wetting", 1e-3),
+        (3.5, cb.Gauss(-1.0, 40.0), "wetting", 1e-2),
+        (5.4, cb.InverseSquare(1.0, 900.0), "pull-off", 1e-4),  # at a radius of 1e-4, where all rates rest
+    ],
+    ids=["vdw", "gauss", "weak"],
 )
-def test_wetting_of_a_soft_film_under_a_flat_tip_lies_behind_the_touch(exponent, law, tolerance):
+def test_wetting_of_a_soft_film_under_a_flat_tip_lies_behind_the_touch(exponent, law, name, tolerance):
     """The load changes by 2π ∫ v''(z − d) r dr with d, a long range leaving the body all but rigid, and a contact adds
     2a: the fold is where both balance, up to the deformation by the film. Load and displacement rest next to it."""
     tip = cb.PowerLaw(exponent, 1.0)
@@ -187,6 +191,6 @@ def test_wetting_of_a_soft_film_under_a_flat_tip_lies_behind_the_touch(exponent,
 
     slope = scipy.integrate.quad(density, 0.0, 20.0, limit=500, epsabs=1e-12)[0]
     assert diagram.status == "complete"
-    assert fold.name == "wetting"
+    assert fold.name == name
     assert fold.contact_radius == pytest.approx(-slope / 2, rel=tolerance)
     assert fold.error["contact_radius"] <= 1e-8

@@ -4,9 +4,12 @@ import numpy as np
 import pytest
 
 import contbranch as cb
-from contbranch.models.axisymmetric.creases import Crease, moved_with, velocities
+from contbranch.models.axisymmetric.creases import Crease, apart, moved_with, velocities
 from contbranch.models.axisymmetric.equations import ContactCoordinate, Equations
+from contbranch.models.axisymmetric.front import Front
 from contbranch.models.axisymmetric.mesh import Mesh
+from contbranch.models.axisymmetric.moving import Resolution
+from contbranch.models.axisymmetric.problem import ContactProblem
 
 EDGES = np.array([0.0, 0.2, 0.5, 0.8, 1.1, 1.4, 1.8, 2.3, 3.0])
 
@@ -39,6 +42,28 @@ def test_rates_of_a_mesh_that_moves(radius):
         assert gaps[k] == pytest.approx(differences[:80], abs=2e-7 * np.abs(differences[:80]).max())
         assert residuals[k] == pytest.approx(differences[80:160], abs=2e-7 * np.abs(differences[80:160]).max())
         assert rates == pytest.approx(differences[160:], abs=1e-9)
+
+
+def test_every_crease_moves_its_own_place_alone():
+    """At the place of one the velocity is 1 by its own motion and 0 by those of others, whatever was chosen first."""
+    mesh = Mesh(np.linspace(0.0, 3.0, 301), 4)
+    chosen = [Crease(place, half, 0, 0.5, 1.0, 1.0, 0) for place, half in ((1.0, 0.3), (1.5, 0.15), (1.2, 0.07))]
+    creases = apart(chosen)
+    edges, _ = velocities(creases, None, mesh)
+    rates = np.array([np.interp([crease.place for crease in creases], mesh.edges, own) for own in edges])
+    assert rates == pytest.approx(np.eye(3), abs=1e-12)
+    assert [crease.half for crease in creases] == pytest.approx([0.13, 0.15, 0.07])
+
+
+def test_a_state_whose_creases_have_left_the_mesh_is_lost():
+    """Where it lies cannot be told then, which is no error of whoever asks."""
+    mesh, tip = Mesh(EDGES, 10), cb.Parabola(1.0)
+    front = Front(1.35, 0.5, 0.1, 1.0, 0.0, (Crease(0.9, 0.1, 1, 0.0, 1.0, 1.0, 0),))
+    equations = Equations(tip, cb.Gauss(-1.0, 0.7), mesh, ContactCoordinate(tip, 2.0), False)
+    problem = ContactProblem(equations, 0.7, Resolution(1e-4, 8), 1.0, front)
+    h = 1.0 / (1.0 + mesh.nodes**2)
+    assert not problem.lost(np.append(h, [0.0, 0.01]), -1.0)
+    assert problem.lost(np.append(h, [0.0, -0.55]), -1.0)
 
 
 def test_panels_are_not_crushed():

@@ -21,7 +21,7 @@ from contbranch.errors import ModelError
 from .equations import Fields
 from .mesh import Mesh
 
-__all__ = ["SHARE", "SHORTER", "Crease", "creases_of", "located", "moved_with", "shortened", "velocities"]
+__all__ = ["SHARE", "SHORTER", "Crease", "apart", "creases_of", "located", "moved_with", "shortened", "velocities"]
 
 # A crease is narrower than its distance from the rim by this factor, and changes the pressure by this multiple of its
 # largest value over that distance; one that is followed, by a smaller one.
@@ -160,7 +160,16 @@ def creases_of(
         if room > width:
             key = known.key if known else fresh + len(chosen)
             chosen.append(Crease(place, min(AROUND * width, room), order, value, slope, 0.0, key))
-    return tuple(chosen[:MOST])
+    return apart(chosen[:MOST])
+
+
+def apart(creases: Sequence[Crease]) -> tuple[Crease, ...]:
+    """The creases, in the order in which they were chosen, with no more around each than those behind it leave."""
+
+    def left(crease: Crease, others: Sequence[Crease]) -> float:
+        return min((abs(crease.place - other.place) - other.half for other in others), default=math.inf)
+
+    return tuple(replace(own, half=min(own.half, left(own, creases[k + 1 :]))) for k, own in enumerate(creases))
 
 
 def located(mesh: Mesh, gap: Array, crease: Crease, stretch: float) -> float:

@@ -79,8 +79,12 @@ class MeshedContact(MovingContact):
         return problem, x
 
     def lost(self, x: Array, p: float) -> bool:
-        """Whether a solution lies where surfaces would have passed through one another, and laws mean nothing."""
-        return float(self.fields(x, p).gap.min()) < -DEEPEST * self.scale
+        """Whether a solution lies where surfaces would have passed through one another, and laws mean nothing, or has
+        creases that have left their parts of the mesh."""
+        try:
+            return float(self.fields(x, p).gap.min()) < -DEEPEST * self.scale
+        except ModelError:
+            return True
 
     def values(self, x: Array, p: float) -> Values:
         """Load, displacement, contact radius, central gap, energy."""

@@ -46,7 +46,7 @@ from contbranch.models.quadrature import start_edges
 from contbranch.results.diagram import ModeShape, Profile
 
 from .azimuthal import counted, eigenvalues, mode_shape
-from .equations import ContactCoordinate, Equations, felt
+from .equations import ContactCoordinate, Equations, Fields, felt
 from .front import Edge, Front
 from .mesh import mesh_on
 from .profile import profile_of
@@ -500,12 +500,21 @@ class ContactProblem(MeshedContact):
         if 0.0 <= p < TINY and equations.interaction is not None:
             parts = abs(float(equations.rim_row @ h_rate))
             if abs(displacement) > max(MOVING * parts, AT_ALL * float(np.abs(h_rate).max())):
-                if "slope" not in fields.derived:
-                    fields.derived["slope"] = load_per_displacement(equations, fields, self._solver(x))
-                load = fields.derived["slope"] * displacement
+                load = self._slope(x, equations, fields) * displacement
         if equations.contact:
             return Rates(load, displacement, equations.coordinate.slopes(fields.y)[0] * y_rate, 0.0)
         return Rates(load, displacement, 0.0, -y_rate)
+
+    def slope(self, x: Array, p: float) -> float | None:
+        """dF/dd in contact, whose rim moves with neither at first touch under a flat tip."""
+        equations, fields = self.seen(x, p)
+        return self._slope(x, equations, fields) if equations.contact else None
+
+    def _slope(self, x: Array, equations: Equations, fields: Fields) -> float:
+        if "slope" not in fields.derived:
+            fields.derived["slope"] = load_per_displacement(equations, fields, self._solver(x))
+        slope: float = fields.derived["slope"]
+        return slope
 
     def unstable(self, x: Array, p: float) -> int:
         """Negative eigenvalues of the second variation at fixed displacement, by inertia.
