@@ -142,12 +142,10 @@ def _between(track: Track, row: int, rest: tuple[Point, Point] | None, event: Ev
     CorrectionError
         If the curve cannot be followed there.
     """
-    if rest is not None:
-        try:
-            return between(rest, event, NEAR)
-        except CorrectionError:
-            pass
-    return between(track.link(row), event, NEAR)
+    try:
+        return between(rest, event, NEAR)
+    except CorrectionError:
+        return between(track.link(row), event, NEAR)
 
 
 def _surely(point: Point, unstable: int, count: Count | None, limit: int) -> Count | None:
