@@ -57,6 +57,8 @@ SHARPEST, HELPS = 1e6, 0.5
 # Unknowns that a state may be given where it is not smooth, and where all panels are halved, since halving some leaves
 # more than this share of the error.
 MOST, FINEST, WORTH = 1000, 1400, 0.5
+# Corrections that may be no smaller than the one before.
+STALLS = 3
 # Share of the wavelength of layers over which the gap changes where it passes from one to the next.
 LAYER = 0.25
 # Edges of panels below this share of the distance to the edge of a tip are kept where the mesh is to end there.
@@ -424,7 +426,7 @@ class MeshedContact(MovingContact):
 
     def solve_at(self, x: Array, p: float, iterations: int = 12, enough: float = 1e-13) -> Array:
         """Newton's method at a fixed parameter, up to a relative change that is enough; the best that was reached."""
-        best, size, valid = x, math.inf, x
+        best, size, valid, stalls = x, math.inf, x, 0
         for _ in range(iterations):
             check()
             self.work.newton += 1
@@ -437,8 +439,10 @@ class MeshedContact(MovingContact):
             solve = partial(_solved, *lapack.dgetrf(self.jacobian(x, p).T, overwrite_a=1)[:2])
             step = solve(-self.residual(x, p))
             change = float(np.abs(step).max())
-            if change >= 0.7 * size and change < 1e-8 * max(1.0, float(np.abs(x).max())):
-                return best  # rounding
+            if change >= 0.7 * size:
+                stalls += 1
+                if stalls == STALLS or change < 1e-8 * max(1.0, float(np.abs(x).max())):
+                    return best  # rounding, which a matrix that is all but singular blows up
             x = x + step
             self.corrected(x, p, solve)
             if not change < 1e3 * max(1.0, size):

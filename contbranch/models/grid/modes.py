@@ -110,10 +110,14 @@ class Modes:
             return Count()
         if self._counted[0] is state:  # rows of an average share states
             return self._counted[1]
-        spectra = self.stability.spectra(state, self.sectors, ordered=self.setup.kind == "free")
-        found = Counter(
-            m for one in spectra.values() if one.index for m in self._periods(state, one, one.index) if m > 0
-        )
+        if self.axisymmetric:
+            # cos θ loses its stability first (see `blunt`); what the images of a cell alone would break is their own.
+            first = self.stability.spectrum(state, ROUND[1])
+            spectra = [] if first.stable else [first, self.stability.spectrum(state, EVEN)]
+        else:
+            ordered = self.setup.kind == "free"
+            spectra = list(self.stability.spectra(state, self.sectors, ordered).values())
+        found = Counter(m for one in spectra if one.index for m in self._periods(state, one, one.index) if m > 0)
         self._counted = state, Count(tuple(found[m] for m in range(1, max(found, default=0) + 1)))
         return self._counted[1]
 

@@ -84,6 +84,11 @@ class Spectrum:
         return self.eigenvalues[0] if self.eigenvalues.size else 1.0
 
     @property
+    def stable(self) -> bool:
+        """Whether the sector is stable for certain."""
+        return self.index == 0 and not self.uncertain
+
+    @property
     def uncertain(self) -> bool:
         """Whether the sign of an eigenvalue is within its error, or precision was not reached."""
         return not self.complete or bool((np.abs(self.eigenvalues) <= self.errors + ZERO).any())
@@ -193,7 +198,7 @@ class Stability:
         """
         found: dict[Sector, Spectrum] = {}
         for sector in sectors:
-            if ordered and any(_stable(found[other]) for other in _before(sector) if other in found):
+            if ordered and any(found[other].stable for other in _before(sector) if other in found):
                 found[sector] = _settled(sector)
             elif sector == ("even", "odd") and self.swapped and ("odd", "even") in found:
                 # The first sector with x and y exchanged.
@@ -208,11 +213,6 @@ class Stability:
 def _settled(sector: Sector | None) -> Spectrum:
     empty = np.zeros(0)
     return Spectrum(sector, empty, empty, np.zeros((0, 0, 0)), settled=True)
-
-
-def _stable(spectrum: Spectrum) -> bool:
-    """Whether a sector is stable for certain."""
-    return spectrum.index == 0 and not spectrum.uncertain
 
 
 def _before(sector: Sector) -> list[Sector]:
