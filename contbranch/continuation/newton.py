@@ -149,6 +149,7 @@ def correct(
     worst = 0.0
     slow = False
     polishes, kept = (precise or x.size >= LARGE) and type(problem).product is not Problem.product, False
+    share = 1.0 if precise else KEPT
     trusted = 1.0  # contraction from which on a matrix is kept
     for iteration in range(1, ITERATIONS + 1):
         if kept:
@@ -169,7 +170,7 @@ def correct(
         else:
             contraction = size / previous if previous > 0 else 0.0
             # The next correction, by the matrix kept or by its own.
-            left_over = contraction * size / KEPT if kept else contraction**2 * size
+            left_over = contraction * size / share if kept else contraction**2 * size
             done = (kept or size <= max(close, floor)) and left_over <= max(tolerance, floor)
             # What no longer contracts close to rounding is as good as it gets.
             if not (done or kept) and contraction > 0.1:
