@@ -7,7 +7,7 @@ Eng. Sci. 3, 47 (1965). The displacement and load of the first contact below are
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq
+from scipy.optimize import brentq, minimize_scalar
 
 import contbranch as cb
 from contbranch.models.rings.problem import RingProblem
@@ -129,3 +129,63 @@ def test_a_fold_next_to_touch_does_not_depend_on_the_steps_that_led_there():
     at_turn = cb.solve(contact, displacement=turn, accuracy=1e-9)
     assert abs(fold.displacement - turn) < fold.error["displacement"]
     assert abs(fold.contact_radius - at_turn.contact_radius) < fold.error["contact_radius"]
+
+
+@pytest.mark.parametrize(
+    ("contact", "accuracy"),
+    [
+        (cb.Contact(cb.PowerLaw(3.112, 1.0), cb.Layered(-1.0, 42.67454457989872, 117.78174304052047, 0.0)), 1e-4),
+        (cb.Contact(cb.PowerLaw(4.086, 1.0), cb.Layered(-1.0, 494.48550196588604, 1077.9783942856316, 0.0)), 1e-6),
+        (cb.Contact(cb.PowerLaw(2.19, 1.0), cb.Layered(1.0, 5.065398740319935, 5.217360702529533, 0.0), 3.0), 1e-6),
+    ],
+)
+def test_behind_a_dish_too_shallow_to_be_seen_discs_have_no_folds_of_their_own(contact, accuracy):
+    """The surfaces meet on a ring first, by less than is tolerated: smaller discs lose displacement as they grow.
+
+    Truth is what the curve must be: states of given displacement are found on it with the radii that it says, all are
+    stable, as many modes are unstable at its end as folds say, and the energy changes by the load's work.
+    """
+    diagram = cb.trace(contact, control="displacement", accuracy=accuracy)
+    assert diagram.status == "complete", diagram.message
+    (branch,) = diagram.branches
+    touch = next(event for event in diagram.events if event.kind == "touch")
+    assert not list(diagram.folds("displacement"))
+    assert not branch.unstable_displacement.any()
+    touched = np.flatnonzero(branch.contact_radius > 0.0)
+    rows = [touched[0] - 1, *touched[:3]]
+    d, energy = branch.displacement[rows], branch.energy[rows]
+    assert d[0] == pytest.approx(touch.displacement, abs=touch.error["displacement"])
+    assert np.all(np.diff(d) > 0.0)
+    nodes, weights = np.polynomial.legendre.leggauss(6)
+    half = (d[-1] - d[0]) / 2
+    states = [cb.solve(contact, displacement=d[0] + half * (1 + x), accuracy=accuracy) for x in nodes]
+    radii = [state.contact_radius for state in states]
+    assert np.all(np.diff([0.0, *radii, branch.contact_radius[rows[-1]]]) > 0.0)
+    work = half * weights @ [state.load for state in states]
+    assert energy[-1] - energy[0] == pytest.approx(work, abs=accuracy * np.abs(energy).max())
+    finer = cb.trace(contact, control="displacement", accuracy=accuracy / 30).events
+    again = next(event for event in finer if event.kind == "touch")
+    assert abs(touch.displacement - again.displacement) < touch.error["displacement"]
+
+
+def test_discs_open_where_their_displacement_no_longer_falls():
+    """Under a film so soft that its own pressure does not matter, d = zeta(a) + h(a) has its minimum there."""
+    contact = cb.Contact(cb.PowerLaw(4.086, 1.0), cb.Layered(-1.0, 494.48550196588604, 1077.9783942856316, 0.0))
+    touch = next(event for event in cb.trace(contact).events if event.kind == "touch")
+    still, h = touch.origin.raw.place.problem.still(touch.origin.raw.place.x)
+    disc = still._behind()
+
+    def state(radius):
+        u = disc.parameter(disc.equations.coordinate.of(radius, 0.0))
+        return disc.seen(disc.solve_at(h, u), u)
+
+    def displacement(radius):
+        equations, fields = state(radius)
+        return equations.displacement(fields)
+
+    found = minimize_scalar(displacement, bounds=(1e-3, 2e-2), options={"xatol": 1e-6})
+    equations, fields = disc.seen(h, 0.0)
+    assert equations.dish(fields) == pytest.approx(found.x, rel=0.2)  # between places that are looked at
+    rim = np.zeros(1)
+    lower, upper = (float(equations.opening(state(s * found.x)[1], rim)[0]) for s in (0.99, 1.01))
+    assert lower < 0.0 < upper

@@ -512,10 +512,15 @@ class Equations:
         end = np.sqrt(mesh.innermost**2 + distance)[:, None]
         start = np.sqrt(distance)[:, None]
         w = (end + start) / 2 + (end - start) / 2 * nodes
-        local = 2 * (w * w - distance[:, None]) / mesh.innermost**2 - 1
+        return np.asarray((end - start)[:, 0] * (self._bend(h, w * w - distance[:, None]) @ weights))
+
+    def _bend(self, h: Array, square: Array) -> Array:
+        """dh/dtau² on the innermost panel, where h is even in tau, at places tau²."""
+        mesh = self.mesh
+        local = 2 * square / mesh.innermost**2 - 1
         coefficients = mesh.rule.even_slopes @ (mesh.rule.to_even @ h[: mesh.order])
-        values = np.tensordot(coefficients, chebyshev_values(mesh.rule.even_order, local), 1) * (2 / mesh.innermost**2)
-        return np.asarray((end - start)[:, 0] * (values @ weights))
+        values = np.tensordot(coefficients, chebyshev_values(mesh.rule.even_order, local), 1)
+        return np.asarray(values * (2 / mesh.innermost**2))
 
     def contact_pressure(self) -> float:
         """p_fr(0), the interaction's pressure where the surfaces touch."""
@@ -552,6 +557,24 @@ class Equations:
             if pressed < least:
                 least, place = pressed, 0.0
         return least, place
+
+    def opening(self, fields: Fields, tau: Array) -> Array:
+        """phi'(t)/t on the innermost panel, with ``phi = h + zeta − d``.
+
+        Where it is negative at the rim, tau = 0, the gap would close beside it, and the wall would have to pull within.
+        """
+        t = np.hypot(tau, fields.rim.radius)
+        return np.asarray(2 * self._bend(fields.h, tau * tau) + self.tip.transform_derivative(t) / t)
+
+    def dish(self, fields: Fields) -> float:
+        """Radius of the dish that a film presses into the surface under the apex, at first touch; 0 without.
+
+        The surfaces meet on a ring within before they do at the centre, and no smaller disc is admissible. At most as
+        large as the innermost panel.
+        """
+        tau = self.mesh.innermost * np.geomspace(CLOSEST, 1.0, CLOSE)
+        right = np.flatnonzero(self.opening(fields, tau) >= 0.0)
+        return 0.0 if right.size and right[0] == 0 else float(tau[right[0] if right.size else -1])
 
     def on_wall(self, fields: Fields, scale: float, pressure: float) -> float:
         """What the wall bears of a pressure, in units of the interaction's largest."""

@@ -93,9 +93,11 @@ TRIES, HANDED = 4, 0.1
 # there, unless the displacement all but stands still: its rate must be at least this share of its parts, which may
 # both stand still, and this share of the largest rate of h.
 TINY, MOVING, AT_ALL = 1e-2, 0.1, 1e-3
-# Radius of a contact under a flat tip in which rings that have been passed over do not matter, as a share of the
-# innermost panel.
-DISHED = 1e-3
+# Radius of a contact under a flat tip, as a share of the innermost panel; at least this multiple of the dish in which
+# the surfaces meet on a ring first. The displacement of a disc falls as that grows within the dish. Under a soft film
+# it is back at that of first touch, where the contact really goes on, at (n/2)^(1/(n − 2)) < √e radii of the dish. So
+# many radii are tried, each twice the last, until the contact is a disc.
+DISHED, CLEAR, LARGER = 1e-3, 2.0, 4
 # A film whose response elasticity answers on a length below this is stiff; the contact behind first touch at which the
 # direction of the curve is then taken, as a share of the radius of the front.
 STIFF, SEEN = 1e-3, 0.01
@@ -311,7 +313,7 @@ class ContactProblem(MeshedContact):
         start = disc.touching(h)
         problem = start.problem
         kinked = isinstance(problem, ContactProblem) and bool(start.label) and (problem.flat or disc.resists(h))
-        step = problem.ahead() if isinstance(problem, ContactProblem) and kinked else None
+        step = problem.ahead(start.x) if isinstance(problem, ContactProblem) and kinked else None
         if step and step**2 * problem.inner(start.tangent_x, start.tangent_x) > problem.inner(start.x, start.x):
             step = None  # a dimple far smaller than the film touches
         starts = (start,) if start.label and not disc.flat else (*islice(disc.passed(start), 1), start)
@@ -383,19 +385,30 @@ class ContactProblem(MeshedContact):
         rate, one = problem.direction(x, 0.0)
         return valued(Point(problem, x, 0.0, rate, one, label="" if kinked else "start"))
 
-    def ahead(self) -> float:
-        """Parameter of a contact that has long passed the kink, seen from the front."""
+    def ahead(self, x: Array) -> float:
+        """Parameter of a contact that has long passed the kink at first touch x, seen from the front."""
         radius = SEEN * (self.front.place if isinstance(self.front, Front) else 1.0)
         if self.flat:
-            radius = min(radius, DISHED * self.equations.mesh.innermost)
+            radius = max(min(radius, DISHED * self.equations.mesh.innermost), self._clear(x))
+        return self._grown(radius)
+
+    def _grown(self, radius: float) -> float:
+        """Parameter of a contact of this radius."""
         return self.parameter(self.equations.coordinate.of(radius, 0.0))
+
+    def _clear(self, x: Array) -> float:
+        """Radius from which on a contact is a disc, as first touch foretells it."""
+        if not self.flat:
+            return 0.0
+        equations, fields = self.seen(x, 0.0)
+        return CLEAR * equations.dish(fields)
 
     def _beyond(self, x: Array) -> Point | None:
         """First touch in a stiff film, on a mesh made for a contact that has passed its kink; None if none is found.
 
         The limit of the slope at first touch holds for contacts below the length of elasticity's answer only.
         """
-        ahead = self.ahead()
+        ahead = self.ahead(x)
         here = self.solve_at(x, ahead)
         if not self._settled(here, ahead):
             return None
@@ -405,26 +418,36 @@ class ContactProblem(MeshedContact):
 
     def _small(self, x: Array) -> float:
         """Parameter of a contact far smaller than the length on which elasticity answers the interaction."""
-        return self.parameter(self.equations.coordinate.of(BELOW * self.answer(x), 0.0))
+        return self._grown(max(BELOW * self.answer(x), self._clear(x)))
 
     def _settled(self, x: Array, p: float) -> bool:
         """Whether Newton's method has found a solution."""
         off = float(np.abs(self.residual(x, p)).max())
         return off <= SETTLED * float(np.abs(x).max()) and not self.lost(x, p)
 
+    def _open(self, x: Array, p: float) -> bool:
+        """Whether the gap opens at the rim, as it must under a flat tip, where a ring may be passed over."""
+        equations, fields = self.seen(x, p)
+        return not self.flat or float(equations.opening(fields, np.zeros(1))[0]) >= 0.0
+
     def passed(self, start: Point) -> Iterator[Point]:
         """Contacts that have passed their kink.
 
         Rounding may hide the way from first touch to there, and the slope may vary all along it: under a tip like r^n
-        the gap answers the radius as aⁿ does, and by far more as a² does, which rules from a tiny radius on.
+        the gap answers the radius as aⁿ does, and by far more as a² does, which rules from a tiny radius on. Below the
+        radius of a ring that comes first, however shallow the dish, discs have folds that the contact has not.
         """
         problem = equilibrium(start)
         if not isinstance(problem, ContactProblem):
             return
-        sizes = problem._small(start.x), problem.ahead()
-        for ahead in reversed(sizes) if problem.flat else sizes:
+        small, ahead = problem._small(start.x), problem.ahead(start.x)
+        sizes = [small, ahead]
+        if problem.flat:
+            radius = problem.equations.coordinate.radius(problem.coordinate(ahead))
+            sizes = [*(problem._grown(radius * 2.0**k) for k in range(LARGER)), small]
+        for ahead in sizes:
             x = problem.solve_at(start.x + ahead * start.tangent_x / start.tangent_parameter, ahead)
-            if not problem._settled(x, ahead):
+            if not (problem._settled(x, ahead) and problem._open(x, ahead)):
                 continue
             try:
                 found, x = problem.resolved(x, ahead, problem.resolution.tolerance)
