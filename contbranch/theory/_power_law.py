@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
+from typing import TypeVar
 
 import numpy as np
 import scipy
@@ -11,6 +14,15 @@ from numpy.typing import ArrayLike
 from contbranch.arrays import Array
 from contbranch.errors import InputError
 from contbranch.theory._inputs import not_below, positive
+
+Result = TypeVar("Result")
+
+
+def with_shape(function: Callable[..., Result], **shape: float) -> Callable[..., Result]:
+    """Return the function, and what is said of it, for a kind of shape, of which these are the numbers not given."""
+    own = partial(function, **shape)
+    own.__doc__ = function.__doc__
+    return own
 
 
 @dataclass(frozen=True)
@@ -27,7 +39,7 @@ class PowerLaw:
     @classmethod
     def of(
         cls,
-        radius: ArrayLike = 1.0,
+        radius: ArrayLike | None = None,
         slope: ArrayLike | None = None,
         exponent: ArrayLike | None = None,
         length: ArrayLike | None = None,
@@ -36,17 +48,25 @@ class PowerLaw:
 
         Parameters
         ----------
-        radius : array_like
-            R > 0 of a parabola, z = r^2 / (2 R): strength = 1 / R.
+        radius : array_like, optional
+            R > 0 (1 without any number) of a parabola, z = r^2 / (2 R): strength = 1 / R.
         slope : array_like, optional
             Of a cone, z = slope * r: strength = pi slope / 2.
         exponent, length : array_like, optional
             n >= 1 and L > 0 (1 if not given) of z = r^n / (n L^(n-1)): strength = B(n/2, 1/2) / (2 L^(n-1)).
+
+        Raises
+        ------
+        InputError
+            If the numbers are those of more than one shape, or out of range.
         """
+        powers = exponent is not None or length is not None
+        if (radius is not None) + (slope is not None) + powers > 1:
+            raise InputError("radius, slope, exponent, length: those of one shape: radius, slope, or the last two")
         if slope is not None:
             return cls(np.asarray(1.0), np.asarray(0.5 * np.pi * positive("slope", slope)))
-        if exponent is None and length is None:
-            return cls(np.asarray(2.0), np.asarray(1.0 / positive("radius", radius)))
+        if not powers:
+            return cls(np.asarray(2.0), np.asarray(1.0 / positive("radius", 1.0 if radius is None else radius)))
         if exponent is None:
             raise InputError("exponent must be given with the length of a power law")
         why = "a blunter power has no finite pressure at the rim of the tip"

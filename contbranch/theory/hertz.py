@@ -8,14 +8,12 @@ I. N. Sneddon, Int. J. Eng. Sci. 3, 47 (1965).
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 from numpy.typing import ArrayLike
 
 from contbranch.arrays import Array
 from contbranch.theory._inputs import not_below, not_negative, positive
-from contbranch.theory._power_law import PowerLaw
+from contbranch.theory._power_law import PowerLaw, with_shape
 
 __all__ = [
     "cone_displacement",
@@ -101,7 +99,7 @@ def gap(r: ArrayLike, contact_radius: ArrayLike, *, radius: ArrayLike = 1.0) -> 
 
 
 # The same for a cone and for other powers, where no parabola is meant.
-cone_load, cone_displacement = partial(load, slope=1.0), partial(displacement, slope=1.0)
-cone_pressure = partial(pressure, slope=1.0)
-power_law_load, power_law_displacement = partial(load, length=1.0), partial(displacement, length=1.0)
-power_law_contact_radius, power_law_pressure = partial(contact_radius, length=1.0), partial(pressure, length=1.0)
+cone_load, cone_displacement = with_shape(load, slope=1.0), with_shape(displacement, slope=1.0)
+cone_pressure = with_shape(pressure, slope=1.0)
+power_law_load, power_law_displacement = with_shape(load, length=1.0), with_shape(displacement, length=1.0)
+power_law_contact_radius, power_law_pressure = with_shape(contact_radius, length=1.0), with_shape(pressure, length=1.0)

@@ -12,7 +12,6 @@ K. L. Johnson, K. Kendall and A. D. Roberts, Proc. R. Soc. A 324, 301 (1971).
 
 from __future__ import annotations
 
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -20,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from contbranch.arrays import Array
 from contbranch.theory._inputs import not_below, not_negative, positive
-from contbranch.theory._power_law import PowerLaw
+from contbranch.theory._power_law import PowerLaw, with_shape
 from contbranch.theory._roots import rising
 
 __all__ = [
@@ -154,11 +153,11 @@ def displacement_fold(*, modulus: ArrayLike = 1.0, work_of_adhesion: ArrayLike =
 
 
 # The same for a cone and for other powers, where no parabola is meant.
-cone_load, cone_displacement = partial(load, slope=1.0), partial(displacement, slope=1.0)
-cone_load_fold, cone_displacement_fold = partial(load_fold, slope=1.0), partial(displacement_fold, slope=1.0)
-power_law_load, power_law_displacement = partial(load, length=1.0), partial(displacement, length=1.0)
-power_law_load_fold = partial(load_fold, length=1.0)
-power_law_displacement_fold = partial(displacement_fold, length=1.0)
+cone_load, cone_displacement = with_shape(load, slope=1.0), with_shape(displacement, slope=1.0)
+cone_load_fold, cone_displacement_fold = with_shape(load_fold, slope=1.0), with_shape(displacement_fold, slope=1.0)
+power_law_load, power_law_displacement = with_shape(load, length=1.0), with_shape(displacement, length=1.0)
+power_law_load_fold = with_shape(load_fold, length=1.0)
+power_law_displacement_fold = with_shape(displacement_fold, length=1.0)
 
 
 def _state(tip: PowerLaw, contact_radius: ArrayLike, modulus: ArrayLike, work_of_adhesion: ArrayLike) -> Fold:

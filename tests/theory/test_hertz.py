@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import quad
 
 from contbranch.errors import InputError
-from contbranch.theory import hertz
+from contbranch.theory import hertz, jkr
 
 A = np.array([0.01, 0.7, 3.0])
 
@@ -74,6 +74,20 @@ def test_pressure_carries_the_load_and_load_does_work(exponent):
     step_f = np.diff(hertz.power_law_load(a, exponent=exponent, length=0.8, modulus=2.0))
     step_d = np.diff(hertz.power_law_displacement(a, exponent=exponent, length=0.8))
     np.testing.assert_allclose(step_f / step_d, 5.2, rtol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("function", "numbers"),
+    [
+        (hertz.load, {"radius": 2.0, "slope": 1.0}),
+        (hertz.cone_load, {"radius": 1.0}),
+        (hertz.power_law_load, {"radius": 1.0, "exponent": 3.0}),
+        (jkr.load, {"slope": 1.0, "exponent": 3.0}),
+    ],
+)
+def test_numbers_of_two_shapes_are_refused(function, numbers):
+    with pytest.raises(InputError, match="of one shape"):
+        function(1.0, **numbers)
 
 
 def test_pressure_vanishes_outside():
