@@ -37,6 +37,8 @@ LITTLE = 0.7
 # The parameter itself is the coordinate along the curve where it makes up this share of the tangent's length.
 UPRIGHT = 0.3
 ITERATIONS = 14
+# Longest step towards an event, in units of the line.
+LONGEST = 0.2
 # What a rate of the parameter is taken to be at least.
 TINY = 1e-300
 # Events of one representation whose parameters differ by less (relative to 1) are neighbours.
@@ -223,8 +225,8 @@ def _located(place: _Place, event: Event | None) -> _Place:
         steepness = event.rate(line.rates(point))
     best = abs(value), point, steepness
     for iteration in range(ITERATIONS):
-        step = -value / steepness if steepness else ASIDE * line.unit
-        step = math.copysign(min(abs(step), 0.2 * line.unit), step)
+        whole = -value / steepness if steepness else ASIDE * line.unit
+        step = math.copysign(min(abs(whole), LONGEST * line.unit), whole)
         if iteration and abs(step) <= least:
             break
         step, new_point = line.towards(s, step, point)
@@ -232,7 +234,8 @@ def _located(place: _Place, event: Event | None) -> _Place:
         if new_value != value and (abs(step) > 1e-7 * line.unit or not steepness):
             steepness = (new_value - value) / step
         s, point, value = s + step, new_point, new_value
-        stalls = stalls + 1 if best[2] and abs(value) >= 0.5 * best[0] else 0  # the first step is but aside
+        # The first step is but aside, and one that was cut short promises less.
+        stalls = stalls + 1 if best[2] and step == whole and abs(value) >= 0.5 * best[0] else 0
         if abs(value) < best[0] or not best[2]:
             best = (*min(best[:2], (abs(value), point), key=lambda one: one[0]), steepness)
         if value == 0.0 or (stalls and abs(step) < 1e-8 * line.unit) or stalls > 1:  # noise, also to the steepness

@@ -241,6 +241,8 @@ def seeded(point: Point, breach: Breach) -> Point:
         beyond = abs(found.parameter - point.parameter) - ASTRAY * trial.metric(found.x).parameter_scale
         if beyond > cusp * float(new[-1] * tip.height_derivative(np.float64(half))):
             continue
+        if found.tangent_x[found.x.size - rings(found).edges :][: len(held)] @ held < 0.0:  # told where it is resolved
+            found = found.turned()
         if margin_of(found) > 0 >= beyond:
             return found
         if margin_of(found) >= -FAILS:

@@ -1,20 +1,41 @@
-"""What moves with the panels besides edges: the front outside of all of these, where the gap rises steeply."""
+"""What moves with the panels besides edges: the front outside of all of these, where the gap rises steeply.
+
+Where the law has a kink, that is the front: across it pressures are not smooth.
+"""
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
+from contbranch.arrays import Indices
 from contbranch.models.fronts import BEGINS, ENDS, FLATTER, STIFF
 
 from .equations import Fields, RingEquations
-from .meshing import pieces
-from .panels import Panels
+from .meshing import adapted, pieces
+from .panels import Grid, Panels
 
-__all__ = ["fronted", "steepest"]
+__all__ = ["at_kink", "fronted", "preferred", "steepest"]
 
 # A front is kept as long as the gap there rises by at least this share of itself over the front's radius; it is no
 # closer to the last edge than this share of its radius.
 RISES, CLOSE = 0.25, 1e-3
+
+
+def at_kink(problem: RingEquations, fields: Fields) -> bool:
+    """Whether the gap rises through a kink of the law outside of all edges."""
+    law, grid = problem.setting.law.smooth, fields.grid
+    if problem.layout.bounded or law is None or not math.isfinite(law.kink):
+        return False
+    gap = fields.gap[_outside(problem, grid)]
+    inside = np.flatnonzero(gap < law.kink)
+    return bool(inside.size and inside[-1] < gap.size - 1)
+
+
+def _outside(problem: RingEquations, grid: Grid) -> Indices:
+    """Nodes outside of all edges, on panels that end."""
+    return np.flatnonzero((grid.of_node == problem.layout.edges) & (grid.sign != 2).repeat(grid.order))
 
 
 def steepest(problem: RingEquations, fields: Fields) -> float:
@@ -22,7 +43,9 @@ def steepest(problem: RingEquations, fields: Fields) -> float:
     grid, present = fields.grid, problem.panels.front
     if problem.layout.bounded or problem.setting.law.smooth is None:
         return 0.0
-    own = np.flatnonzero((grid.of_node == problem.layout.edges) & (grid.sign != 2).repeat(grid.order))
+    if at_kink(problem, fields):
+        return problem.setting.law.smooth.kink
+    own = _outside(problem, grid)
     r, last = grid.r[own], float(grid.edges[-1]) if len(grid.edges) else 0.0
     if not np.abs(fields.stiffness[own]).max() * problem.setting.tip.radius_at(problem.scale) > STIFF:
         return 0.0
@@ -48,3 +71,11 @@ def fronted(problem: RingEquations, fields: Fields, front: float) -> Panels:
     if front:
         anchors = np.append(anchors, problem.located(fields, front))
     return pieces(anchors, problem.panels, fields.grid, problem.layout.bounded, front)
+
+
+def preferred(problem: RingEquations, fields: Fields) -> Panels | None:
+    """Panels with the front that a state asks for, or else adapted to it; None: no change."""
+    front = steepest(problem, fields)
+    if front != problem.panels.front:
+        return fronted(problem, fields, front)
+    return adapted(problem, fields, problem.setting.tolerance)

@@ -12,7 +12,7 @@ from contbranch.continuation.newton import border, correct, linearise, residual
 from contbranch.curve.problem import oriented
 
 from .equations import RingEquations, rings
-from .meshing import adapted
+from .front import preferred
 
 __all__ = ["resolved", "solved"]
 
@@ -80,7 +80,7 @@ def resolved(point: Point, held: Row | None = None) -> Point:
     """
     for _ in range(ROUNDS):
         problem, d = rings(point), point.parameter
-        panels = adapted(problem, problem.fields(point.x, d), problem.setting.tolerance)
+        panels = preferred(problem, problem.fields(point.x, d))
         if panels is None:
             break
         other = problem.on(panels)
@@ -88,6 +88,7 @@ def resolved(point: Point, held: Row | None = None) -> Point:
         if held is None:
             row = other.metric(x).row(other, tangent, point.tangent_parameter)
         else:
-            row = np.concatenate([np.zeros(x.size - problem.edges), held[0]]), held[1]
+            row = np.zeros(x.size), held[1]
+            row[0][x.size - other.edges :][: len(held[0])] = held[0]
         point = oriented(other, *solved(other, x, d, row), (tangent, point.tangent_parameter))
     return point

@@ -23,7 +23,7 @@ from .changes import born, handed, left, vanished
 from .constraints import least_margin, narrowness
 from .disc import ALONE
 from .equations import NARROW_RING, RingEquations
-from .front import fronted, steepest
+from .front import at_kink, fronted, preferred
 from .law import BandedLaw
 from .meshing import adapted, finer
 from .profile import profile_of
@@ -127,16 +127,13 @@ class RingProblem(RingEquations):
     # -- discretisations ----------------------------------------------------------------------------------------------
     def adapt(self, x: Array, p: float) -> Adaptation | None:
         """Split and join panels where the solution asks for it."""
-        fields = self.fields(x, p)
-        front = steepest(self, fields)
-        moves = front != self.panels.front
-        panels = fronted(self, fields, front) if moves else adapted(self, fields, self.setting.tolerance)
+        panels = preferred(self, self.fields(x, p))
         if panels is None:
             return None
         other = self.on(panels)
         start = self.carried(x, x, p, other)
         self.forget()  # its points stay, but are seldom asked again
-        if not moves:
+        if panels.front == self.panels.front:
             return Adaptation(other, start, lambda vector: self.carried(vector, x, p, other))
 
         def moved(x: Array, p: float, x_rate: Array, p_rate: float) -> tuple[Array, Array]:
@@ -145,14 +142,14 @@ class RingProblem(RingEquations):
         return Adaptation(other, start, moved=moved)
 
     def resolving(self, point: Point, tolerance: float) -> Self:
-        """Panels made for a state, which stay where they are."""
+        """Panels made for a state, which stay where they are, but for a kink of the law."""
         tolerance = min(AIM * tolerance, self.setting.tolerance)  # coarser panels than the rows' hide their own errors
         panels = adapted(self, self.fields(point.x, point.parameter), tolerance)
         own = self if panels is None else self.on(panels)
         if not own.panels.front:
             return own
-        x = self.carried(point.x, point.x, point.parameter, own)
-        return self.on(fronted(own, own.fields(x, point.parameter), 0.0))
+        fields = own.fields(self.carried(point.x, point.x, point.parameter, own), point.parameter)
+        return own if at_kink(own, fields) else self.on(fronted(own, fields, 0.0))
 
     def finer(self) -> Self:
         """Panels on which the present ones' errors have all but vanished."""
