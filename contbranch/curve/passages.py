@@ -27,6 +27,8 @@ EVENLY = np.linspace(0.0, 1.0, 41)
 BESIDES, APART, SAME = 2, 0.1, 1e-6
 # Points that the search of one step may cost, and the least part of it that is divided.
 MOST, LEAST = 60, 2.0**-12
+# Places closer than this, relative to where they are, are one.
+ROUNDING = 1e-14
 
 
 class Seen(NamedTuple):
@@ -115,6 +117,8 @@ class Search:
 
     def _judged(self, part: _Part, points: Sequence[Seen]) -> tuple[float | None, list[tuple[Control, float]]]:
         """Where to divide a part, None if its zeros are certain; and where the zeros are."""
+        if part.last.place - part.first.place <= ROUNDING * abs(part.first.place):
+            return None, self._crossed(part)
         crossing: list[tuple[Control, float]] = []
         inside, doubt = self._inside(part, points, EVENLY)
         ends = np.array([[probe.at(one.point) / one.rate for one in part[:2]] for probe in self.probes.values()])
@@ -152,7 +156,7 @@ class Search:
         """Rates by q of all controls inside a part, and their errors, (K, n) each; not at the first and last share."""
         begin, length = part.first.place, part.last.place - part.first.place
         away = {abs(one.place - begin - length / 2) - length / 2: one for one in points}
-        order = [far for far in sorted(away) if far > SAME * length]
+        order = [far for far in sorted(away) if far > max(SAME * length, ROUNDING * abs(begin))]
         besides = [away[far] for far in [far for far in order if far > APART * length] or order[-1:]][:BESIDES]
         nodes = [part.first, part.last, *besides]
         places = begin + shares[1:-1] * length

@@ -430,7 +430,8 @@ class RingEquations(EquilibriumProblem):
         rates = vector[n : n + self.layout.edges]
         if front:  # a gap, and with it a pressure of the law
             b = anchors[-1:]
-            rates = np.append(rates, -at_rest(b) / here.slopes(fields.pressure, b))
+            slope = here.slopes(fields.pressure, b)  # none where a law has just ended
+            rates = np.append(rates, -np.divide(at_rest(b), slope, out=np.zeros(1), where=slope != 0.0))
         passing = here.slopes(fields.pressure, there.r, there.of_node) * there.motions(rates, there.r, there.of_node)
         return np.concatenate([at_rest(there.r, there.of_node) + passing, rates])
 
