@@ -324,10 +324,19 @@ class Grid:
         return row
 
     def interpolate(self, values: Array, points: Array, region: Indices | None = None) -> Array:
-        """Values at radii of the panels' polynomials; `region` says on which side of an edge each radius lies."""
+        """Values at radii of the panels' polynomials; `region` says on which side of an edge each radius lies.
+
+        On the panel to infinity that is one of r³ times the values: what it makes of a pressure has a finite load.
+        """
         panel, rows, _ = self._at(points, region)
-        result = np.einsum("kp,pk->p", rows, self.coefficients(values)[panel])
+        nodal = values * self._cubed(np.repeat(np.arange(self.count), self.order), self.r)
+        result = np.einsum("kp,pk->p", rows, self.coefficients(nodal)[panel]) / self._cubed(panel, points)
         return np.where(points > self.breaks[-1, 1], 0.0, result)
+
+    def _cubed(self, panel: Indices, r: Array) -> Array:
+        """The cube of radii on the panel to infinity, in units of its inner end; 1 elsewhere."""
+        far = self.sign[panel] == 2
+        return np.asarray(np.divide(r, self.inner[panel], out=np.ones(r.shape), where=far) ** 3)
 
     def slopes(self, values: Array, points: Array, region: Indices | None = None) -> Array:
         """Derivatives with respect to r of the panels' polynomials, at radii."""
