@@ -438,7 +438,7 @@ class EquilibriumProblem(Problem):
     def halved(self, point: Point, share: float) -> Self:
         """The same problem with panels halved where a state is not smooth, until its error is that share of itself.
 
-        By default `finer`.
+        With a share of 0 all of them. By default `finer`.
         """
         return self.finer()
 

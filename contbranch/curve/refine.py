@@ -32,8 +32,8 @@ ROUNDS, LARGEST = 7, 2200
 # A finer one that leaves more than this share of the error has not helped; one that makes it so much larger has met
 # round-off.
 GAIN, WORSE = 0.3, 3.0
-# Twice in a row no better than this share of the best: nothing helps any more.
-LITTLE = 0.7
+# No better than this share of the best: more is halved, in the end all, of which nothing helps any more.
+LITTLE, IDLE = 0.7, (1.0, 0.1, 0.0)
 # The parameter itself is the coordinate along the curve where it makes up this share of the tangent's length.
 UPRIGHT = 0.3
 ITERATIONS = 14
@@ -326,12 +326,12 @@ def _best(place: _Place, event: Event | None, accuracy: float) -> Found | None:
             idle = idle + 1 if best is not None and error > LITTLE * best.relative_error() else 0
             if best is None or error < best.relative_error():
                 best = found
-            spent = idle == 2 or (rough and error > WORSE * last)  # what is left is rounding
+            spent = idle == len(IDLE) or (rough and error > WORSE * last)  # what is left is rounding
             if error <= accuracy or finer.size > LARGEST or spent or problem.given:
                 break
             rough |= error > GAIN * last
             if rough:  # higher order does not help where the law, or the tip, has kinks, as tables have
-                halved = problem.halved(place.point, AIM * accuracy / error)
+                halved = problem.halved(place.point, IDLE[idle] * AIM * accuracy / error)
                 fine = replace(place, point=moved(place.point, halved), settled=False)
             last = error
             place = _located(fine, event)

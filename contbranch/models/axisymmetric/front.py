@@ -174,14 +174,14 @@ class Kink(Front):
             ends = slice(inside[-1], inside[-1] + 2)
             last = math.sqrt(float(np.interp(kink, fields.gap[ends], mesh.nodes[ends] ** 2)))
         near = CLOSE_TO_EDGE * _to_edge(equations, fields)
-        if not SEEN * width < last < near or width > CLOSE_TO_EDGE * equations.tip.extent:
+        if not SEEN * width < last < near:
             return None
         if isinstance(present, Kink) or inside[-1] == mesh.size - 1:  # a mesh may end there
             return present if isinstance(present, Kink) else None
         weight = max(float(mesh.weights @ fields.h**2), (LIFTED * kink) ** 2 * width)
         found = Kink(last, kink, 1.0, weight, 0.0)
         place = last * math.exp(found.anchored(equations, fields))
-        slope = float(mesh.interpolate(mesh.derivative(fields.gap), np.array([place]))[0])
+        slope = float(np.diff(fields.gap[ends])[0] / np.diff(mesh.nodes[ends])[0])  # a tip may end on that panel
         power = equations.tip.apex_exponent * float(fields.pressure[0] > 0.0)
         return replace(found, place=place, width=abs(kink / slope), power=power)
 
@@ -294,7 +294,8 @@ def steepest(seen: tuple[Equations, Fields], present: Front | None, unit: Mesh, 
     if serving is not None and float(steep[nodes].max()) > FLATTER * steep[place]:
         return serving
     gap = fields.gap[max(place - 1, 0) : place + 2]
-    if not (bool((np.diff(gap) > 0).all()) or bool((np.diff(gap) < 0).all())):
+    ends = not np.isfinite(fields.gap.reshape(-1, mesh.order)[place // mesh.order]).all()  # the tip does there
+    if ends or not (bool((np.diff(gap) > 0).all()) or bool((np.diff(gap) < 0).all())):
         return serving
     at, own = float(unit.nodes[place]), float(fields.gap[place])
     width = own / abs(float(slope[place]))

@@ -56,7 +56,7 @@ ROUNDS, NEARLY = 6, 1e-5
 SHARPEST, HELPS = 1e6, 0.5
 # Unknowns that a state may be given where it is not smooth, and where all panels are halved, since halving some leaves
 # more than this share of the error.
-MOST, FINEST, WORTH = 1000, 1400, 0.5
+MOST, FINEST, WORTH = 1000, 1600, 0.5
 # Corrections that may be no smaller than the one before.
 STALLS = 3
 # Share of the wavelength of layers over which the gap changes where it passes from one to the next.
@@ -342,8 +342,10 @@ class MeshedContact(MovingContact):
         return type(self)(self.equations.finer, self.scale, self.resolution, self.sharpness, self.front)
 
     def halved(self, point: Point, share: float) -> Self:
-        """On panels halved where they do not resolve a state, of the trace's own order."""
+        """On panels halved where they do not resolve a state, of the trace's own order; all of them for a share of 0."""
         problem, x, u = self, point.x, point.parameter
+        if share == 0.0 and 2 * self.size <= FINEST:
+            return self._all_halved()
         goal = max(share * self.relative_error(x, u), self.rounding)
         tried: list[tuple[float, Self]] = []
         for _ in range(ROUNDS):
@@ -353,12 +355,16 @@ class MeshedContact(MovingContact):
             tried.append((problem.relative_error(x, u), problem))
             if tried[-1][0] <= goal:
                 break
-        (error, best), mesh = min(tried, key=lambda one: one[0]), self.equations.mesh
+        error, best = min(tried, key=lambda one: one[0])
         if error > WORTH * self.relative_error(point.x, u) and 2 * self.size <= FINEST:
             # What is left is everywhere, as next to the many kinks of a table's derivatives: panels tell nothing of it.
-            edges = np.union1d(mesh.edges, (mesh.edges[1:] + mesh.edges[:-1]) / 2)
-            return self.on_mesh(mesh_on(edges, self.resolution.order, mesh.bounded))
+            return self._all_halved()
         return best
+
+    def _all_halved(self) -> Self:
+        mesh = self.equations.mesh
+        edges = np.union1d(mesh.edges, (mesh.edges[1:] + mesh.edges[:-1]) / 2)
+        return self.on_mesh(mesh_on(edges, self.resolution.order, mesh.bounded))
 
     def carried(self, vector: Array, x: Array, p: float, other: EquilibriumProblem) -> Array:
         """A function of tau on another problem's mesh, stretched to have the state at its front."""
