@@ -21,6 +21,7 @@ _ALTERNATING = 0.5
 _SCATTERED = 1e-7
 _SCATTER_ROWS = 12
 _SEEN = 3.0  # standard deviations by which values of such a table differ from nothing
+_LOOSER, _LOOSER_ROUNDS = 1.25, 12  # a spline that swings is allowed so much more of the scatter, so often
 # Of a law taken as the exponential of a spline: how soon its slope comes to rest beyond the table, ln of what is
 # nothing, and pieces in units of its decay.
 _STRAIGHTER, _NOTHING, _FINE = 0.25, 41.0, 8.0
@@ -109,11 +110,26 @@ def scattered(places: Array, values: Array) -> tuple[float, float]:
 
 
 def smoothed(places: Array, values: Array, scatter: float | Array, degree: int) -> scipy.interpolate.BSpline:
-    """Return a spline with as few knots as the scatter of the values allows, or through values without scatter."""
+    """Return a spline with as few knots as the scatter of the values allows, or through values without scatter.
+
+    With fewer where it would swing between the places, as with almost as many knots as values.
+    """
     if not np.any(scatter):
         return scipy.interpolate.make_interp_spline(places, values, k=degree)
-    weights = 1.0 / np.broadcast_to(scatter, values.shape)
-    return scipy.interpolate.BSpline(*scipy.interpolate.splrep(places, values, weights, k=degree, s=places.size))
+    deviation = np.broadcast_to(scatter, values.shape)
+    for allowed in places.size * _LOOSER ** np.arange(_LOOSER_ROUNDS):
+        spline = scipy.interpolate.BSpline(*scipy.interpolate.splrep(places, values, 1 / deviation, k=degree, s=allowed))
+        if not _swings(spline, places, deviation):
+            break
+    return spline
+
+
+def _swings(spline: scipy.interpolate.BSpline, places: Array, deviation: Array) -> bool:
+    """Whether a spline leaves its values at two places by more than these, or those next to them, differ."""
+    own = spline(places)
+    apart = np.pad(np.abs(np.diff(own)), 1)
+    room = np.maximum(np.maximum(apart[:-2], apart[1:-1]), apart[2:]) + _SEEN * np.maximum(deviation[1:], deviation[:-1])
+    return bool((np.abs(spline((places[1:] + places[:-1]) / 2) - (own[1:] + own[:-1]) / 2) > room).any())
 
 
 def _pieces(spline: scipy.interpolate.BSpline) -> scipy.interpolate.PPoly:
