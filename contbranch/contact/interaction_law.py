@@ -110,6 +110,11 @@ class Interaction:
         return math.inf
 
     @property
+    def pieced(self) -> bool:
+        """Whether the law is put together from pieces, as between the rows of a table."""
+        return False
+
+    @property
     def wave(self) -> float:
         """Wavelength in which the law oscillates over any number of ranges; infinite if it does not."""
         return math.inf
@@ -272,6 +277,11 @@ class Sum(Evaluated):
     def kink(self) -> float:
         """That of the first law that has one."""
         return next((law.kink for law in self.laws if math.isfinite(law.kink)), math.inf)
+
+    @property
+    def pieced(self) -> bool:
+        """Whether any law is."""
+        return any(law.pieced for law in self.laws)
 
     @property
     def ends(self) -> float:

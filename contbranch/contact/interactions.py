@@ -250,6 +250,11 @@ class Tabulated(Evaluated):
         return self._largest
 
     @property
+    def pieced(self) -> bool:
+        """It is."""
+        return True
+
+    @property
     def ends(self) -> float:
         """The last gap of the table if it ends too early."""
         return math.inf if self._table.decayed else self.gaps[-1]

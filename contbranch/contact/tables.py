@@ -118,7 +118,8 @@ def smoothed(places: Array, values: Array, scatter: float | Array, degree: int) 
         return scipy.interpolate.make_interp_spline(places, values, k=degree)
     deviation = np.broadcast_to(scatter, values.shape)
     for allowed in places.size * _LOOSER ** np.arange(_LOOSER_ROUNDS):
-        spline = scipy.interpolate.BSpline(*scipy.interpolate.splrep(places, values, 1 / deviation, k=degree, s=allowed))
+        knots = scipy.interpolate.splrep(places, values, 1.0 / deviation, k=degree, s=allowed)
+        spline = scipy.interpolate.BSpline(*knots)
         if not _swings(spline, places, deviation):
             break
     return spline
@@ -128,8 +129,10 @@ def _swings(spline: scipy.interpolate.BSpline, places: Array, deviation: Array) 
     """Whether a spline leaves its values at two places by more than these, or those next to them, differ."""
     own = spline(places)
     apart = np.pad(np.abs(np.diff(own)), 1)
-    room = np.maximum(np.maximum(apart[:-2], apart[1:-1]), apart[2:]) + _SEEN * np.maximum(deviation[1:], deviation[:-1])
-    return bool((np.abs(spline((places[1:] + places[:-1]) / 2) - (own[1:] + own[:-1]) / 2) > room).any())
+    room = np.maximum.reduce([apart[:-2], apart[1:-1], apart[2:]])
+    room += _SEEN * np.maximum(deviation[1:], deviation[:-1])
+    between = spline((places[1:] + places[:-1]) / 2) - (own[1:] + own[:-1]) / 2
+    return bool((np.abs(between) > room).any())
 
 
 def _pieces(spline: scipy.interpolate.BSpline) -> scipy.interpolate.PPoly:

@@ -231,6 +231,11 @@ class EquilibriumProblem(Problem):
         return False
 
     @property
+    def pieced(self) -> bool:
+        """Whether solutions have so many kinks that two discretisations may agree by chance."""
+        return False
+
+    @property
     def begins(self) -> str | None:
         """What ends the contact's description where its curve begins, as an event's name; None: nothing."""
         return None

@@ -303,8 +303,12 @@ def _close(point: Point, other: Point) -> bool:
 
 
 def _best(place: _Place, event: Event | None, accuracy: float) -> Found | None:
-    """The event on a place's discretisation and ever finer ones, until the estimate satisfies; None if not found."""
+    """The event on a place's discretisation and ever finer ones, until the estimate satisfies; None if not found.
+
+    Where two may agree by chance, the first agreement counts as far as a finer one than both confirms it.
+    """
     best: Found | None = None
+    chance: Found | None = None
     last, rough, idle = math.inf, False, 0
     try:
         place = _located(place, event)
@@ -326,6 +330,11 @@ def _best(place: _Place, event: Event | None, accuracy: float) -> Found | None:
             idle = idle + 1 if best is not None and error > LITTLE * best.relative_error() else 0
             if best is None or error < best.relative_error():
                 best = found
+            if chance is None and best is found and last == math.inf and error <= accuracy and problem.pieced:
+                halved = problem.halved(place.point, 0.0)
+                place = _located(replace(place, point=moved(place.point, halved), settled=False), event)
+                best, chance = None, found
+                continue
             spent = idle == len(IDLE) or (rough and error > WORSE * last)  # what is left is rounding
             if error <= accuracy or finer.size > LARGEST or spent or problem.given:
                 break
@@ -337,8 +346,8 @@ def _best(place: _Place, event: Event | None, accuracy: float) -> Found | None:
             place = _located(fine, event)
     except (CorrectionError, ModelError):
         # What has been reached stands, with its own error estimate.
-        return by_defect(place.point, event) if best is None else best
-    return best
+        return best or chance or by_defect(place.point, event)
+    return best or chance
 
 
 def _nudged(place: _Place, event: Event) -> tuple[float, Four] | None:

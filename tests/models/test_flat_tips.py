@@ -189,3 +189,15 @@ def test_discs_open_where_their_displacement_no_longer_falls():
     rim = np.zeros(1)
     lower, upper = (float(equations.opening(state(s * found.x)[1], rim)[0]) for s in (0.99, 1.01))
     assert lower < 0.0 < upper
+
+
+def test_a_fold_a_hair_behind_touch_is_found_from_steps_that_are_cut_short():
+    """Load is least where contact is a few thousandths wide: less than a millionth of displacement to either side."""
+    law = cb.Exponential(-0.822, 112.245) + cb.InverseSquare(0.178, 50.959)
+    contact = cb.Contact(cb.PowerLaw(3.748, 1.0), law)
+    folds = cb.trace(contact, control="displacement", accuracy=1e-8).folds("load")
+    fold = max(folds, key=lambda one: one.displacement)
+    assert 0.0 < fold.contact_radius < 0.01
+    given = fold.displacement + np.linspace(-1e-6, 1e-6, 5)
+    loads = [cb.solve(contact, displacement=d, accuracy=1e-10).load for d in given]
+    assert np.argmin(loads) == 2

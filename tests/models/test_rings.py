@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -29,6 +29,16 @@ from contbranch.models.rings.equations import rings
 from contbranch.models.rings.handover import taken_over
 from contbranch.models.rings.newton import solved
 from contbranch.models.rings.panels import Grid, Panels
+
+
+@dataclass(frozen=True)
+class Ramp(cb.Interaction):
+    """A pressure that falls linearly to zero at x = 2: there its slope jumps."""
+
+    def shape(self, x):
+        left = np.maximum(1 - x / 2, 0.0)
+        return left**2, -left, np.where(x < 2, 0.5, 0.0)
+
 
 STEP = cb.Contact.reduced(cb.MaugisDugdale, tabor=1.0, sign=-1)
 BLUNT = cb.Contact(cb.PowerLaw(4.0, 1.0), cb.Exponential(-1.0, 1.0))
@@ -505,3 +515,39 @@ def test_weak_films_begin_with_a_disc_at_rest(tabor: float) -> None:
     assert topology.load == pytest.approx(np.pi**3 * tabor**3 / 6, abs=1e-6 * max(1, tabor))
     assert topology.displacement == pytest.approx((np.pi * tabor / 2) ** 2 - 1 / tabor, abs=1e-6 / tabor)
     assert 0.0 < touch.load / (2 * np.pi) - 1.0 < 2.0 * tabor**1.5
+
+
+def test_a_soft_film_that_ends_with_a_kink_has_no_folds() -> None:
+    """Around a ring the kink moves with the panels; a ring on panels without it turns round what it was not to."""
+    contact = cb.Contact(cb.PowerLaw(4.17, 1.0), Ramp(-1.0, 274.0))
+    coarse, fine = (cb.trace(contact, accuracy=accuracy) for accuracy in (1e-6, 1e-8))
+    for diagram in (coarse, fine):
+        assert diagram.status == "complete", diagram.message
+        assert not list(diagram.folds("load"))
+        assert np.all(np.diff(diagram.branches[0].load) > 0.0)
+        assert not diagram.branches[0].unstable_load.any()
+    for one, other in zip(coarse.events, fine.events, strict=True):
+        assert abs(one.load - other.load) <= one.error["load"] + other.error["load"]
+
+
+def test_a_new_ring_goes_on_where_the_old_curve_ended() -> None:
+    """Where a stiff table pulls, the film's steep edge moves with the panels, from the ring's first state on.
+
+    Contact then grows from its ring: its radius comes back to 0 nowhere, and is 0 nowhere behind.
+    """
+    x = np.linspace(0.0, 15.0, 60)
+    gaps = 0.0154140892 * x
+    law = cb.Tabulated(gaps=tuple(gaps), energies=tuple(-np.exp(-(x**2) / 2)))
+    diagram = cb.trace(cb.Contact(cb.PowerLaw(4.849, 1.0), law, modulus=3.0), control=cb.Spring(0.9194911))
+    assert diagram.status == "complete", diagram.message
+    radius = diagram.branches[0].contact_radius
+    began = int(np.flatnonzero(radius > 0.0)[0])
+    assert (radius[began:] > 0.0).all()
+
+
+def test_a_pressure_keeps_its_load_on_panels_that_reach_farther() -> None:
+    """Where a film has come to the panel to infinity, that shows its steep pressure badly: not so its load."""
+    grid, longer = (Grid(Panels(11, (), outer), np.zeros(0), False) for outer in ((1.0,), (1.0, 1.5)))
+    pressure = np.where(grid.r > 1.0, np.exp(-8.0 * (grid.r - 1.0)), 0.0)
+    load, carried = (2 * np.pi * one.weights * one.r for one in (grid, longer))
+    assert float(carried @ grid.interpolate(pressure, longer.r)) == pytest.approx(float(load @ pressure), rel=1e-9)

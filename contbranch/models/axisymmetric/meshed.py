@@ -68,6 +68,11 @@ INSIDE = 0.97
 class MeshedContact(MovingContact):
     """The same on meshes made for the solution."""
 
+    @property
+    def pieced(self) -> bool:
+        """Whether the law is: where its pieces meet is no edge of panels."""
+        return self.equations.interaction is not None and self.equations.interaction.pieced
+
     def resolved(self, x: Array, p: float, tolerance: float) -> tuple[Self, Array]:
         """The problem on a mesh that resolves a solution, as far as that succeeds in some rounds, and the solution."""
         problem = self
@@ -342,7 +347,7 @@ class MeshedContact(MovingContact):
         return type(self)(self.equations.finer, self.scale, self.resolution, self.sharpness, self.front)
 
     def halved(self, point: Point, share: float) -> Self:
-        """On panels halved where they do not resolve a state, of the trace's own order; all of them for a share of 0."""
+        """On panels halved where they do not resolve a state, or all, of the trace's own order."""
         problem, x, u = self, point.x, point.parameter
         if share == 0.0 and 2 * self.size <= FINEST:
             return self._all_halved()
