@@ -36,6 +36,8 @@ DISTINCT, SHARPEST = 3.0, 1e-12
 CLEAR, APART = 1e-6, 1e-3
 # The rows' error estimates are those of one Newton step on a finer discretisation, with a floor.
 ROW_SAFETY, ROW_FLOOR = 3.0, 2e-8
+# A fold where a ring opens is told there up to this multiple of the accuracy: its place is hardly told at all.
+OPENS = 10.0
 # What a fold may be off where a contact begins on a lattice, in units of what changes from the row before.
 BEGINNING = 1.1
 # Where the discretisation was given, errors are found at every so many rows, and indices at these shares of parts of
@@ -239,7 +241,7 @@ def _opens(track: Track, found: Sequence[Found], fold: Found, accuracy: float) -
     if not found or track.marks[len(found) - 1].kind != "topology" or fold.relative_error() <= accuracy:
         return False
     values, errors = np.array(fold.numbers[:2]), np.array(fold.error[:2])
-    told = errors <= accuracy * np.maximum(1.0, np.abs(values))
+    told = errors <= OPENS * accuracy * np.maximum(1.0, np.abs(values))
     return bool((told & (np.abs(values - found[-1].numbers[:2]) <= errors + found[-1].error[:2])).all())
 
 
