@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import partial
 
 import numpy as np
+from scipy.linalg import lapack
 
 from contbranch.arrays import Array, Indices
 from contbranch.curve.problem import Defect
@@ -16,7 +16,9 @@ from contbranch.models.quadrature import gauss_between
 from .equations import Equations, Fields, felt
 from .mesh import Mesh
 
-__all__ = ["Solver", "adapted_edges", "defect_error", "needed_reach", "panel_errors", "roughness", "similar"]
+__all__ = [
+    "Solver", "adapted_edges", "defect_error", "factorised", "needed_reach", "panel_errors", "roughness", "similar",
+]  # fmt: skip
 
 Solver = Callable[[Array], Array]
 
@@ -56,7 +58,7 @@ def defect_error(equations: Equations, fields: Fields, solve: Solver | None = No
         Solves linear systems with the Jacobian, if it is factorised already.
     """
     mesh, fine_equations = equations.mesh, equations.finer
-    solve = solve or partial(np.linalg.solve, equations.jacobian(fields))
+    solve = solve or factorised(equations.jacobian(fields))
     h, left, found = fields.h, math.inf, [(math.inf, math.inf, math.inf)]
     for _ in range(STEPS):
         fine = fine_equations.fields(mesh.to_finer @ h, fields.y)
@@ -91,16 +93,26 @@ def similar(equations: Equations, fields: Fields, solve: Solver) -> Solver:
     answer = equations.multiplied(fields, given)
     if _small(answer - slopes, slopes):
         return solve
+    exact: Solver | None = None
 
     def corrected(f: Array) -> Array:
-        own = solve(f)
-        images = np.column_stack([equations.multiplied(fields, own), answer])
-        shares = np.linalg.lstsq(images, f)[0]
-        if not _small(images @ shares - f, f):
-            return np.asarray(np.linalg.solve(equations.jacobian(fields), f))
-        return np.asarray(shares[0] * own + shares[1] * given)
+        nonlocal exact
+        if exact is None:
+            own = solve(f)
+            images = np.column_stack([equations.multiplied(fields, own), answer])
+            shares = np.linalg.lstsq(images, f)[0]
+            if _small(images @ shares - f, f):
+                return np.asarray(shares[0] * own + shares[1] * given)
+            exact = factorised(equations.jacobian(fields))
+        return exact(f)
 
     return corrected
+
+
+def factorised(matrix: Array) -> Solver:
+    """What solves with a matrix, which is overwritten."""
+    factors, pivots, _ = lapack.dgetrf(matrix.T, overwrite_a=1)  # LAPACK stores by columns
+    return lambda f: np.asarray(lapack.dgetrs(factors, pivots, f, trans=1)[0])
 
 
 def _small(off: Array, wanted: Array) -> bool:

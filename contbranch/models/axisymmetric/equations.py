@@ -35,8 +35,8 @@ Array = NDArray[np.float64]
 # Gauss nodes in a power of end/r for what lies beyond the mesh, at most this one: energies around sharp tips decay
 # slowly.
 TAIL_NODES, SLOWEST = 20, 6.0
-# Below this size of the blocks a plain product is as fast.
-SMALLEST_SPLIT = 48
+# Panels that a product of triangular matrices takes at a time.
+STRIP = 4
 # A mesh that ends this close to a tip's edge ends there.
 WITHIN = 1.0 - 1e-12
 # Radii so much smaller than the distance from the rim do not matter for the slope of a tip's gap.
@@ -637,23 +637,12 @@ def felt(tip: Tip, law: Interaction | None) -> float:
 
 def upper_times_lower(upper: Array, lower: Array, block: int) -> Array:
     """Product of a block upper and a block lower triangular matrix (blocks of a panel): half the work of a full one."""
-    product = np.empty_like(upper)
-    _fill_product(product, upper, lower, block)
+    product, strip = np.empty_like(upper), STRIP * block
+    for start in range(0, len(upper), strip):
+        own, on = slice(start, start + strip), slice(start, None)
+        np.matmul(upper[: start + strip, on], lower[on, own], out=product[: start + strip, own])
+        np.matmul(upper[own, on], lower[on, :start], out=product[own, :start])
     return product
-
-
-def _fill_product(product: Array, upper: Array, lower: Array, block: int) -> None:
-    size = len(upper)
-    half = size // block // 2 * block
-    if half < SMALLEST_SPLIT:
-        np.matmul(upper, lower, out=product)
-        return
-    first, last = slice(None, half), slice(half, None)
-    _fill_product(product[first, first], upper[first, first], lower[first, first], block)
-    product[first, first] += upper[first, last] @ lower[last, first]
-    np.matmul(upper[first, last], lower[last, last], out=product[first, last])
-    np.matmul(upper[last, last], lower[last, first], out=product[last, first])
-    _fill_product(product[last, last], upper[last, last], lower[last, last], block)
 
 
 def negative_eigenvalues(matrix: Array) -> int:

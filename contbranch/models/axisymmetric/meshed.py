@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from functools import partial
 from typing import Self
 
 import numpy as np
-from scipy.linalg import lapack
 
 from contbranch.arrays import Array
 from contbranch.continuation import Adaptation, Point
@@ -18,7 +16,7 @@ from contbranch.errors import ModelError
 from contbranch.models.fronts import CORE, STIFF
 from contbranch.watch import check
 
-from .adapt import adapted_edges, defect_error, needed_reach, panel_errors, roughness, similar
+from .adapt import adapted_edges, defect_error, factorised, needed_reach, panel_errors, roughness, similar
 from .creases import SHORTER, Crease, creases_of, located, shortened
 from .equations import Equations, Fields
 from .front import Edge, Front, Kink, steepest
@@ -447,7 +445,7 @@ class MeshedContact(MovingContact):
                 return valid
             if not fields.finite:
                 return best
-            solve = partial(_solved, *lapack.dgetrf(self.jacobian(x, p).T, overwrite_a=1)[:2])
+            solve = factorised(self.jacobian(x, p))
             step = solve(-self.residual(x, p))
             change = float(np.abs(step).max())
             if change >= 0.7 * size:
@@ -468,8 +466,3 @@ class MeshedContact(MovingContact):
         equations, fields = self.seen(x, p)
         here = Values(equations.load(fields), equations.displacement(fields), 0.0, 0.0, 0.0)
         return float(self.error(x, p).relative(here))
-
-
-def _solved(factors: Array, pivots: Array, f: Array) -> Array:
-    """Solve with a matrix whose transposed one is factorised: LAPACK stores by columns."""
-    return np.asarray(lapack.dgetrs(factors, pivots, f, trans=1)[0])
