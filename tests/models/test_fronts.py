@@ -5,6 +5,7 @@ state of JKR whose central pressure is zero, a³ = π/2 and F = −4π/3 (reduce
 """
 
 import math
+from itertools import count
 
 import numpy as np
 import pytest
@@ -177,3 +178,24 @@ def test_touch_under_power_laws(exponent, tabor, allowed):
     radius = (math.pi / range_ * (exponent - 1) / (k * exponent)) ** (1 / (exponent - 1))
     bare = 2 * k * exponent * radius ** (exponent + 1) / (exponent + 1)
     assert 0.0 < diagram.thresholds["touch_load"] / bare - 1.0 < allowed
+
+
+def test_a_film_under_a_bump_is_squeezed_out_on_a_ring():
+    """The film around a contact ends below a bump of the profile: there the disc's own radius turns round twice.
+
+    A curve that took the radius for a coordinate would go back and forth between two folds.
+    """
+    radii = np.linspace(0.0, 10.0, 61)
+    heights = radii**2 / 2 * (1 - 0.1 * np.exp(-(((radii - 5.0) / 0.5) ** 2)))
+    contact = cb.Contact(cb.Profile(tuple(radii), tuple(heights)), cb.VanDerWaals(-1.0, 0.25))
+    steps = count(1)
+
+    def progress(fraction, text):
+        if next(steps) > 105:
+            raise cb.Stop
+
+    diagram = cb.trace(contact, accuracy=1e-4, max_load=1500.0, progress=progress)
+    ring = next(event for event in diagram.events if event.kind == "topology")
+    loads = [fold.load for fold in diagram.folds("load")]
+    assert np.diff(np.sort(loads)).min() > 1e-3
+    assert ring.load < max(loads)

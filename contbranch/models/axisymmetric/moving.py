@@ -92,9 +92,11 @@ class MovingContact(EquilibriumProblem):
         self.sharpness = sharpness
         self.front = front
         mesh, law = equations.mesh, equations.interaction
-        # Where the film is squeezed out on a ring, round a flat tip or at an edge, the central gap may grow again.
+        # Where the film is squeezed out on a ring, round a flat tip, under a table's bump or at an edge, the central gap
+        # may grow again.
         layered = law is not None and math.isfinite(law.wave)
-        self.ordered = not (layered or self.flat or isinstance(front, Edge))
+        uneven = self.flat or math.isfinite(equations.tip.table_end)
+        self.ordered = not (layered or uneven or isinstance(front, Edge))
         self._weights = mesh.weights if front is None else front.weights(mesh)
         self.creases = () if front is None else front.creases
         self._carried = velocities(self.creases, front.resting, mesh) if front and self.creases else None
