@@ -10,6 +10,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 import scipy
+from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike
 
 from contbranch.arrays import Array
@@ -24,7 +25,7 @@ _MOST_ROWS = 1000  # the fit solves a dense system of that order
 # The table's length in units of ρ where heights that scatter are smoothed.
 _BEND = 4.0
 _QUARTER = 0.5 * math.pi
-_TERMS = 40  # of a power series up to 1/2
+_DEGREE = 18  # of a polynomial for a power series that converges up to 1, on half of that
 _FAR = 3.0  # beyond this multiple of the table's last radius
 
 
@@ -97,20 +98,23 @@ def _rises(pieces: scipy.interpolate.PPoly) -> bool:
     return bool(np.all(pieces(places[places > 0.0], 1) > 0.0) and pieces(0.0, 1) >= 0.0)
 
 
-def _kernel(m: int, angle: Array) -> Array:
-    """Return K_m(θ) = ∫_0^θ (cos φ - cos θ)^m dφ for θ in [0, π/2], a Legendre function of cos θ (Mehler, Dirichlet).
+def _kernel(m: int, x: Array) -> Array:
+    """Return K_m(θ) = ∫_0^θ (cos φ - cos θ)^m dφ, a Legendre function of cos θ (Mehler, Dirichlet).
 
-    With x = (1 - cos θ)/2 ≤ 1/2 it is √(π/2) m!/Γ(m + 3/2) (2x)^(m+1/2) ₂F₁(1/2, 1/2; m + 3/2; x).
+    With x = sin²(θ/2) in [0, 1/2] it is √(π/2) m!/Γ(m + 3/2) (2x)^(m+1/2) ₂F₁(1/2, 1/2; m + 3/2; x).
     """
-    x = np.sin(0.5 * angle) ** 2
-    return (2.0 * x) ** (m + 0.5) * np.polynomial.polynomial.polyval(x, _kernel_series(m))
+    double = 2.0 * x
+    series = np.polynomial.polynomial.polyval(2.0 * double - 1.0, _kernel_series(m))
+    return np.asarray(np.sqrt(double) * double**m * series)
 
 
 @cache
 def _kernel_series(m: int) -> Array:
-    k = np.arange(_TERMS)
-    series = np.append(1.0, np.cumprod((k + 0.5) ** 2 / ((k + m + 1.5) * (k + 1.0))))
-    return math.sqrt(0.5 * math.pi) * math.factorial(m) / math.gamma(m + 1.5) * series
+    """Return the polynomial of 4x − 1 that is all of it but its power of 2x."""
+    nodes = chebyshev.chebpts1(_DEGREE + 1)
+    values = scipy.special.hyp2f1(0.5, 0.5, m + 1.5, 0.25 * (nodes + 1.0))
+    scale = math.sqrt(0.5 * math.pi) * math.factorial(m) / math.gamma(m + 1.5)
+    return np.asarray(scale * chebyshev.cheb2poly(chebyshev.chebfit(nodes, values, _DEGREE)))
 
 
 @dataclass(frozen=True)
@@ -235,9 +239,11 @@ class Profile(Tip):
         gap, moment = self._piece(r, a, angle)
         outside = self._spline.x[1:-1] > a
         knots, jumps = self._spline.x[1:-1][outside], self._jumps[outside] / 6.0
-        height = np.maximum((r[..., None] - knots) * (r[..., None] + knots), 0.0)
-        angles = np.arctan2(np.sqrt(height), knots)
-        second, third = (_kernel(m, angles) for m in (2, 3))
+        passed = r[..., None] > knots
+        with np.errstate(divide="ignore"):
+            x = 0.5 * (1.0 - (knots / r[..., None])[passed])
+        second, third = np.zeros((2, *passed.shape))
+        second[passed], third[passed] = (_kernel(m, x) for m in (2, 3))
         cubes = (r2 * r) * (third @ jumps)
         gap = np.asarray(gap + cubes)
         moment = np.asarray(moment + 3.0 * (cubes + r2 * (second @ (jumps * knots))))
@@ -246,7 +252,7 @@ class Profile(Tip):
             x, w = gauss_rule()
             begins = np.append(a, knots[:-1])[:, None]
             t, weights = (begins + (knots[:, None] - begins) * x).ravel(), ((knots[:, None] - begins) * w).ravel()
-            root, beyond = 1.0 / np.sqrt(r2[far, None] - t * t), angles[far, -1]
+            root, beyond = 1.0 / np.sqrt(r2[far, None] - t * t), np.arccos(end / r[far])
             rise, level = self.transform(t), float(self._spline(a))
             own, own_moment = self._piece(r[far], end, beyond)
             gap[far] = own + (float(self._spline(end)) - level) * beyond + root @ ((rise - level) * weights)
@@ -256,7 +262,8 @@ class Profile(Tip):
     def _piece(self, r: Array, b: float, angle: Array) -> tuple[Array, Array]:
         """Return the integrals of `_moments` from b to r = b/cos(angle) of the polynomial that the spline is at b."""
         c = self._taylor(b)
-        first, second, third = (r**m * _kernel(m, angle) for m in (1, 2, 3))
+        x = np.sin(0.5 * angle) ** 2
+        first, second, third = (r**m * _kernel(m, x) for m in (1, 2, 3))
         moment = c[1] * (first + b * angle) + 2.0 * c[2] * (second + b * first) + 3.0 * c[3] * (third + b * second)
         return c[1] * first + c[2] * second + c[3] * third, moment
 

@@ -92,8 +92,8 @@ class MovingContact(EquilibriumProblem):
         self.sharpness = sharpness
         self.front = front
         mesh, law = equations.mesh, equations.interaction
-        # Where the film is squeezed out on a ring, round a flat tip, under a table's bump or at an edge, the central gap
-        # may grow again.
+        # Where the film is squeezed out on a ring, round a flat tip, below a bump or at an edge, the central gap may
+        # grow again.
         layered = law is not None and math.isfinite(law.wave)
         uneven = self.flat or math.isfinite(equations.tip.table_end)
         self.ordered = not (layered or uneven or isinstance(front, Edge))

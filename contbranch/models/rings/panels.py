@@ -3,9 +3,10 @@
 Fields have half-order edges at the free boundaries ``e``: they are smooth in ``y = √|r − e|``, so the panels carry
 Gauss–Legendre nodes in y. The displacement is the integral over rings of pressure,
 
-    w(r) = ∫ k(r, s) p(s) ds,     k = (4/πE) s K(m)/(r + s),     m = 4rs/(r + s)²
+    w(r) = ∫ k(r, s) p(s) ds,     k = (4/πE) s K(m)/(r + s),     m = 4rs/(r + s)²,
+    ∂k/∂s = (2/πE) (K(m)/(r + s) + E(m)/(r − s))
 
-(K: complete elliptic integral of the first kind), with the logarithm at s = r integrated by nodes that cluster there.
+(K, E(m): complete elliptic integrals), with the logarithm at s = r integrated by nodes that cluster there.
 """
 
 from __future__ import annotations
@@ -93,8 +94,8 @@ class Near(NamedTuple):
     target, panel : integer array (pairs,)
     radius, weight : array (pairs, m)
         Nodes, and weights of ∫ ds.
-    elliptic : array (pairs, m)
-        K(m).
+    share : array (pairs, m)
+        K(m)/(r + s).
     parts : list of slice
         The pairs of each rule, see `clustered`.
     """
@@ -103,7 +104,7 @@ class Near(NamedTuple):
     panel: Indices
     radius: Array
     weight: Array
-    elliptic: Array
+    share: Array
     parts: list[slice]
 
 
@@ -214,8 +215,8 @@ class Grid:
         distance = np.maximum(0.0, np.maximum(self.inner - r[:, None], r[:, None] - self.outer))
         return np.asarray(distance < NEAR * self.length)
 
-    def _elliptic(self) -> tuple[Array, Near]:
-        """K(m) between all nodes, (N, N), and the pairs of nodes and panels near each other."""
+    def _shares(self) -> tuple[Array, Near]:
+        """K(m)/(r + s) between all nodes, (N, N), and the pairs of nodes and panels near each other."""
         if self._pairs is None:
             target, panel = np.nonzero(self._near(self.r))
             own, node = panel == target // self.order, target % self.order
@@ -229,9 +230,9 @@ class Grid:
             ends = np.searchsorted(rule, np.arange(len(places) + 1))
             radius, slope = self._map(panel[:, None], places[rule])
             parts = [slice(a, b) for a, b in itertools.pairwise(ends)]
-            near = _elliptic(self.r[target][:, None], radius)
+            near = _share(self.r[target][:, None], radius)
             pairs = Near(target, panel, radius, slope * weights[rule], near, parts)
-            self._pairs = _among(_elliptic, self.r), pairs
+            self._pairs = _among(_share, self.r), pairs
         return self._pairs
 
     def forget(self) -> None:
@@ -240,9 +241,9 @@ class Grid:
 
     def response(self) -> Array:
         """W with ``w = W @ p`` at the nodes, (N, N)."""
-        elliptic, near = self._elliptic()
-        matrix = _kernel(self.r[:, None], self.r, elliptic) * self.weights
-        factor = _kernel(self.r[near.target][:, None], near.radius, near.elliptic) * near.weight
+        shares, near = self._shares()
+        matrix = shares * ((4 / np.pi) * self.r * self.weights)
+        factor = (4 / np.pi) * near.radius * near.share * near.weight
         view = matrix.reshape(self.size, self.count, self.order)
         view[near.target, near.panel] = 0.0
         for part, values in zip(near.parts, clustered(self.order)[2], strict=True):
@@ -253,15 +254,13 @@ class Grid:
         """d(W @ p)/d(edges) at fixed nodal pressures, targets moving with their nodes, (N, E)."""
         if len(self.anchors) == 0:
             return np.zeros((self.size, 0))
-        elliptic, near = self._elliptic()
-        r, s, weighted = self.r[:, None], self.r, (pressure * self.weights)[:, None]
-        with np.errstate(invalid="ignore", divide="ignore"):  # next to the diagonal others take their place
-            shares = elliptic / (r + s)
-            rates = _quotient(r, s, elliptic, _among(_second, self.r)) + shares * (r / (r + s))
+        shares, near = self._shares()
+        r, weighted = self.r[:, None], (pressure * self.weights)[:, None]
+        shares, rates = shares.copy(), 0.5 * (shares + _among(_second, self.r, -1))
         for kernel in (shares, rates):
             kernel.reshape(self.size, self.count, self.order)[near.target, near.panel] = 0.0
         motion, stretched = np.moveaxis(np.array([self.motion(k) for k in range(len(self.anchors))]), 0, -1)
-        far = rates @ (weighted * motion) + shares @ (self.r[:, None] * weighted * stretched)
+        far = rates @ (weighted * motion) + shares @ (r * weighted * stretched)
         # The kernel has no length: what it gains where s moves it loses where r moves along.
         far = (4 / np.pi) * (far - motion * (rates @ (r * weighted) / r))
         nodal = pressure.reshape(self.count, self.order)[near.panel]
@@ -272,7 +271,7 @@ class Grid:
         flat, shape = near.target * self.count + near.panel, (self.size, self.count)
         target, inner, stretch = (
             np.bincount(flat, own, self.size * self.count).reshape(shape)
-            for own in _moved(self.r[near.target][:, None], sources, near.elliptic, density)
+            for own in _moved(self.r[near.target][:, None], sources, near.share, density)
         )
         return np.asarray(far + target.sum(axis=1)[:, None] * motion + inner @ self.moves.T + stretch @ self.stretch.T)
 
@@ -285,7 +284,7 @@ class Grid:
         far[panel] = 0.0
         s, moved = self.r.reshape(nodal.shape), np.zeros(len(self.anchors))
         for k, t, c in ((slice(None), s, far), (panel, radius, near)):
-            target, inner, stretch = _moved(r, (t, t - self.inner[k][:, None]), _elliptic(r, t), c)
+            target, inner, stretch = _moved(r, (t, t - self.inner[k][:, None]), _share(r, t), c)
             moved += self.moves[:, k] @ inner + self.stretch[:, k] @ stretch
             moved[edge] += target.sum()
         return row[0], moved
@@ -306,8 +305,8 @@ class Grid:
         weights = slope * np.concatenate([x * density, (1 - x) * density], axis=1)
         values = np.moveaxis(legendre_values(self.order, 2 * places - 1), 0, -1) @ self.rule.to_legendre
         carried = values * weights[:, :, None]
-        rows = _kernel(r, self.r, _elliptic(r, self.r)) * self.weights
-        kernel = _kernel(r[target], s, _elliptic(r[target], s))
+        rows = (4 / np.pi) * self.r * self.weights * _share(r, self.r)
+        kernel = (4 / np.pi) * s * _share(r[target], s)
         rows.reshape(len(radii), self.count, self.order)[target, panel] = np.einsum("pm,pmn->pn", kernel, carried)
         return rows, (target, panel, s, carried)
 
@@ -372,51 +371,40 @@ class Grid:
         return self._map(np.full(x.shape, panel), x)[0]
 
 
-def _among(function: Callable[[Array, Array], Array], r: Array) -> Array:
-    """A symmetric function between all radii, (N, N), each pair once."""
+def _among(function: Callable[[Array, Array], Array], r: Array, sign: int = 1) -> Array:
+    """A symmetric (sign −1: antisymmetric) function between all radii, (N, N), each pair once."""
     values = np.empty((len(r), len(r)))
     for k in range(0, len(r), TILE):
         own, others = slice(k, k + TILE), slice(k, None)
         values[own, others] = function(r[own, None], r[others])
-        values[others, own] = values[own, others].T
+        values[others, own] = sign * values[own, others].T
     return values
 
 
-def _elliptic(r: Array, s: Array) -> Array:
-    """K(m); 0 where it is infinite."""
+def _share(r: Array, s: Array) -> Array:
+    """K(m)/(r + s); 0 where it is infinite."""
+    total = r + s
     with np.errstate(invalid="ignore", divide="ignore"):
-        value = scipy.special.ellipkm1(((r - s) / (r + s)) ** 2)
-    return np.where(np.isfinite(value), value, 0.0)
-
-
-def _kernel(r: Array, s: Array, elliptic: Array) -> Array:
-    with np.errstate(invalid="ignore"):
-        return np.asarray((4 / np.pi) * s / (r + s) * elliptic)
+        value = scipy.special.ellipkm1(((r - s) / total) ** 2) / total
+    value[~np.isfinite(value)] = 0.0
+    return np.asarray(value)
 
 
 def _second(r: Array, s: Array) -> Array:
-    """E(m)."""
-    return np.asarray(scipy.special.ellipe(1 - ((r - s) / (r + s)) ** 2))
+    """E(m)/(r − s); 0 where it is infinite."""
+    apart = r - s
+    value = scipy.special.ellipe(1 - (apart / (r + s)) ** 2)
+    return np.divide(value, apart, out=np.zeros(apart.shape), where=apart != 0.0)
 
 
-def _quotient(r: Array, s: Array, elliptic: Array, second: Array) -> Array:
-    """What K(m)/(r + s) adds to its derivative with respect to s besides that of s/(r + s)."""
-    return np.asarray((second - ((r - s) / (r + s)) ** 2 * elliptic) / (2 * (r - s)))
-
-
-def _moved(r: Array, sources: tuple[Array, Array], elliptic: Array, carried: Array) -> tuple[Array, Array, Array]:
+def _moved(r: Array, sources: tuple[Array, Array], share: Array, carried: Array) -> tuple[Array, Array, Array]:
     """Parts of the derivative of ∫ k p ds over panels (the last axis) with respect to motions.
 
     Those of the target r, of the panels' inner ends, and stretching, where s moves in proportion to its distance from
-    there; `sources` are s and that distance.
+    there; `sources` are s and that distance. The kernel has no length: what it gains where s moves it loses where r
+    moves along.
     """
     s, beyond = sources
-    total = r + s
-    with np.errstate(invalid="ignore", divide="ignore"):
-        quotient = _quotient(r, s, elliptic, _second(r, s))
-    quotient = np.where(np.isfinite(quotient), quotient, 0.0)
-    share, carried = elliptic / total, (4 / np.pi) * carried
-    source = (quotient + share * r / total) * carried
-    target = (s / r * quotient + share * s / total) * carried
-    stretch = source * beyond + share * s * carried
-    return -target.sum(axis=-1), source.sum(axis=-1), stretch.sum(axis=-1)
+    source = (2 / np.pi) * (share + _second(r, s)) * carried
+    stretch = source * beyond + (4 / np.pi) * share * s * carried
+    return -(s / r * source).sum(axis=-1), source.sum(axis=-1), stretch.sum(axis=-1)
