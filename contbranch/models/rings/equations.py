@@ -243,9 +243,9 @@ class RingEquations(EquilibriumProblem):
         n, count = fields.grid.size, self.edges
         rests, _ = self.resting(fields.grid)
         factor = np.where(rests, 1.0, fields.stiffness)
-        matrix = np.zeros((n + count, n + count))
-        matrix[:n, :n] = factor[:, None] * fields.response
-        matrix[:n, :n].flat[:: n + 1] += np.where(rests, 0.0, 1.0)
+        matrix = np.empty((n + count, n + count))
+        np.multiply(factor[:, None], fields.response, out=matrix[:n, :n])
+        matrix.flat[: n * (n + count) : n + count + 1] += np.where(rests, 0.0, 1.0)
         matrix[:n, n:] = factor[:, None] * self._gap_moves(fields)
         _, matrix[n:, :n], matrix[n:, n:], _ = self._edge_equations(fields)
         return matrix
