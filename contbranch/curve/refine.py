@@ -206,7 +206,8 @@ class _Line:
 def _located(place: _Place, event: Event | None) -> _Place:
     """The zero of the event function near a place, by a secant iteration; the place itself without an event.
 
-    How far it may still be away counts as its uncertainty, a small share of the accuracy.
+    Once the zero lies between two places it stays there, halved where secants gain little. How far it may still be away
+    counts as its uncertainty, a small share of the accuracy.
 
     Raises
     ------
@@ -223,14 +224,18 @@ def _located(place: _Place, event: Event | None) -> _Place:
     steepness, stalls = place.steepness, 0
     if isinstance(event, Reached):
         steepness = event.rate(line.rates(point))
-    best = abs(value), point, steepness
+    best, beyond = (abs(value), point, steepness), math.nan  # a place on the other side
     for iteration in range(ITERATIONS):
         whole = -value / steepness if steepness else ASIDE * line.unit
         step = math.copysign(min(abs(whole), LONGEST * line.unit), whole)
+        if stalls and not math.isnan(beyond):
+            step = (beyond - s) / 2
         if iteration and abs(step) <= least:
             break
         step, new_point = line.towards(s, step, point)
         new_value = event.value(new_point)
+        if new_value * value < 0.0:
+            beyond = s
         if new_value != value and (abs(step) > 1e-7 * line.unit or not steepness):
             steepness = (new_value - value) / step
         s, point, value = s + step, new_point, new_value
@@ -238,7 +243,8 @@ def _located(place: _Place, event: Event | None) -> _Place:
         stalls = stalls + 1 if best[2] and step == whole and abs(value) >= 0.5 * best[0] else 0
         if abs(value) < best[0] or not best[2]:
             best = (*min(best[:2], (abs(value), point), key=lambda one: one[0]), steepness)
-        if value == 0.0 or (stalls and abs(step) < 1e-8 * line.unit) or stalls > 1:  # noise, also to the steepness
+        lost = stalls > 1 and math.isnan(beyond)
+        if value == 0.0 or (stalls and abs(step) < 1e-8 * line.unit) or lost:  # noise, also to the steepness
             break
     steepness = best[2]
     uncertainty = (best[0] + event.noise) / abs(steepness) if steepness else 0.0

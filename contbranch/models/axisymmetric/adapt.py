@@ -42,6 +42,8 @@ SIMILAR = 1e-2
 MERGE = 0.1
 # Edges of panels at which the gap is this close to the law's kink stay.
 AT_KINK = 1e-6
+# ... and others are at least this share of its distance away from it, where it is put on an edge.
+APART = 1e-3
 
 
 def defect_error(equations: Equations, fields: Fields, solve: Solver | None = None) -> Defect:
@@ -234,11 +236,25 @@ def adapted_edges(
     if unit.bounded:
         cut[-1] += (0.5 - GRADING) * (edges[-1] - edges[-2])
     superfluous = _mergeable(lambda edges: guide(stretch * edges), edges, errors, MERGE * share)
-    if math.isfinite(kink := equations.kink):
-        gaps = equations.mesh.interpolate(fields.gap, stretch * edges[superfluous])
-        superfluous = superfluous[np.abs(gaps - kink) > AT_KINK * kink]
-    kept = np.delete(edges, superfluous)
-    return np.sort(np.concatenate([kept, cut[bad]]))
+    if math.isinf(equations.kink):
+        return np.sort(np.concatenate([np.delete(edges, superfluous), cut[bad]]))
+    gaps = equations.mesh.interpolate(fields.gap, stretch * edges)
+    superfluous = superfluous[np.abs(gaps[superfluous] - equations.kink) > AT_KINK * equations.kink]
+    found = np.sort(np.concatenate([np.delete(edges, superfluous), cut[bad]]))
+    return _kinked(equations, fields, found, stretch) if unit.bounded else found
+
+
+def _kinked(equations: Equations, fields: Fields, edges: Array, stretch: float) -> Array:
+    """Edges with one where the law has its kink: nodes that lie all on one side of it do not tell it is there."""
+    nodes, inside = equations.mesh.nodes, np.flatnonzero(fields.gap < equations.kink)
+    if not inside.size or inside[-1] + 1 == nodes.size or not math.isfinite(fields.gap[inside[-1] + 1]):
+        return edges
+    ends = slice(inside[-1], inside[-1] + 2)
+    place = math.sqrt(float(np.interp(equations.kink, fields.gap[ends], nodes[ends] ** 2))) / stretch
+    if not edges[1] < place < edges[-1]:
+        return edges
+    away = np.abs(edges[2:-1] - place) > APART * place
+    return np.sort(np.concatenate([edges[:2], edges[2:-1][away], [place], edges[-1:]]))
 
 
 def _mergeable(guide: Callable[[Array], Array], edges: Array, errors: Array, share: float) -> Indices:
