@@ -294,7 +294,7 @@ def steepest(seen: tuple[Equations, Fields], present: Front | None, unit: Mesh, 
     if serving is not None and float(steep[nodes].max()) > FLATTER * steep[place]:
         return serving
     gap = fields.gap[max(place - 1, 0) : place + 2]
-    ends = not np.isfinite(fields.gap.reshape(-1, mesh.order)[place // mesh.order]).all()  # the tip does there
+    ends = mesh.nodes[place] > CLOSE_TO_EDGE * _to_edge(equations, fields)  # the tip does there
     if ends or not (bool((np.diff(gap) > 0).all()) or bool((np.diff(gap) < 0).all())):
         return serving
     at, own = float(unit.nodes[place]), float(fields.gap[place])
