@@ -17,7 +17,8 @@ from .equations import Equations, Fields, felt
 from .mesh import Mesh
 
 __all__ = [
-    "Solver", "adapted_edges", "defect_error", "factorised", "needed_reach", "panel_errors", "roughness", "similar",
+    "Solver", "adapted_edges", "cuts", "defect_error", "factorised", "needed_reach", "panel_errors", "roughness",
+    "similar",
 ]  # fmt: skip
 
 Solver = Callable[[Array], Array]
@@ -231,17 +232,22 @@ def adapted_edges(
         edges, errors = edges[: keep + 1], errors[:keep]
     bad = errors > share
     bad[1:] |= edges[2:] > GROWTH * edges[1:-1]
-    cut = (edges[:-1] + edges[1:]) / 2
-    cut[0] = GRADING * edges[1]
-    if unit.bounded:
-        cut[-1] += (0.5 - GRADING) * (edges[-1] - edges[-2])
     superfluous = _mergeable(lambda edges: guide(stretch * edges), edges, errors, MERGE * share)
     if math.isinf(equations.kink):
-        return np.sort(np.concatenate([np.delete(edges, superfluous), cut[bad]]))
+        return np.sort(np.concatenate([np.delete(edges, superfluous), cuts(edges, unit.bounded)[bad]]))
     gaps = equations.mesh.interpolate(fields.gap, stretch * edges)
     superfluous = superfluous[np.abs(gaps[superfluous] - equations.kink) > AT_KINK * equations.kink]
-    found = np.sort(np.concatenate([np.delete(edges, superfluous), cut[bad]]))
+    found = np.sort(np.concatenate([np.delete(edges, superfluous), cuts(edges, unit.bounded)[bad]]))
     return _kinked(equations, fields, found, stretch) if unit.bounded else found
+
+
+def cuts(edges: Array, bounded: bool) -> Array:
+    """Where panels are cut, graded towards the rim and, on a mesh that ends there, towards a tip's edge."""
+    found = (edges[:-1] + edges[1:]) / 2
+    found[0] = GRADING * edges[1]
+    if bounded:
+        found[-1] += (0.5 - GRADING) * (edges[-1] - edges[-2])
+    return found
 
 
 def _kinked(equations: Equations, fields: Fields, edges: Array, stretch: float) -> Array:

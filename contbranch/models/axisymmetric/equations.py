@@ -497,10 +497,16 @@ class Equations:
 
     def _pulled(self, fields: Fields, distance: Array) -> Array:
         """∫_a^∞ h'(t)/√(t² − r²) dt, (M,), with ``distance = a² − r²``."""
-        mesh, n = self.mesh, self.mesh.order
-        slope = mesh.weights[n:] * mesh.derivative(fields.h)[n:]
-        outside = (1 / np.sqrt(mesh.nodes[n:] ** 2 + distance[:, None])) @ slope
-        return np.asarray(outside + self._innermost_slope(fields.h, distance))
+        mesh, n, h = self.mesh, self.mesh.order, fields.h
+        slope, root = mesh.weights[n:] * mesh.derivative(h)[n:], np.sqrt(mesh.nodes[n:] ** 2 + distance[:, None])
+        if mesh.bounded:  # h ends like a root: by parts
+            slope[-n:] = mesh.weights[-n:] * h[-n:] * mesh.nodes[-n:]
+            root[:, -n:] **= 3
+        outside = (1 / root) @ slope
+        if mesh.bounded:
+            begin = float(mesh.rule.lagrange(np.ones(1))[0] @ h[-2 * n : -n])
+            outside -= begin / np.sqrt(mesh.edges[-2] ** 2 + distance)
+        return np.asarray(outside + self._innermost_slope(h, distance))
 
     def _innermost_slope(self, h: Array, distance: Array) -> Array:
         """∫ h'(t) dt/√(t² − r²) over the innermost panel, (M,), with ``distance = a² − r²``.

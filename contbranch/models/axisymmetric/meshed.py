@@ -16,7 +16,7 @@ from contbranch.errors import ModelError
 from contbranch.models.fronts import CORE, STIFF
 from contbranch.watch import check
 
-from .adapt import adapted_edges, defect_error, factorised, needed_reach, panel_errors, roughness, similar
+from .adapt import adapted_edges, cuts, defect_error, factorised, needed_reach, panel_errors, roughness, similar
 from .creases import SHORTER, Crease, creases_of, located, shortened
 from .equations import Equations, Fields
 from .front import Edge, Front, Kink, steepest
@@ -366,7 +366,7 @@ class MeshedContact(MovingContact):
 
     def _all_halved(self) -> Self:
         mesh = self.equations.mesh
-        edges = np.union1d(mesh.edges, (mesh.edges[1:] + mesh.edges[:-1]) / 2)
+        edges = np.union1d(mesh.edges, cuts(mesh.edges, mesh.bounded))
         return self.on_mesh(mesh_on(edges, self.resolution.order, mesh.bounded))
 
     def carried(self, vector: Array, x: Array, p: float, other: EquilibriumProblem) -> Array:
