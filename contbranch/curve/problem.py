@@ -305,6 +305,10 @@ class EquilibriumProblem(Problem):
         """
         return None
 
+    def cause(self, name: str, point: Point) -> str:
+        """What a margin that fails at a point stands for there: by default itself."""
+        return name
+
     def ending(self, name: str, point: Point) -> str:
         """Why a curve ends at a point; `name` is a margin, "end", or empty if it could not be followed."""
         return ""

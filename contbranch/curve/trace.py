@@ -175,15 +175,17 @@ class _Tracing:
             if branch.end.outcome is Outcome.STEP_TOO_SMALL and not problem.given:
                 self.message += " Try a hundredth of the accuracy."
             return None
+        margin, name = name, problem.cause(name, last)
         try:
             found = problem.successor(name, [start, *branch.points])
         except (ModelError, CorrectionError) as error:
-            self._stop(name, f"{problem.ending(name, last)} It could not be followed beyond: {error}.".strip())
+            why = f"{problem.ending(name, last)} It could not be followed beyond: {error}."
+            self._stop(margin, name, why.strip())
             return None
         if found is None:
-            self._stop(name, problem.ending(name, last))
+            self._stop(margin, name, problem.ending(name, last))
             return None
-        self._join(found, name)
+        self._join(found, margin)
         return found
 
     def _leaving(self, joint: Succession) -> Branch:
@@ -231,18 +233,18 @@ class _Tracing:
             self.gaps.add(last)
         self.points.append(point)
 
-    def _stop(self, margin: str, message: str) -> None:
+    def _stop(self, margin: str, name: str, message: str) -> None:
         own = margin
         while len(self.points) > 1 and _margin(self.points[-1], margin) < -NEGATIVE:  # rows are states of contact
             self._forget(len(self.points) - 1)
             own = ""
         row, last = len(self.points) - 1, self.points[-1]
-        if margin == TIP_EDGE:
+        if name == TIP_EDGE:
             load = last.observables["load"]  # contact may be out of reach, and larger loads with it
             self.complete = self.request.target is None or (self.end.control is LOAD and load >= self.end.target)
             if not self.complete:
                 message += " What was asked lies beyond: ask for less, or describe the tip farther out."
-            self.marks.append(Mark(row, "end", last, margin=margin, message=message, name=margin))
+            self.marks.append(Mark(row, "end", last, margin=own, message=message, name=name))
         elif margin != EDGE:
             self.marks.append(Mark(row, "inadmissible", last, margin=own))
         elif not message:

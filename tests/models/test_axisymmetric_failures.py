@@ -287,3 +287,20 @@ def test_solve_with_several_equilibria_returns_the_lowest_stable_one():
     # the unstable state is a barrier between the two
     saddle = next(state for state in found.states if state.unstable_load == 1)
     assert saddle.energy - load * saddle.displacement > other.energy - load * other.displacement
+
+
+def test_a_ring_under_a_cap_is_found_at_every_accuracy():
+    """A film under a cap is squeezed out on a ring next to the edge, and the hole in the contact closes further on.
+
+    Pressure in the middle of a disc is told by the film out to the edge of the tip, where h ends like a root. A step
+    may lead so far that the gap seems to close at the edge first, which would be the end of the curve.
+    """
+    contact = cb.Contact(cb.SphericalCap(7.486), cb.InverseSquare(-1.0, 1.5605))
+    fine = cb.trace(contact, accuracy=1e-8)
+    assert fine.status == "complete", fine.message
+    assert [event.kind for event in fine.events] == ["topology", "topology", "end"]
+    for accuracy in (1e-4, 1e-6):
+        diagram = cb.trace(contact, accuracy=accuracy)
+        for one, other in zip(diagram.events, fine.events, strict=True):
+            for name, error in one.error.items():
+                assert abs(getattr(one, name) - getattr(other, name)) <= error + other.error[name]

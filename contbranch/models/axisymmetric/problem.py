@@ -278,15 +278,16 @@ class ContactProblem(MeshedContact):
         equations, fields = self.seen(x, p)
         if "admissible" not in fields.derived:
             fields.derived["admissible"] = equations.admissibility(fields, self.scale)
-        least, radius = fields.derived["admissible"]
-        least, extent = least + (TOLERATED if self.equations.contact else 0.0), equations.tip.extent
-        if not math.isfinite(extent):
-            return {"inadmissible": least}
-        outside = radius > OUTERMOST * extent  # the edge of a tip is a corner, at which films are squeezed out first
-        return {
-            "inadmissible": 1.0 if outside else least,
-            "tip-edge": min(WHOLE - fields.rim.radius / extent, least if outside else 1.0),
-        }
+        least, extent = fields.derived["admissible"][0], equations.tip.extent
+        known = {"inadmissible": least + (TOLERATED if self.equations.contact else 0.0)}
+        return known if math.isinf(extent) else known | {"tip-edge": WHOLE - fields.rim.radius / extent}
+
+    def cause(self, name: str, point: Point) -> str:
+        """Next to the edge of a tip, a corner at which films are squeezed out first, no ring follows a disc."""
+        equations, fields = self.seen(point.x, point.parameter)
+        _, radius = equations.admissibility(fields, self.scale)
+        outside = radius > OUTERMOST * equations.tip.extent
+        return "tip-edge" if name == "inadmissible" and outside else name
 
     def margin(self, x: Array, p: float, name: str) -> float:
         """Also the wall pressure in the middle, where discs open into rings."""

@@ -25,7 +25,7 @@ def change(problem: RingEquations, breach: Breach, growing: bool) -> tuple[str, 
     if not (new.rests or around.rests):  # the edge of the interaction's range comes to that of the tip
         return "", ""
     centre = breach.radius == 0.0
-    place = "at the centre" if centre else f"on a ring of radius {breach.radius:.6g}"
+    place = "at the centre" if centre else f"on a ring of radius {breach.radius:.6g} (reduced)"
     level = (new if new.rests else around).index
     where = "the wall" if level == 0 else f"a gap of {problem.setting.law.levels[level]:.6g}"
     if new.rests:
