@@ -238,11 +238,12 @@ def _opens(track: Track, found: Sequence[Found], fold: Found, accuracy: float) -
 
     Load and displacement rest there, and are told well; the closer to it a fold is, the less they tell its place.
     """
-    if not found or track.marks[len(found) - 1].kind != "topology" or fold.relative_error() <= accuracy:
+    if not found or track.marks[len(found) - 1].kind != "topology":
         return False
     values, errors = np.array(fold.numbers[:2]), np.array(fold.error[:2])
     told = errors <= OPENS * accuracy * np.maximum(1.0, np.abs(values))
-    return bool((told & (np.abs(values - found[-1].numbers[:2]) <= errors + found[-1].error[:2])).all())
+    room = errors if fold.relative_error() <= accuracy else errors + found[-1].error[:2]
+    return bool((told & (np.abs(values - found[-1].numbers[:2]) <= room)).all())
 
 
 def _event_of(track: Track, mark: Mark) -> Event | None:
