@@ -136,6 +136,10 @@ def panel_errors(problem: RingEquations, fields: Fields) -> Array:
     own = grid.rule.weights / 2
     integrand = grid.weights * grid.r * fields.pressure / np.tile(own, grid.count)
     missed = 2 * math.pi * np.abs(grid.coefficients(integrand))[:, -2:].max(axis=1)
+    if infinite[-1] and grid.count > 1:  # a pressure that falls before its first node is seen where the panels meet
+        ends = (grid.at_end(grid.count - 2, outer=True), grid.at_end(grid.count - 1, outer=False))
+        first = grid.r[-grid.order]
+        missed[-1] += 2 * math.pi * first * (first - grid.inner[-1]) * abs(float((ends[0] - ends[1]) @ fields.pressure))
     share = np.divide(tail, density, out=np.zeros_like(tail), where=density > 0)
     return np.asarray(np.where(infinite, np.maximum(missed, ring * np.minimum(1.0, share)), tail * area))
 

@@ -55,6 +55,11 @@ class RingProblem(RingEquations):
         """Steps of the pressure are repulsive ones."""
         return self.setting.law.smooth is None
 
+    @property
+    def pieced(self) -> bool:
+        """Whether the law is: where its pieces meet is no end of panels."""
+        return self.setting.law.interaction is not None and self.setting.law.interaction.pieced
+
     # -- the curve ----------------------------------------------------------------------------------------------------
     def start(self, control: Control) -> Point:
         """Far away, or where surfaces come to rest at the end of the interaction's range."""
