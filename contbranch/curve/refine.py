@@ -32,6 +32,8 @@ ROUNDS, LARGEST = 7, 2200
 # A finer one that leaves more than this share of the error has not helped; one that makes it so much larger has met
 # round-off.
 GAIN, WORSE = 0.3, 3.0
+# An error that comes down to this share of the one before may have done so by chance.
+ALL_AT_ONCE = 0.01
 # No better than this share of the best: more is halved, in the end all, of which nothing helps any more.
 LITTLE, IDLE = 0.7, (1.0, 0.1, 0.0)
 # The parameter itself is the coordinate along the curve where it makes up this share of the tangent's length.
@@ -311,7 +313,7 @@ def _close(point: Point, other: Point) -> bool:
 def _best(place: _Place, event: Event | None, accuracy: float) -> Found | None:
     """The event on a place's discretisation and ever finer ones, until the estimate satisfies; None if not found.
 
-    Where two may agree by chance, the first agreement counts as far as a finer one than both confirms it.
+    Where two may agree by chance, an agreement all at once counts as far as a finer one than both confirms it.
     """
     best: Found | None = None
     chance: Found | None = None
@@ -336,7 +338,7 @@ def _best(place: _Place, event: Event | None, accuracy: float) -> Found | None:
             idle = idle + 1 if best is not None and error > LITTLE * best.relative_error() else 0
             if best is None or error < best.relative_error():
                 best = found
-            if chance is None and best is found and last == math.inf and error <= accuracy and problem.pieced:
+            if chance is None and error <= min(accuracy, ALL_AT_ONCE * last) and problem.pieced:
                 halved = problem.halved(place.point, 0.0)
                 place = _located(replace(place, point=moved(place.point, halved), settled=False), event)
                 best, chance = None, found

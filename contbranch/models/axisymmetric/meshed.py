@@ -68,8 +68,9 @@ class MeshedContact(MovingContact):
 
     @property
     def pieced(self) -> bool:
-        """Whether the law is: where its pieces meet is no edge of panels."""
-        return self.equations.interaction is not None and self.equations.interaction.pieced
+        """Whether the law is, or has a kink: where its pieces meet, or so small a film ends, is no edge of panels."""
+        law = self.equations.interaction
+        return law is not None and (law.pieced or (math.isfinite(law.kink) and not isinstance(self.front, Kink)))
 
     def resolved(self, x: Array, p: float, tolerance: float) -> tuple[Self, Array]:
         """The problem on a mesh that resolves a solution, as far as that succeeds in some rounds, and the solution."""
