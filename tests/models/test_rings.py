@@ -104,8 +104,8 @@ def test_elastic_response_next_to_a_panel_that_reaches_far(far: float) -> None:
 
 @pytest.mark.parametrize("bounded", [True, False])
 def test_response_to_moving_edges(bounded: bool) -> None:
-    """The derivative with respect to the edges is that of central differences."""
-    panels = Panels(10, ((0.3,), (0.4,), (0.2,)), () if bounded else (0.5, 1.2))
+    """The derivative with respect to the edges is that of central differences, where panels resolve the pressure."""
+    panels = Panels(14, ((0.3,), (0.4,), (0.2,)), () if bounded else (0.5, 1.2))
     edges, step = np.array([0.7, 1.6]), 1e-5
     grid = Grid(panels, edges, bounded)
     pressure = np.exp(-grid.r) if bounded else 1 / (1 + grid.r**2) ** 3
@@ -114,6 +114,8 @@ def test_response_to_moving_edges(bounded: bool) -> None:
         shift = step * np.eye(2)[k]
         above, below = (Grid(panels, edges + s, bounded).response() @ pressure for s in (shift, -shift))
         assert np.abs((above - below) / (2 * step) - moved[:, k]).max() < 1e-8 * np.abs(moved).max()
+        ends = [Grid(panels, edges + s, bounded).lift_at(edges[:1] + s[0], pressure)[0] for s in (shift, -shift)]
+        assert (ends[0] - ends[1]) / (2 * step) == pytest.approx(grid.at_edge(0, pressure)[1][k], abs=1e-8)
 
 
 def first_change(contact: cb.Contact, accuracy: float) -> RawEvent:

@@ -3,17 +3,18 @@
 Fields have half-order edges at the free boundaries ``e``: they are smooth in ``y = √|r − e|``, so the panels carry
 Gauss–Legendre nodes in y. The displacement is the integral over rings of pressure,
 
-    w(r) = ∫ k(r, s) p(s) ds,     k = (4/πE) s K(m)/(r + s),     m = 4rs/(r + s)²,
-    ∂k/∂s = (2/πE) (K(m)/(r + s) + E(m)/(r − s))
+    w(r) = ∫ k(r, s) p(s) ds,     k = (4/πE) s K(m)/(r + s),     m = 4rs/(r + s)²
 
-(K, E(m): complete elliptic integrals), with the logarithm at s = r integrated by nodes that cluster there.
+(K(m): complete elliptic integral), with the logarithm at s = r integrated by nodes that cluster there. Where panels
+move with velocities ṡ and carry their pressures along, w changes at a given place by ``[k p ṡ] − ∫ k p′ ṡ ds``, the
+bracket summed over the panels' ends; and since k has no length, ``r w′ = ∫ k (s p)′ ds − [k s p]``: its derivatives are
+not needed.
 """
 
 from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from typing import NamedTuple
@@ -86,26 +87,43 @@ def clustered(order: int) -> tuple[Array, Array, Array]:
     return places, weights, values
 
 
+Rules = list[tuple[slice, Array]]
+
+
 class Near(NamedTuple):
-    """Pairs of a target and a panel whose logarithm needs nodes of its own, in the order of their rules.
+    """Pairs of a target and a panel whose logarithm needs nodes of its own, those of one rule after those of another.
 
     Attributes
     ----------
     target, panel : integer array (pairs,)
-    radius, weight : array (pairs, m)
-        Nodes, and weights of ∫ ds.
+    radius, span, weight : array (pairs, m)
+        Nodes, and weights of ∫ dx, x from 0 to 1 along the panel, and of ∫ ds.
     share : array (pairs, m)
         K(m)/(r + s).
-    parts : list of slice
-        The pairs of each rule, see `clustered`.
+    rules : list of (slice, array (m, n))
+        Pairs, and what takes the nodal values of their panels to the nodes.
     """
 
     target: Indices
     panel: Indices
     radius: Array
+    span: Array
     weight: Array
     share: Array
-    parts: list[slice]
+    rules: Rules
+
+    def values(self, nodal: Array) -> Array:
+        """What panels have at their nodes, (P, n), at the pairs' nodes, (pairs, m)."""
+        own = nodal[self.panel]
+        return np.concatenate([own[part] @ values.T for part, values in self.rules])
+
+    def put(self, far: Array, order: int) -> None:
+        """Rows (M, N) that take nodal pressures to displacements, right but where panels are near, put right there."""
+        factor = (4 / np.pi) * self.radius * self.share * self.weight
+        rows = np.concatenate([factor[part] @ values for part, values in self.rules])
+        view = far.reshape(len(far), -1, order)
+        view[self.target, self.panel] = 0.0
+        np.add.at(view, (self.target, self.panel), rows)
 
 
 class Grid:
@@ -188,12 +206,13 @@ class Grid:
 
     def _map(self, panel: Indices, x: Array) -> tuple[Array, Array]:
         """Radius and dr/dx at places x in [0, 1] of panels; shapes broadcast."""
-        sign, anchor, a, b = self.sign[panel], self.anchor[panel], self.start[panel], self.stop[panel]
-        y = a + (b - a) * x
-        root = np.abs(sign) == 1
-        with np.errstate(divide="ignore", invalid="ignore"):
-            radius = np.where(root, anchor + sign * y * y, np.where(sign == 0, y, anchor / (1 - x)))
-            slope = np.where(root, 2 * sign * y * (b - a), np.where(sign == 0, b - a, anchor / (1 - x) ** 2))
+        sign, anchor, a, span = self.sign[panel], self.anchor[panel], self.start[panel], (self.stop - self.start)[panel]
+        bend, far = np.where(sign == 2, 0, sign), sign == 2
+        y = a + span * x
+        radius, slope = anchor + y * (bend * y + (sign == 0)), span * (2 * bend * y + (sign == 0))
+        if far.any():
+            with np.errstate(divide="ignore"):
+                radius, slope = np.where(far, anchor / (1 - x), radius), np.where(far, anchor / (1 - x) ** 2, slope)
         return radius, slope
 
     def motion(self, edge: int) -> tuple[Array, Array]:
@@ -226,14 +245,17 @@ class Grid:
             rule = np.append(rule, 2 + self.order + node[own])
             order = np.argsort(rule, kind="stable")
             target, panel, rule = target[order], panel[order], rule[order]
-            places, weights, _ = clustered(self.order)
+            places, weights, values = clustered(self.order)
             ends = np.searchsorted(rule, np.arange(len(places) + 1))
-            radius, slope = self._map(panel[:, None], places[rule])
-            parts = [slice(a, b) for a, b in itertools.pairwise(ends)]
-            near = _share(self.r[target][:, None], radius)
-            pairs = Near(target, panel, radius, slope * weights[rule], near, parts)
-            self._pairs = _among(_share, self.r), pairs
+            rules = [(slice(*pair), own) for pair, own in zip(itertools.pairwise(ends), values, strict=True)]
+            near = self._near_pairs(self.r, target, panel, places[rule], weights[rule], rules)
+            self._pairs = _among(self.r), near
         return self._pairs
+
+    def _near_pairs(self, r: Array, target: Indices, panel: Indices, x: Array, span: Array, rules: Rules) -> Near:
+        """Pairs with their nodes, at places x of their panels, and kernels."""
+        radius, slope = self._map(panel[:, None], x)
+        return Near(target, panel, radius, span, slope * span, _share(r[target][:, None], radius), rules)
 
     def forget(self) -> None:
         """Drop what has been kept to save work; it is made again when it is asked for."""
@@ -243,72 +265,69 @@ class Grid:
         """W with ``w = W @ p`` at the nodes, (N, N)."""
         shares, near = self._shares()
         matrix = shares * ((4 / np.pi) * self.r * self.weights)
-        factor = (4 / np.pi) * near.radius * near.share * near.weight
-        view = matrix.reshape(self.size, self.count, self.order)
-        view[near.target, near.panel] = 0.0
-        for part, values in zip(near.parts, clustered(self.order)[2], strict=True):
-            view[near.target[part], near.panel[part]] += factor[part] @ values
+        near.put(matrix, self.order)
         return matrix
 
     def moved(self, pressure: Array) -> Array:
         """d(W @ p)/d(edges) at fixed nodal pressures, targets moving with their nodes, (N, E)."""
         if len(self.anchors) == 0:
             return np.zeros((self.size, 0))
-        shares, near = self._shares()
-        r, weighted = self.r[:, None], (pressure * self.weights)[:, None]
-        shares, rates = shares.copy(), 0.5 * (shares + _among(_second, self.r, -1))
-        for kernel in (shares, rates):
-            kernel.reshape(self.size, self.count, self.order)[near.target, near.panel] = 0.0
-        motion, stretched = np.moveaxis(np.array([self.motion(k) for k in range(len(self.anchors))]), 0, -1)
-        far = rates @ (weighted * motion) + shares @ (r * weighted * stretched)
-        # The kernel has no length: what it gains where s moves it loses where r moves along.
-        far = (4 / np.pi) * (far - motion * (rates @ (r * weighted) / r))
-        nodal = pressure.reshape(self.count, self.order)[near.panel]
-        density = near.weight.copy()
-        for part, values in zip(near.parts, clustered(self.order)[2], strict=True):
-            density[part] *= nodal[part] @ values.T
-        sources = near.radius, near.radius - self.inner[near.panel][:, None]
-        flat, shape = near.target * self.count + near.panel, (self.size, self.count)
-        target, inner, stretch = (
-            np.bincount(flat, own, self.size * self.count).reshape(shape)
-            for own in _moved(self.r[near.target][:, None], sources, near.share, density)
-        )
-        return np.asarray(far + target.sum(axis=1)[:, None] * motion + inner @ self.moves.T + stretch @ self.stretch.T)
+        return self._moved(self.r, self._motions(), *self._shares(), pressure)
+
+    def _motions(self) -> Array:
+        """How the nodes move with each of the anchors, (N, A)."""
+        return np.transpose([self.motion(k)[0] for k in range(len(self.anchors))])
+
+    def _moved(self, r: Array, motion: Array, shares: Array, near: Near, pressure: Array) -> Array:
+        """Derivatives with respect to the anchors of the displacement at radii that move, (M, A) as their `motion`.
+
+        `shares` is K(m)/(r + s) at the nodes, (M, N).
+        """
+        far, nodal = shares.copy(), pressure.reshape(self.count, self.order)
+        far.reshape(len(r), self.count, self.order)[near.target, near.panel] = 0.0
+        slopes = 2 * nodal @ self.rule.derivative.T  # dp/dx, x from 0 to 1 along the panel
+        turned = (slopes * self.rule.weights / 2).ravel()
+        density = np.column_stack([self.weights * pressure + self.r * turned, turned[:, None] * self._motions()])
+        whole = far @ (self.r[:, None] * density)
+        kernel, inner = near.share * near.radius, self.inner[near.panel][:, None]
+        turned = kernel * near.span * near.values(slopes)
+        own = (kernel * near.weight * near.values(nodal) + turned * near.radius).sum(axis=1)
+        along = turned.sum(axis=1) * self.moves[:, near.panel]
+        along += (turned * (near.radius - inner)).sum(axis=1) * self.stretch[:, near.panel]
+        np.add.at(whole, near.target, np.vstack([own, along]).T)
+        ends = self.outer[np.isfinite(self.outer)]
+        first, last = self.rule.lagrange(np.array([-1.0, 1.0]))
+        jump = (nodal @ last - np.append(nodal[1:] @ first, 0.0))[: len(ends)]  # what p falls by there
+        steps = (self.moves + self.stretch * self.length).T[: len(ends)]
+        edges = _share(r[:, None], ends) * ends * jump
+        rise = (whole[:, 0] - edges @ ends) / r
+        return np.asarray((4 / np.pi) * (rise[:, None] * motion + edges @ steps - whole[:, 1:]))
 
     def at_edge(self, edge: int, pressure: Array) -> tuple[Array, Array]:
         """Row of the elastic displacement at an edge, (N,), and its derivatives with respect to the edges, (E,)."""
-        row, (_, panel, radius, carried) = self._rows(self.anchors[edge : edge + 1])
-        r, nodal = np.array([[self.anchors[edge]]]), pressure.reshape(self.count, self.order)
-        near = np.einsum("pmk,pk->pm", carried, nodal[panel])
-        far = nodal * self.weights.reshape(nodal.shape)
-        far[panel] = 0.0
-        s, moved = self.r.reshape(nodal.shape), np.zeros(len(self.anchors))
-        for k, t, c in ((slice(None), s, far), (panel, radius, near)):
-            target, inner, stretch = _moved(r, (t, t - self.inner[k][:, None]), _share(r, t), c)
-            moved += self.moves[:, k] @ inner + self.stretch[:, k] @ stretch
-            moved[edge] += target.sum()
-        return row[0], moved
+        r = self.anchors[edge : edge + 1]
+        rows, shares, near = self._rows(r)
+        return rows[0], self._moved(r, np.eye(len(self.anchors))[[edge]], shares, near, pressure)[0]
 
     def lift_at(self, radii: Array, pressure: Array) -> Array:
         """Elastic displacement at radii above zero wherever they lie, (M,)."""
         return np.asarray(self._rows(radii)[0] @ pressure)
 
-    def _rows(self, radii: Array) -> tuple[Array, tuple[Indices, Indices, Array, Array]]:
-        """Rows of the displacement at radii, (M, N), the pairs of radii and panels near them, nodes on both sides of
-        the radius in each, and what takes nodal values to values times ds at these nodes, (pairs, m, n)."""
-        r = radii[:, None]
+    def _rows(self, radii: Array) -> tuple[Array, Array, Near]:
+        """Rows of the displacement at radii, (M, N), K(m)/(r + s) at the nodes, (M, N), and the pairs of radii and
+        panels near them, nodes on both sides of the radius in each."""
         target, panel = np.nonzero(self._near(radii))
         x = np.clip(self.place(panel, radii[target]), 0.0, 1.0)[:, None]
         u, density = (rule[0] for rule in clustered(self.order)[:2])
         places = np.concatenate([x * (1 - u), x + (1 - x) * u], axis=1)
-        s, slope = self._map(panel[:, None], places)
-        weights = slope * np.concatenate([x * density, (1 - x) * density], axis=1)
+        span = np.concatenate([x * density, (1 - x) * density], axis=1)
         values = np.moveaxis(legendre_values(self.order, 2 * places - 1), 0, -1) @ self.rule.to_legendre
-        carried = values * weights[:, :, None]
-        rows = (4 / np.pi) * self.r * self.weights * _share(r, self.r)
-        kernel = (4 / np.pi) * s * _share(r[target], s)
-        rows.reshape(len(radii), self.count, self.order)[target, panel] = np.einsum("pm,pmn->pn", kernel, carried)
-        return rows, (target, panel, s, carried)
+        rules = [(slice(k, k + 1), own) for k, own in enumerate(values)]
+        near = self._near_pairs(radii, target, panel, places, span, rules)
+        shares = _share(radii[:, None], self.r)
+        rows = (4 / np.pi) * self.r * self.weights * shares
+        near.put(rows, self.order)
+        return rows, shares, near
 
     # -- fields -------------------------------------------------------------------------------------------------------
     def coefficients(self, values: Array) -> Array:
@@ -318,8 +337,7 @@ class Grid:
     def at_end(self, panel: int, outer: bool) -> Array:
         """Row that extrapolates nodal values to an end of a panel, (N,)."""
         row = np.zeros(self.size)
-        ends = legendre_values(self.order, np.array([1.0 if outer else -1.0]))[:, 0]
-        row[panel * self.order : (panel + 1) * self.order] = ends @ self.rule.to_legendre
+        row[panel * self.order : (panel + 1) * self.order] = self.rule.lagrange(np.array([1.0 if outer else -1.0]))[0]
         return row
 
     def interpolate(self, values: Array, points: Array, region: Indices | None = None) -> Array:
@@ -371,13 +389,13 @@ class Grid:
         return self._map(np.full(x.shape, panel), x)[0]
 
 
-def _among(function: Callable[[Array, Array], Array], r: Array, sign: int = 1) -> Array:
-    """A symmetric (sign −1: antisymmetric) function between all radii, (N, N), each pair once."""
+def _among(r: Array) -> Array:
+    """K(m)/(r + s) between all radii, (N, N), each pair once."""
     values = np.empty((len(r), len(r)))
     for k in range(0, len(r), TILE):
         own, others = slice(k, k + TILE), slice(k, None)
-        values[own, others] = function(r[own, None], r[others])
-        values[others, own] = sign * values[own, others].T
+        values[own, others] = _share(r[own, None], r[others])
+        values[others, own] = values[own, others].T
     return values
 
 
@@ -388,23 +406,3 @@ def _share(r: Array, s: Array) -> Array:
         value = scipy.special.ellipkm1(((r - s) / total) ** 2) / total
     value[~np.isfinite(value)] = 0.0
     return np.asarray(value)
-
-
-def _second(r: Array, s: Array) -> Array:
-    """E(m)/(r − s); 0 where it is infinite."""
-    apart = r - s
-    value = scipy.special.ellipe(1 - (apart / (r + s)) ** 2)
-    return np.divide(value, apart, out=np.zeros(apart.shape), where=apart != 0.0)
-
-
-def _moved(r: Array, sources: tuple[Array, Array], share: Array, carried: Array) -> tuple[Array, Array, Array]:
-    """Parts of the derivative of ∫ k p ds over panels (the last axis) with respect to motions.
-
-    Those of the target r, of the panels' inner ends, and stretching, where s moves in proportion to its distance from
-    there; `sources` are s and that distance. The kernel has no length: what it gains where s moves it loses where r
-    moves along.
-    """
-    s, beyond = sources
-    source = (2 / np.pi) * (share + _second(r, s)) * carried
-    stretch = source * beyond + (4 / np.pi) * share * s * carried
-    return -(s / r * source).sum(axis=-1), source.sum(axis=-1), stretch.sum(axis=-1)
