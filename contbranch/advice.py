@@ -28,7 +28,7 @@ from contbranch.watch import patient
 
 FINEST, COARSEST = 1e-13, 0.5
 # The trace that tells the truth: a tenth of what is asked, within limits that keep it short, and seconds at most.
-SHARE, COARSE, FINE, PATIENCE = 0.1, 1e-4, 1e-7, 1.5
+SHARE, COARSE, FINE, PATIENCE = 0.1, 1e-4, 1e-7, 2.0
 # What the axisymmetric model reaches, and how its time grows with digits asked beyond those of the trace.
 REACHES, DIGIT = 1e-11, 1.12
 
@@ -75,7 +75,7 @@ def advise(contact: Contact, accuracy: float = 0.01, control: str | Spring = "lo
         coarse = min(max(SHARE * accuracy, FINE), COARSE)
         for tolerance in (coarse, SHARE**2 * coarse):  # what coarse meshes cannot settle, finer ones may
             truth = trace(reduced, _kinds(held)[0], tolerance, modes=0, time_limit=PATIENCE)
-            if truth.status == "complete":
+            if truth.status == "complete" or truth.cost.wall_s > PATIENCE:
                 break
     wanted: Judged = {} if truth is None else _judged(truth, held)
     with patient(PATIENCE):

@@ -4,10 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
+from contbranch.arrays import Array
+
 from .adapt import Solver
 from .equations import Equations, Fields
 
 __all__ = ["load_per_displacement"]
+
+# An answer by another state's factors is made good until what is missed no longer falls by this factor, and is taken if
+# that is then so small a share of it.
+FALLS, MISSED = 0.3, 1e-10
 
 
 def load_per_displacement(equations: Equations, fields: Fields, solve: Solver | None = None) -> float:
@@ -21,20 +27,29 @@ def load_per_displacement(equations: Equations, fields: Fields, solve: Solver | 
     Parameters
     ----------
     solve : callable, optional
-        Solves linear systems with the Jacobian, nearly, if it is factorised already.
+        Solves linear systems with the Jacobian, nearly, if it is factorised already, here or at a state next to it.
     """
     pushed = equations.answered(fields, np.ones_like(fields.h))
-    if solve is None:
+    answer = None if solve is None else _made_good(equations, fields, pushed, solve)
+    if answer is None:
         response = equations.response(fields)
         response.flat[:: len(response) + 1] += 1.0
         answer = np.linalg.solve(response, pushed)
-    else:  # the Jacobian is that matrix less pushed rimᵀ (Sherman and Morrison); what is missed is made good
-        answer = solve(pushed)
-        moved = answer - equations.rim_row @ answer
-        answer += solve(pushed - answer - equations.answered(fields, moved))
+    else:  # the Jacobian is that matrix less pushed rimᵀ (Sherman and Morrison)
         answer /= 1.0 + equations.rim_row @ answer
     load = 2.0 * (fields.rim.radius + float(fields.rim.weights @ answer))
     beyond = equations.beyond(fields)
     last = float(fields.rim.plane[-1] @ (answer - 1.0))
     load += beyond.load_per_displacement - beyond.load_per_gap * last
     return load / (1.0 + beyond.shift_per_displacement - beyond.shift_per_gap * last)
+
+
+def _made_good(equations: Equations, fields: Fields, f: Array, solve: Solver) -> Array | None:
+    """What the Jacobian takes to f, by a solver that is nearly right; None if that is too far from right."""
+    answer, before = solve(f), np.inf
+    while True:
+        change = solve(f - equations.multiplied(fields, answer))
+        missed = float(np.abs(change).max())
+        if not missed < FALLS * before:
+            return answer if missed <= MISSED * float(np.abs(answer).max()) else None
+        answer, before = answer + change, missed
