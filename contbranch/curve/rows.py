@@ -16,7 +16,7 @@ from contbranch.control import LOAD, Control
 from contbranch.curve.events import Balanced, FoldEvent, Margin, Reached
 from contbranch.curve.exponents import critical_exponent, sampled_exponent
 from contbranch.curve.outcome import RawCurve, RawEvent, no_curve
-from contbranch.curve.problem import COARSEST, equilibrium
+from contbranch.curve.problem import COARSEST, equilibrium, valued
 from contbranch.curve.refine import Found, at_parameter, by_defect, refine
 from contbranch.curve.symmetry import Breaking, critical_eigenvalues, has_modes, merged, symmetry_breaking
 from contbranch.curve.trace import Request
@@ -87,6 +87,8 @@ def raw_curve(track: Track, request: Request) -> RawCurve:
             other = request.accuracy * (100 if 100 * request.accuracy <= COARSEST else 0.01)
             much = f"is {worst:.3g} times the accuracy asked; ask for {reached if reached <= COARSEST else other:.0e}"
         messages.append(f"An event's error estimate {much}.")
+    errors = np.full((len(track.points), 2), np.inf) if over() else one_thread(lambda: _row_errors(track.points))
+    track = _placed(track, found)
     load, displacement = track.column("load"), track.column("displacement")
     return RawCurve(
         load,
@@ -96,7 +98,7 @@ def raw_curve(track: Track, request: Request) -> RawCurve:
         track.column("energy"),
         unstable[LOAD],
         held,
-        np.full((len(load), 2), np.inf) if over() else one_thread(lambda: _row_errors(track.points)),
+        errors,
         profiles=[_deferred_profile(point) for point in track.points],
         events=events,
         complete=complete,
@@ -110,6 +112,16 @@ def raw_curve(track: Track, request: Request) -> RawCurve:
         else None,
         **_on_nodes(track),
     )
+
+
+def _placed(track: Track, found: Sequence[Found]) -> Track:
+    """The track with the rows at which the contact set changes where that was found to be: as they were traced, they
+    may lie before the rows that they follow, or beyond the next ones."""
+    points = list(track.points)
+    for mark, one in zip(track.marks, found, strict=False):
+        if mark.kind in ("touch", "topology") and not track.problem(mark.row).given:
+            points[mark.row] = valued(one.point)
+    return replace(track, points=tuple(points))
 
 
 def _on_nodes(track: Track) -> dict[str, Any]:

@@ -563,3 +563,16 @@ def test_where_a_ring_opens_in_a_stiff_film_does_not_depend_on_how_far_its_panel
     for event in others:
         for name, error in event.error.items():
             assert abs(getattr(event, name) - getattr(best, name)) <= error + best.error[name]
+
+
+def test_rows_lie_where_the_contact_set_changes() -> None:
+    """Load and displacement grow through every change under a flat tip pressed by a constant repulsion."""
+    tip = cb.PowerLaw(5.382, 1.0)
+    law = cb.MaugisDugdale(-1.0, tip.reduced_scales(1.0)[1] / 0.0121)
+    diagram = cb.trace(cb.Contact(tip, law), accuracy=1e-8)
+    changes, branch = [event for event in diagram.events if event.kind == "topology"], diagram.branches[0]
+    assert len(changes) == 4 and not diagram.folds("load")
+    assert (np.diff(branch.load) > 0.0).all() and (np.diff(branch.displacement) > 0.0).all()
+    for event in changes:
+        row = round(event.position)
+        assert branch.load[row] == event.load and branch.displacement[row] == event.displacement
