@@ -104,8 +104,8 @@ def test_elastic_response_next_to_a_panel_that_reaches_far(far: float) -> None:
 
 @pytest.mark.parametrize("bounded", [True, False])
 def test_response_to_moving_edges(bounded: bool) -> None:
-    """The derivative with respect to the edges is that of central differences, where panels resolve the pressure."""
-    panels = Panels(14, ((0.3,), (0.4,), (0.2,)), () if bounded else (0.5, 1.2))
+    """The derivative with respect to the edges is that of central differences."""
+    panels = Panels(10, ((0.3,), (0.4,), (0.2,)), () if bounded else (0.5, 1.2))
     edges, step = np.array([0.7, 1.6]), 1e-5
     grid = Grid(panels, edges, bounded)
     pressure = np.exp(-grid.r) if bounded else 1 / (1 + grid.r**2) ** 3
@@ -571,8 +571,11 @@ def test_rows_lie_where_the_contact_set_changes() -> None:
     law = cb.MaugisDugdale(-1.0, tip.reduced_scales(1.0)[1] / 0.0121)
     diagram = cb.trace(cb.Contact(tip, law), accuracy=1e-8)
     changes, branch = [event for event in diagram.events if event.kind == "topology"], diagram.branches[0]
-    assert len(changes) == 4 and not diagram.folds("load")
-    assert (np.diff(branch.load) > 0.0).all() and (np.diff(branch.displacement) > 0.0).all()
+    assert len(changes) == 4
+    assert not list(diagram.folds("load"))
+    assert (np.diff(branch.load) > 0.0).all()
+    assert (np.diff(branch.displacement) > 0.0).all()
     for event in changes:
         row = round(event.position)
-        assert branch.load[row] == event.load and branch.displacement[row] == event.displacement
+        assert branch.load[row] == event.load
+        assert branch.displacement[row] == event.displacement

@@ -30,13 +30,13 @@ def load_per_displacement(equations: Equations, fields: Fields, solve: Solver | 
         Solves linear systems with the Jacobian, nearly, if it is factorised already, here or at a state next to it.
     """
     pushed = equations.answered(fields, np.ones_like(fields.h))
-    answer = None if solve is None else _made_good(equations, fields, pushed, solve)
-    if answer is None:
+    known = None if solve is None else _made_good(equations, fields, pushed, solve)
+    if known is None:
         response = equations.response(fields)
         response.flat[:: len(response) + 1] += 1.0
-        answer = np.linalg.solve(response, pushed)
+        answer: Array = np.linalg.solve(response, pushed)
     else:  # the Jacobian is that matrix less pushed rimᵀ (Sherman and Morrison)
-        answer /= 1.0 + equations.rim_row @ answer
+        answer = known / (1.0 + equations.rim_row @ known)
     load = 2.0 * (fields.rim.radius + float(fields.rim.weights @ answer))
     beyond = equations.beyond(fields)
     last = float(fields.rim.plane[-1] @ (answer - 1.0))

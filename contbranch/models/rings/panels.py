@@ -7,8 +7,8 @@ Gauss–Legendre nodes in y. The displacement is the integral over rings of pres
 
 (K(m): complete elliptic integral), with the logarithm at s = r integrated by nodes that cluster there. Where panels
 move with velocities ṡ and carry their pressures along, w changes at a given place by ``[k p ṡ] − ∫ k p′ ṡ ds``, the
-bracket summed over the panels' ends; and since k has no length, ``r w′ = ∫ k (s p)′ ds − [k s p]``: its derivatives are
-not needed.
+bracket summed over the panels' ends; and since k has no length, ``r w′ = ∫ k (s p)′ ds − [k s p]``: where panels are
+far away, no derivative of k is needed.
 """
 
 from __future__ import annotations
@@ -96,8 +96,8 @@ class Near(NamedTuple):
     Attributes
     ----------
     target, panel : integer array (pairs,)
-    radius, span, weight : array (pairs, m)
-        Nodes, and weights of ∫ dx, x from 0 to 1 along the panel, and of ∫ ds.
+    radius, weight : array (pairs, m)
+        Nodes, and weights of ∫ ds.
     share : array (pairs, m)
         K(m)/(r + s).
     rules : list of (slice, array (m, n))
@@ -107,7 +107,6 @@ class Near(NamedTuple):
     target: Indices
     panel: Indices
     radius: Array
-    span: Array
     weight: Array
     share: Array
     rules: Rules
@@ -253,9 +252,9 @@ class Grid:
         return self._pairs
 
     def _near_pairs(self, r: Array, target: Indices, panel: Indices, x: Array, span: Array, rules: Rules) -> Near:
-        """Pairs with their nodes, at places x of their panels, and kernels."""
+        """Pairs with their nodes, at places x of their panels with weights of ∫ dx, and kernels."""
         radius, slope = self._map(panel[:, None], x)
-        return Near(target, panel, radius, span, slope * span, _share(r[target][:, None], radius), rules)
+        return Near(target, panel, radius, slope * span, _share(r[target][:, None], radius), rules)
 
     def forget(self) -> None:
         """Drop what has been kept to save work; it is made again when it is asked for."""
@@ -281,27 +280,29 @@ class Grid:
     def _moved(self, r: Array, motion: Array, shares: Array, near: Near, pressure: Array) -> Array:
         """Derivatives with respect to the anchors of the displacement at radii that move, (M, A) as their `motion`.
 
+        Those of the sums that `response` consists of: of panels near the radius as they are, of the others by parts.
         `shares` is K(m)/(r + s) at the nodes, (M, N).
         """
-        far, nodal = shares.copy(), pressure.reshape(self.count, self.order)
-        far.reshape(len(r), self.count, self.order)[near.target, near.panel] = 0.0
-        slopes = 2 * nodal @ self.rule.derivative.T  # dp/dx, x from 0 to 1 along the panel
-        turned = (slopes * self.rule.weights / 2).ravel()
+        away, nodal = np.ones((len(r), self.count)), pressure.reshape(self.count, self.order)
+        away[near.target, near.panel] = 0.0
+        far = (shares.reshape(len(r), self.count, self.order) * away[:, :, None]).reshape(shares.shape)
+        turned = (nodal @ self.rule.derivative.T * self.rule.weights).ravel()  # p′ ds
         density = np.column_stack([self.weights * pressure + self.r * turned, turned[:, None] * self._motions()])
-        whole = far @ (self.r[:, None] * density)
-        kernel, inner = near.share * near.radius, self.inner[near.panel][:, None]
-        turned = kernel * near.span * near.values(slopes)
-        own = (kernel * near.weight * near.values(nodal) + turned * near.radius).sum(axis=1)
-        along = turned.sum(axis=1) * self.moves[:, near.panel]
-        along += (turned * (near.radius - inner)).sum(axis=1) * self.stretch[:, near.panel]
-        np.add.at(whole, near.target, np.vstack([own, along]).T)
-        ends = self.outer[np.isfinite(self.outer)]
-        first, last = self.rule.lagrange(np.array([-1.0, 1.0]))
-        jump = (nodal @ last - np.append(nodal[1:] @ first, 0.0))[: len(ends)]  # what p falls by there
-        steps = (self.moves + self.stretch * self.length).T[: len(ends)]
-        edges = _share(r[:, None], ends) * ends * jump
-        rise = (whole[:, 0] - edges @ ends) / r
-        return np.asarray((4 / np.pi) * (rise[:, None] * motion + edges @ steps - whole[:, 1:]))
+        whole = far @ (self.r[:, None] * density)  # r w′, and less the rates at which w changes
+        radii = np.append(self.inner, self.outer[-1] if np.isfinite(self.outer[-1]) else 0.0)  # nothing at infinity
+        kernel, steps = _share(r[:, None], radii) * radii, (self.moves, self.moves + self.stretch * self.length)
+        for side, end, sign in ((0, -1.0, -1.0), (1, 1.0, 1.0)):
+            places = slice(side, side + self.count)
+            values = sign * nodal @ self.rule.lagrange(np.array([end]))[0]
+            whole -= (kernel[:, places] * away) @ (np.vstack([radii[places], steps[side]]) * values).T
+        source = 0.5 * (near.share + _second(r[near.target][:, None], near.radius)) * near.weight * near.values(nodal)
+        own = (near.radius * source).sum(axis=1)
+        along = source.sum(axis=1) * self.moves[:, near.panel]
+        stretched = source * (near.radius - self.inner[near.panel][:, None])
+        stretched += near.share * near.radius * near.weight * near.values(nodal)
+        along += stretched.sum(axis=1) * self.stretch[:, near.panel]
+        np.subtract.at(whole, near.target, np.vstack([own, along]).T)
+        return np.asarray((4 / np.pi) * (whole[:, :1] / r[:, None] * motion - whole[:, 1:]))
 
     def at_edge(self, edge: int, pressure: Array) -> tuple[Array, Array]:
         """Row of the elastic displacement at an edge, (N,), and its derivatives with respect to the edges, (E,)."""
@@ -406,3 +407,10 @@ def _share(r: Array, s: Array) -> Array:
         value = scipy.special.ellipkm1(((r - s) / total) ** 2) / total
     value[~np.isfinite(value)] = 0.0
     return np.asarray(value)
+
+
+def _second(r: Array, s: Array) -> Array:
+    """E(m)/(r − s); 0 where it is infinite."""
+    apart = r - s
+    value = scipy.special.ellipe(1 - (apart / (r + s)) ** 2)
+    return np.divide(value, apart, out=np.zeros(apart.shape), where=apart != 0.0)
