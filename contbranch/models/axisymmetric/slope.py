@@ -34,7 +34,7 @@ def load_per_displacement(equations: Equations, fields: Fields, solve: Solver | 
     if known is None:
         response = equations.response(fields)
         response.flat[:: len(response) + 1] += 1.0
-        answer: Array = np.linalg.solve(response, pushed)
+        answer: Array = np.asarray(np.linalg.solve(response, pushed), dtype=np.float64)
     else:  # the Jacobian is that matrix less pushed rimᵀ (Sherman and Morrison)
         answer = known / (1.0 + equations.rim_row @ known)
     load = 2.0 * (fields.rim.radius + float(fields.rim.weights @ answer))
