@@ -24,6 +24,8 @@ __all__ = ["ModeSpace", "inner_mode_pressure"]
 EXTRA = 6
 # Integrals that are kept: without contact neighbouring states have the same, and few m are asked for.
 PLANES = 12
+# Close to their panels, integrals have nodes for m up to this at least.
+FEW = 32
 
 
 @dataclass(frozen=True)
@@ -155,28 +157,45 @@ def outer_plane(mesh: Mesh, a: float, rho: Array, m: int) -> Array:
     n, panels = mesh.order, mesh.panels - 1
     if panels == 0:
         return np.zeros((len(rho), 0))
-    r = np.hypot(a, rho)
+    far, ratio, row, panel = _far(mesh, a)
+    matrix = far * np.exp(m * ratio)
+    values, factors, near_ratio = _near(mesh, a, max(m, FEW))
+    matrix.reshape(len(rho), panels, n)[row, panel] = np.einsum("kpi,pi->pk", values, factors * np.exp(m * near_ratio))
+    return np.asarray(matrix)
+
+
+@lru_cache(1)
+def _far(mesh: Mesh, a: float) -> tuple[Array, Array, Indices, Indices]:
+    """A_0 on panels far from their targets, (M, N − n), ln(t/r) there, and the pairs of targets and panels that are
+    close to each other."""
+    n, rho = mesh.order, _radii(mesh)[0]
     tau, weights = mesh.nodes[n:], mesh.weights[n:]
-    t = np.hypot(a, tau)
+    t, r = np.hypot(a, tau), np.hypot(a, rho)[:, None]
     difference = rho[:, None] ** 2 - tau**2
     with np.errstate(invalid="ignore", divide="ignore"):
-        matrix = (2 / np.pi) * weights * (tau / t) / np.sqrt(difference)
-    matrix = np.where(difference > 0, matrix, 0.0) * np.minimum(1.0, t / r[:, None]) ** m
+        far = (2 / np.pi) * weights * (tau / t) / np.sqrt(difference)
+    far[~(difference > 0)] = 0.0
     left, right = mesh.edges[1:-1], mesh.edges[2:]
     touched = left < rho[:, None]
     distance = np.maximum(0.0, rho[:, None] - right)
     row, panel = np.nonzero(touched & (distance < NEAR * (right - left)))
-    blocks = matrix.reshape(len(rho), panels, n)
+    blocks = far.reshape(len(rho), mesh.panels - 1, n)
     blocks[~touched] = 0.0
-    blocks[row, panel] = _near(mesh, a, rho[row], panel + 1, m)
-    return np.asarray(matrix)
+    blocks[row, panel] = 0.0
+    return far, np.minimum(0.0, np.log(t) - np.log(r)), row, panel
 
 
-def _near(mesh: Mesh, a: float, rho: Array, panel: Indices, m: int) -> Array:
-    """Rows of `outer_plane` for panels close to their target, with tau = rho sin ψ; (pairs, n)."""
-    tau, weights = mesh.arcs(rho, panel, mesh.order + 8 + m // 2)
+@lru_cache(1)
+def _near(mesh: Mesh, a: float, most: int) -> tuple[Array, Array, Array]:
+    """The same for pairs close to each other, with tau = rho sin ψ: the polynomials of a panel's nodes, (n, pairs, i),
+    weights of A_0, and ln(t/r), (pairs, i), for m up to `most`."""
+    _, _, row, panel = _far(mesh, a)
+    rho = _radii(mesh)[0][row]
+    tau, weights = mesh.arcs(rho, panel + 1, mesh.order + 8 + most // 2)
     t, r = np.hypot(a, tau), np.hypot(a, rho)[:, None]
-    return mesh.moments(tau, panel, (2 / np.pi) * weights * (tau / t) * (t / r) ** m)
+    local = (tau - mesh.edges[panel + 1][:, None]) / mesh.half[panel + 1][:, None] - 1.0
+    values = np.tensordot(mesh.rule.to_chebyshev.T, chebyshev_values(mesh.order, local), 1)
+    return values, (2 / np.pi) * weights * (tau / t), np.log(t / r)
 
 
 def inner_mode_pressure(space: ModeSpace, m: int, vector: Array, r: Array) -> Array:
