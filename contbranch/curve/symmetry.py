@@ -2,7 +2,7 @@
 
 The numbers n_m of unstable modes are found at every row; where n_m differs between two neighbours, the eigenvalue of
 the mode that passes 1 is followed to the place where it does. An eigenvalue that passes 1 twice between two rows is not
-seen.
+seen. Where several axisymmetric modes are unstable, as in snakes of rings, hundreds pass it: they are but counted.
 """
 
 from __future__ import annotations
@@ -28,6 +28,8 @@ __all__ = ["Breaking", "SymmetryEvent", "critical_eigenvalues", "has_modes", "me
 
 # Share of a piece to which events are located before they are made precise.
 NEAR = 1e-4
+# Where more axisymmetric modes than this are unstable at fixed displacement, changes are counted and not located.
+FEW = 2
 
 
 @dataclass(frozen=True)
@@ -89,12 +91,15 @@ def symmetry_breaking(track: Track, request: Request) -> Breaking:
         near = last.modes if last is not None else ()
         counts.append(equilibrium(point).azimuthal(point.x, point.parameter, int(index), request.modes, near))
     # An eigenvalue next to 1 may have passed it on a row's mesh alone.
-    changes = [row for row, (here, there) in enumerate(pairwise(counts)) if here != there]
+    few = (indices <= FEW) | track.problem(0).given
+    every = [row for row, (here, there) in enumerate(pairwise(counts)) if here != there]
+    changes = [row for row in every if few[row] and few[row + 1]]
     for row in sorted({*changes, *(row + 1 for row in changes)}):
         counts[row] = _surely(track.points[row], int(indices[row]), counts[row], request.modes)
     found: list[RawEvent] = []
     lost, beside = 0, None
-    for row, (here, there) in enumerate(pairwise(counts)):
+    for row in changes:
+        here, there = counts[row : row + 2]
         if here is None or there is None:
             continue
         passing = _changes(here, there) if track.problem(row).tells_modes else []
@@ -113,6 +118,8 @@ def symmetry_breaking(track: Track, request: Request) -> Breaking:
     known = tuple(count for count in counts if count is not None)
     if not all(count.complete for count in known):
         notes.append(f"Azimuthal modes above m = {request.modes} were not examined, and some are unstable.")
+    if len(changes) < len(every):
+        notes.append(f"Where more than {FEW} axisymmetric modes are unstable, losses of symmetry were not located.")
     if lost:
         notes.append(f"{lost} symmetry events could not be located: the curve cannot be followed there.")
     everywhere = known if len(known) == len(counts) else ()

@@ -324,3 +324,22 @@ def test_modes_can_be_left_out():
     assert limited.status == "complete"
     with pytest.raises(InputError, match="modes"):
         cb.trace(flat(), modes=-1)
+
+
+def test_losses_of_symmetry_deep_in_a_snake_are_counted_and_not_located():
+    """A flat tip on a stiff film: rings within rings. Counts are there at every row, events where few modes are unstable."""
+    contact = cb.Contact(
+        cb.PowerLaw(3.1, 1.0), cb.VanDerWaals(-1.0, cb.PowerLaw(3.1, 1.0).reduced_scales(1.0)[1] / 2.5)
+    )
+    diagram = cb.trace(contact, accuracy=1e-4, modes=3)
+    branch = diagram.branches[0]
+    deep = branch.unstable_displacement > 2
+    assert diagram.status == "complete", diagram.message
+    assert deep.any()
+    assert (branch.unstable_azimuthal[deep] > 0).any()
+    assert "losses of symmetry were not located" in diagram.message
+    events = [event for event in diagram.events if event.kind == "symmetry"]
+    assert events
+    for event in events:
+        row = int(event.position)
+        assert branch.unstable_displacement[row : row + 2].max() <= 2
