@@ -327,11 +327,10 @@ def test_modes_can_be_left_out():
 
 
 def test_losses_of_symmetry_deep_in_a_snake_are_counted_and_not_located():
-    """A flat tip on a stiff film: rings within rings. Counts are there at every row, events where few modes are unstable."""
-    contact = cb.Contact(
-        cb.PowerLaw(3.1, 1.0), cb.VanDerWaals(-1.0, cb.PowerLaw(3.1, 1.0).reduced_scales(1.0)[1] / 2.5)
-    )
-    diagram = cb.trace(contact, accuracy=1e-4, modes=3)
+    """A flat tip on a stiff film, rings within rings: counts at every row, events where few modes are unstable."""
+    tip = cb.PowerLaw(3.1, 1.0)
+    law = cb.VanDerWaals(-1.0, tip.reduced_scales(1.0)[1] / 2.5)
+    diagram = cb.trace(cb.Contact(tip, law), accuracy=1e-4, modes=3)
     branch = diagram.branches[0]
     deep = branch.unstable_displacement > 2
     assert diagram.status == "complete", diagram.message
