@@ -28,8 +28,9 @@ SHARPER = (0.01, 1e-4, 1e-7, 1e-10)
 ASIDE, DOUBTFUL = 1e-6, 1e-4
 # Places farther aside, where it takes those for indices to differ.
 WIDER = (1e-4, 1e-3, 1e-2, 0.1, 0.5)
-# Newton steps by which the end of a trace is approached, and the share of the last step at which it is reached.
-APPROACHES, CLOSE = 6, 1e-6
+# Newton steps by which the end of a trace is approached, and the share of the last step at which it is reached; where
+# that was passed long ago, a curve ends where another step would raise what is controlled by this share: not at a fold.
+APPROACHES, CLOSE, RISES = 6, 1e-6, 1e-3
 # Margins may be below zero by less than this: a piece may begin a little before its layout is right.
 NEGATIVE = 2e-3
 # A rate that is zero, with a sign.
@@ -164,7 +165,8 @@ class Ceiling(Event):
             return []
         arrive = self._rate(end)
         if self.value(begin) >= 0.0:
-            return [Happening(1.0, EventPoint(end, 0.0, 0.0, name=self.name), terminal=True)] if arrive > 0.0 else []
+            clear = arrive * segment.scale_end > RISES * max(1.0, abs(self.value(end) + self.target))
+            return [Happening(1.0, EventPoint(end, 0.0, 0.0, name=self.name), terminal=True)] if clear else []
         try:
             point = self._approached(segment, arrive * segment.scale_end, options)
         except CorrectionError:

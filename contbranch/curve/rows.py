@@ -17,7 +17,7 @@ from contbranch.curve.events import Balanced, FoldEvent, Margin, Reached
 from contbranch.curve.exponents import critical_exponent, sampled_exponent
 from contbranch.curve.outcome import RawCurve, RawEvent, no_curve
 from contbranch.curve.problem import COARSEST, equilibrium, valued
-from contbranch.curve.refine import Found, at_parameter, by_defect, refine
+from contbranch.curve.refine import Found, at_parameter, by_defect, moved, refine, settled
 from contbranch.curve.symmetry import Breaking, critical_eigenvalues, has_modes, merged, symmetry_breaking
 from contbranch.curve.trace import Request
 from contbranch.curve.track import Mark, Track
@@ -149,7 +149,14 @@ def _contradicted(track: Track) -> list[int]:
 
     def agrees(row: int) -> bool:
         point = track.points[row]
-        return bool(equilibrium(point).unstable(point.x, point.parameter) == held[row])
+        for problem in dict.fromkeys((equilibrium(point), equilibrium(point).finer())):
+            try:  # a mode that all but rests is told by the finer discretisation
+                here = point if problem is point.problem else settled(moved(point, problem))
+            except CorrectionError:
+                return False
+            if problem.unstable(here.x, here.parameter) == held[row]:
+                return True
+        return False
 
     known = [[row for row in rows if track.problem(row).countable] for rows in parts]
     return [rows[0] for rows in known if rows and not any(map(agrees, rows))]

@@ -180,6 +180,16 @@ def test_touch_under_power_laws(exponent, tabor, allowed):
     assert 0.0 < diagram.thresholds["touch_load"] / bare - 1.0 < allowed
 
 
+@pytest.mark.parametrize("tabor", [96.0, 256.0])
+def test_nothing_is_a_fold_where_the_load_falls_through_touch(tabor):
+    """Under stiff attraction loads fall through the touch, far from the one load fold beyond it, JKR's pull-off."""
+    diagram = cb.trace(cb.Contact.reduced(cb.VanDerWaals, tabor=tabor), modes=0)
+    folds = [fold for fold in diagram.folds("load") if fold.load < -1.0]
+    assert diagram.status == "complete", diagram.message
+    assert [fold.name for fold in folds] == ["pull-off"]
+    assert folds[0].load == pytest.approx(PULL_OFF, rel=1e-3)
+
+
 def test_a_film_under_a_bump_is_squeezed_out_on_a_ring():
     """The film around a contact ends below a bump of the profile: there the disc's own radius turns round twice.
 
@@ -191,7 +201,7 @@ def test_a_film_under_a_bump_is_squeezed_out_on_a_ring():
     steps = count(1)
 
     def progress(fraction, text):
-        if next(steps) > 105:
+        if next(steps) > 125:
             raise cb.Stop
 
     diagram = cb.trace(contact, accuracy=1e-4, max_load=1500.0, progress=progress)
