@@ -61,7 +61,7 @@ def raw_curve(track: Track, request: Request) -> RawCurve:
     breaking = Breaking()
     if request.events and request.modes:
         breaking = kept(lambda: symmetry_breaking(track, request), breaking)
-        events = merged(events, breaking.events)
+    events = merged(events, breaking.events)
     complete, messages = track.complete, [track.message, breaking.message]
     given, held = track.problem(0).given, unstable[track.controls[1]]
     complete &= (breaking.complete or given) and not over()
@@ -202,7 +202,7 @@ def _refined(track: Track, request: Request) -> list[Found]:
             beside = found[-1].point if found else None
             own = _located(mark.point, _event_of(track, mark), request.accuracy, beside)
             if mark.control is not None and mark.row in track.onward:
-                own = _beyond(track, mark, own, request.accuracy)
+                own = _beside(track, mark, own, request.accuracy)
             if mark.control is not None and _opens(track, found, own, request.accuracy):
                 own = found[-1]
             found.append(own)
@@ -222,18 +222,24 @@ def _located(point: Point, event: Event | None, accuracy: float, beside: Point |
     return min([found, *others], key=Found.relative_error)
 
 
-def _beyond(track: Track, mark: Mark, corner: Found, accuracy: float) -> Found:
-    """A fold in the corner of first touch: it lies between there and the first row of the contact.
+def _beside(track: Track, mark: Mark, corner: Found, accuracy: float) -> Found:
+    """A fold in the corner of first touch: it lies between there and the first row of the contact, or before.
 
-    The stiffness of a contact begins with its radius: what the film loses is made up for behind the touch.
+    The stiffness of a contact begins with its radius: what the film loses is made up for behind the touch. Where loads
+    differ by less than the error of rows, a fold of the film may seem to lie at its end.
     """
     ahead, before = track.onward[mark.row], track.points[mark.row].observables["contact_radius"]
     first = ahead.observables["contact_radius"]
-    if mark.control is None or equilibrium(ahead).given or not before == 0.0 < first:
+    if mark.control is None or equilibrium(ahead).given or before > 0.0:
         return corner
-    event = Balanced(mark.control)
-    found = refine(_foretold(ahead, event), event, accuracy)
-    if 0.0 < found.numbers[2] <= first and found.relative_error() <= accuracy:
+    if first > 0.0:
+        event = Balanced(mark.control)
+        found = refine(_foretold(ahead, event), event, accuracy)
+        if 0.0 < found.numbers[2] <= first and found.relative_error() <= accuracy:
+            return found
+    found = refine(mark.point, FoldEvent(mark.control), accuracy)
+    last = track.points[mark.row - 1].observables["central_gap"]
+    if found.error[3] < found.numbers[3] < last and found.relative_error() <= accuracy:
         return found
     load, displacement, radius, gap = corner.error
     return replace(corner, error=(load, displacement, max(radius, first), gap))
@@ -356,7 +362,8 @@ def _event(track: Track, mark: Mark, found: Found) -> RawEvent:
         before, after = max(mark.row - 1, 0), min(mark.row, len(pieces) - 1)
         # Between rows of nodes that were given only an average is a function.
         problem = track.problem(mark.row)
-        corner = mark.row in track.onward or (problem.given and not problem.ordered)
+        sooner = mark.row in track.onward and found.numbers[3] > found.error[3]  # in the film before a touch
+        corner = (mark.row in track.onward and not sooner) or (problem.given and not problem.ordered)
         point = found.point
         verdict, message = equilibrium(point).verdict(point, control, error)
         return replace(
@@ -368,6 +375,7 @@ def _event(track: Track, mark: Mark, found: Found) -> RawEvent:
             before=int(pieces[before]),
             after=int(pieces[after]),
             maximum=bool(rising[before] > 0),
+            position=mark.row - 0.5 if sooner else None,
             exponent=None if corner else lambda: critical_exponent(found, control),
             local_exponent=None if corner else lambda: sampled_exponent(found, control),
         )

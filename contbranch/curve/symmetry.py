@@ -182,7 +182,7 @@ def critical_eigenvalues(points: Sequence[Point]) -> Array:
 
 def merged(events: Sequence[RawEvent], others: Sequence[RawEvent]) -> list[RawEvent]:
     """Both in the order in which they lie on the curve; at one place the former first."""
-    return sorted([*events, *others], key=_position) if others else list(events)
+    return sorted([*events, *others], key=_position)
 
 
 def _position(event: RawEvent) -> float:

@@ -95,6 +95,17 @@ def test_coinciding_folds_of_sums_at_a_coarse_accuracy(law):
             assert abs(getattr(here, name) - getattr(there, name)) <= here.error[name] + there.error[name]
 
 
+def test_a_fold_of_a_film_just_before_touch_is_not_taken_for_one_in_the_corner():
+    """The load changes by 1e-10 between them, the displacement by 0.0017: against a trace at a thousandth."""
+    law = cb.VanDerWaals(-0.262, 839.6) + cb.Gauss(0.738, 3618.6)
+    coarse, fine = (cb.trace(cb.Contact(cb.Parabola(1.0), law, 1.0), accuracy=a, modes=0) for a in (1e-4, 1e-7))
+    assert [(e.kind, e.name) for e in coarse.events] == [(e.kind, e.name) for e in fine.events]
+    assert [e.position for e in coarse.events] == sorted(e.position for e in coarse.events)
+    for here, there in zip(coarse.events[:-1], fine.events[:-1], strict=True):
+        for name in ("load", "displacement", "contact_radius", "central_gap"):
+            assert abs(getattr(here, name) - getattr(there, name)) <= here.error[name] + there.error[name]
+
+
 def test_folds_a_billionth_apart():
     """The stiff Gauss repulsion: squeeze-out at 2e-9 in the gap, load first since the slope is positive around it."""
     traced = Followed(cb.Contact.reduced(cb.Gauss, 16.0, -1), 1e-6, modes=0)

@@ -23,9 +23,9 @@ from .mesh import Mesh
 
 __all__ = ["SHARE", "SHORTER", "Crease", "apart", "creases_of", "located", "moved_with", "shortened", "velocities"]
 
-# A crease is narrower than its distance from the rim by this factor, and changes the pressure by this multiple of its
-# largest value over that distance; one that is followed, by a smaller one.
-BEGINS, ENDS = 4.0, 2.0
+# A crease is narrower than its distance from the rim by the first factor, and changes the pressure by the second
+# multiple of its largest value over that distance; one that is followed, by half as much.
+NARROW, STEEP = 4.0, 1.0
 # What is moved undeformed on either side of it, in its widths, and at most as a share of the way to what is next to it.
 AROUND, SHARE = 3.0, 0.35
 # Panels are shortened down to this share before the mesh is taken for the one to be moved, and no further than this.
@@ -150,8 +150,8 @@ def creases_of(
         near = [one for one in near if abs(one.place - place) < width]
         known = min(near, key=lambda one: abs(one.place - place)) if near else None
         around = steep[np.abs(nodes - place) < AROUND * width]
-        needed = ENDS if known else BEGINS
-        if not (needed * width < place and float(around.max(initial=0.0)) > needed):
+        share = 0.5 if known else 1.0
+        if not (share * NARROW * width < place and float(around.max(initial=0.0)) > share * STEEP):
             continue
         if known:  # what it is known by stays
             place, value, slope = known.place, known.value, known.slope
