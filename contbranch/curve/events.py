@@ -165,7 +165,7 @@ class Ceiling(Event):
             return []
         arrive = self._rate(end)
         if self.value(begin) >= 0.0:
-            clear = arrive * segment.scale_end > RISES * max(1.0, abs(self.value(end) + self.target))
+            clear = arrive * segment.scale_end > RISES * abs(self.value(end) + self.target)
             return [Happening(1.0, EventPoint(end, 0.0, 0.0, name=self.name), terminal=True)] if clear else []
         try:
             point = self._approached(segment, arrive * segment.scale_end, options)

@@ -92,15 +92,16 @@ def symmetry_breaking(track: Track, request: Request) -> Breaking:
         counts.append(equilibrium(point).azimuthal(point.x, point.parameter, int(index), request.modes, near))
     # An eigenvalue next to 1 may have passed it on a row's mesh alone.
     few = (indices <= FEW) | track.problem(0).given
-    every = [row for row, (here, there) in enumerate(pairwise(counts)) if here != there]
-    changes = [row for row in every if few[row] and few[row + 1]]
+    few = few[:-1] & few[1:]
+    changes = [row for row in _differ(counts) if few[row]]
     for row in sorted({*changes, *(row + 1 for row in changes)}):
         counts[row] = _surely(track.points[row], int(indices[row]), counts[row], request.modes)
     found: list[RawEvent] = []
     lost, beside = 0, None
-    for row in changes:
+    differ = _differ(counts)
+    for row in differ:
         here, there = counts[row : row + 2]
-        if here is None or there is None:
+        if here is None or there is None or not few[row]:
             continue
         passing = _changes(here, there) if track.problem(row).tells_modes else []
         rest = _at_rest(track, row) if passing else None
@@ -118,12 +119,17 @@ def symmetry_breaking(track: Track, request: Request) -> Breaking:
     known = tuple(count for count in counts if count is not None)
     if not all(count.complete for count in known):
         notes.append(f"Azimuthal modes above m = {request.modes} were not examined, and some are unstable.")
-    if len(changes) < len(every):
+    if not few[differ].all():
         notes.append(f"Where more than {FEW} axisymmetric modes are unstable, losses of symmetry were not located.")
     if lost:
         notes.append(f"{lost} symmetry events could not be located: the curve cannot be followed there.")
     everywhere = known if len(known) == len(counts) else ()
     return Breaking(everywhere, tuple(sorted(found, key=_position)), not lost, " ".join(notes))
+
+
+def _differ(counts: Sequence[Count | None]) -> list[int]:
+    """Rows that have other numbers than the next ones."""
+    return [row for row, pair in enumerate(pairwise(counts)) if None not in pair and pair[0] != pair[1]]
 
 
 def _at_rest(track: Track, row: int) -> tuple[Point, Point] | None:
