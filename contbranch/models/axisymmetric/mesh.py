@@ -175,12 +175,8 @@ class Mesh:
         end = np.arctan2(np.hypot(a, upper), np.sqrt(np.maximum(rho**2 - upper**2, 0.0)))
         return gauss_between(np.arctan2(a, rho), end, count)
 
-    def moments(self, points: Array, panel: Indices, factors: Array) -> Array:
-        """Weights of the panel's nodal values in ``Σ_m factors · f(points)``; (pairs, m) -> (pairs, order)."""
-        return self._projected(points, panel, factors) @ self.rule.to_chebyshev
-
     def _projected(self, points: Array, panel: Indices, factors: Array) -> Array:
-        """The same of the Chebyshev coefficients on the panel: Σ_m factors · T_k, by their recursion."""
+        """Weights of a panel's Chebyshev coefficients in ``Σ_m factors · f(points)``; (pairs, m) -> (pairs, order)."""
         local = (points - self.edges[panel][:, None]) / self.half[panel][:, None] - 1.0
         values = chebyshev_values(self.order, local, factors)
         return np.asarray(np.add.reduce(values, axis=2).T)  # whose last digits do not depend on the other rows

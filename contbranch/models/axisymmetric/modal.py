@@ -133,7 +133,7 @@ def planes(mesh: Mesh, a: float, m: int) -> tuple[Array, Array]:
 @lru_cache(PLANES)
 def _planes(mesh: Mesh, a: float, m: int) -> tuple[Array, Array]:
     rho, _ = _radii(mesh)
-    return inner_plane(mesh, a, rho, m), outer_plane(mesh, a, rho, m)
+    return inner_plane(mesh, a, rho, m), outer_plane(mesh, a, m)
 
 
 def inner_plane(mesh: Mesh, a: float, rho: Array, m: int) -> Array:
@@ -152,15 +152,14 @@ def inner_plane(mesh: Mesh, a: float, rho: Array, m: int) -> Array:
     return np.asarray(np.einsum("kim,im->ik", values, factors))
 
 
-def outer_plane(mesh: Mesh, a: float, rho: Array, m: int) -> Array:
-    """A_m on the nodal values of all panels but the innermost, at `rho`; (M, N − n)."""
-    n, panels = mesh.order, mesh.panels - 1
-    if panels == 0:
-        return np.zeros((len(rho), 0))
+def outer_plane(mesh: Mesh, a: float, m: int) -> Array:
+    """A_m on the nodal values of all panels but the innermost, at their radii; (M, N − n)."""
     far, ratio, row, panel = _far(mesh, a)
     matrix = far * np.exp(m * ratio)
-    values, factors, near_ratio = _near(mesh, a, max(m, FEW))
-    matrix.reshape(len(rho), panels, n)[row, panel] = np.einsum("kpi,pi->pk", values, factors * np.exp(m * near_ratio))
+    if mesh.panels > 1:
+        values, factors, ratio = _near(mesh, a, max(m, FEW))
+        blocks = matrix.reshape(len(matrix), mesh.panels - 1, mesh.order)
+        blocks[row, panel] = np.einsum("kpi,pi->pk", values, factors * np.exp(m * ratio))
     return np.asarray(matrix)
 
 
