@@ -228,9 +228,9 @@ def _beside(track: Track, mark: Mark, corner: Found, accuracy: float) -> Found:
     The stiffness of a contact begins with its radius: what the film loses is made up for behind the touch. Where loads
     differ by less than the error of rows, a fold of the film may seem to lie at its end.
     """
-    ahead, before = track.onward[mark.row], track.points[mark.row].observables["contact_radius"]
+    ahead, here = track.onward[mark.row], track.points[mark.row].observables
     first = ahead.observables["contact_radius"]
-    if mark.control is None or equilibrium(ahead).given or before > 0.0:
+    if mark.control is None or equilibrium(ahead).given or here["contact_radius"] > 0.0 or here["central_gap"] > 0.0:
         return corner
     if first > 0.0:
         event = Balanced(mark.control)
@@ -362,7 +362,8 @@ def _event(track: Track, mark: Mark, found: Found) -> RawEvent:
         before, after = max(mark.row - 1, 0), min(mark.row, len(pieces) - 1)
         # Between rows of nodes that were given only an average is a function.
         problem = track.problem(mark.row)
-        sooner = mark.row in track.onward and found.numbers[3] > found.error[3]  # in the film before a touch
+        gap = track.points[mark.row].observables["central_gap"]
+        sooner = mark.row in track.onward and gap == 0.0 and found.numbers[3] > found.error[3]  # in the film before it
         corner = (mark.row in track.onward and not sooner) or (problem.given and not problem.ordered)
         point = found.point
         verdict, message = equilibrium(point).verdict(point, control, error)
