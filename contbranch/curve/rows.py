@@ -29,9 +29,8 @@ from contbranch.watch import finishing, kept, over, tell
 __all__ = ["raw_curve"]
 
 CONE = "Exactly at first touch admissible variations form a cone, not a space: the indices are those of both sides."
-# Neighbouring folds closer than this multiple of their error estimates are located more sharply: to this share of the
-# accuracy, down to the second.
-DISTINCT, SHARPER, SHARPEST = 3.0, 0.01, 1e-12
+# Neighbouring folds closer than this multiple of their error estimates are located more sharply, down to this accuracy.
+DISTINCT, SHARPEST = 3.0, 1e-12
 # Rows of one discretisation, whose error they share, differ clearly by this share of what is controlled; others, by the
 # second.
 CLEAR, APART = 1e-6, 1e-3
@@ -290,16 +289,21 @@ def _neighbours(track: Track, found: Sequence[Found]) -> Iterator[tuple[int, int
 
 
 def _sharpen(track: Track, found: list[Found], accuracy: float) -> None:
-    """Locate folds anew that their error estimates do not tell apart."""
+    """Locate folds anew that their error estimates do not tell apart, until they are seen to be one."""
     for a, b, control in _neighbours(track, found):
-        first, second = (control.weighted(*found[k].numbers[:2]) for k in (a, b))
-        errors = (control.weighted(*found[k].error[:2]) for k in (a, b))
-        if abs(first - second) > DISTINCT * sum(errors) or accuracy <= SHARPEST:
-            continue
-        for k in (a, b):
-            better = refine(found[k].point, FoldEvent(control), max(SHARPEST, SHARPER * accuracy))
-            if better.relative_error() < found[k].relative_error():
-                found[k] = better
+        allowed = accuracy
+        while allowed > SHARPEST:
+            first, second = found[a], found[b]
+            apart = abs(control.weighted(*first.numbers[:2]) - control.weighted(*second.numbers[:2]))
+            if apart > DISTINCT * (control.weighted(*first.error[:2]) + control.weighted(*second.error[:2])):
+                break
+            if allowed < accuracy and _coincide(first, second):
+                break
+            allowed *= 0.01
+            for k in (a, b):
+                better = refine(found[k].point, FoldEvent(control), allowed)
+                if better.relative_error() < found[k].relative_error():
+                    found[k] = better
 
 
 def _coincide(first: Found, second: Found) -> bool:

@@ -98,6 +98,10 @@ def test_elastic_response_next_to_a_panel_that_reaches_far(far: float) -> None:
     exact = 4 * c / np.pi * ellipe((grid.r / c) ** 2)
     assert np.abs(grid.response().sum(axis=1) / exact - 1)[grid.of_node == 1].max() < 3e-12
     between = c * np.linspace(0.0, 1.0, 60)[1:] ** 3
+    beyond = 100.0 * np.array([c])  # where no panel is near: the first two multipoles of the disc
+    load = 2 * np.pi * float((grid.weights * grid.r).sum())
+    lift_there = load / (np.pi * beyond) * (1 + (c / beyond) ** 2 / 8)
+    assert grid.lift_at(beyond, np.ones(grid.size)) == pytest.approx(lift_there, rel=1e-7)
     lift = grid.lift_at(between, np.ones(grid.size))
     assert lift == pytest.approx(4 * c / np.pi * ellipe((between / c) ** 2), rel=2e-11)
 

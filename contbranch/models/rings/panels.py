@@ -113,13 +113,17 @@ class Near(NamedTuple):
 
     def values(self, nodal: Array) -> Array:
         """What panels have at their nodes, (P, n), at the pairs' nodes, (pairs, m)."""
-        own = nodal[self.panel]
-        return np.concatenate([own[part] @ values.T for part, values in self.rules])
+        own, found = nodal[self.panel], np.empty(self.share.shape)
+        for part, values in self.rules:
+            found[part] = own[part] @ values.T
+        return found
 
     def put(self, far: Array, order: int) -> None:
         """Rows (M, N) that take nodal pressures to displacements, right but where panels are near, put right there."""
         factor = (4 / np.pi) * self.radius * self.share * self.weight
-        rows = np.concatenate([factor[part] @ values for part, values in self.rules])
+        rows = np.empty((len(factor), order))
+        for part, values in self.rules:
+            rows[part] = factor[part] @ values
         view = far.reshape(len(far), -1, order)
         view[self.target, self.panel] = 0.0
         np.add.at(view, (self.target, self.panel), rows)
@@ -295,11 +299,12 @@ class Grid:
             places = slice(side, side + self.count)
             values = sign * nodal @ self.rule.lagrange(np.array([end]))[0]
             whole -= (kernel[:, places] * away) @ (np.vstack([radii[places], steps[side]]) * values).T
-        source = 0.5 * (near.share + _second(r[near.target][:, None], near.radius)) * near.weight * near.values(nodal)
+        carried = near.weight * near.values(nodal)
+        source = 0.5 * (near.share + _second(r[near.target][:, None], near.radius)) * carried
         own = (near.radius * source).sum(axis=1)
         along = source.sum(axis=1) * self.moves[:, near.panel]
         stretched = source * (near.radius - self.inner[near.panel][:, None])
-        stretched += near.share * near.radius * near.weight * near.values(nodal)
+        stretched += near.share * near.radius * carried
         along += stretched.sum(axis=1) * self.stretch[:, near.panel]
         np.subtract.at(whole, near.target, np.vstack([own, along]).T)
         return np.asarray((4 / np.pi) * (whole[:, :1] / r[:, None] * motion - whole[:, 1:]))
