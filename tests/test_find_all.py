@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 
+import numpy as np
 import pytest
 
 import contbranch as cb
@@ -63,6 +64,23 @@ def test_deflation_finds_what_the_curve_does_not_show(law, tabor, sign, field, v
         (other,) = disconnected(track, known, control, value, 1e-8)
         for a, b in zip(other.numbers, found[hidden].found.numbers, strict=True):
             assert a == pytest.approx(b, abs=1e-6 * max(1.0, abs(b)))
+
+
+@pytest.mark.parametrize(
+    ("contact", "displacement", "accuracy", "count"),
+    [
+        (cb.Contact(cb.Cone(0.979), cb.Gauss(1.0, 0.018683)), -0.925422, 1e-6, 3),  # far away, and two in contact
+        (cb.Contact(cb.SphericalCap(1.739), cb.Layered(-1.0, 2.48045, 4.886487)), 2.435629, 1e-6, 3),
+    ],
+)
+def test_what_a_coarse_mesh_adds_is_no_equilibrium(contact, displacement, accuracy, count):
+    """Coarse meshes of the search hold steep fronts back, and do not end where a cap does; their states are no others,
+    nor are those that differ by their errors. As many as the curve passes are there."""
+    found = cb.find_all(contact, displacement=displacement, control="displacement", accuracy=accuracy)
+    branch = cb.trace(contact, "displacement", accuracy).branches[0]
+    passed = np.flatnonzero((branch.displacement[1:] > displacement) != (branch.displacement[:-1] > displacement))
+    assert len(found) == count == len(passed) + (displacement < branch.displacement[0])
+    assert all(state.error["load"] <= accuracy * max(1.0, abs(state.load)) for state in found)
 
 
 def test_the_window_limits_the_displacements():

@@ -12,10 +12,11 @@ from contbranch.arrays import Array
 from contbranch.continuation import CorrectionError, Linearisation, Point, Problem
 from contbranch.continuation.deflation import search
 from contbranch.continuation.newton import tangent_at
+from contbranch.continuation.walk import adapted
 from contbranch.control import Control
 from contbranch.curve.events import Reached
 from contbranch.curve.problem import EquilibriumProblem, Search, equilibrium
-from contbranch.curve.refine import Found, refine
+from contbranch.curve.refine import OPTIONS, Found, refine
 from contbranch.curve.solve import Crossing
 from contbranch.curve.track import Track
 from contbranch.watch import INTERRUPTIONS, caught
@@ -24,10 +25,11 @@ __all__ = ["HeldProblem", "disconnected"]
 
 # Rows from which the search starts in each representation.
 ROWS = 6
-# A state whose error stays above this, relative to max(1, |value|), is one of the discretisation, not of the contact.
-VAGUE = 1e-3
-# States closer than this, relative to max(1, |value|), are one; residuals allowed, relative to the state.
-SAME, RESIDUAL = 1e-5, 1e-6
+# States closer than this, relative to max(1, |value|), and this multiple of their errors are one; residuals allowed,
+# relative to the state.
+SAME, APART, RESIDUAL = 1e-5, 3.0, 1e-6
+# Times that a discretisation is made for a state.
+FITS = 3
 # Newton's steps that bring a known state to the search's discretisation, as long as they are shorter than the last.
 STEPS, SHORT = 6, 0.1
 
@@ -139,20 +141,39 @@ def _carried(held: HeldProblem, point: Point, target: float) -> Array:
 
 
 def _settled(problem: EquilibriumProblem, x: Array, event: Reached, accuracy: float) -> Found | None:
-    """What was found, to the accuracy asked; None if it is no equilibrium after all."""
+    """What was found, to the accuracy asked; None where that is not to be had: a state of the discretisation, not of
+    the contact, is no equilibrium after all."""
     if not _admissible(problem, x[:-1], float(x[-1])):
         return None
     try:
         tangent_x, tangent, _ = tangent_at(problem, x[:-1], float(x[-1]))
-        found = refine(Point(problem, x[:-1], float(x[-1]), tangent_x, tangent), event, accuracy)
+        point = _fitted(Point(problem, x[:-1], float(x[-1]), tangent_x, tangent))
+        found = refine(point, event, accuracy)
     except (CorrectionError, np.linalg.LinAlgError):
         return None  # an artefact of the coarse discretisation: it does not survive refinement
     point = found.point
     own = equilibrium(point)
-    if found.relative_error() > VAGUE or not _admissible(own, point.x, point.parameter):
+    if found.relative_error() > accuracy or not _admissible(own, point.x, point.parameter):
         return None
     residual = float(np.abs(own.residual(point.x, point.parameter)).max(initial=0.0))
     return found if residual < RESIDUAL * max(1.0, float(np.abs(point.x).max(initial=0.0))) else None
+
+
+def _fitted(point: Point) -> Point:
+    """A state on discretisations made for it, as the curve's rows are: with the fronts that it has, ending where the
+    tip does.
+
+    Raises
+    ------
+    CorrectionError
+        If it is not found there.
+    """
+    for _ in range(FITS):
+        before, metric = point, equilibrium(point).metric(point.x)
+        point, _ = adapted(point, metric, OPTIONS)
+        if point is before:
+            break
+    return point
 
 
 def _admissible(problem: EquilibriumProblem, x: Array, p: float) -> bool:
@@ -162,5 +183,6 @@ def _admissible(problem: EquilibriumProblem, x: Array, p: float) -> bool:
 
 
 def _same(one: Found, other: Found) -> bool:
-    """Whether two states are one."""
-    return all(abs(a - b) <= SAME * max(1.0, abs(a)) for a, b in zip(one.numbers, other.numbers, strict=True))
+    """Whether two states are one, as far as their errors tell."""
+    pairs = zip(one.numbers, other.numbers, one.error, other.error, strict=True)
+    return all(abs(a - b) <= SAME * max(1.0, abs(a)) + APART * (c + d) for a, b, c, d in pairs)
