@@ -82,6 +82,23 @@ def as_python(control):
     return cb.Spring(float(control.partition(":")[2])) if control.startswith("spring") else control
 
 
+def test_areas_reach_through_a_touch_to_the_fold_behind_it():
+    """The wetting fold shares its row with first touch, through which the area leads."""
+    loop = cb.hysteresis(cb.Contact(cb.PowerLaw(2.93, 1.0), cb.Contact.reduced("gauss", 0.004, -1).interaction))
+    wetting = loop.jumps[-1]
+    assert (wetting.name, wetting.start.contact_radius > 0.0) == ("wetting", True)
+    assert wetting.area == pytest.approx(wetting.dissipated, abs=1e-6)
+
+
+def test_a_loop_closes_however_small_it_is():
+    """Next to a continuous onset energies differ by less than their errors, and folds lie between rows."""
+    loop = cb.hysteresis(cb.Contact.reduced("gauss", 0.005, -1))
+    assert [jump.name for jump in loop.jumps] == ["squeeze-out", "wetting"]
+    assert [jump.to.contact_radius > 0.0 for jump in loop.jumps] == [True, False]
+    assert loop.closed
+    assert abs(loop.dissipated) < 1e-8
+
+
 @pytest.mark.parametrize(("law", "tabor", "sign", "control", "jumps"), CASES)
 def test_jumps_keep_the_control_and_go_from_a_fold_to_a_stable_state(law, tabor, sign, control, jumps):
     contact = cb.Contact.reduced(law, tabor, sign)

@@ -69,8 +69,12 @@ class CurveWalk:
 
     @cached_property
     def values(self) -> Array:
-        """What is controlled at the rows."""
-        return self.track.controlled(self.control)
+        """What is controlled at the rows, at folds as they were located: there rows may be short of it. (On lattices a
+        fold is that of an average, which no row need reach.)"""
+        values = self.track.controlled(self.control)
+        for event in self._bends if not self.follows else ():
+            values[event.row] = self.control.value(*event.values[:2])
+        return values
 
     @cached_property
     def unstable(self) -> Integers:
@@ -85,8 +89,15 @@ class CurveWalk:
 
     @cached_property
     def _folds(self) -> dict[int, Stop]:
-        own = (e for e in self.events if e.kind == "fold" and e.control == self.control.kind)
-        return {e.row: self._stop(Crossing(self._piece(e.row), Found(e.values, e.error, e.place)), e.row) for e in own}
+        return {
+            e.row: self._stop(Crossing(self._piece(e.row), Found(e.values, e.error, e.place)), e.row)
+            for e in self._bends
+        }
+
+    @property
+    def _bends(self) -> list[RawEvent]:
+        """The folds of the control."""
+        return [event for event in self.events if event.kind == "fold" and event.control == self.control.kind]
 
     def folds(self) -> dict[int, Stop]:
         """The folds of the control, by row."""
@@ -189,6 +200,9 @@ class CurveWalk:
         first = (begin.piece if begin.row is None else begin.row) + 1
         rows = range(first, end.piece + 1 if end.row is None else end.row)
         stops = [begin, *(self.stop(row) for row in rows), end]
+        row = end.row
+        if row is not None and row in self.track.onward and not self.track.problem(row).joins(equilibrium(end.place)):
+            stops.insert(-1, self.stop(row))  # a fold on the far side of a touch
         try:
             pieces = [self._joined(*ends) for ends in pairwise(stops)]
             return work_along(begin.place, pieces, end.place, self._allowed)

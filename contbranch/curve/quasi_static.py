@@ -222,13 +222,21 @@ def _jump(walk: Walk, folds: dict[int, Stop], row: int, direction: int, leg: Leg
         low, high = sorted((walk.values[piece], walk.values[piece + 1]))
         if low < value <= high and piece not in ending:
             candidates.append(walk.crossing(int(piece), value))
-    below = [stop for stop in candidates if control.height(value, stop.state) < control.height(value, fold.state)]
+    below = [stop for stop in candidates if _above(walk, stop, fold) < 0.0]
+    if not below:  # errors may hide what is lower, as next to a continuous onset
+        below = [stop for stop in candidates if _above(walk, stop, fold) <= stop.uncertainty + fold.uncertainty]
     # Where the curve need not hold all states, relaxations are followed; under load they may have no end.
     followed = walk.follows and (below or control.kind != "load")
     if len(below) < 2 and not followed:
         return Jump(row, direction, fold, below[0] if below else None)
     end = walk.relaxed(fold, below)
     return Jump(row, direction, fold, end, tuple(stop for stop in below if stop is not end))
+
+
+def _above(walk: Walk, stop: Stop, fold: Stop) -> float:
+    """By how much the energy of system and drive is higher than at a fold, at the fold's value of the control."""
+    value = walk.control.of(fold.state)
+    return walk.control.height(value, stop.state) - walk.control.height(value, fold.state)
 
 
 def _ending(walk: Walk, folds: dict[int, Stop], row: int) -> set[int]:
