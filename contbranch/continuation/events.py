@@ -121,6 +121,8 @@ class Probe:
             return []
         begin, end = self.at(segment.begin), self.at(segment.end)
         inside, doubt = self._inside(segment, third)
+        if self.primitive is None and not _resolved(np.array([begin, *inside, end]), doubt):
+            inside, doubt = self._computed(segment, begin, end)
         values = math.copysign(1.0, begin) * np.concatenate([[begin], inside, [end]])
         theta = division(values, doubt) if depth > 0 and len(self.known) < MOST else None
         if theta is None:
@@ -162,6 +164,18 @@ class Probe:
         return found[-1], error
 
 
+    def _computed(self, segment: Segment, begin: float, end: float) -> tuple[Array, Array]:
+        """The same at points of the curve itself, of which only what they leave open between them is uncertain."""
+        a, b, c = (self.at(point_on(segment, theta, self.options, precise=False)[0]) for theta in DEAR)
+        by_others = (3 * begin + 6 * b - end) / 8, (4 * (a + c) - begin - end) / 6, (6 * b - begin + 3 * end) / 8
+        return np.array([a, b, c]), np.abs(np.array([a, b, c]) - by_others)
+
+
+def _resolved(values: Array, doubt: Array) -> bool:
+    """Whether the errors inside a step leave something of what is seen there."""
+    return float(doubt.max()) <= RESOLVED * float(np.abs(values).max())
+
+
 def clear(values: Array, doubt: Array) -> NDArray[np.bool_]:
     """Return whether functions seen as in `division`, (..., n), are certainly of one sign, as nearly always; (...)."""
     largest, least = doubt.max(axis=-1), np.minimum(values[..., 0], values[..., -1])
@@ -181,7 +195,7 @@ def division(values: Array, doubt: Array) -> float | None:
     The errors are those inside the step; at the ends there is none.
     """
     spaces = len(values) - 1
-    if float(doubt.max()) > RESOLVED * float(np.abs(values).max()):
+    if not _resolved(values, doubt):
         return 0.5
     if clear(values, doubt):
         return None
