@@ -93,6 +93,22 @@ def test_a_followed_event_is_that_of_a_separate_trace(family, start, name, contr
         assert agrees(point, event(family(value), name, control, accuracy), 1e-9 * unit)
 
 
+@pytest.mark.parametrize(
+    ("law", "tabor", "sign", "name", "to"),
+    [("gauss", 0.028, -1, "wetting", 0.014), ("van-der-waals", 0.0835, 1, "pull-off", 0.036)],
+)
+def test_a_fold_is_followed_while_its_contact_becomes_tiny(law, tabor, sign, name, to):
+    """Its radius falls to a third or less without ever coming to first touch: the onset becomes continuous."""
+    start = event(cb.Contact.reduced(law, tabor, sign), name, accuracy=1e-6)
+    followed = cb.follow(start, "tabor", to)
+    other = event(cb.Contact.reduced(law, to, sign), name, accuracy=1e-6)
+    assert (followed.status, followed.special) == ("complete", ())
+    assert 0.0 < followed.curve["contact_radius"][-1] < start.contact_radius / 3
+    for key in KEYS:
+        error = followed.error[key][-1] + other.error[key]
+        assert followed.curve[key][-1] == pytest.approx(getattr(other, key), abs=3 * error + 1e-12)
+
+
 def test_units_stay_those_of_the_start():
     """The amplitude of a repulsion alone: load ∝ |Δγ| at fixed μ_T, so another route through the reduced problem."""
     contact = cb.Contact(cb.Parabola(1.0), cb.Gauss(-1.0, 1.0))

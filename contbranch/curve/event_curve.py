@@ -29,6 +29,8 @@ __all__ = ["EventCurve", "condition_for"]
 
 # Beside first touch a curve starts at this w (or smaller ones), and one that comes to half of it has come to it.
 BESIDE = (0.06, 0.02, 0.006, 0.002)
+# What is even closer without coming to it is followed in such steps, and to there: onsets become continuous like that.
+CLOSER, CLOSEST = 0.1, 1e-8
 # A curve passes first touch no more often than this.
 PASSAGES = 8
 # Error of loads along the curve; where it may lead far away, the stiffness of a weak spring is that of the interaction
@@ -210,7 +212,7 @@ class EventCurve:
             try:
                 beyond, end = self._beyond(points)
             except CorrectionError as error:
-                smaller = [beside for beside in BESIDE if beside < self.beside]
+                smaller = [beside for beside in (*BESIDE, CLOSER * self.beside) if CLOSEST < beside < self.beside]
                 if not smaller or points[-1].label == "touch":
                     return points, End(error.outcome, f"(Beyond first touch: {error.detail})")
                 beyond, end = self._piece(points[-1], smaller[0])  # it was not so close

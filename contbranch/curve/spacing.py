@@ -43,10 +43,16 @@ class Spacing:
         seen = np.array([_seen(point) for point in points])
         self.extent = np.maximum(np.ptp(seen, axis=0), 1e-9 * (1.0 + np.abs(seen).max(axis=0)))
 
-    def missing(self, onward: Mapping[int, Point], points: Sequence[Point], gaps: Set[int]) -> list[list[Point]]:
-        """The rows that are missing behind each row but the last; none where the curve is not followed."""
+    def missing(
+        self, onward: Mapping[int, Point], points: Sequence[Point], gaps: Set[int], marked: Set[int]
+    ) -> list[list[Point]]:
+        """The rows that are missing behind each row but the last; none where the curve is not followed.
+
+        Between two events that a drawing tells apart there is one at least: it shows the stability there.
+        """
         return [
-            [] if k in gaps else self._between(onward.get(k, points[k]), points[k + 1]) for k in range(len(points) - 1)
+            [] if k in gaps else self._between(onward.get(k, points[k]), points[k + 1], {k, k + 1} <= marked)
+            for k in range(len(points) - 1)
         ]
 
     def stray(self, begin: Point, end: Point) -> float:
@@ -61,22 +67,23 @@ class Spacing:
             widest = max(widest, math.atan2(across * length, float(along @ chord)))
         return 0.5 * length * math.tan(min(0.5 * widest, 0.25 * math.pi))
 
-    def _between(self, begin: Point, end: Point) -> list[Point]:
-        if equilibrium(begin).given or not self.stray(begin, end) > STRAY:
+    def _between(self, begin: Point, end: Point, marked: bool) -> list[Point]:
+        apart = marked and float(np.linalg.norm((_seen(end) - _seen(begin)) / self.extent)) > STRAY
+        if equilibrium(begin).given or not (apart or self.stray(begin, end) > STRAY):
             return []
         try:
             segment = piece(*(point if point.observables else valued(point) for point in linked(begin, end)))
-            found = self._divided(segment, DIVISIONS)
+            found = self._divided(segment, DIVISIONS, 1 + apart)
             # Where the end asked for a better discretisation, rows on the way there may do so, too.
             asked = self.fine or end.problem is not begin.problem
             return [adapted(point, segment.metric, STEPS)[0] for point in found] if asked else found
         except CorrectionError:  # two rows that no piece of curve joins: nothing is known between them
             return []
 
-    def _divided(self, segment: Segment, divisions: int) -> list[Point]:
+    def _divided(self, segment: Segment, divisions: int, least: int = 1) -> list[Point]:
         """Rows inside a piece, evenly along its cubic: the distance of an arc from its chord falls like its square."""
         stray = self.stray(segment.begin, segment.end)
-        parts = min(math.ceil(math.sqrt(stray / STRAY)), PARTS) if divisions and stray > STRAY else 1
+        parts = min(math.ceil(math.sqrt(stray / STRAY)), PARTS) if divisions and stray > STRAY else least
         inner = (valued(point_on(segment, k / parts, STEPS, precise=False)[0]) for k in range(1, parts))
         found = []
         for begin, end in pairwise(chain([segment.begin], inner, [segment.end])) if parts > 1 else ():

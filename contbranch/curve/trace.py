@@ -272,7 +272,8 @@ class _Tracing:
     # -- rows between, folds in corners, indices ---------------------------------------------------------------------
     def fill(self) -> None:
         """Compute the rows that are missing for lines between rows to show the curve."""
-        missing = Spacing(self.points, self.slopes, self.request.fine).missing(self.onward, self.points, self.gaps)
+        spacing, marked = Spacing(self.points, self.slopes, self.request.fine), {mark.row for mark in self.marks}
+        missing = spacing.missing(self.onward, self.points, self.gaps, marked)
         place = np.arange(len(self.points)) + np.cumsum([0, *map(len, missing)])
         self.points = [
             row for point, behind in zip(self.points, [*missing, []], strict=True) for row in (point, *behind)

@@ -41,3 +41,13 @@ def test_states_between_rows_lie_next_to_the_chord(contact):
         off = (np.array([near.load, near.displacement, near.contact_radius]) - middle) / extent
         across = off - along * (off @ along) / (along @ along)
         assert np.linalg.norm(across) < STRAY
+
+
+def test_between_two_folds_a_row_shows_what_is_unstable_there():
+    """However straight the curve is between them: from squeeze-out to the touch at which wetting begins."""
+    contact = cb.Contact(cb.PowerLaw(2.194, 1.0), cb.Gauss(-1.0, 295.534), 3.0)
+    diagram = cb.trace(contact, control=cb.Spring(0.30994))
+    squeezed, wetted = (fold.position for fold in diagram.folds("load"))
+    unstable = diagram.branches[0].unstable_load
+    assert (unstable[int(squeezed) + 1 : int(wetted)] == 1).any()
+    assert set(unstable) == {0, 1}
