@@ -163,7 +163,6 @@ class Probe:
         )
         return found[-1], error
 
-
     def _computed(self, segment: Segment, begin: float, end: float) -> tuple[Array, Array]:
         """The same at points of the curve itself, of which only what they leave open between them is uncertain."""
         a, b, c = (self.at(point_on(segment, theta, self.options, precise=False)[0]) for theta in DEAR)
