@@ -401,3 +401,18 @@ def test_events_of_a_ring_cannot_be_followed_and_the_message_says_why():
     touch = next(event for event in diagram.events if event.kind == "touch")
     with pytest.raises(cb.InputError, match="not a disc"):
         cb.follow(touch, vary="tabor", to=2.0)
+
+
+def test_an_event_is_followed_as_far_as_the_table_of_its_law_goes():
+    """With a growing Tabor coefficient the table shrinks, and with it the gap at which it ends, faster than the fold's;
+    what lies beyond is not described."""
+    gaps = np.linspace(0.0, 1.3, 30)
+    law = cb.Tabulated(tuple(gaps), energies=tuple(-1.0 / (1.0 + gaps) ** 2))
+    contact = cb.Contact(cb.Cone(0.2), law)
+    fold = event(contact, "jump-in", "displacement", accuracy=1e-6)
+    followed = cb.follow(fold, "tabor", 10.0 * contact.tabor)
+    (end,) = followed.special
+    assert (followed.status, end.kind) == ("complete", "table-end")
+    assert "table" in followed.message
+    assert end.central_gap == pytest.approx(1.3 * contact.tabor / end.value, rel=1e-4)
+    assert (followed.curve["central_gap"] <= 1.3001 * contact.tabor / followed.curve["tabor"]).all()

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from contbranch.arrays import Array
 from contbranch.contact.interaction_law import Evaluated, Interaction, Response, Sum
-from contbranch.contact.tables import Table, columns, energy_of_table
+from contbranch.contact.tables import Table, columns, energy_of_table, with_fields
 from contbranch.contact.units import finite_number, make_positive
 from contbranch.errors import InputError
 
@@ -282,13 +282,17 @@ class Tabulated(Evaluated):
         return integral(self._end) - integral(np.minimum(gap, self._end))
 
     def scaled(self, normal: float, energy: float) -> Tabulated:
-        """Return the table in other units."""
-
-        def divided(values: tuple[float, ...] | None, unit: float) -> tuple[float, ...] | None:
-            return None if values is None else tuple(value / unit for value in values)
-
-        gaps = tuple(gap / normal for gap in self.gaps)
-        return Tabulated(gaps, divided(self.energies, energy), divided(self.pressures, energy / normal))
+        """Return the table in other units, with its pieces, which take long to make."""
+        per = {"energies": energy, "pressures": energy / normal}[self._kind]
+        return with_fields(
+            self,
+            gaps=tuple(gap / normal for gap in self.gaps),
+            work_of_adhesion=self.work_of_adhesion / energy,
+            range=self.range / normal,
+            _largest=self._largest / energy,
+            _table=self._table.scaled(normal, energy, per),
+            **{self._kind: tuple(value / per for value in getattr(self, self._kind))},
+        )
 
 
 INTERACTIONS: Mapping[str, type[Interaction]] = {

@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from dataclasses import fields
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 import scipy
 
 from contbranch.arrays import Array
 from contbranch.errors import InputError
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+Made = TypeVar("Made", bound="DataclassInstance")
 
 _LEAST_ROWS = 4
 # Bounds of a table, within which no power of its numbers overflows: of entries, and of their distances in the last one.
@@ -89,6 +95,24 @@ class Table(NamedTuple):
     energy: scipy.interpolate.PPoly
     decayed: bool
     scatter: float
+
+    def scaled(self, normal: float, energy: float, per: float) -> Table:
+        """Return the law in other units: of the gap, the energy per area, and what was given in the table."""
+        return Table(pieces_scaled(self.energy, normal, energy), self.decayed, self.scatter / per)
+
+
+def pieces_scaled(pieces: scipy.interpolate.PPoly, place: float, value: float) -> scipy.interpolate.PPoly:
+    """Return pieces in other units of the place and the value."""
+    powers = np.arange(len(pieces.c))[::-1, None]
+    return scipy.interpolate.PPoly(pieces.c * float(place) ** powers / value, pieces.x / place)
+
+
+def with_fields(own: Made, **changed: Any) -> Made:
+    """Return a frozen dataclass with other values of some fields, without what makes it anew from a table."""
+    found = object.__new__(type(own))
+    for item in fields(own):
+        object.__setattr__(found, item.name, changed.get(item.name, getattr(own, item.name)))
+    return found
 
 
 def scattered(places: Array, values: Array) -> tuple[float, float]:

@@ -14,7 +14,7 @@ from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike
 
 from contbranch.arrays import Array
-from contbranch.contact.tables import columns, increasing_from_zero, scattered, smoothed
+from contbranch.contact.tables import columns, increasing_from_zero, pieces_scaled, scattered, smoothed, with_fields
 from contbranch.contact.tip_shape import Tip, gauss_rule
 from contbranch.errors import InputError
 
@@ -275,8 +275,13 @@ class Profile(Tip):
         return z + away * (s + away * (q + away * p)), s + away * (2 * q + 3 * away * p), q + 3 * away * p, p
 
     def scaled(self, in_plane: float, normal: float) -> Profile:
-        """Return the table in other units."""
-        return Profile(tuple(r / in_plane for r in self.radii), tuple(z / normal for z in self.heights), self.apex)
+        """Return the table in other units, with its spline, which takes long to make."""
+        return with_fields(
+            self,
+            radii=tuple(r / in_plane for r in self.radii),
+            heights=tuple(z / normal for z in self.heights),
+            _spline=pieces_scaled(self._spline, in_plane, normal),
+        )
 
 
 def _at(pieces: scipy.interpolate.PPoly, places: ArrayLike, order: int = 0) -> Array:

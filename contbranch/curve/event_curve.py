@@ -54,6 +54,7 @@ MET = "A fold of this control lies at the same state."
 THROUGH = "The fold passes first touch: on one side it has contact, on the other none."
 CORNER = "Two folds, one with contact and one without, meet at first touch and end there: a kinked cusp."
 AT_TOUCH = "The event lies exactly at first touch."
+UNDESCRIBED = "The event has come to the gap at which the table of the law ends."
 ENDED = (Outcome.REACHED_EDGE, Outcome.STARTED_ON_EDGE)
 
 
@@ -84,6 +85,20 @@ class Edge(Event):
         problem, w = augmented(point), float(point.x[-1])
         low, high = map(problem.root, problem.base.parameter_range)
         return min(w - low, high - w) - (0.0 if problem.base.beyond_edge else 0.5 * self.beside)
+
+
+class Described(Event):
+    """The end of what describes the law: a table."""
+
+    name = "table-end"
+    terminal = True
+    hidden_pairs = False
+
+    def value(self, point: Point) -> float:
+        """How much smaller the gap is."""
+        held = augmented(point).held(point)
+        problem = equilibrium(held)
+        return problem.described_to - problem.values(held.x, held.parameter).central_gap
 
 
 class Meeting(Event):
@@ -228,7 +243,8 @@ class EventCurve:
         margins = (Margin(name) for name in problem.margins(start.x, start.parameter))
         self.beside = beside
         edged = not self.touching and np.isfinite(problem.base.parameter_range).any()
-        events = [*self.meetings.values(), *margins, *([Edge(beside)] if edged else [])]
+        ends = [Described()] if math.isfinite(problem.base.described_to) else []
+        events = [*self.meetings.values(), *margins, *ends, *([Edge(beside)] if edged else [])]
         branch = follow(start, problem.balance(start), self.interval, STEPS, events, StopAt(predicate=self._told))
         # Where the interaction has become negligible within the last step, what follows is rounding.
         last = next((k for k, point in enumerate(branch.points) if self._far(point)), None)
@@ -311,7 +327,7 @@ class EventCurve:
         self.complete = not messages
         for k, end in zip((0, len(points) - 1), ends, strict=True):
             kind, message = self._ending(points[k], end, len(points))
-            self.complete &= end.outcome in ENDED or kind == "infinite-separation"
+            self.complete &= end.outcome in ENDED or kind in ("infinite-separation", "table-end")
             messages.append(message)
             if kind:
                 self.rows[k] = _as_special(self.rows[k], k, kind, message)
@@ -394,6 +410,8 @@ class EventCurve:
                 return "", f"The curve turns and comes back to the present {self.family.name}."
             return "", ""
         if end.outcome is Outcome.STOPPED_AT_EVENT:
+            if last.label == "table-end":
+                return last.label, UNDESCRIBED
             held = augmented(last).held(last)
             return "inadmissible", equilibrium(held).ending(last.label or "", held)
         return "", "" if end.outcome is Outcome.INTERRUPTED else end.message

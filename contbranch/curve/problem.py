@@ -236,9 +236,9 @@ class EquilibriumProblem(Problem):
         return False
 
     @property
-    def begins(self) -> str | None:
-        """What ends the contact's description where its curve begins, as an event's name; None: nothing."""
-        return None
+    def described_to(self) -> float:
+        """The central gap at which the contact's description ends, where its curve begins; infinite: nowhere."""
+        return math.inf
 
     # -- the curve ----------------------------------------------------------------------------------------------------
     @abstractmethod

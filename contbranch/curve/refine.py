@@ -404,7 +404,8 @@ def _compared(place: _Place, finer: tuple[float, Four] | None, accuracy: float) 
 def by_defect(point: Point, event: Event | None) -> Found:
     """The point with the error estimates of one Newton step, where a finer discretisation could not be followed.
 
-    An event that was not located itself adds how far away it may be, by a secant step along the parameter.
+    An event that was not located itself adds how far away it may be, by a secant step along the parameter, here and on
+    a finer discretisation as far as that is found.
     """
     point = _measured(point)
     problem = equilibrium(point)
@@ -418,7 +419,9 @@ def by_defect(point: Point, event: Event | None) -> Found:
             value = event.value(point)
             step = 1e-4 * line.unit
             beside = event.value(line.at(step, point))
-            missed = abs(value * step / (beside - value)) if beside != value else math.inf
+            finer = problem if problem.given else problem.finer()
+            there = value if finer is problem else event.value(settled(moved(point, finer)))
+            missed = abs(max(value, there, key=abs) * step / (beside - value)) if beside != value else math.inf
         except (CorrectionError, ModelError):
             missed = line.unit
     away = min(along + missed, line.unit)

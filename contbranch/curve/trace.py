@@ -96,7 +96,8 @@ def trace(problem: EquilibriumProblem, request: Request) -> Track:
 
 def follow_from(start: Point, request: Request, problem: EquilibriumProblem | None = None) -> Track:
     """Follow a curve from one of its points, in the sense of its tangent, through all problems that succeed its own."""
-    tracing, problem = _Tracing(request, problem.begins if problem else None), problem or equilibrium(start)
+    begins = "table-end" if problem and math.isfinite(problem.described_to) else None
+    tracing, problem = _Tracing(request, begins), problem or equilibrium(start)
     kept(lambda: tracing.follow(start), None)
     if request.events and not over():  # otherwise nothing but single states is wanted of the curve
         kept(tracing.fill, None)

@@ -459,10 +459,10 @@ class ContactProblem(MeshedContact):
             yield valued(Point(found, x, ahead, rate, one, label="start"))
 
     @property
-    def begins(self) -> str | None:
+    def described_to(self) -> float:
         """The end of a law's table."""
         law = self.equations.interaction
-        return None if law is None or math.isinf(law.ends) else "table-end"
+        return math.inf if law is None else law.ends
 
     def ending(self, name: str, point: Point) -> str:
         """Why the curve ends."""
