@@ -3,11 +3,17 @@
 import json
 import math
 
+import numpy as np
 import pytest
 
 import contbranch as cb
 from contbranch.cli import main
 from contbranch.contact.parameters import parameters_of
+
+GAPS = np.linspace(0.0, 12.0, 120)
+RADII = np.linspace(0.0, 6.0, 60)
+TABLE = cb.Tabulated(tuple(GAPS), energies=tuple(-0.8 * np.exp(-GAPS)))
+PROFILE = cb.Profile(tuple(RADII), tuple(0.5 * RADII**2))
 
 CASES = {  # contact, control, accuracy of the traces, parameters varied
     "spring": (cb.Contact.reduced(cb.Exponential, tabor=1.0), cb.Spring(2.0), 1e-11, ""),
@@ -17,6 +23,11 @@ CASES = {  # contact, control, accuracy of the traces, parameters varied
     "cone": (cb.Contact(cb.Cone(0.5), cb.Exponential(1.0, 0.7)), "load", 1e-10, "slope"),
     # its film reaches the edge of the cap, which nodes must not pass
     "edge": (cb.Contact(cb.SphericalCap(5.0), cb.VanDerWaals(-1.7, 2.0)), "load", 1e-8, "radius"),
+    "cap": (cb.Contact(cb.SphericalCap(2.682), cb.Exponential(0.9, 0.4)), "load", 1e-8, ""),
+    # no parameter tells in which units a table is: less follows from the others
+    "table": (cb.Contact(cb.Parabola(1.3), TABLE, 2.0), cb.Spring(2.0), 1e-8, ""),
+    "profile": (cb.Contact(PROFILE, cb.Exponential(1.0, 0.7), 3.0), cb.Spring(2.0), 1e-8, ""),
+    "tables": (cb.Contact(PROFILE, TABLE, 1.5), "load", 1e-8, ""),
     "ring": (cb.Contact.reduced(cb.MaugisDugdale, tabor=0.5, sign=-1), "load", 1e-8, "range"),
 }
 
@@ -44,6 +55,27 @@ def test_derivatives_agree_with_differences_of_traces(name):
             assert found == pytest.approx(expected, rel=3e-6 + allowed, abs=2e-7 * abs(value / parameter.value)), (
                 threshold
             )
+
+
+@pytest.mark.parametrize(("law", "tabor", "sign"), [("van-der-waals", 0.07, -1), ("gauss", 0.05, -1)])
+def test_the_radius_of_a_tiny_contact_moves_as_traces_say(law, tabor, sign):
+    """Next to first touch, where little is left between the fold and the edge of its parameter."""
+    contact = cb.Contact.reduced(law, tabor, sign)
+    rates = cb.trace(contact).sensitivities["wetting_radius"]
+    for key, parameter in parameters_of(contact).items():
+        h = 0.01 * parameter.value
+        above, below = (
+            cb.trace(parameter.contact(parameter.value + s), accuracy=1e-9, modes=0).thresholds["wetting_radius"]
+            for s in (h, -h)
+        )
+        assert rates[key] == pytest.approx((above - below) / (2 * h), rel=5e-3)
+
+
+def test_a_derivative_that_is_but_rounding_is_not_given():
+    """The wetting radius is 5e-8 here; loads are known."""
+    rates = cb.trace(cb.Contact.reduced(cb.Gauss, 0.0013, -1), control=cb.Spring(1.0), accuracy=1e-8).sensitivities
+    assert math.isnan(rates["wetting_radius"]["modulus"])
+    assert rates["wetting_load"]["work_of_adhesion"] == pytest.approx(-2 * math.pi, rel=1e-2)
 
 
 def test_jkr_limit_and_dimensions():

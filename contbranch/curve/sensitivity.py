@@ -14,7 +14,8 @@ What is extremal at a fold has O_t = 0. For a fold G is the rate of what is cont
 rate of C_q along the curve, which differences between states on both sides of the fold give for all parameters at once.
 
 Three parameters follow from the others, since the units of lengths in the plane, of heights and of the modulus are
-free: if q_k grows like λ^v_k and O like λ^m with one of the units, Σ v_k q_k dO/dq_k = m O.
+free: if q_k grows like λ^v_k and O like λ^m with one of the units, Σ v_k q_k dO/dq_k = m O. Where a table of the law or
+of the tip has such units, of which no parameter tells, only units under which tables stay as they are do: one or none.
 """
 
 from __future__ import annotations
@@ -22,14 +23,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
-from functools import cache
-from typing import NamedTuple
+from functools import cache, partial
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
 
 from contbranch.arrays import Array
 from contbranch.contact.contact import Contact
+from contbranch.contact.interaction_law import terms_of
 from contbranch.contact.parameters import Parameter, parameters_of
 from contbranch.contact.units import Scales
 from contbranch.continuation import Point
@@ -45,9 +47,12 @@ __all__ = ["Sensitivities"]
 
 # Steps: of parameters relative to themselves (or of those that are zero), along the curve relative to its metric, and
 # relative to the distance of an edge of its parameter.
-STEP, ALONG, ASIDE = 3e-5, 3e-4, 2e-3
+STEP, ALONG, ASIDE = 3e-5, 3e-4, 0.1
 # ... those of parameters the larger the shorter the one along the curve is, by which their differences are divided.
-WIDE = 5e-5
+WIDE = 1e-3
+# The radius of a contact all but none is given where its derivative, with a step along the curve so much shorter, stays
+# within such a share.
+CLOSER, TOLD = 0.7, 0.03
 # The second derivative along the curve has larger ones, as often shortened as there is need: those from both distances
 # agree to such a share, and to rounding.
 CURVED, SHORTER, SMOOTH, ROUNDING = 3.0, 6, 0.01, 1e-13
@@ -77,9 +82,9 @@ class Sensitivities:
 
     def __init__(self, contact: Contact, accuracy: float) -> None:
         known, self.accuracy = parameters_of(contact), accuracy
-        self.scales = contact.scales
+        self.scales, self.ends = contact.scales, math.isfinite(contact.axisymmetric_tip.extent)
         self.values = {name: one.value for name, one in known.items()}
-        self.powers = _powers(contact, self.values)
+        self.powers, self.freedoms = _powers(contact, self.values)
         self.implied = _implied(self.powers)
         free = {name: one for name, one in known.items() if name not in self.implied}
         self.changes = cache(lambda step: {name: _change(one, self.scales, step) for name, one in free.items()})
@@ -107,16 +112,19 @@ class Sensitivities:
         event = _Event(point, None if control is None else control.scaled(self.scales.stiffness), margin)
         if control is not None and set(wanted) == {control.kind}:
             event.control = None
-        found, stiffer = event.rates(self.changes(event.step))
+        found, stiffer = event.rates(self.changes(event.step), self.ends)
         units = units / event.smooth  # of rates; a contact radius is a root of what is smooth
         rates = {name: (values[name] or 1.0) * units * rate for name, rate in found.items()}
-        rows = np.array([[powers[name][k] for name in implied] for k in range(3)])
-        given = POWERS * (event.values * units * event.smooth) - sum(
+        if "modulus" in rates:  # in whose own unit it has been changed: what grows with that does so, a spring softens
+            rates["modulus"] += POWERS[2] * (event.values * units * event.smooth) - units * stiffer
+        given = self.freedoms @ POWERS * (event.values * units * event.smooth) - sum(
             np.outer(powers[name], rates[name]) for name in found
         )
         if control is not None and control.kind == "spring":  # its stiffness grows like E X
-            given -= np.outer([1.0, 0.0, 1.0], units * stiffer)
-        rates |= zip(implied, np.linalg.lstsq(rows, given, rcond=None)[0], strict=True)
+            given -= np.outer(self.freedoms @ [1.0, 0.0, 1.0], units * stiffer)
+        if implied:
+            rows = np.column_stack([powers[name] for name in implied])
+            rates |= zip(implied, np.linalg.lstsq(rows, given, rcond=None)[0], strict=True)
         return {
             name: {key: float(rates[key][k] / (values[key] or 1.0)) for key in values}
             for k, name in enumerate(OBSERVABLES)
@@ -124,9 +132,10 @@ class Sensitivities:
         }
 
 
-def _powers(contact: Contact, values: Mapping[str, float]) -> dict[str, Array]:
-    """Powers (3,) with which parameters grow with the units."""
-    law = contact.interaction
+def _powers(contact: Contact, values: Mapping[str, float]) -> tuple[dict[str, Array], Array]:
+    """Units (d, 3) that are free, as powers of those of lengths in the plane, of heights and of the modulus, d ≤ 3, and
+    the powers (d,) with which parameters grow with them."""
+    law, tables = contact.interaction, _tables(contact)
     scaled = []
     for in_plane, normal, modulus in UNITS:
         energy = modulus * normal**2 / in_plane
@@ -134,17 +143,31 @@ def _powers(contact: Contact, values: Mapping[str, float]) -> dict[str, Array]:
         other = Contact(
             contact.axisymmetric_tip.scaled(1.0 / in_plane, 1.0 / normal), changed, contact.modulus * modulus
         )
-        scaled.append({name: one.value for name, one in parameters_of(other).items()})
-    return {
-        name: np.array([math.log2(own[name] / value) if value else 0.0 for own in scaled])
+        numbers = {name: one.value for name, one in parameters_of(other).items()}
+        scaled.append((numbers, np.log2(np.divide(_tables(other), tables))))
+    freedoms = scipy.linalg.null_space(np.array([grown for _, grown in scaled]).T).T if tables else np.eye(3)
+    powers = {
+        name: np.array([math.log2(own[name] / value) if value else 0.0 for own, _ in scaled])
         for name, value in values.items()
     }
+    return {name: freedoms @ own for name, own in powers.items()}, freedoms
+
+
+def _tables(contact: Contact) -> list[float]:
+    """The largest entries of all columns of tables."""
+    parts: list[Any] = [contact.axisymmetric_tip, *terms_of(contact.interaction)]
+    columns = [
+        one for part in parts for one in part.parameters().values() if isinstance(one, tuple | list | np.ndarray)
+    ]
+    return [float(np.max(np.abs(one))) for one in columns]
 
 
 def _implied(powers: Mapping[str, Array]) -> list[str]:
-    """Up to three parameters that follow from the others; those of tables and profiles are not among the parameters."""
-    names = list(powers)
-    _, triangle, order = scipy.linalg.qr(np.array([powers[name] for name in names]).T, mode="economic", pivoting=True)
+    """As many parameters as there are free units, or fewer, that follow from the others."""
+    names, rows = list(powers), np.array(list(powers.values()))
+    if not rows.size:
+        return []
+    _, triangle, order = scipy.linalg.qr(rows.T, mode="economic", pivoting=True)
     return [names[k] for k, size in zip(order, np.abs(np.diag(triangle)), strict=False) if size > SHARE]
 
 
@@ -154,7 +177,8 @@ def _change(parameter: Parameter, scales: Scales, step: float) -> _Change:
     def member(step: float) -> Contact:
         other = parameter.contact(parameter.value + step)
         law = other.interaction
-        scaled = None if law is None else law.scaled(scales.normal, scales.energy_per_area)
+        energy = scales.energy_per_area * other.modulus / scales.modulus
+        scaled = None if law is None else law.scaled(scales.normal, energy)
         return Contact(other.axisymmetric_tip.scaled(scales.in_plane, scales.normal), scaled)
 
     step *= abs(parameter.value) or 1.0
@@ -175,7 +199,10 @@ class _Event:
         self.problem = problem = equilibrium(point)
         self.control, self.margin = (None, "") if held else (control, margin)
         x, p, metric = point.x, point.parameter, problem.metric(point.x)
-        along = (np.zeros_like(x), 1.0) if held else (point.tangent_x, point.tangent_parameter)
+        # Next to an edge of the parameter, as in a tiny contact, all is compared at fixed parameter.
+        far = abs(point.tangent_parameter) / metric.norm(problem, point.tangent_x, point.tangent_parameter) * ALONG
+        held_there = held or ASIDE * min(abs(edge - p) for edge in problem.parameter_range) < far
+        along = (np.zeros_like(x), 1.0) if held_there else (point.tangent_x, point.tangent_parameter)
         size = metric.norm(problem, *along)
         row = metric.row(problem, along[0] / size, along[1] / size)
         at = linearise(problem, x, p)
@@ -199,8 +226,11 @@ class _Event:
             near = min(ASIDE * abs(edge - p) / rate for edge in problem.parameter_range)
             self.length, self.step = min(self.length, near), STEP if near > self.length else WIDE
 
-    def rates(self, changes: Mapping[str, _Change]) -> tuple[dict[str, Array], Array]:
-        """Derivatives of the four observables by parameter, and by the logarithm of a spring's stiffness."""
+    def rates(self, changes: Mapping[str, _Change], ends: bool) -> tuple[dict[str, Array], Array]:
+        """Derivatives of the four observables by parameter, and by the logarithm of a spring's stiffness.
+
+        Where the tip ends, nodes may pass its edge within a step along the curve, which is then shortened.
+        """
         problem, state, tangent = self.problem, self.state, self.tangent
         pairs = {
             name: _Pair(problem.varied(one.above), problem.varied(one.below), one.step) for name, one in changes.items()
@@ -212,7 +242,20 @@ class _Event:
             return found, np.zeros(4)
         along = self._along(state, tangent)
         if self.control is not None:
-            return self._at_fold(self.control, along, found, pairs, moved)
+            h, bent = self._bent()
+            h /= CURVED**2 if ends else 1.0
+            known = partial(self._at_fold, self.control, along, found, pairs, moved, self.solve(bent, 0.0))
+            rates, stiffer = known(h)
+            for _ in range(SHORTER if ends else 0):
+                last, (rates, stiffer) = rates, known(h := h / CURVED)
+                if all(np.abs(rates[name] - one).max() <= SMOOTH * np.abs(one).max() for name, one in last.items()):
+                    break
+            if self.step == WIDE:
+                others, _ = known(CLOSER * h)
+                for name, rate in rates.items():
+                    told = abs(rate[2] - others[name][2]) < TOLD * abs(rate[2])
+                    rates[name] = rate * np.array([1.0, 1.0, 1.0 if told else math.nan, 1.0])
+            return rates, stiffer
 
         def margin(problem: EquilibriumProblem, at: Array) -> Array:
             return np.array(problem.margin(at[:-1], at[-1], self.margin))
@@ -244,11 +287,11 @@ class _Event:
         found: Mapping[str, Array],
         pairs: Mapping[str, _Pair],
         moved: Mapping[str, Array],
+        curved: Array,
+        h: float,
     ) -> tuple[dict[str, Array], Array]:
-        """Derivatives at a fold; that of the discretisation lies a little aside of the point."""
+        """Derivatives at a fold, from states a step h away; that of the discretisation lies a little aside."""
         weights, tangent = np.array([*control.weights, 0.0, 0.0]), self.tangent
-        h, bent = self._bent()
-        curved = self.solve(bent, 0.0)
         sides = [(s, self.state + s * tangent + 0.5 * s * s * curved) for s in (-h, h)]
         before, behind = (self._along(state, tangent + s * curved) for s, state in sides)
         bend = (behind - before) / (2 * h)
