@@ -24,6 +24,7 @@ CASES = {  # contact, control, accuracy of the traces, parameters varied
     # its film reaches the edge of the cap, which nodes must not pass
     "edge": (cb.Contact(cb.SphericalCap(5.0), cb.VanDerWaals(-1.7, 2.0)), "load", 1e-8, "radius"),
     "cap": (cb.Contact(cb.SphericalCap(2.682), cb.Exponential(0.9, 0.4)), "load", 1e-8, ""),
+    "cap and table": (cb.Contact(cb.SphericalCap(7.8), TABLE), "load", 1e-8, ""),
     # no parameter tells in which units a table is: less follows from the others
     "table": (cb.Contact(cb.Parabola(1.3), TABLE, 2.0), cb.Spring(2.0), 1e-8, ""),
     "profile": (cb.Contact(PROFILE, cb.Exponential(1.0, 0.7), 3.0), cb.Spring(2.0), 1e-8, ""),

@@ -50,12 +50,16 @@ __all__ = ["Sensitivities"]
 STEP, ALONG, ASIDE = 3e-5, 3e-4, 0.1
 # ... those of parameters the larger the shorter the one along the curve is, by which their differences are divided.
 WIDE = 1e-3
+# ... and in contacts smaller than this, of which little but rounding would change.
+TINY = 0.03
 # The radius of a contact all but none is given where its derivative, with a step along the curve so much shorter, stays
 # within such a share.
 CLOSER, TOLD = 0.7, 0.03
 # The second derivative along the curve has larger ones, as often shortened as there is need: those from both distances
 # agree to such a share, and to rounding.
 CURVED, SHORTER, SMOOTH, ROUNDING = 3.0, 6, 0.01, 1e-13
+# Shares of a parameter's step that are tried where the tip ends, until derivatives agree to such a share.
+SHARES, ALIKE = (0.1, 0.01, 0.001), 1e-4
 # Events of such accuracy are taken on the discretisation that located them, others on the next finer one.
 FINE = 1e-8
 # Corrections on the finer discretisation by one matrix, and the largest for which it serves.
@@ -113,6 +117,10 @@ class Sensitivities:
         if control is not None and set(wanted) == {control.kind}:
             event.control = None
         found, stiffer = event.rates(self.changes(event.step), self.ends)
+        for share in SHARES if self.ends else ():  # the edge may pass nodes where a parameter changes, too
+            last, (found, stiffer) = found, event.rates(self.changes(share * event.step), self.ends)
+            if all(_alike(found[name], one, ALIKE) for name, one in last.items()):
+                break
         units = units / event.smooth  # of rates; a contact radius is a root of what is smooth
         rates = {name: (values[name] or 1.0) * units * rate for name, rate in found.items()}
         if "modulus" in rates:  # in whose own unit it has been changed: what grows with that does so, a spring softens
@@ -224,7 +232,8 @@ class _Event:
         if not held:
             rate = max(abs(self.tangent[-1]), 1e-300)  # not beyond an edge of the parameter
             near = min(ASIDE * abs(edge - p) / rate for edge in problem.parameter_range)
-            self.length, self.step = min(self.length, near), STEP if near > self.length else WIDE
+            tiny = near <= self.length or 0.0 < self.values[2] < TINY
+            self.length, self.step = min(self.length, near), WIDE if tiny else STEP
 
     def rates(self, changes: Mapping[str, _Change], ends: bool) -> tuple[dict[str, Array], Array]:
         """Derivatives of the four observables by parameter, and by the logarithm of a spring's stiffness.
@@ -248,7 +257,7 @@ class _Event:
             rates, stiffer = known(h)
             for _ in range(SHORTER if ends else 0):
                 last, (rates, stiffer) = rates, known(h := h / CURVED)
-                if all(np.abs(rates[name] - one).max() <= SMOOTH * np.abs(one).max() for name, one in last.items()):
+                if all(_alike(rates[name], one, SMOOTH) for name, one in last.items()):
                     break
             if self.step == WIDE:
                 others, _ = known(CLOSER * h)
@@ -322,6 +331,11 @@ class _Pair(NamedTuple):
         """Derivative by the parameter of a function of problem and state, where the state changes with it."""
         half = 0.5 * self.step * change
         return (of(self.above, state + half) - of(self.below, state - half)) / self.step
+
+
+def _alike(one: Array, other: Array, share: float) -> bool:
+    """Whether derivatives agree to a share of the largest."""
+    return bool(np.nanmax(np.abs(one - other)) <= share * np.nanmax(np.abs(one)))
 
 
 def _residual(problem: EquilibriumProblem, state: Array) -> Array:
