@@ -55,8 +55,8 @@ class Special(FollowedPoint):
         ``cusp`` (two folds merge smoothly: the parameter has an extremum), ``fold-through-touch`` (a fold passes first
         touch and goes on with, or without, contact), ``cusp-at-touch`` (a fold with and one without contact meet at
         first touch and end), ``through-touch`` (another event passes it), ``coincidence`` (load and displacement folds
-        at one state), ``infinite-separation``, ``load-fold`` and ``displacement-fold`` (what a spring's fold becomes at
-        the stiffnesses 0 and ∞), ``inadmissible``.
+        at one state), ``infinite-separation``, ``table-end`` (what lies beyond is not described), ``load-fold`` and
+        ``displacement-fold`` (what a spring's fold becomes at the stiffnesses 0 and ∞), ``inadmissible``.
     index : int
         Its place among the curve's points.
     control : str or None
