@@ -153,7 +153,8 @@ def _powers(contact: Contact, values: Mapping[str, float]) -> tuple[dict[str, Ar
         )
         numbers = {name: one.value for name, one in parameters_of(other).items()}
         scaled.append((numbers, np.log2(np.divide(_tables(other), tables))))
-    freedoms = scipy.linalg.null_space(np.array([grown for _, grown in scaled]).T).T if tables else np.eye(3)
+    grown = np.array([one for _, one in scaled]).T.round(9)
+    freedoms = scipy.linalg.null_space(grown).T if tables else np.eye(3)
     powers = {
         name: np.array([math.log2(own[name] / value) if value else 0.0 for own, _ in scaled])
         for name, value in values.items()
@@ -164,10 +165,8 @@ def _powers(contact: Contact, values: Mapping[str, float]) -> tuple[dict[str, Ar
 def _tables(contact: Contact) -> list[float]:
     """The largest entries of all columns of tables."""
     parts: list[Any] = [contact.axisymmetric_tip, *terms_of(contact.interaction)]
-    columns = [
-        one for part in parts for one in part.parameters().values() if isinstance(one, tuple | list | np.ndarray)
-    ]
-    return [float(np.max(np.abs(one))) for one in columns]
+    columns = [np.asarray(one) for part in parts for one in part.parameters().values() if isinstance(one, tuple | list)]
+    return [float(np.abs(one).max()) for one in columns if one.dtype.kind in "iuf" and one.any()]
 
 
 def _implied(powers: Mapping[str, Array]) -> list[str]:
