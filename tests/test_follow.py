@@ -347,6 +347,16 @@ def test_a_phase_diagram_finds_folds_that_the_present_contact_does_not_have(tmp_
     phase.plot().savefig(tmp_path / "phase.png")
 
 
+def test_contact_that_begins_on_a_ring_is_a_region_of_its_own():
+    contact = cb.Contact(cb.PowerLaw(3.5, 1.0), cb.Exponential(-1.0, 8.0))
+    phase = cb.phase_diagram(contact, "tabor", (0.125 / 1.04, 0.125 * 1.04), "load", samples=3, accuracy=1e-4)
+    assert not phase.boundaries  # neither a fold nor first touch
+    for parts in phase.parts:
+        assert [part.kind for part in parts] == [(False, True), (True, True)]
+    # Where the ring begins is that of tests/models/test_flat_tips.py, from the opening of a film's gap.
+    assert phase.parts[1][0].stop == pytest.approx(2.38743786, abs=3e-4)
+
+
 # The command.
 
 

@@ -92,7 +92,8 @@ class Regions:
         if diagram.status != "complete":
             self.messages.append(f"At {self.family.name} = {value:.4g}: {diagram.message}")
         edges = [e for e in diagram.events if e.kind == "touch" or (e.kind == "fold" and e.control == self.kind)]
-        self.parts.append(_parts(diagram, sorted(edges, key=lambda e: e.position), self.kind))
+        ends = sorted([*edges, *_begun_on_rings(diagram)], key=lambda e: e.position)
+        self.parts.append(_parts(diagram, ends, self.kind))
         for event in edges:
             if any(_on(boundary, event, value, member) for boundary in self.boundaries):
                 continue
@@ -113,6 +114,16 @@ class Regions:
         return np.linspace(low - room, high + room, LEVELS)
 
 
+def _begun_on_rings(diagram: Diagram) -> list[Event]:
+    """Events at which contact begins or ends away from the centre, which are not followed."""
+    radius = diagram.branches[0].contact_radius
+    return [
+        e
+        for e in diagram.events
+        if e.kind == "topology" and 0.0 in (radius[max(round(e.position) - 1, 0)], *radius[round(e.position) + 1 :][:1])
+    ]
+
+
 def _parts(diagram: Diagram, events: Sequence[Event], kind: str) -> tuple[Part, ...]:
     """The parts of a traced curve between events in order, the ends taken as far as they go."""
     branch = diagram.branches[0]
@@ -127,7 +138,7 @@ def _parts(diagram: Diagram, events: Sequence[Event], kind: str) -> tuple[Part, 
     for k, known in enumerate(stable):
         if known is None:  # no row between two events: a fold's other side
             other, beside = (stable[k - 1], events[k - 1]) if k else (stable[1], events[0])
-            stable[k] = bool(other) == (beside.kind == "touch")
+            stable[k] = bool(other) == (beside.kind != "fold")
     touching = [b > a and bool(branch.contact_radius[b] > 0) for a, b in pairwise(rows)]
     ends = pairwise(limits)
     return tuple(Part(*end, disc, bool(held)) for end, disc, held in zip(ends, touching, stable, strict=True))
