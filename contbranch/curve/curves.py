@@ -185,8 +185,9 @@ class FollowedCurves:
         track, known = self._crossings(request, field, value)
         curve = raw_curve(track, replace(request, events=False))
         if window is None:
-            # farther away than the trace begins, too
-            reached = [*curve.displacement, *([value] if field == "displacement" else [])] or [0.0]
+            # Farther away than the trace begins, too; and what is solved for lies beside rows by more than it is told.
+            solved = [value] if field == "displacement" else [one.found.numbers[1] for one in known]
+            reached = [*curve.displacement, *solved] or [0.0]
             window = (float(min(reached)), float(max(reached)))
         others: list[Found] | None = []
         searched = ""
