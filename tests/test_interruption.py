@@ -116,6 +116,7 @@ def test_every_computation_keeps_a_limit_and_passes_on_what_was_raised(name: str
     assert time.perf_counter() - began < 10.0
     assert (found.status, "The time limit of 0.05 s was reached." in found.message) == ("incomplete", True)
     found.document()
+    found._repr_html_()
     for error in (KeyboardInterrupt(), ZeroDivisionError("of the callback")):
         with pytest.raises(type(error)) as caught:
             compute(progress=Ending(error, 8))
@@ -124,6 +125,19 @@ def test_every_computation_keeps_a_limit_and_passes_on_what_was_raised(name: str
     assert compute(progress=Ending(cb.Stop(), 8)).status == "incomplete"
     with pytest.raises(cb.InputError, match="time_limit: 0; must be greater than zero"):
         compute(time_limit=0)
+
+
+def test_a_phase_diagram_is_drawn_however_little_of_it_there_is() -> None:
+    contact = cb.Contact.reduced("maugis-dugdale", tabor=1.0)
+    counted = Ending(cb.Stop(), -1)
+    cb.phase_diagram(contact, between=(1.0, 1.3), samples=3, progress=counted)
+    drawn = set()
+    for call in range(1, len(counted.said), max(1, len(counted.said) // 25)):
+        part = cb.phase_diagram(contact, between=(1.0, 1.3), samples=3, progress=Ending(cb.Stop(), call))
+        part.plot()
+        drawn.add((len(part.values), len(part.boundaries)))
+    assert {0, 1, 2} <= {values for values, _ in drawn}
+    assert any(boundaries for _, boundaries in drawn)
 
 
 def test_an_event_is_followed_as_far_as_there_is_time() -> None:

@@ -51,6 +51,9 @@ def test_results_say_what_they_are_in_three_lines():
         assert len(repr(one).splitlines()) <= 3
         assert all(len(line) <= 120 for line in repr(one).splitlines())
     for one in everything:
+        page, picture = one._repr_html_(), one._repr_png_()
+        assert ("<img" in page) == (picture is not None) == hasattr(one, "plot")
+        assert "<td" in page
         assert "complete" in repr(one)
         assert "gauss" in repr(one)
     assert "squeeze_out_load" in repr(diagram)

@@ -22,17 +22,22 @@ if TYPE_CHECKING:
 PATIENCE = 1.0
 
 
-def as_png(result: Result) -> bytes:
-    """The figure of a result, as `contbranch.output.plot.draw` draws it."""
-    return figure_content(draw(result), ".png", dpi=200)
+def as_png(result: Result) -> bytes | None:
+    """The figure of a result, as `contbranch.output.plot.draw` draws it; None for one that is a table alone."""
+    return figure_content(draw(result), ".png", dpi=200) if hasattr(result, "plot") else None
 
 
 def as_html(result: Result) -> str:
     """The figure, what is printed for people, and for a diagram the page on which it is explored."""
-    picture = base64.b64encode(as_png(result)).decode()
     shown = [f"<p>{escape(part)}</p>" if isinstance(part, str) else _table(part) for part in parts(result)]
-    image = f'<img alt="{escape(repr(result).splitlines()[0])}" width="440" src="data:image/png;base64,{picture}">'
-    return "\n".join(["<div>", image, *shown, *_explored(result), "</div>"])
+    return "\n".join(["<div>", *_image(result), *shown, *_explored(result), "</div>"])
+
+
+def _image(result: Result) -> Iterator[str]:
+    """The figure in the page."""
+    if (content := as_png(result)) is not None:
+        words, picture = escape(repr(result).splitlines()[0]), base64.b64encode(content).decode()
+        yield f'<img alt="{words}" width="440" src="data:image/png;base64,{picture}">'
 
 
 def _explored(result: Result) -> Iterator[str]:

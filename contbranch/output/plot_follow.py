@@ -103,16 +103,17 @@ def phase_figure(phase: PhaseDiagram) -> Figure:
         codes, index = np.unique(without * 10 + within, return_inverse=True)
         present = [divmod(code, 10) for code in codes.tolist()]
         colors = mpl.colors.ListedColormap([_REGIONS.get(pair, _MANY) for pair in present])
-        axes.pcolormesh(
-            values, levels, index.reshape(without.shape).T, cmap=colors, vmin=-0.5, vmax=len(present) - 0.5,
-            shading="nearest", zorder=0, rasterized=True,
-        )  # fmt: skip
+        if len(values) > 1:
+            axes.pcolormesh(
+                values, levels, index.reshape(without.shape).T, cmap=colors, vmin=-0.5, vmax=len(present) - 0.5,
+                shading="nearest", zorder=0, rasterized=True,
+            )  # fmt: skip
+            axes.set_xlim(values[0], values[-1])
         for followed in phase.boundaries:
             touch = followed.event.kind == "touch"
             for x, line, contact in _lines(followed, y, logarithmic):
                 style = "-" if contact or touch else DASHES
                 axes.plot(x, line, color=_TOUCH if touch else BLUE if contact else ORANGE, linestyle=style, zorder=3)
-        axes.set_xlim(values[0], values[-1])
         axes.set_ylim(levels[0], levels[-1])
         figure.legend(handles=_regions(phase, present), loc="outside upper center", ncols=2, columnspacing=1.2)
         _mark(axes, phase, y, [one for one in phase.special if one.control in (None, y)])
@@ -145,7 +146,7 @@ def _lines(followed: Followed, y: str, logarithmic: bool) -> list[tuple[Array, A
     """Smooth lines between the corners of a curve: parameter, observable, and whether there is contact."""
     curve = followed.curve
     x, values = curve[followed.parameter], curve[y]
-    corners = sorted({0, len(x) - 1, *(one.index for one in followed.special if one.kind in _CORNERS)})
+    corners = sorted({0, max(len(x) - 1, 0), *(one.index for one in followed.special if one.kind in _CORNERS)})
     lines = []
     for first, last in pairwise(corners):
         part = slice(first, last + 1)

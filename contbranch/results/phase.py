@@ -104,13 +104,13 @@ class PhaseDiagram(Result):
         at the special point between the two.
         """
         q = self._coordinate(self.values)
-        fine = np.linspace(q[0], q[-1], FINE)
+        fine = np.linspace(q[0], q[-1], FINE) if len(q) > 1 else q  # a time limit may leave one curve, or none
         levels = np.linspace(self.levels[0], self.levels[-1], FINE)
         kinds = [[part.kind for part in parts] for parts in self.parts]
         turns = [k + 1 for k in range(len(kinds) - 1) if kinds[k] != kinds[k + 1]]
         which = np.searchsorted([self._change(k - 1) for k in turns], fine, side="right")
-        counts = np.zeros((2, FINE, FINE), dtype=np.int64)
-        for number, (first, stop) in enumerate(pairwise([0, *turns, len(kinds)])):
+        counts = np.zeros((2, len(fine), FINE), dtype=np.int64)
+        for number, (first, stop) in enumerate(pairwise([0, *turns, len(kinds)] if kinds else [])):
             own = np.flatnonzero(which == number)
             for k, limits in zip(own, self._ends(q, first, stop, fine[own]), strict=True):
                 counts[:, k] = counted(

@@ -229,7 +229,7 @@ class Result(Record):
 
         return as_html(self)
 
-    def _repr_png_(self) -> bytes:
+    def _repr_png_(self) -> bytes | None:
         from contbranch.output.notebook import as_png
 
         return as_png(self)
