@@ -129,6 +129,11 @@ class Reached(Event):
         """The derivative of the value where the observables have these."""
         return rates.contact_radius if self.control is None else self.control.weighted(rates.load, rates.displacement)
 
+    def left_out(self, point: Point) -> float:
+        """How far what is controlled may be off by what finer discretisations leave out, too."""
+        load, displacement, radius, _ = equilibrium(point).left_out(point.x, point.parameter)
+        return radius if self.control is None else self.control.weighted(load, displacement)
+
 
 class Ceiling(Event):
     """The end of a trace: in contact, or in a film that stays, a control comes up to a value, which events may raise.

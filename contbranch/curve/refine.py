@@ -271,6 +271,28 @@ def refine(point: Point, event: Event | None, accuracy: float, beside: Point | N
     beside : Point, optional
         Another event: next to it a discretisation made for it is likely to serve this one.
     """
+    found = _refined(point, event, accuracy, beside)
+    return _held(found, event) if isinstance(event, Reached) else found
+
+
+def _held(found: Found, event: Reached) -> Found:
+    """With what a value that is held, but read off with what is left out, leaves open of the others."""
+    point, missed = found.point, event.left_out(found.point)
+    if missed == 0.0:
+        return found
+    problem = equilibrium(point)
+    rates = problem.rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
+    steepness = abs(event.rate(rates)) or math.inf
+    own = (0.0, 0.0) if event.control is None else event.control.weights
+    held = [weight != 0.0 and abs(weight) == sum(map(abs, own)) for weight in own] + [event.control is None, False]
+    load, displacement, radius, gap = (
+        e if known or value == 0.0 else e + missed * abs(rate) / steepness
+        for e, rate, known, value in zip(found.error, rates, held, found.numbers, strict=True)
+    )
+    return replace(found, error=(load, displacement, radius, gap))
+
+
+def _refined(point: Point, event: Event | None, accuracy: float, beside: Point | None) -> Found:
     point = _measured(point)
     stated = equilibrium(point).stated(point, event)
     if stated is not None:

@@ -114,3 +114,23 @@ def test_a_map_that_is_not_periodic_is_said_to_be_repeated():
         "periodic"
         not in cb.solve(cb.Contact(cb.HeightMap(cut, 1.0, window="hann"), law), load=0.5, model=cb.Periodic()).message
     )
+
+
+@pytest.mark.filterwarnings("ignore::contbranch.GridWarning")
+@pytest.mark.parametrize("held", ["load", "displacement"])
+@pytest.mark.parametrize(
+    ("contact", "displacement"),
+    [
+        (cb.Contact(cb.PowerLaw(1.93, 1.0), cb.VanDerWaals(-1.0, 1.145)), -1.49),
+        (cb.Contact(cb.SphericalCap(5.0), cb.Exponential(-1.0, 1.886)), -2.16),
+        (cb.Contact(cb.Parabola(1.0), cb.InverseSquare(1.0, 0.8)), 1.0),
+    ],
+)
+def test_what_a_cell_leaves_out_of_what_is_held_is_felt_in_the_rest(
+    contact: cb.Contact, displacement: float, held: str
+) -> None:
+    """The force from beyond a free cell is no part of the load that is held."""
+    true = cb.solve(contact, displacement=displacement, accuracy=1e-8)
+    state = cb.solve(contact, **{held: getattr(true, held)}, model=cb.FreeSpace(grid=96))
+    for name in ("load", "displacement", "contact_radius", "central_gap"):
+        assert abs(getattr(state, name) - getattr(true, name)) <= state.error[name] + true.error[name] + 1e-9, name
