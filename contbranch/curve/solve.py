@@ -106,7 +106,7 @@ def crossing(track: Track, piece: int, control: Control | None, value: float, ac
     try:
         own = None if control is None else equilibrium(begin).meeting(begin, end, control, value)
         if own is not None:
-            return Crossing(piece, refine(own, None, accuracy))
+            return Crossing(piece, refine(own, event, accuracy))
         ends = track.link(piece)
         # Without a piece in between, the state is next to one of its ends: with the one whose problem has it.
         nearest = [begin, end.turned()] if ends is None else [between(ends, event, BRACKET)[1]]

@@ -10,7 +10,7 @@ from contbranch.contact.height_map import HeightMap
 from .contact_area import contact_area
 from .newton import Equilibrium
 from .observables import central_gap, far_field_error, interpolate, smallest_gap
-from .resolution import tail_force
+from .resolution import edge_force, tail_force
 from .setup import Setup
 
 __all__ = ["Reading", "clearance", "read"]
@@ -56,6 +56,9 @@ def read(setup: Setup, state: Equilibrium, cell: bool = True) -> Reading:
         displacement_error = 4.0 * load_error / (math.pi * setup.edge)
     elif cell and not setup.crowded:
         displacement_error = far_field_error(problem, state)
+    if cell and (edge := edge_force(setup, state)):
+        load_error += edge
+        displacement_error += 2.0 * edge / (math.pi * setup.contact.axisymmetric_tip.extent)
     radius = gap = radius_error = gap_error = perimeter = 0.0
     if state.contact.any():
         area = contact_area(problem, state)

@@ -34,6 +34,7 @@ __all__ = [
     "Resolution",
     "border_energy",
     "border_message",
+    "edge_force",
     "needed_grid",
     "refuse_too_large",
     "repetition",
@@ -209,6 +210,22 @@ def tail_force(setup: Setup, state: Equilibrium) -> float:
         return 0.0
     energy = abs(float(law.evaluate(np.array([max(outer, 0.0)])).energy[0]))
     return math.pi * lattice.edge * energy * lattice.spacing / (outer - inner)
+
+
+def edge_force(setup: Setup, state: Equilibrium) -> float:
+    """Force at the edge of a tip that ends within the cell, where its nodes cover more than its area or less: p |ΔA|.
+
+    The edge is a step of the pressure, which halved lattices, whose nodes cover other areas, may miss alike.
+    """
+    tip, law = setup.contact.tip.axisymmetric, setup.law
+    if law is None or tip is None or not tip.extent < setup.edge / 2:
+        return 0.0
+    under = np.isfinite(setup.problem.heights)
+    off = abs(float(under.sum()) * setup.lattice.node_area - math.pi * tip.extent**2)
+    axis = setup.lattice.axis
+    ring = under & (np.hypot(axis[:, None], axis[None, :]) > tip.extent - setup.lattice.spacing)
+    pressure = np.abs(law.evaluate(np.maximum(state.fields.gap[ring], 0.0)).pressure)
+    return off * float(pressure.max(initial=0.0))
 
 
 def fills(setup: Setup, state: Equilibrium) -> bool:

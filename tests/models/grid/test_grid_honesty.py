@@ -134,3 +134,17 @@ def test_what_a_cell_leaves_out_of_what_is_held_is_felt_in_the_rest(
     state = cb.solve(contact, **{held: getattr(true, held)}, model=cb.FreeSpace(grid=96))
     for name in ("load", "displacement", "contact_radius", "central_gap"):
         assert abs(getattr(state, name) - getattr(true, name)) <= state.error[name] + true.error[name] + 1e-9, name
+
+
+@pytest.mark.filterwarnings("ignore::contbranch.GridWarning")
+def test_the_edge_of_a_cap_is_known_to_be_a_staircase() -> None:
+    """A film that presses on the edge: lattices of N and N/2 nodes both miss part of the step of its pressure there."""
+    contact = cb.Contact(cb.SphericalCap(5.0), cb.Gauss(-1.0, 1.617))
+    true = cb.trace(contact, "displacement", 1e-7, max_load=5.0)
+    found = cb.trace(contact, "displacement", max_load=5.0, model=cb.FreeSpace(grid=72))
+    assert [(e.kind, e.name, e.control) for e in found.events] == [(e.kind, e.name, e.control) for e in true.events]
+    for one, other in zip(found.events[:-1], true.events[:-1], strict=True):
+        for name in ("load", "displacement", "contact_radius", "central_gap"):
+            off = abs(getattr(one, name) - getattr(other, name))
+            assert off <= one.error[name] + other.error[name], (one.name, one.control, name)
+            assert one.error[name] < 0.05 * max(1.0, abs(getattr(other, name)))
