@@ -176,7 +176,8 @@ class FollowedCurves:
         """
         track, found = self._crossings(request, field, value)
         if not found and not track.complete and not over():
-            raise ModelError(f"{field}: the curve ends before {value:.6g} is reached. {track.message}")
+            own = value * self.contact.scales.of_fields[field]
+            raise ModelError(f"{field}: the curve ends before {own:.6g} is reached. {track.message}")
         states = tuple(state_on(track, one, {field: value}) for one in found)
         return _coexisting(track, field, states, (True,) * len(states))
 

@@ -113,7 +113,7 @@ def crossing(track: Track, piece: int, control: Control | None, value: float, ac
         found = [refine(near, event, accuracy) for near in nearest]
     except CorrectionError as error:
         name = "contact radius" if control is None else control.kind
-        raise ModelError(f"no state was found on the curve where the {name} is {value:.6g} {error.detail}") from error
+        raise ModelError(f"no state was found on the curve at the {name} asked for {error.detail}") from error
     return Crossing(piece, min(found, key=Found.relative_error))
 
 

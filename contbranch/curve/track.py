@@ -95,14 +95,14 @@ class Track:
         )
 
     def link(self, piece: int) -> tuple[Point, Point] | None:
-        """The ends of a piece as points of one problem, on the discretisation of the first, along the curve.
+        """The ends of a piece as points of one problem, on the discretisation of either, along the curve.
 
         None where the curve is not followed between these rows.
 
         Raises
         ------
         CorrectionError
-            If the second end is not found on the first one's discretisation.
+            If neither end is found on the other's discretisation.
         """
         if piece in self.gaps:
             return None
@@ -110,19 +110,22 @@ class Track:
 
 
 def linked(begin: Point, end: Point) -> tuple[Point, Point]:
-    """Two points of one representation as points of one discretisation, that of the first.
+    """Two points of one representation as points of one discretisation: that of the first, or else of the second.
 
     Raises
     ------
     CorrectionError
-        If the second is not found there.
+        If neither is found there.
     """
     problem = equilibrium(begin)
     if end.problem is problem:
         return begin, end
     if not problem.joins(equilibrium(end)):
         raise CorrectionError(Outcome.STEP_TOO_SMALL, "(Two representations have no piece of curve in common.)")
-    return begin, settled(moved(end, problem))
+    try:
+        return begin, settled(moved(end, problem))
+    except CorrectionError:
+        return settled(moved(begin, equilibrium(end))), end
 
 
 def between(ends: tuple[Point, Point] | None, event: Event, tolerance: float = 1e-8) -> tuple[float, Point]:

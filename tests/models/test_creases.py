@@ -109,3 +109,16 @@ def test_steps_travel_where_the_mesh_ends_at_an_edge():
     loads = 2.0 * ((tip.transform(radii) - np.sqrt(2 * np.pi * radii)) * radii - tip.transform_integral(radii))
     excess = diagram.thresholds["pull_off_load"] / loads.min() - 1.0
     assert 0.0 < excess < 2.0e-3
+
+
+def test_a_row_whose_creases_the_last_mesh_cannot_hold_is_joined_on_its_own():
+    """Under the edge of a cap creases of a coarse table move so far in a step that one mesh has room for one end only."""
+    gaps = np.linspace(0.0, 8.0, 9) * 0.241
+    energies = np.array(cb.VanDerWaals(1.0, 0.241).evaluate(gaps).energy)
+    contact = cb.Contact(cb.SphericalCap(3.471), cb.Tabulated(tuple(gaps), tuple(energies)))
+    for displacement, load in ((1.019, -2.0), (1.377, 0.0)):
+        (state,) = (s for s in cb.solve(contact, load=load).states if s.contact_radius > 1.5)
+        assert state.displacement == pytest.approx(displacement, abs=1e-3)
+        # A Maxwell relation that knows nothing of meshes: dV = F dd, between the two.
+        work = cb.solve(contact, displacement=state.displacement + 1e-4).energy - state.energy
+        assert work == pytest.approx(1e-4 * load, abs=1e-6)
