@@ -112,7 +112,7 @@ def test_steps_travel_where_the_mesh_ends_at_an_edge():
 
 
 def test_a_row_whose_creases_the_last_mesh_cannot_hold_is_joined_on_its_own():
-    """Under the edge of a cap creases of a coarse table move so far in a step that one mesh has room for one end only."""
+    """Under a cap the creases of a coarse table move so far in a step that a mesh has room for one end only."""
     gaps = np.linspace(0.0, 8.0, 9) * 0.241
     energies = np.array(cb.VanDerWaals(1.0, 0.241).evaluate(gaps).energy)
     contact = cb.Contact(cb.SphericalCap(3.471), cb.Tabulated(tuple(gaps), tuple(energies)))
