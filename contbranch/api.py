@@ -502,7 +502,7 @@ def _equilibria(count: int) -> str:
 
 def _reachable(found: Coexisting, field: str, unit: float) -> str:
     if field == "contact_radius":
-        return "contact radii greater than zero are reachable"
+        return f"contact radii greater than {found.lowest * unit:.6g} are reachable"
     return f"{field}s from {found.lowest * unit:.10g} upwards are reachable"
 
 

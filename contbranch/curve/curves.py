@@ -6,7 +6,10 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import ClassVar, Protocol
+
+import numpy as np
 
 from contbranch.contact.contact import Contact
 from contbranch.control import DISPLACEMENT, LOAD, Control
@@ -247,7 +250,10 @@ class FollowedCurves:
 
 
 def _coexisting(track: Track, field: str, states: tuple[State, ...], connected: tuple[bool, ...]) -> Coexisting:
-    lowest = float(track.column(field).min(initial=float("inf")))
+    column = track.column(field)
+    if field == "contact_radius":  # it begins at first touch, or with a ring
+        column = np.array([a for k, (a, b) in enumerate(pairwise(column)) if b > 0 and k not in track.gaps])
+    lowest = float(column.min(initial=float("inf")))
     return Coexisting(states, connected, lowest, track.work.cost(), track.work.unknowns)
 
 

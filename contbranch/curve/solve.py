@@ -66,7 +66,8 @@ def crossings(track: Track, field: str, value: float, accuracy: float) -> list[C
             first = before(track, control, value, accuracy)
             found.extend([] if first is None else [first])
         for k in pieces_at(reached, value):
-            if control is not None or reached[k + 1] > 0:
+            # Where a ring appears the radius jumps, and no state has what lies between.
+            if control is not None or (reached[k + 1] > 0 and k not in track.gaps):
                 found.append(crossing(track, k, control, value, accuracy))
 
     kept(search, None)

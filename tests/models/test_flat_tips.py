@@ -201,3 +201,15 @@ def test_a_fold_a_hair_behind_touch_is_found_from_steps_that_are_cut_short():
     given = fold.displacement + np.linspace(-1e-6, 1e-6, 5)
     loads = [cb.solve(contact, displacement=d, accuracy=1e-10).load for d in given]
     assert np.argmin(loads) == 2
+
+
+def test_radii_that_a_ring_skips_are_no_states():
+    """Contact begins on a ring of r = 0.1576, where the film's gap closes: no contact is smaller."""
+    contact = cb.Contact(cb.PowerLaw(3.5, 1.0), cb.Exponential(-1.0, 8.0))
+    for radius in (1e-3, 0.15):
+        with pytest.raises(cb.InputError, match=r"contact radii greater than 0\.157\d+ are reachable"):
+            cb.solve(contact, contact_radius=radius)
+    state = cb.solve(contact, contact_radius=0.2)
+    again = cb.solve(contact, displacement=state.displacement)
+    assert again.contact_radius == pytest.approx(0.2, abs=1e-6)
+    assert again.load == pytest.approx(state.load, abs=1e-6)
