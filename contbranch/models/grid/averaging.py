@@ -13,6 +13,7 @@ the contact's curve, and its folds are the contact's.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -265,14 +266,14 @@ class AveragedProblem(EquilibriumProblem):
         """The identity, and the slopes of the average."""
         return Linearisation(self.residual(x, p), np.eye(2), -self.fit.curve(p, 1)[:2])
 
-    def at(self, p: float) -> Point:
+    def row(self, p: float) -> Point:
         """The point at a contact radius."""
         x, slope = self.fit.curve(p)[:2], self.fit.curve(p, 1)[:2]
         return Point(self, x, p, slope, 1.0, observables=self.observables(x, p))
 
     def start(self, control: Control) -> Point:
         """Where its rows begin."""
-        return self.at(self.first)
+        return self.row(self.first)
 
     def steps(self, start: Point) -> Options:
         """Some in every row of nodes."""
@@ -314,11 +315,14 @@ class AveragedProblem(EquilibriumProblem):
         return AveragedProblem(self.lattice, self.samples, self.fit.other, self.first)
 
     def meeting(self, begin: Point, end: Point, control: Control, value: float) -> Point | None:
-        """The state on the lattice next to the place where the average has the value."""
+        """The state on the lattice next to the place where the average has the value; None if it leaves that place."""
         known = [control.value(row.observables["load"], row.observables["displacement"]) for row in (begin, end)]
         share = (value - known[0]) / (known[1] - known[0]) if known[1] != known[0] else 0.0
-        place = begin.parameter + share * (end.parameter - begin.parameter)
-        return self.lattice.beside(self.nearest(place), control, value)
+        last = end.observables["contact_radius"]  # the end may be a row of the lattice behind
+        place = begin.parameter + share * (last - begin.parameter)
+        found = self.lattice.beside(self.nearest(place), control, value)
+        radius = math.inf if found is None else self.lattice.reading(found.x, found.parameter).contact_radius
+        return found if abs(radius - place) < self.fit.spacing else None
 
     def left_out(self, x: Vector, p: float) -> tuple[float, float, float, float]:
         """What the scatter of the arcs, the radius, and the beginning of the contact leave open, and the cell does."""
@@ -358,6 +362,10 @@ class AveragedProblem(EquilibriumProblem):
     def nearest(self, p: float) -> Equilibrium:
         """The same with all fields; one pair of transforms."""
         return self.lattice.state(*self.beside(p))
+
+    def at(self, point: Point) -> Equilibrium:
+        """The state on the lattice next to a row."""
+        return self.nearest(point.parameter)
 
     def beside(self, p: float) -> tuple[Array, float]:
         """Its u and load."""
@@ -450,7 +458,7 @@ def averaged(
         x_rate, load = kept.x - points[row - 1].x, kept.parameter - points[row - 1].parameter
     load, displacement, *_ = lattice.rates(kept.x, kept.parameter, x_rate, load)
     first = _joint(fit, max(kept.observables["contact_radius"], least), (load, displacement), controls)
-    return None if first >= fit.last else AveragedProblem(lattice, samples, fit, first).at(first)
+    return None if first >= fit.last else AveragedProblem(lattice, samples, fit, first).row(first)
 
 
 def _joint(fit: Fit, first: float, ahead: tuple[float, float], controls: Sequence[Control]) -> float:

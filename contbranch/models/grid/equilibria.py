@@ -154,10 +154,6 @@ class LatticeProblem(EquilibriumProblem):
         seen = {**self.observables(x, state.load), "fft_pairs": float(state.pairs)}
         return Point(self, x, state.load, change.ravel(), load, observables=seen)
 
-    def between(self, state: Equilibrium, begin: Point, end: Point) -> Point:
-        """An equilibrium between two points of the curve as a point."""
-        return self.point(state, (end.x - begin.x, end.parameter - begin.parameter))
-
     def tangential(self, point: Point) -> Point:
         """The point with the tangent of the curve, in the sense of the direction that it has."""
         along = point.tangent_x.reshape(self.nodes.shape)
@@ -348,7 +344,8 @@ class LatticeProblem(EquilibriumProblem):
                     state = state or found(near.u, near.load, near.contact, softer)
         if state is None:
             raise CorrectionError(Outcome.STEP_TOO_SMALL, "(No equilibrium was found between two rows.)")
-        return self.between(state, begin, end)
+        change = (last.u - first.u).ravel(), last.load - first.load
+        return self.point(state, change)
 
     def beside(self, state: Equilibrium, control: Control, value: float) -> Point | None:
         """The equilibrium next to a state at a value of a control, with its tangent; None if there is none."""

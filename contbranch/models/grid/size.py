@@ -38,6 +38,8 @@ COARSE_ERROR, ORDER = 0.02, 1.5
 COARSE_CURVE, PATIENCE = 1e-4, 20.0
 # A tip is flat whose height is not reached at this distance.
 FLAT = 1e8
+# Heights of a tip far away that a cell has room for, as a share of the law's reach.
+FAR = 0.5
 
 
 def chosen_size(
@@ -63,7 +65,8 @@ def chosen_size(
     (cell, grid), (field, value) = given, asked
     depth, radius = _extent(contact, field, value) if depth is None else (depth, 0.0)
     if cell is None:
-        cell = ROOM[kind] * _radius_at(contact, depth + _reach(contact))
+        reach = _reach(contact)  # however far away the tip is, so much of it counts as is felt out there
+        cell = ROOM[kind] * _radius_at(contact, max(depth + reach, FAR * reach))
     if grid is None:
         law = contact.interaction
         lengths = [*([] if law is None else [law.range]), *([radius] if radius > 0.0 else [])]

@@ -148,3 +148,33 @@ def test_the_edge_of_a_cap_is_known_to_be_a_staircase() -> None:
             off = abs(getattr(one, name) - getattr(other, name))
             assert off <= one.error[name] + other.error[name], (one.name, one.control, name)
             assert one.error[name] < 0.05 * max(1.0, abs(getattr(other, name)))
+
+
+@pytest.mark.filterwarnings("ignore::contbranch.GridWarning")
+@pytest.mark.parametrize("law", [cb.Exponential(1.0, 0.8), cb.VanDerWaals(-1.0, 1.1)])
+def test_states_next_to_first_touch_are_found_between_the_film_and_the_average(law: cb.Interaction) -> None:
+    """A row of the lattice and one of the average of its arcs have no representation in common."""
+    contact, model = cb.Contact(cb.EllipticParaboloid(2.0, 0.5), law), cb.FreeSpace(cell=10.0, grid=48)
+    branch = cb.trace(contact, "displacement", model=model).branches[0]
+    row = int(np.flatnonzero(branch.contact_radius > 0.0)[0])
+    for share in (0.2, 0.7):
+        for k in (row - 2, row - 1, row):
+            d, load = (float((1 - share) * c[k] + share * c[k + 1]) for c in (branch.displacement, branch.load))
+            states = cb.find_all(contact, displacement=d, model=model)
+            loads = sorted(state.load for state in states)
+            assert len(loads) == 3
+            assert min(np.diff(loads)) > 1e-4  # none twice
+            assert min(abs(one - load) for one in loads) < 0.2  # rows are far apart, errors of 0.03
+
+
+@pytest.mark.filterwarnings("ignore::contbranch.GridWarning")
+@pytest.mark.parametrize("law", [cb.Exponential(1.0, 0.8), cb.VanDerWaals(-1.0, 1.1)])
+def test_a_cell_is_chosen_for_a_tip_far_away(law: cb.Interaction) -> None:
+    """Farther than its interaction reaches: there is a state, with next to no load."""
+    contact = cb.Contact(cb.EllipticParaboloid(2.0, 0.5), law)
+    for found in (
+        cb.solve(contact, displacement=-40.0, model=cb.FreeSpace(grid=48)),
+        cb.find_all(contact, displacement=-40.0, model=cb.FreeSpace(grid=48))[0],
+    ):
+        assert found.central_gap == pytest.approx(40.0, abs=0.1)
+        assert abs(found.load) < 0.01
