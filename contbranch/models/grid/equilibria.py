@@ -74,6 +74,8 @@ NEAR = 2.0
 # Step along the curve for a difference, in ranges of the law, and the factor that the error on twice the nodes, and of
 # a single step to the event there, has.
 STEP, SAFETY = 1e-3, 2.0
+# Share of the way between two rows by which a state between them may lie beyond either.
+BESIDE = 1e-4
 # An excess of pressure that may be neglected.
 NOTHING = 1e-12
 
@@ -330,7 +332,8 @@ class LatticeProblem(EquilibriumProblem):
         def found(u: Array, load: float, contact: Mask, settings: Settings) -> Equilibrium | None:
             start = np.where(contact, -self.nodes.heights, u)
             state = newton(self.nodes, start, load, hold, contact, settings)
-            return state if state.converged and bounds[0] <= way.of(state) <= bounds[1] else None
+            room = BESIDE * (bounds[1] - bounds[0])  # a row that has the value itself is known as well as it is solved
+            return state if state.converged and bounds[0] - room <= way.of(state) <= bounds[1] + room else None
 
         with quietly():
             state = found(u, load, contact, self.sharp)

@@ -178,3 +178,14 @@ def test_a_cell_is_chosen_for_a_tip_far_away(law: cb.Interaction) -> None:
     ):
         assert found.central_gap == pytest.approx(40.0, abs=0.1)
         assert abs(found.load) < 0.01
+
+
+def test_the_value_of_a_row_is_found_again() -> None:
+    """In other units it may differ from that row's by rounding, and the state found from it lies beyond the row."""
+    tip = cb.HeightMap.self_affine(48, 10.0, 0.6, rms_slope=0.2, seed=3)
+    contact, model = cb.Contact(tip, cb.Exponential(-0.1, 0.7)), cb.Periodic(grid=48)
+    branch = cb.trace(contact, max_load=2.0, model=model).branches[0]
+    for row in range(1, len(branch.load) - 1, 2):
+        for off in (0.0, 1e-10, -1e-10):
+            states = cb.find_all(contact, load=float(branch.load[row]) * (1.0 + off), model=model)
+            assert min(abs(s.displacement - branch.displacement[row]) for s in states) < 1e-4
