@@ -39,6 +39,7 @@ from contbranch.output.plot_view import (
     styled,
     view,
 )
+from contbranch.output.smooth import smooth_path
 from contbranch.results.diagram import Diagram, Event, Solution, State
 from contbranch.results.profile import FAINT
 from contbranch.results.record import UnitNames
@@ -138,14 +139,15 @@ def profiles(state: State, unit_names: UnitNames | None = None) -> Figure:
         raise InputError("state: it has no profile; take a state of a traced diagram or of solve")
     names = unit_names or {}
     reach = max(1.25 * loud_radius(profile.r, profile.pressure, FAINT), 1.5 * state.contact_radius)
-    shown = profile.r <= reach
+    shown = (profile.r <= reach) & np.isfinite(profile.gap)
     r = profile.r[shown]
     with new_figure(3.8) as figure:
         above, below = figure.subplots(2, 1, sharex=True)
-        above.plot(r, profile.gap[shown], color=_STABLE)
-        below.plot(r, profile.pressure[shown], color=_STABLE, label="total")
+        above.plot(*smooth_path(r, profile.gap[shown]), color=_STABLE)
+        below.plot(*smooth_path(r, profile.pressure[shown]), color=_STABLE, label="total")
         if state.contact_radius > 0.0:
-            below.plot(r, profile.wall_pressure[shown], color=_UNSTABLE, linestyle="--", label="wall")
+            wall = smooth_path(r, profile.wall_pressure[shown])
+            below.plot(*wall, color=_UNSTABLE, linestyle="--", label="wall")
             below.legend()
         below.axhline(0.0, color=GREY, linewidth=0.5, zorder=0)
         mark_rim((above, below), state.contact_radius, True, -1)
