@@ -17,8 +17,8 @@ from .equations import Equations, Fields, felt
 from .mesh import Mesh
 
 __all__ = [
-    "Solver", "adapted_edges", "cuts", "defect_error", "factorised", "needed_reach", "panel_errors", "roughness",
-    "similar",
+    "Solver", "adapted_edges", "cuts", "defect_error", "factorised", "finer_error", "needed_reach", "panel_errors",
+    "roughness", "similar",
 ]  # fmt: skip
 
 Solver = Callable[[Array], Array]
@@ -34,6 +34,8 @@ SHORTEN = 0.9
 STIFF = 1e5
 # Steps towards the solution on the finer mesh, by which its residual is to fall at least to this share.
 STEPS, CONTRACTS = 2, 0.5
+# ... and on the finer mesh the second one may be larger than the first by this.
+GROWS = 4.0
 # ... the second one where the first is larger than its residual by this: where something gives way.
 SOFT = 4.0
 # A matrix factorised next to a state serves for its error if its answer is wrong by no more than this share.
@@ -83,6 +85,31 @@ def defect_error(equations: Equations, fields: Fields, solve: Solver | None = No
         if not float(np.abs(step).max()) > SOFT * float(np.abs(residual).max()):
             break
     return Defect(*(max(column, key=abs) for column in zip(*(found[1:] or found), strict=True)))
+
+
+def finer_error(equations: Equations, fields: Fields) -> Defect | None:
+    """Steps to the solution on ``mesh.finer`` with that mesh's own linearisation: the larger change; None if they grow.
+
+    Where stiff contacts are soft the present mesh answers the residual on the finer one by motions up to some hundred
+    times too large: what a finer mesh adds is no such motion there. Close to singular, what a step leaves is rounding.
+    """
+    fine_equations = equations.finer
+    h = start = equations.mesh.to_finer @ fields.h
+    fine = fine_equations.fields(h, fields.y)
+    solve, last, found = factorised(fine_equations.jacobian(fine)), math.inf, []
+    for _ in range(STEPS):
+        step = -solve(fine.residual)
+        if not float(np.abs(step).max()) < GROWS * last:
+            step = -factorised(fine_equations.jacobian(fine))(fine.residual)
+        h, size = h + step, float(np.abs(step).max())
+        if not size < GROWS * last:
+            return None
+        last = size
+        fine = fine_equations.fields(h, fields.y)
+        load = fine_equations.load(fine) - equations.load(fields)
+        displacement = fine_equations.displacement(fine) - equations.displacement(fields)
+        found.append((load, displacement, float(np.abs(h - start).max())))
+    return Defect(*(max(column, key=abs) for column in zip(*found, strict=True)))
 
 
 def similar(equations: Equations, fields: Fields, solve: Solver) -> Solver:

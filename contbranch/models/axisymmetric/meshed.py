@@ -16,7 +16,17 @@ from contbranch.errors import ModelError
 from contbranch.models.fronts import CORE, STIFF
 from contbranch.watch import check
 
-from .adapt import adapted_edges, cuts, defect_error, factorised, needed_reach, panel_errors, roughness, similar
+from .adapt import (
+    adapted_edges,
+    cuts,
+    defect_error,
+    factorised,
+    finer_error,
+    needed_reach,
+    panel_errors,
+    roughness,
+    similar,
+)
 from .creases import SHORTER, Crease, creases_of, located, shortened
 from .equations import Equations, Fields
 from .front import Edge, Front, Kink, steepest
@@ -117,7 +127,10 @@ class MeshedContact(MovingContact):
             equations, fields = self.seen(x, p)
             solve = self._solver(x)
             solve = None if solve is None else similar(equations, fields, solve)
-            self._judged = x, p, defect_error(equations, fields, solve)
+            found = defect_error(equations, fields, solve)
+            if self._relative(found, equations, fields) > self.resolution.tolerance and self.stiff(fields):
+                found = finer_error(equations, fields) or found
+            self._judged = x, p, found
         return self._judged[2]
 
     def adapt(self, x: Array, p: float) -> Adaptation | None:
@@ -195,6 +208,10 @@ class MeshedContact(MovingContact):
             for a, b, error in zip(old[:2], new[:2], defect[:2], strict=True)
         )
 
+    def stiff(self, fields: Fields) -> bool:
+        """Whether the interaction is far stiffer than elasticity where it is felt."""
+        return float(np.abs(fields.stiffness).max()) * self.resolution.moving > STIFF
+
     def within(self, x: Array, p: float) -> float:
         """Radius within which v'' has to be smooth: where a stiff contact may give way, a film as far as it bears much.
 
@@ -202,8 +219,7 @@ class MeshedContact(MovingContact):
         """
         equations, fields = self.seen(x, p)
         if not self.film or isinstance(self.film, Edge):
-            stiff = float(np.abs(fields.stiffness).max()) * self.resolution.moving > STIFF
-            return math.inf if self.film or stiff else 0.0
+            return math.inf if self.film or self.stiff(fields) else 0.0
         return float(equations.mesh.nodes[fields.pressure > CORE * float(fields.pressure.max())].max(initial=0.0))
 
     def rough(self, x: Array, p: float) -> bool:
@@ -229,8 +245,7 @@ class MeshedContact(MovingContact):
         weight = found.weight if isinstance(found, Front) else float(equations.mesh.weights @ fields.h**2)
         law, own = equations.interaction, self.creases
         assert law is not None  # there is a front
-        stiff = float(np.abs(fields.stiffness).max()) * self.resolution.moving > STIFF
-        narrow, steps = min(self.scale, LAYER * law.wave), stiff and isinstance(found, Edge)
+        narrow, steps = min(self.scale, LAYER * law.wave), self.stiff(fields) and isinstance(found, Edge)
         known = creases_of(equations.mesh, fields, narrow, unit * found.place, followed, steps)
         stay = same and {crease.key for crease in known} == {crease.key for crease in own}
         if stay and not (own and shortened(self.equations.mesh, now.edges) < SHORTER):
@@ -464,6 +479,8 @@ class MeshedContact(MovingContact):
 
     def relative_error(self, x: Array, p: float) -> float:
         """Discretisation error of a solution relative to max(1, |value|): the larger of load's and displacement's."""
-        equations, fields = self.seen(x, p)
+        return self._relative(self.error(x, p), *self.seen(x, p))
+
+    def _relative(self, error: Defect, equations: Equations, fields: Fields) -> float:
         here = Values(equations.load(fields), equations.displacement(fields), 0.0, 0.0, 0.0)
-        return float(self.error(x, p).relative(here))
+        return float(error.relative(here))
