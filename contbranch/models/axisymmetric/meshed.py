@@ -113,7 +113,7 @@ class MeshedContact(MovingContact):
         """Look whether the mesh resolves a row, or one as close to it as that."""
         if abs(p - self._row) < JUMP * abs(p):
             return
-        if not self.relative_error(x, p) <= UNRESOLVED * self.resolution.tolerance:
+        if not self.relative_error(x, p, UNRESOLVED) <= UNRESOLVED * self.resolution.tolerance:
             raise UnresolvedError("the mesh does not resolve the solution")
         self._row = p
 
@@ -121,17 +121,19 @@ class MeshedContact(MovingContact):
         """One Newton step towards the solution on the finer mesh."""
         return self.error(point.x, point.parameter)
 
-    def error(self, x: Array, p: float) -> Defect:
-        """Discretisation error of a solution."""
+    def error(self, x: Array, p: float, enough: float = 1.0) -> Defect:
+        """Discretisation error; where a stiff contact pulls, with care if it exceeds a multiple of the tolerance."""
+        equations, fields = self.seen(x, p)
         if not (self._judged and self._judged[0] is x and self._judged[1] == p):
-            equations, fields = self.seen(x, p)
             solve = self._solver(x)
             solve = None if solve is None else similar(equations, fields, solve)
-            found = defect_error(equations, fields, solve)
-            if self._relative(found, equations, fields) > self.resolution.tolerance and self.stiff(fields):
-                found = finer_error(equations, fields) or found
-            self._judged = x, p, found
-        return self._judged[2]
+            pulls = -float(fields.pressure.min()) > float(fields.pressure.max())
+            self._judged = x, p, defect_error(equations, fields, solve), pulls and self._stiff(fields)
+        found, doubtful = self._judged[2:]
+        if doubtful and self._relative(found, equations, fields) > enough * self.resolution.tolerance:
+            found = finer_error(equations, fields) or found
+            self._judged = x, p, found, False
+        return found
 
     def adapt(self, x: Array, p: float) -> Adaptation | None:
         """A better mesh where the error estimate exceeds the tolerance, or where far fewer panels would do."""
@@ -208,8 +210,7 @@ class MeshedContact(MovingContact):
             for a, b, error in zip(old[:2], new[:2], defect[:2], strict=True)
         )
 
-    def stiff(self, fields: Fields) -> bool:
-        """Whether the interaction is far stiffer than elasticity where it is felt."""
+    def _stiff(self, fields: Fields) -> bool:
         return float(np.abs(fields.stiffness).max()) * self.resolution.moving > STIFF
 
     def within(self, x: Array, p: float) -> float:
@@ -219,7 +220,7 @@ class MeshedContact(MovingContact):
         """
         equations, fields = self.seen(x, p)
         if not self.film or isinstance(self.film, Edge):
-            return math.inf if self.film or self.stiff(fields) else 0.0
+            return math.inf if self.film or self._stiff(fields) else 0.0
         return float(equations.mesh.nodes[fields.pressure > CORE * float(fields.pressure.max())].max(initial=0.0))
 
     def rough(self, x: Array, p: float) -> bool:
@@ -245,7 +246,7 @@ class MeshedContact(MovingContact):
         weight = found.weight if isinstance(found, Front) else float(equations.mesh.weights @ fields.h**2)
         law, own = equations.interaction, self.creases
         assert law is not None  # there is a front
-        narrow, steps = min(self.scale, LAYER * law.wave), self.stiff(fields) and isinstance(found, Edge)
+        narrow, steps = min(self.scale, LAYER * law.wave), self._stiff(fields) and isinstance(found, Edge)
         known = creases_of(equations.mesh, fields, narrow, unit * found.place, followed, steps)
         stay = same and {crease.key for crease in known} == {crease.key for crease in own}
         if stay and not (own and shortened(self.equations.mesh, now.edges) < SHORTER):
@@ -477,9 +478,9 @@ class MeshedContact(MovingContact):
                 return best
         return best
 
-    def relative_error(self, x: Array, p: float) -> float:
+    def relative_error(self, x: Array, p: float, enough: float = 1.0) -> float:
         """Discretisation error of a solution relative to max(1, |value|): the larger of load's and displacement's."""
-        return self._relative(self.error(x, p), *self.seen(x, p))
+        return self._relative(self.error(x, p, enough), *self.seen(x, p))
 
     def _relative(self, error: Defect, equations: Equations, fields: Fields) -> float:
         here = Values(equations.load(fields), equations.displacement(fields), 0.0, 0.0, 0.0)

@@ -106,7 +106,8 @@ class MovingContact(EquilibriumProblem):
         self._slopes = self.film.slopes(mesh) if self.film else None
         self._seen: list[tuple[Array, float, Equations, Fields]] = []
         self._corrected: tuple[Array, Solver] | None = None
-        self._judged: tuple[Array, float, Defect] | None = None  # the last state whose error was estimated
+        # The last state whose error was estimated, and whether a finer mesh may find less.
+        self._judged: tuple[Array, float, Defect, bool] | None = None
         self._row = math.nan  # parameter of the last row that was resolved
         self.work = resolution.work
         self.work.unknowns = max(self.work.unknowns, mesh.size)
