@@ -34,10 +34,10 @@ SHORTEN = 0.9
 STIFF = 1e5
 # Steps towards the solution on the finer mesh, by which its residual is to fall at least to this share.
 STEPS, CONTRACTS = 2, 0.5
-# ... and on the finer mesh the second one may be larger than the first by this.
-GROWS = 4.0
 # ... the second one where the first is larger than its residual by this: where something gives way.
 SOFT = 4.0
+# With the finer mesh's own linearisation the second step may be larger than the first by no more than this.
+GROWS = 4.0
 # A matrix factorised next to a state serves for its error if its answer is wrong by no more than this share.
 SIMILAR = 1e-2
 # Panels are merged when the joint panel's error stays below this part of what is allowed, so that it is not split
