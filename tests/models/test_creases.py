@@ -122,3 +122,21 @@ def test_a_row_whose_creases_the_last_mesh_cannot_hold_is_joined_on_its_own():
         # A Maxwell relation that knows nothing of meshes: dV = F dd, between the two.
         work = cb.solve(contact, displacement=state.displacement + 1e-4).energy - state.energy
         assert work == pytest.approx(1e-4 * load, abs=1e-6)
+
+
+def test_the_end_of_a_mesh_stays_where_it_is():
+    """However wide a crease next to it is; at the edge of a tip the mesh would end beyond."""
+    mesh = Mesh(EDGES, 10, bounded=True)
+    crease = Crease(2.9, 0.2, 0, 0.3, 5.0, 60.0, 0)
+    edges, _ = velocities([crease], None, mesh)
+    assert edges[0, 0] == edges[0, -1] == 0.0
+    assert np.interp(2.9, EDGES, edges[0]) > 0.1
+    assert moved_with(mesh, edges, np.array([0.01])).edges[-1] == EDGES[-1]
+
+
+def test_a_film_that_is_squeezed_out_next_to_the_edge_of_a_cap():
+    """Its creases come as close to the edge as they are wide."""
+    contact = cb.Contact(cb.SphericalCap(24.243), cb.Gauss(-1.0, 0.12537773))
+    diagram = cb.trace(contact, cb.Spring(0.32308), accuracy=1e-8)
+    assert diagram.status == "complete", diagram.message
+    str(diagram)  # errors of its rows, on finer meshes

@@ -89,7 +89,9 @@ def velocities(creases: Sequence[Crease], resting: tuple[float, float] | None, m
     resting : (float, float) or None
         What stays between them where it is: a front.
     """
-    held = [(crease.place - crease.half, crease.place + crease.half) for crease in creases]
+    # Next to the mesh's end, which stays, less is held than a crease is wide.
+    last = [(crease.place + float(mesh.edges[-1])) / 2 for crease in creases]
+    held = [(c.place - c.half, min(c.place + c.half, most)) for c, most in zip(creases, last, strict=True)]
     spans = sorted([*held, resting] if resting else held)
     knots = np.array([mesh.innermost, *itertools.chain(*spans), mesh.edges[-1]])
     rates = [
