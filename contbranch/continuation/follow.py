@@ -121,10 +121,9 @@ class _Direction:
                 end = to_point(here.problem, corrected, metric, options.detect_branch_points)
                 judgement = judge(here, end, corrected, metric, options)
                 constants = predictor.constants(step, foretold, end)
-                self.reach = min(
-                    MARGIN * predictor.error(missed, constants, self.count) if missed else RECOVERS * self.reach,
-                    corrected.first_correction * CONTRACTS / max(corrected.contraction, 1e-9),
-                )
+                before = MARGIN * predictor.error(missed, constants, self.count) if missed else RECOVERS * self.reach
+                told = corrected.contraction  # nothing, where Newton's method had next to nothing to do
+                self.reach = min(before, corrected.first_correction * CONTRACTS / told if told else math.inf)
                 longest, self.count = predictor.longest(step, constants, growth, self.reach)
                 if judgement.accepted:
                     segment, happenings, stop = self._look_inside(Segment(here, examined(end), metric))

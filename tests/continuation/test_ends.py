@@ -192,3 +192,30 @@ def test_crude_start_is_corrected():
     assert curve.status == "complete"
     assert curve.parameter[0] == 0.0
     assert curve.x[0][0] == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("size", [1, 3])
+def test_a_straight_line_takes_few_points(size):
+    """A prediction that is exact but for rounding says nothing of how far the next one may reach."""
+    rng = np.random.default_rng(1)
+    for _ in range(10):
+        slope, start = 3.0 * rng.standard_normal(size), rng.standard_normal(size)
+        curve = trace_curve(Line(slope, start), start, 0.0, (0.0, 1000.0))
+        assert curve.status == "complete"
+        assert len(curve.points) < 20
+
+
+class Line(Problem):
+    """x = slope p + start."""
+
+    def __init__(self, slope, start):
+        self.slope, self.start = slope, start
+
+    def residual(self, x, p):
+        return x - self.slope * p - self.start
+
+    def jacobian(self, x, p):
+        return np.eye(x.size)
+
+    def parameter_derivative(self, x, p):
+        return -self.slope
