@@ -583,3 +583,11 @@ def test_rows_lie_where_the_contact_set_changes() -> None:
         row = round(event.position)
         assert branch.load[row] == event.load
         assert branch.displacement[row] == event.displacement
+
+
+def test_a_layout_without_panels_outside_has_no_front_there():
+    """Beyond the last edge there may be but the panel to infinity; the curve ends there, and says so."""
+    law = cb.Gauss(0.321, 0.0324) + cb.Exponential(-0.679, 0.01711)
+    diagram = cb.trace(cb.Contact(cb.PowerLaw(2.144, 1.0), law), accuracy=1e-4)
+    assert diagram.status == "complete" or "beyond the change of the contact set" in diagram.message
+    assert diagram.folds("load")

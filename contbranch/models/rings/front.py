@@ -47,7 +47,7 @@ def steepest(problem: RingEquations, fields: Fields) -> float:
         return problem.setting.law.smooth.kink
     own = _outside(problem, grid)
     r, last = grid.r[own], float(grid.edges[-1]) if len(grid.edges) else 0.0
-    if not np.abs(fields.stiffness[own]).max() * problem.setting.tip.radius_at(problem.scale) > STIFF:
+    if not np.abs(fields.stiffness[own]).max(initial=0.0) * problem.setting.tip.radius_at(problem.scale) > STIFF:
         return 0.0
     slope, rise = (grid.slopes(values, r, grid.of_node[own]) for values in (fields.pressure, fields.gap))
     steep = np.abs((r * r - last * last) / r * slope) / np.abs(fields.pressure).max()
