@@ -284,6 +284,8 @@ class EventCurve:
             for door in doors[:1]:
                 other = problem.on(equilibrium(door), direction(door))
                 touch = _solved(other, other.joined(door.x, edge), last.parameter, place=True)
+                if not self.interval.contains(touch.parameter):  # it is not so close, and the range ends before
+                    raise CorrectionError(Outcome.REACHED_EDGE, "(The curve leaves the range at first touch.)")
                 points.append(replace(touch, label="touch"))
         failure = CorrectionError(Outcome.STEP_TOO_SMALL, "(The curve was not found there.)")
         for door, beside in itertools.product(doors, BESIDE):
@@ -400,7 +402,7 @@ class EventCurve:
 
     def _ending(self, last: Point, end: End, count: int) -> tuple[str, str]:
         """The kind of special point that an end is, if any, and a sentence."""
-        if self._far(last):
+        if last.observables and self._far(last):
             return "infinite-separation", "The event leaves to infinite separation."
         if end.outcome in ENDED:
             if self.family.spacing == "angle" and last.parameter in (0.0, 0.5 * math.pi):
