@@ -116,12 +116,13 @@ class Regions:
 
 def _begun_on_rings(diagram: Diagram) -> list[Event]:
     """Events at which contact begins or ends away from the centre, which are not followed."""
-    radius = diagram.branches[0].contact_radius
-    return [
-        e
-        for e in diagram.events
-        if e.kind == "topology" and 0.0 in (radius[max(round(e.position) - 1, 0)], *radius[round(e.position) + 1 :][:1])
-    ]
+
+    def begins(event: Event) -> bool:
+        row = round(event.position)
+        beside = diagram.branches[0].contact_radius[max(row - 1, 0) : row + 2]
+        return bool((beside[0] > 0.0) != (beside[-1] > 0.0))
+
+    return [event for event in diagram.events if event.kind == "topology" and begins(event)]
 
 
 def _parts(diagram: Diagram, events: Sequence[Event], kind: str) -> tuple[Part, ...]:

@@ -283,11 +283,10 @@ def _held(found: Found, event: Reached) -> Found:
     problem = equilibrium(point)
     rates = problem.rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
     steepness = abs(event.rate(rates)) or math.inf
-    own = (0.0, 0.0) if event.control is None else event.control.weights
-    held = [weight != 0.0 and abs(weight) == sum(map(abs, own)) for weight in own] + [event.control is None, False]
+    held = "contact_radius" if event.control is None else event.control.kind
     load, displacement, radius, gap = (
-        e if known or value == 0.0 else e + missed * abs(rate) / steepness
-        for e, rate, known, value in zip(found.error, rates, held, found.numbers, strict=True)
+        e if name == held or value == 0.0 else e + missed * abs(rate) / steepness
+        for name, e, rate, value in zip(rates._fields, found.error, rates, found.numbers, strict=True)
     )
     return replace(found, error=(load, displacement, radius, gap))
 
