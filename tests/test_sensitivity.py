@@ -28,6 +28,8 @@ CASES = {  # contact, control, accuracy of the traces, parameters varied
     "table": (cb.Contact(cb.Parabola(1.3), TABLE, 2.0), cb.Spring(2.0), 1e-8, ""),
     "profile": (cb.Contact(PROFILE, cb.Exponential(1.0, 0.7), 3.0), cb.Spring(2.0), 1e-8, ""),
     "tables": (cb.Contact(PROFILE, TABLE, 1.5), "load", 1e-8, ""),
+    # a fold at a hundredth of a radius², next to the edge of its parameter
+    "weak": (cb.Contact.reduced(cb.InverseSquare, tabor=0.0752), "load", 1e-11, ""),
     "ring": (cb.Contact.reduced(cb.MaugisDugdale, tabor=0.5, sign=-1), "load", 1e-8, "range"),
 }
 
@@ -69,6 +71,17 @@ def test_the_radius_of_a_tiny_contact_moves_as_traces_say(law, tabor, sign):
             for s in (h, -h)
         )
         assert rates[key] == pytest.approx((above - below) / (2 * h), rel=5e-3)
+
+
+def test_a_slope_that_lifts_a_tip_by_more_than_a_thin_film_is_thick():
+    """Heights of 2,000 ranges: what changes them by a small share moves the film by more than what it feels."""
+    contact, h = cb.Contact(cb.Cone(0.5), cb.Exponential(-1.0, 0.4)), 1e-4
+    rates = cb.trace(contact).sensitivities
+    above, below = (
+        cb.trace(cb.Contact(cb.Cone(0.5 + s), contact.interaction), accuracy=1e-10, modes=0).thresholds for s in (h, -h)
+    )
+    for threshold in ("squeeze_out_load", "touch_displacement"):
+        assert rates[threshold]["slope"] == pytest.approx((above[threshold] - below[threshold]) / (2 * h), rel=5e-6)
 
 
 def test_the_edge_of_a_cap_may_pass_nodes_of_fine_meshes():

@@ -74,8 +74,8 @@ class Found:
 class _Place:
     """A point near an event, the derivative of the event along the curve, and what is left open of the place.
 
-    Both per unit of the coordinate along the curve, see `_Line`. Besides the accuracy asked, and whether the point is a
-    solution to rounding.
+    Both in lengths of the point's own tangent, which another discretisation takes over: its coordinate along the curve
+    may be another. Besides the accuracy asked, and whether the point is a solution to rounding.
     """
 
     point: Point
@@ -223,7 +223,7 @@ def _located(place: _Place, event: Event | None) -> _Place:
     least = max(CLOSEST * line.problem.rounding, enough) * line.unit
     s, point = 0.0, place.point if place.settled else line.at(0.0, place.point)
     value = event.value(point)
-    steepness, stalls = place.steepness, 0
+    steepness, stalls = place.steepness * line.speed(place.point), 0
     if isinstance(event, Reached):
         steepness = event.rate(line.rates(point))
     best, beyond = (abs(value), point, steepness), math.nan  # a place on the other side
@@ -248,9 +248,10 @@ def _located(place: _Place, event: Event | None) -> _Place:
         lost = stalls > 1 and math.isnan(beyond)
         if value == 0.0 or (stalls and abs(step) < 1e-8 * line.unit) or lost:  # noise, also to the steepness
             break
-    steepness = best[2]
-    uncertainty = (best[0] + event.noise) / abs(steepness) if steepness else 0.0
-    return _Place(best[1], place.accuracy, steepness, min(uncertainty, 1e-3 * line.unit), settled=True)
+    value, point, steepness = best
+    uncertainty = min((value + event.noise) / abs(steepness), 1e-3 * line.unit) if steepness else 0.0
+    speed = line.speed(point)
+    return _Place(point, place.accuracy, steepness / speed, uncertainty * abs(speed), settled=True)
 
 
 def refine(point: Point, event: Event | None, accuracy: float, beside: Point | None = None) -> Found:
@@ -388,7 +389,7 @@ def _nudged(place: _Place, event: Event) -> tuple[float, Four] | None:
         return None
     line = _Line(place.point)
     point = line.at(0.0, place.point)
-    step = -event.value(point) / place.steepness
+    step = -event.value(point) / (place.steepness * line.speed(place.point))
     if not abs(step) < CLOSE * line.unit:
         return None
     # Half of the rate at this end: where it vanishes at the other, the load (or displacement) has an extremum.
@@ -405,21 +406,23 @@ def _compared(place: _Place, finer: tuple[float, Four] | None, accuracy: float) 
     """The event with error estimates; `finer`: parameter and numbers on the finer discretisation, if there is one."""
     point, here = place.point, numbers(place.point)
     parameter, there = finer or (point.parameter, here)
-    floor = equilibrium(point).rounding + (FLOOR * accuracy if finer else 0.0)
-    along, moves, left_out = 0.0, Rates(0.0, 0.0, 0.0, 0.0), equilibrium(point).left_out(point.x, point.parameter)
-    if place.uncertainty:  # what rounding leaves open of the place
-        line = _Line(point)
-        along, moves = line.speed(point) * point.tangent_parameter, line.rates(point)
+    problem = equilibrium(point)
+    floor = problem.rounding + (FLOOR * accuracy if finer else 0.0)
+    moves = problem.rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
+    left_out = problem.left_out(point.x, point.parameter)
 
     def error(a: float, b: float, rate: float, besides: float = 0.0) -> float:
-        return SAFETY * abs(a - b) + floor * max(1.0, abs(a)) + 2 * abs(rate * place.uncertainty) + besides
+        unsettled = 2 * abs(rate) * place.uncertainty if place.uncertainty else 0.0  # what rounding leaves open
+        return SAFETY * abs(a - b) + floor * max(1.0, abs(a)) + unsettled + besides
 
     load, displacement, radius, gap = (
         # What is zero by its nature has no error: the radius without contact, the gap in contact, the load far away.
         0.0 if a == b == 0.0 else error(a, b, rate, besides)
         for a, b, rate, besides in zip(here, there, moves, left_out, strict=True)
     )
-    return Found(here, (load, displacement, radius, gap), point, error(point.parameter, parameter, along))
+    return Found(
+        here, (load, displacement, radius, gap), point, error(point.parameter, parameter, point.tangent_parameter)
+    )
 
 
 def by_defect(point: Point, event: Event | None) -> Found:

@@ -46,12 +46,14 @@ from contbranch.results.record import OBSERVABLES
 __all__ = ["Sensitivities"]
 
 # Steps: of parameters relative to themselves (or of those that are zero), along the curve relative to its metric, and
-# relative to the distance of an edge of its parameter.
-STEP, ALONG, ASIDE = 3e-5, 3e-4, 0.1
+# relative to the distance of an edge of its parameter, at most and where rounding allows a shorter one.
+STEP, ALONG, ASIDE, NEARER = 3e-5, 3e-4, 0.1, 0.004
 # ... those of parameters the larger the shorter the one along the curve is, by which their differences are divided.
 WIDE = 1e-3
 # ... and in contacts smaller than this, of which little but rounding would change.
 TINY = 0.03
+# Heights change like the displacement with the numbers of a tip, and may by such a share of the law's shortest length.
+HEIGHT = 1e-3
 # The radius of a contact all but none is given where its derivative, with a step along the curve so much shorter, stays
 # within such a share.
 CLOSER, TOLD = 0.7, 0.03
@@ -87,11 +89,18 @@ class Sensitivities:
     def __init__(self, contact: Contact, accuracy: float) -> None:
         known, self.accuracy = parameters_of(contact), accuracy
         self.scales, self.ends = contact.scales, math.isfinite(contact.axisymmetric_tip.extent)
+        lengths = (min(law.range, law.wave) for law in terms_of(contact.interaction))
+        self.shortest = min(lengths, default=math.inf) / self.scales.normal
         self.values = {name: one.value for name, one in known.items()}
         self.powers, self.freedoms = _powers(contact, self.values)
         self.implied = _implied(self.powers)
         free = {name: one for name, one in known.items() if name not in self.implied}
-        self.changes = cache(lambda step: {name: _change(one, self.scales, step) for name, one in free.items()})
+        tips = contact.axisymmetric_tip.parameters()
+        self.changes = cache(
+            lambda step, share: {
+                name: _change(one, self.scales, step * (share if name in tips else 1.0)) for name, one in free.items()
+            }
+        )
 
     def at(
         self, point: Point, control: Control | None, margin: str = "", wanted: Collection[str] = OBSERVABLES
@@ -114,11 +123,12 @@ class Sensitivities:
         if self.accuracy > FINE:
             point = moved(point, equilibrium(point).finer())
         event = _Event(point, None if control is None else control.scaled(self.scales.stiffness), margin)
+        lower = min(1.0, HEIGHT * self.shortest / max(abs(event.values[1] * event.step), 1e-300))
         if control is not None and set(wanted) == {control.kind}:
             event.control = None
-        found, stiffer = event.rates(self.changes(event.step), self.ends)
+        found, stiffer = event.rates(self.changes(event.step, lower), self.ends)
         for share in SHARES if self.ends else ():  # the edge may pass nodes where a parameter changes, too
-            last, (found, stiffer) = found, event.rates(self.changes(share * event.step), self.ends)
+            last, (found, stiffer) = found, event.rates(self.changes(share * event.step, lower), self.ends)
             if all(_alike(found[name], one, ALIKE) for name, one in last.items()):
                 break
         units = units / event.smooth  # of rates; a contact radius is a root of what is smooth
@@ -170,12 +180,17 @@ def _tables(contact: Contact) -> list[float]:
 
 
 def _implied(powers: Mapping[str, Array]) -> list[str]:
-    """As many parameters as there are free units, or fewer, that follow from the others."""
-    names, rows = list(powers), np.array(list(powers.values()))
-    if not rows.size:
-        return []
-    _, triangle, order = scipy.linalg.qr(rows.T, mode="economic", pivoting=True)
-    return [names[k] for k, size in zip(order, np.abs(np.diag(triangle)), strict=False) if size > SHARE]
+    """As many parameters as there are free units, or fewer, that follow from the others: the first that can.
+
+    They are the modulus and those of the tip, which change heights by far more than the range of a law where films are
+    stiff, so that differences of states would not be small.
+    """
+    found: dict[str, Array] = {}
+    for name, row in powers.items():
+        left = row - sum(((row @ one) * one for one in found.values()), np.zeros_like(row))
+        if (size := float(np.linalg.norm(left))) > SHARE:
+            found[name] = left / size
+    return list(found)
 
 
 def _change(parameter: Parameter, scales: Scales, step: float) -> _Change:
@@ -230,9 +245,10 @@ class _Event:
         self.step, self.length = STEP, ALONG / metric.norm(problem, self.tangent[:-1], self.tangent[-1])
         if not held:
             rate = max(abs(self.tangent[-1]), 1e-300)  # not beyond an edge of the parameter
-            near = min(ASIDE * abs(edge - p) / rate for edge in problem.parameter_range)
-            tiny = near <= self.length or 0.0 < self.values[2] < TINY
-            self.length, self.step = min(self.length, near), WIDE if tiny else STEP
+            near = min(abs(edge - p) / rate for edge in problem.parameter_range)
+            tiny = ASIDE * near <= self.length or 0.0 < self.values[2] < TINY
+            share = NEARER if self.values[2] >= TINY else ASIDE
+            self.length, self.step = min(self.length, share * near), WIDE if tiny else STEP
 
     def rates(self, changes: Mapping[str, _Change], ends: bool) -> tuple[dict[str, Array], Array]:
         """Derivatives of the four observables by parameter, and by the logarithm of a spring's stiffness.

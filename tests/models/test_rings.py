@@ -32,6 +32,18 @@ from contbranch.models.rings.panels import Grid, Panels
 
 
 @dataclass(frozen=True)
+class Screened(cb.Interaction):
+    """f = (1 + x) exp(−x)."""
+
+    name = ""
+
+    def shape(self, x):
+        """f, f', f''."""
+        fall = np.exp(-x)
+        return (1 + x) * fall, -x * fall, (x - 1) * fall
+
+
+@dataclass(frozen=True)
 class Ramp(cb.Interaction):
     """A pressure that falls linearly to zero at x = 2: there its slope jumps."""
 
@@ -392,6 +404,15 @@ def test_a_disc_at_rest_is_followed_by_a_ring(step: Track) -> None:
     assert ahead.load > 0 < ahead.displacement
     assert min(equilibrium(start).margins(start.x, start.parameter).values()) > 0
     assert not equilibrium(event).joins(equilibrium(start))
+
+
+def test_an_error_is_told_in_the_coordinate_of_the_finer_discretisation() -> None:
+    """First touch of a film of long range, which one has along the parameter and the other across the curve."""
+    contact = cb.Contact(cb.PowerLaw(3.1, 1.0), Screened(1.0, 73.5))
+    diagram, exact = (cb.trace(contact, accuracy=accuracy) for accuracy in (1e-8, 1e-10))
+    touch, true = (next(event for event in one.events if event.kind == "touch") for one in (diagram, exact))
+    assert diagram.status == "complete"
+    assert abs(touch.displacement - true.displacement) <= touch.error["displacement"] <= 1e-8
 
 
 def test_farther_away_than_the_beginning() -> None:

@@ -295,7 +295,8 @@ def steepest(seen: tuple[Equations, Fields], present: Front | None, unit: Mesh, 
         return serving
     gap = fields.gap[max(place - 1, 0) : place + 2]
     ends = mesh.nodes[place] > CLOSE_TO_EDGE * _to_edge(equations, fields)  # the tip does there
-    if ends or not (bool((np.diff(gap) > 0).all()) or bool((np.diff(gap) < 0).all())):
+    steady = bool((np.diff(gap) > 0).all()) or bool((np.diff(gap) < 0).all())
+    if ends or not steady or not fields.gap[place] > 0.0:  # below zero the wall has yet to be felt
         return serving
     at, own = float(unit.nodes[place]), float(fields.gap[place])
     width = own / abs(float(slope[place]))
