@@ -21,7 +21,7 @@ of the tip has such units, of which no parameter tells, only units under which t
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache, partial
 from typing import Any, NamedTuple
@@ -74,6 +74,10 @@ UNITS = ((2.0, 1.0, 1.0), (1.0, 2.0, 1.0), (1.0, 1.0, 2.0))
 SHARE = 0.1
 
 
+# Derivatives of the observables by parameter, and by the logarithm of a spring's stiffness.
+_Rates = tuple[dict[str, Array], Array]
+
+
 @dataclass(frozen=True)
 class _Change:
     """A parameter that is changed: the contacts a step above and below, in the event's reduced units, and the step."""
@@ -122,15 +126,14 @@ class Sensitivities:
         units = np.array([self.scales.of_fields[name] for name in OBSERVABLES])
         if self.accuracy > FINE:
             point = moved(point, equilibrium(point).finer())
-        event = _Event(point, None if control is None else control.scaled(self.scales.stiffness), margin)
+        reduced = None if control is None else control.scaled(self.scales.stiffness)
+        event = _Event(point, reduced, margin, self.ends)
         lower = min(1.0, HEIGHT * self.shortest / max(abs(event.values[1] * event.step), 1e-300))
         if control is not None and set(wanted) == {control.kind}:
             event.control = None
-        found, stiffer = event.rates(self.changes(event.step, lower), self.ends)
-        for share in SHARES if self.ends else ():  # the edge may pass nodes where a parameter changes, too
-            last, (found, stiffer) = found, event.rates(self.changes(share * event.step, lower), self.ends)
-            if all(_alike(found[name], one, ALIKE) for name, one in last.items()):
-                break
+        # The edge of a tip may pass nodes where a parameter changes, too.
+        shares = (1.0, *SHARES) if self.ends else (1.0,)
+        found, stiffer = _settled((event.rates(self.changes(k * event.step, lower)) for k in shares), ALIKE)
         units = units / event.smooth  # of rates; a contact radius is a root of what is smooth
         rates = {name: (values[name] or 1.0) * units * rate for name, rate in found.items()}
         if "modulus" in rates:  # in whose own unit it has been changed: what grows with that does so, a spring softens
@@ -216,10 +219,11 @@ class _Event:
     All comes from one factorisation: what changes on both sides of the event from differences of residuals.
     """
 
-    def __init__(self, point: Point, control: Control | None, margin: str) -> None:
+    def __init__(self, point: Point, control: Control | None, margin: str, ends: bool) -> None:
         held = (control is None and not margin) or point.parameter in equilibrium(point).parameter_range
         self.problem = problem = equilibrium(point)
         self.control, self.margin = (None, "") if held else (control, margin)
+        self.ends = ends
         x, p, metric = point.x, point.parameter, problem.metric(point.x)
         # Next to an edge of the parameter, as in a tiny contact, all is compared at fixed parameter.
         far = abs(point.tangent_parameter) / metric.norm(problem, point.tangent_x, point.tangent_parameter) * ALONG
@@ -247,10 +251,10 @@ class _Event:
             rate = max(abs(self.tangent[-1]), 1e-300)  # not beyond an edge of the parameter
             near = min(abs(edge - p) / rate for edge in problem.parameter_range)
             tiny = ASIDE * near <= self.length or 0.0 < self.values[2] < TINY
-            share = NEARER if self.values[2] >= TINY else ASIDE
+            share = ASIDE if ends or self.values[2] < TINY else NEARER
             self.length, self.step = min(self.length, share * near), WIDE if tiny else STEP
 
-    def rates(self, changes: Mapping[str, _Change], ends: bool) -> tuple[dict[str, Array], Array]:
+    def rates(self, changes: Mapping[str, _Change]) -> _Rates:
         """Derivatives of the four observables by parameter, and by the logarithm of a spring's stiffness.
 
         Where the tip ends, nodes may pass its edge within a step along the curve, which is then shortened.
@@ -267,13 +271,9 @@ class _Event:
         along = self._along(state, tangent)
         if self.control is not None:
             h, bent = self._bent()
-            h /= CURVED**2 if ends else 1.0
             known = partial(self._at_fold, self.control, along, found, pairs, moved, self.solve(bent, 0.0))
-            rates, stiffer = known(h)
-            for _ in range(SHORTER if ends else 0):
-                last, (rates, stiffer) = rates, known(h := h / CURVED)
-                if all(_alike(rates[name], one, SMOOTH) for name, one in last.items()):
-                    break
+            steps = [h / CURVED**k for k in range(2, SHORTER + 3)] if self.ends else [h]
+            rates, stiffer = _settled(map(known, steps), SMOOTH)
             if self.step == WIDE:
                 others, _ = known(CLOSER * h)
                 for name, rate in rates.items():
@@ -313,7 +313,7 @@ class _Event:
         moved: Mapping[str, Array],
         curved: Array,
         h: float,
-    ) -> tuple[dict[str, Array], Array]:
+    ) -> _Rates:
         """Derivatives at a fold, from states a step h away; that of the discretisation lies a little aside."""
         weights, tangent = np.array([*control.weights, 0.0, 0.0]), self.tangent
         sides = [(s, self.state + s * tangent + 0.5 * s * s * curved) for s in (-h, h)]
@@ -348,9 +348,22 @@ class _Pair(NamedTuple):
         return (of(self.above, state + half) - of(self.below, state - half)) / self.step
 
 
-def _alike(one: Array, other: Array, share: float) -> bool:
-    """Whether derivatives agree to a share of the largest."""
-    return bool(np.nanmax(np.abs(one - other)) <= share * np.nanmax(np.abs(one)))
+def _settled(tries: Iterable[_Rates], share: float) -> _Rates:
+    """The first derivatives that agree with those before to a share of the largest, or those that do so best."""
+    last: _Rates | None = None
+    best, least = None, math.inf
+    for one in tries:
+        if last is not None:
+            pairs = [(rates, last[0][name]) for name, rates in one[0].items()]
+            apart = max(np.nanmax(np.abs(a - b)) / max(np.nanmax(np.abs(a)), 1e-300) for a, b in pairs)
+            if apart < least:
+                best, least = one, apart
+            if apart <= share:
+                break
+        last = one
+    found = best or last
+    assert found is not None
+    return found
 
 
 def _residual(problem: EquilibriumProblem, state: Array) -> Array:

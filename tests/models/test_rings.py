@@ -415,6 +415,14 @@ def test_an_error_is_told_in_the_coordinate_of_the_finer_discretisation() -> Non
     assert abs(touch.displacement - true.displacement) <= touch.error["displacement"] <= 1e-8
 
 
+def test_a_ring_vanishes_where_the_curve_turns() -> None:
+    """The film left behind goes on with less displacement, not back into the ring and along the curve once more."""
+    contact = cb.Contact(cb.PowerLaw(3.906, 1.0), cb.Layered(-1.0, 1.0, 2.25))
+    diagram = cb.trace(contact, accuracy=1e-4, modes=0)
+    assert diagram.status == "complete"
+    assert diagram.branches[-1].contact_radius[-1] > 1.5
+
+
 def test_farther_away_than_the_beginning() -> None:
     """Without pressure beyond the range the tip floats freely; the first loads are those of Hertz."""
     problem = Rings().problem(STEP, 1e-6)

@@ -127,6 +127,8 @@ def vanished(points: Sequence[Point], region: int | None = None) -> Succession:
     if jump:  # no change of the contact set, only of how it is represented
         return Succession("", point, (begun(joined),), step=AFTER_JUMP * float(joined.x[-1]))
     width = narrowest(point)
+    if not becomes_right(joined, FIRST * width):  # at a fold, where what was held turns at once
+        joined = joined.turned()
     right = margin_of(joined) > 0  # for a while already: look back
     event = along(joined.turned() if right else joined, width, [Begins("breach")])
     if event.label != "breach":
@@ -169,6 +171,16 @@ def along(start: Point, width: float, events: Sequence[Event], arrived: Callable
 def margin_of(point: Point) -> float:
     """How far the inequalities of contact are from failing."""
     return equilibrium(point).margins(point.x, point.parameter)["breach"]
+
+
+def becomes_right(point: Point, step: float) -> bool:
+    """Whether the inequalities of contact come to hold along the curve, or hold by more, within a step."""
+    problem = equilibrium(point)
+    behind, ahead = (
+        problem.margins(point.x + s * point.tangent_x, point.parameter + s * point.tangent_parameter)["breach"]
+        for s in (-step, step)
+    )
+    return ahead >= behind
 
 
 def failing(point: Point) -> Breach:
