@@ -11,6 +11,7 @@ from contbranch.continuation import CorrectionError, Point
 from contbranch.control import Control
 from contbranch.curve.problem import Rates, equilibrium
 from contbranch.curve.refine import Found, further, moved, numbers, settled
+from contbranch.errors import ModelError
 from contbranch.results.diagram import Exponent, LocalExponent, Window
 
 __all__ = ["critical_exponent", "crossover_excess", "fitted_window", "sampled_exponent"]
@@ -22,10 +23,13 @@ HIGHEST, SAMPLES, NEAREST, FARTHEST = 1e2, 57, 1e-5, 6.0
 # Samples end where the discretisation is no longer good enough, or Newton's method has failed.
 LOST = 1e-4
 # Close to the event all samples share its discretisation, so that its errors cancel. At a greater distance it need only
-# serve this share of the excess; it is changed when that is so much coarser than the present one serves.
-SHARE, COARSER, FINEST = 1e-7, 30.0, 1e-14
+# serve this share of the excess; it is changed when that is so much coarser than the present one serves, or so much
+# finer.
+SHARE, COARSER, POORER, FINEST = 1e-7, 30.0, 100.0, 1e-14
 # The error estimate at the event holds within this distance.
 NEARBY = 1e-3
+# Beyond, errors change along the curve: those of rates are larger than those of values by this factor.
+OF_RATES = 10.0
 # Samples end where the tangent disagrees so much with the secant to the last one, if that is at most so much closer.
 INCONSISTENT, NEIGHBOUR = 2e-2, 4.0
 # Offset of the parameter for derivatives at a fold.
@@ -42,8 +46,7 @@ class _Side:
         problem = equilibrium(self.origin)
         edges = [abs(edge - self.origin.parameter) for edge in problem.parameter_range if edge != self.origin.parameter]
         self.room = min(edges)
-        values = problem.values(self.origin.x, self.origin.parameter)
-        self.tolerance = max(problem.defect(self.origin).relative(values), FINEST)
+        self.tolerance = max(self.left(self.origin), FINEST)
 
     def sample(self, point: Point) -> tuple[float, float, float, float]:
         """Control, order parameter and their rates at a point of the curve."""
@@ -54,21 +57,25 @@ class _Side:
         order = (radius, rates.contact_radius) if self.contact else (gap, rates.central_gap)
         return control[0], order[0], control[1], order[1]
 
-    def coarsened(self, point: Point, tolerance: float) -> Point:
-        """The point on a coarser discretisation that serves a tolerance."""
-        if tolerance < COARSER * self.tolerance:
-            return point
-        self.tolerance = tolerance
+    def left(self, point: Point) -> float:
+        """The error of a point, relative to its values."""
         problem = equilibrium(point)
-        other = problem.coarser(point, tolerance)
-        if other is problem:
-            return point
+        return problem.defect(point).relative(problem.values(point.x, point.parameter))
+
+    def served(self, point: Point, tolerance: float) -> tuple[Point, float]:
+        """The point on a discretisation that serves a tolerance, where the present one is far better or worse, and the
+        error that is left."""
+        left, problem = self.left(point), equilibrium(point)
+        poor = left > POORER * tolerance
+        if not poor and tolerance < COARSER * self.tolerance:
+            return point, left
+        self.tolerance = tolerance
         try:
-            there = settled(moved(point, other))
-        except CorrectionError:
-            return point
-        good = other.defect(there).relative(other.values(there.x, there.parameter)) <= tolerance
-        return there if good else point
+            there = settled(moved(point, problem.finer() if poor else problem.coarser(point, tolerance)))
+        except (CorrectionError, ModelError):
+            return point, left
+        found = self.left(there)
+        return (there, found) if found <= (left if poor else tolerance) else (point, left)
 
 
 def critical_exponent(found: Found, control: Control) -> Exponent | None:
@@ -136,15 +143,16 @@ def sampled_exponent(found: Found, control: Control, ahead: Point | None = None)
             break
         if min(equilibrium(near).margins(near.x, near.parameter).values(), default=1.0) < 0.0:
             break
+        if step > NEARBY:
+            value = side.sample(near)[0]
+            near, left = side.served(near, min(SHARE * abs(value - control0) / max(1.0, abs(value)), LOST))
+            relative = OF_RATES * left
         value, order, control_rate, order_rate = side.sample(near)
         excess, change = value - control0, order - order0
         direction = direction or (1 if excess > 0 else -1)
         if excess * direction <= 0 or (rows and abs(excess) <= rows[-1][0]) or not math.isfinite(excess):
             break  # the control has turned round: another fold
         kappa = excess * order_rate / (change * control_rate)
-        if step > NEARBY:
-            problem = equilibrium(near)
-            relative = problem.defect(near).relative(problem.values(near.x, near.parameter))
         if not relative < LOST:
             break
         error = abs(kappa) * ((errors[0] + relative * max(1.0, abs(value))) / abs(excess) + errors[1] / abs(change))
@@ -156,7 +164,6 @@ def sampled_exponent(found: Found, control: Control, ahead: Point | None = None)
         rows.append((abs(excess), abs(change), kappa, error))
         if abs(excess) > HIGHEST:
             break
-        near = side.coarsened(near, min(SHARE * abs(excess) / max(1.0, abs(value)), LOST))
     table = np.array(rows).reshape(-1, 4)
     table = table[table[:, 3] < 0.5] if len(table) else table
     return LocalExponent(table[:, 0], table[:, 1], table[:, 2], table[:, 3])

@@ -148,3 +148,16 @@ def test_windowed_fit_measures_the_crossover(attraction):
     assert local.kappa[inside].min() - 1e-9 <= window.kappa <= local.kappa[inside].max() + 1e-9
     assert window.kappa < 0.5
     assert window.kappa_error > 0
+
+
+@pytest.mark.parametrize(("law", "tabor"), [(cb.Gauss, 20.0), (cb.VanDerWaals, 10.0)])
+def test_samples_far_from_a_stiff_film_are_those_of_states_found_there(law, tabor):
+    """The discretisation of the fold does not serve a film that is squeezed far beyond."""
+    contact = cb.Contact.reduced(law, tabor, -1)
+    diagram = cb.trace(contact, modes=0)
+    fold = next(event for event in diagram.folds("load") if event.name == "squeeze-out")
+    local = diagram.local_exponent(fold)
+    assert local.excess[-1] > 15.0
+    states = cb.find_all(contact, load=fold.load - local.excess[-1]).states
+    films = [abs(s.central_gap - fold.central_gap) for s in states if s.contact_radius == 0.0]
+    assert min(abs(film / local.order_parameter[-1] - 1) for film in films) < 1e-5
