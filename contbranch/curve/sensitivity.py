@@ -272,8 +272,14 @@ class _Event:
         if self.control is not None:
             h, bent = self._bent()
             known = partial(self._at_fold, self.control, along, found, pairs, moved, self.solve(bent, 0.0))
-            steps = [h / CURVED**k for k in range(2, SHORTER + 3)] if self.ends else [h]
-            rates, stiffer = _settled(map(known, steps), SMOOTH)
+            if self.ends:
+                rates, stiffer = _settled((known(h / CURVED**k) for k in range(2, SHORTER + 3)), SMOOTH)
+            elif 0.0 < self.values[2] < TINY:
+                rates, stiffer = known(h)
+            else:  # what the square of the step leaves is told from two
+                (far, wide), (near, close) = known(h * math.sqrt(CURVED)), known(h / math.sqrt(CURVED))
+                rates = {name: one + (one - far[name]) / (CURVED**2 - 1) for name, one in near.items()}
+                stiffer = close + (close - wide) / (CURVED**2 - 1)
             if self.step == WIDE:
                 others, _ = known(CLOSER * h)
                 for name, rate in rates.items():
