@@ -62,11 +62,11 @@ class _Side:
         problem = equilibrium(point)
         return problem.defect(point).relative(problem.values(point.x, point.parameter))
 
-    def served(self, point: Point, tolerance: float) -> tuple[Point, float]:
+    def served(self, point: Point, tolerance: float, known: float) -> tuple[Point, float]:
         """The point on a discretisation that serves a tolerance, where the present one is far better or worse, and the
-        error that is left."""
+        error that is left; it is not made finer than the event is known, on grids for example."""
         left, problem = self.left(point), equilibrium(point)
-        poor = left > POORER * tolerance
+        poor = left > POORER * max(tolerance, known)
         if not poor and tolerance < COARSER * self.tolerance:
             return point, left
         self.tolerance = tolerance
@@ -126,7 +126,7 @@ def sampled_exponent(found: Found, control: Control, ahead: Point | None = None)
     control0, order0 = control.value(*found.numbers[:2]), found.numbers[2 if side.contact else 3]
     errors = control.value(*found.error[:2]), found.error[2 if side.contact else 3]
     rows: list[tuple[float, float, float, float]] = []
-    near, relative, direction, travelled = side.origin, side.tolerance, 0, 0.0
+    near, left, relative, direction, travelled = side.origin, side.tolerance, side.tolerance, 0, 0.0
     # Towards growing contact, or (without contact) a shrinking gap.
     rates = equilibrium(near).rates(near.x, near.parameter, near.tangent_x, near.tangent_parameter)
     if (rates.contact_radius if side.contact else -rates.central_gap) < 0:
@@ -145,16 +145,17 @@ def sampled_exponent(found: Found, control: Control, ahead: Point | None = None)
             break
         if step > NEARBY:
             value = side.sample(near)[0]
-            near, left = side.served(near, min(SHARE * abs(value - control0) / max(1.0, abs(value)), LOST))
+            size = max(1.0, abs(value))
+            near, left = side.served(near, min(SHARE * abs(value - control0) / size, LOST), errors[0] / size)
             relative = OF_RATES * left
+        if not left < LOST:
+            break
         value, order, control_rate, order_rate = side.sample(near)
         excess, change = value - control0, order - order0
         direction = direction or (1 if excess > 0 else -1)
         if excess * direction <= 0 or (rows and abs(excess) <= rows[-1][0]) or not math.isfinite(excess):
             break  # the control has turned round: another fold
         kappa = excess * order_rate / (change * control_rate)
-        if not relative < LOST:
-            break
         error = abs(kappa) * ((errors[0] + relative * max(1.0, abs(value))) / abs(excess) + errors[1] / abs(change))
         if rows and abs(excess) < NEIGHBOUR * rows[-1][0]:
             # The samples themselves say what their tangents should be.
