@@ -135,3 +135,14 @@ def test_the_command_lists_all(capsys):
     assert sum(state["unstable_load"] > 0 for state in states) == 1
     assert main([*arguments[:-2], "-1e3", "--all"]) == 2
     assert "no equilibrium" in capsys.readouterr().err
+
+
+def test_next_to_a_fold_rows_are_as_accurate_as_what_is_asked():
+    """Two states meet at a fold; rows with an error larger than its distance would tell of neither, or of both."""
+    contact = cb.Contact(cb.PowerLaw(5.8, 1.0), cb.Layered(-1.0, 77.0, 246.0), 3.0)
+    diagram = cb.trace(contact, accuracy=1e-9, modes=0)
+    fold = next(event for event in diagram.folds("load") if event.name == "pull-off-5")
+    inside, outside = (cb.find_all(contact, load=fold.load + s, accuracy=1e-9).states for s in (2e-8, -2e-8))
+    assert len(inside) == len(outside) + 2
+    gaps = sorted(abs(state.central_gap - fold.central_gap) for state in inside)[:2]
+    assert gaps[0] == pytest.approx(gaps[1], rel=0.1)

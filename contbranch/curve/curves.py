@@ -31,8 +31,9 @@ __all__ = ["EXTENSIONS", "Coexisting", "Curves", "FollowedCurves", "Model", "Rou
 
 # A curve is continued until what a path jumps to lies on it: beyond the fold's value by this share, and as often.
 BEYOND, EXTENSIONS = 1e-3, 3
-# The rows of a path count themselves, in integrals along it: they are as accurate as the events, down to this.
-FINE = 1e-9
+# The rows of a path count themselves, in integrals along it: they are as accurate as the events, down to this. So are
+# those that tell whether a value so close to a fold, relative to max(1, |value|), is passed.
+FINE, BESIDE = 1e-9, 3e-6
 # A curve goes on beyond a value asked for by this share.
 PAST = 1e-9
 
@@ -245,7 +246,14 @@ class FollowedCurves:
         request = replace(request, events=False, modes=0)
         track = self.track(request)
         if track.complete and not over() and value > track.column(field)[-1]:
-            track = self.track(replace(request, target=value + PAST * abs(value), held=control))
+            request = replace(request, target=value + PAST * abs(value), held=control)
+            track = self.track(request)
+        folds = [float(track.column(field)[m.row]) for m in track.marks if m.kind == "fold" and m.control == control]
+        beside = any(abs(fold - value) <= BESIDE * max(1.0, abs(value)) for fold in folds)
+        if beside and request.accuracy < BESIDE and not over():
+            problem, tolerance = self.problem(request), max(FINE, request.accuracy) / ROW_SAFETY
+            if problem.rows_within(tolerance) is not problem:
+                track = self.track(request, tolerance)
         return track, crossings(track, field, value, request.accuracy)
 
 
