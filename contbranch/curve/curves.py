@@ -248,7 +248,7 @@ class FollowedCurves:
         if track.complete and not over() and value > track.column(field)[-1]:
             request = replace(request, target=value + PAST * abs(value), held=control)
             track = self.track(request)
-        folds = [float(track.column(field)[m.row]) for m in track.marks if m.kind == "fold" and m.control == control]
+        folds = (m.point.observables[field] for m in track.marks if m.kind == "fold" and m.control == control)
         beside = any(abs(fold - value) <= BESIDE * max(1.0, abs(value)) for fold in folds)
         if beside and request.accuracy < BESIDE and not over():
             problem, tolerance = self.problem(request), max(FINE, request.accuracy) / ROW_SAFETY
