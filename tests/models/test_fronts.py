@@ -48,6 +48,16 @@ def test_very_stiff_attraction():
     assert sum(1 for _ in diagram.folds("load")) % 2 == 1  # under load it is unstable far away, and stable in contact
 
 
+def test_meshes_end_where_rounding_begins():
+    """What is asked below rounding is given some thousand unknowns, not as many as there are rounds for."""
+    track = Followed(cb.Contact.reduced(cb.Gauss, tabor=32.0, sign=-1), 1e-6, modes=0).track
+    for row in (25, 36, 47, 80):
+        point, problem = track.points[row], track.problem(row)
+        sharper, x = problem.resolved(point.x, point.parameter, 0.0)
+        assert problem.size < sharper.size < 2000
+        assert sharper.relative_error(x, point.parameter) < 1e-10
+
+
 def test_rates_and_indices_of_moving_meshes():
     """Rates are the differences of what is computed, and every row has the index that its eigenvalues have.
 

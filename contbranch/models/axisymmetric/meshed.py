@@ -83,10 +83,10 @@ class MeshedContact(MovingContact):
         return law is not None and (law.pieced or (math.isfinite(law.kink) and not isinstance(self.front, Kink)))
 
     def resolved(self, x: Array, p: float, tolerance: float) -> tuple[Self, Array]:
-        """The problem on a mesh that resolves a solution, as far as that succeeds in some rounds, and the solution."""
-        problem = self
+        """The problem on a mesh that resolves a solution, as far as some rounds and unknowns do, and the solution."""
+        problem, most = self, max(MOST, self.size)
         for _ in range(ROUNDS):
-            if problem.relative_error(x, p) <= tolerance:
+            if problem.relative_error(x, p) <= tolerance or problem.size > most:
                 break
             trial, found = problem.remeshed(x, p, tolerance)
             if trial.lost(found, p):
