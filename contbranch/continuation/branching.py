@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -11,9 +12,11 @@ import numpy as np
 from contbranch.continuation.bordered import Bordered, SingularBorderedError, bordered_matrix, factorise
 from contbranch.continuation.curve import BranchPoint, Outcome, Point
 from contbranch.continuation.folds import second_derivative
-from contbranch.continuation.newton import ROUNDING, CorrectionError, border, linearise, solve
-from contbranch.continuation.problem import Array, Direction, size_of
+from contbranch.continuation.newton import ROUNDING, CorrectionError, border, linearise, residual, solve
+from contbranch.continuation.options import Options
+from contbranch.continuation.problem import Array, Direction, Problem, size_of
 from contbranch.continuation.segment import Segment
+from contbranch.continuation.walk import point_on
 
 # μ at the saddle, as a share of its change over the step. Of a true branch point it is rounding; where it is larger
 # the two curves pass each other, and a step that saw the determinant change sign has leapt from one to the other.
@@ -22,6 +25,18 @@ CONFIRMED = 1e-9
 FLAT = 1e-4
 # Below this length a change of the determinant's sign is reported as a branch point even if no simple one is found.
 UNRESOLVED = 1e-5
+# Dimensions of the space in which the largest eigenvalues of a pencil are looked for.
+SPACE = 10
+# A step that has passed to another curve is farther off its own cubic in the middle, as a share of its length and the
+# angle (at least this) by which it turns, or points elsewhere, as a share of that angle, than a curve is.
+SLIGHT, OFF, ASTRAY = 0.2, 0.02, 0.1
+# Share of a step over which F is differenced along its cubic.
+ALONG = 1e-3
+# A branch point this much farther from where it is foretold, relative to the nearer end, may be another step's.
+NEAR = 0.5
+# A piece is divided between two singular places that are farther apart than this share of it, otherwise beside them, by
+# this share of what lies there.
+APART, ASIDE = 0.1, 0.03
 
 Kind = Literal["pitchfork", "transcritical", "branch point"]
 
@@ -36,6 +51,147 @@ class _Saddle:
     hessian: Array
     alpha: Direction
     beta: Direction
+
+
+class LeapError(Exception):
+    """The step has leapt from one part of the curve to another: both ends lie on it, but not as neighbours."""
+
+
+def branch_points(
+    segment: Segment, ahead: Bordered | None, options: Options, whole: bool = True
+) -> list[tuple[float, BranchPoint]]:
+    """Return the branch points of a step, with their places in it, in order.
+
+    The determinant's sign tells an odd number of them from an even one, and the matrices at both ends how many: where
+    that is not one, the step is divided.
+
+    Parameters
+    ----------
+    segment : Segment
+        The step.
+    ahead : Bordered, optional
+        The matrix at its end, as far as Newton's method has it; otherwise it is factorised.
+    options : Options
+        Tolerances.
+    whole : bool
+        Whether it is to be looked whether the step has passed from one curve to another that crosses it.
+
+    Raises
+    ------
+    LeapError
+        If it has, or if the determinant changes sign without a branch point in between.
+    CorrectionError
+        If the curve cannot be found inside the step.
+    """
+    begin, end = segment.begin, segment.end
+    if begin.determinant_sign is None or end.determinant_sign is None:
+        return []
+    if ahead is None:
+        row = segment.metric.row(end.problem, *_tangent(end, segment))
+        at = linearise(end.problem, end.x, end.parameter)
+        ahead = border(end.problem, end.x, end.parameter, at, row)
+    if whole and segment.length > UNRESOLVED and _kinked(segment, ahead):
+        raise LeapError
+    crossed = begin.determinant_sign != end.determinant_sign
+    places = _singular(segment, ahead)
+    if not places and not crossed:
+        return []
+    if len(places) <= 1 and crossed:
+        found = locate_branch_point(segment) or unresolved_branch_point(segment)
+        if found is None:
+            raise LeapError
+        foretold = places[0] if places else 0.5
+        if abs(found[0] - foretold) <= NEAR * min(foretold, 1.0 - foretold) or segment.length <= UNRESOLVED:
+            return [found]
+    elif segment.length <= UNRESOLVED:  # those that coincide are one, which an index tells better
+        told = type(begin.problem).morse_index is not Problem.morse_index
+        found = unresolved_branch_point(segment)
+        return [] if found is None or told else [found]
+    theta = _between(places)
+    point, bordered = point_on(segment, theta, options)
+    point = replace(point, determinant_sign=bordered.determinant_sign())
+    first, last = Segment(begin, point, segment.metric), Segment(point, end, segment.metric)
+    return [
+        *((theta * place, one) for place, one in branch_points(first, bordered, options, False)),
+        *((theta + (1.0 - theta) * place, one) for place, one in branch_points(last, ahead, options, False)),
+    ]
+
+
+def _kinked(segment: Segment, ahead: Bordered) -> bool:
+    """Whether a step turns like two curves that cross, from the one to the other, rather than like one.
+
+    What is left of F and of its change along the cubic, in the middle, tells how far off the curve the cubic is there.
+    """
+    problem, metric, (x, p) = segment.begin.problem, segment.metric, segment.at(0.5)
+    begin, end = (_tangent(point, segment) for point in (segment.begin, segment.end))
+    angle = max(metric.angle(problem, *begin, *end), SLIGHT)
+    u, a = segment.direction(0.5)
+    left = residual(problem, x, p)
+    after, before = (residual(problem, x + by * u, p + by * a) for by in (ALONG, -ALONG))
+    off = metric.norm(problem, *solve(ahead, left, 0.0, p))
+    astray = metric.norm(problem, *solve(ahead, (after - before) / (2 * ALONG), 0.0, p))
+    return off > OFF * angle * segment.length or astray > ASTRAY * angle * metric.norm(problem, u, a)
+
+
+def _singular(segment: Segment, ahead: Bordered) -> list[float]:
+    """Return the places θ at which [J Fp; tᵀ] is singular if it changes linearly along the step, in order.
+
+    With M(θ) = M₁ + (1 − θ) (M₀ − M₁), det M(θ) = 0 where −1/(1 − θ) is an eigenvalue of M₁⁻¹ M₀ − 1: one of −1 or
+    less. In M₀ the tangent is turned to that of M₁, the plane of both alone, since it is the rest of the space that
+    matters.
+    """
+    problem, metric, n = segment.begin.problem, segment.metric, segment.begin.x.size
+    begin, end = (_tangent(point, segment) for point in (segment.begin, segment.end))
+    at = linearise(problem, segment.begin.x, segment.begin.parameter)
+    row = metric.row(problem, *begin)
+    matrix = bordered_matrix(at[1], at[2], *row)
+    there, own, other = np.append(*begin), np.append(*metric.row(problem, *end)), np.append(*row)
+    both = (there + np.append(*end)) / (1.0 + own @ there)
+
+    units = np.append(np.full(n, metric.state_scale), metric.parameter_scale)
+
+    def product(v: Array) -> Array:
+        image = matrix @ (units * v - (own + other) @ (units * v) * both + 2.0 * (own @ (units * v)) * there)
+        return np.append(*ahead.solve(image[:n], float(image[n]))) / units - v
+
+    values = np.linalg.eigvals(_projected(product, n + 1))
+    # Two that are close to each other may look complex.
+    return sorted(float(1.0 + 1.0 / v.real) for v in values if v.real <= -1.0 and abs(v.imag) <= 0.5 * abs(v.real))
+
+
+def _projected(product: Callable[[Array], Array], size: int) -> Array:
+    """Return a matrix with the largest eigenvalues of an operator: its projection on a Krylov space (Arnoldi)."""
+    count = min(size, SPACE)
+    basis, projected = np.zeros((count + 1, size)), np.zeros((count + 1, count))
+    start = np.cos(1.0 + np.arange(size) ** 2 % 7919)
+    basis[0] = start / np.linalg.norm(start)
+    for k in range(count):
+        image = product(basis[k])
+        scale = float(np.linalg.norm(image))
+        for _ in range(2):  # rounding leaves some of the others
+            shares = basis[: k + 1] @ image
+            projected[: k + 1, k] += shares
+            image = image - shares @ basis[: k + 1]
+        projected[k + 1, k] = np.linalg.norm(image)
+        if not projected[k + 1, k] > ROUNDING * size * scale:
+            return projected[: k + 1, : k + 1]
+        basis[k + 1] = image / projected[k + 1, k]
+    return projected[:count]
+
+
+def _tangent(point: Point, segment: Segment) -> Direction:
+    return segment.metric.unit(segment.begin.problem, point.tangent_x, point.tangent_parameter)
+
+
+def _between(places: list[float]) -> float:
+    """Return where to divide a piece: in the widest gap between places on [0, 1], beside them if they coincide."""
+    gaps = np.diff(places)
+    if len(gaps) and gaps.max() > APART:
+        return float(places[int(gaps.argmax())] + gaps.max() / 2)
+    if not places:
+        return 0.5
+    before, behind = places[0], 1.0 - places[-1]
+    return before * (1.0 - ASIDE) if before > behind else 1.0 - behind * (1.0 - ASIDE)
 
 
 def locate_branch_point(segment: Segment) -> tuple[float, BranchPoint] | None:

@@ -6,6 +6,8 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+from contbranch.continuation.bordered import Bordered
+from contbranch.continuation.branching import LeapError
 from contbranch.continuation.curve import End, Fold, Located, Outcome, Point
 from contbranch.continuation.edge import Range, closes, land
 from contbranch.continuation.events import Event, Happening
@@ -13,7 +15,7 @@ from contbranch.continuation.metric import Balance
 from contbranch.continuation.newton import CorrectionError, correct
 from contbranch.continuation.options import Options, StopAt
 from contbranch.continuation.problem import UnresolvedError, size_of
-from contbranch.continuation.scan import LeapError, scan
+from contbranch.continuation.scan import scan
 from contbranch.continuation.segment import Segment
 from contbranch.continuation.step import AFTER_FAILURE, CONTRACTS, MARGIN, POINTS, RECOVERS, Predictor, judge
 from contbranch.continuation.walk import adapted, annotated, examined, to_point, unit_tangent
@@ -126,7 +128,9 @@ class _Direction:
                 self.reach = min(before, corrected.first_correction * CONTRACTS / told if told else math.inf)
                 longest, self.count = predictor.longest(step, constants, growth, self.reach)
                 if judgement.accepted:
-                    segment, happenings, stop = self._look_inside(Segment(here, examined(end), metric))
+                    segment, happenings, stop = self._look_inside(
+                        Segment(here, examined(end), metric), corrected.bordered
+                    )
                     return _Step(segment, happenings, stop, min(judgement.factor, longest, growth))
                 step *= judgement.factor
             except CorrectionError as error:
@@ -186,7 +190,7 @@ class _Direction:
         except CorrectionError:  # earlier points may not have what the new discretisation follows
             self.recent = [here]
 
-    def _look_inside(self, segment: Segment) -> tuple[Segment, list[Happening], End | None]:
+    def _look_inside(self, segment: Segment, ahead: Bordered) -> tuple[Segment, list[Happening], End | None]:
         """Cut a step where the curve ends, and return what happens in it.
 
         The curve may also leave the range and come back within the step; then it has a fold outside the range.
@@ -203,7 +207,7 @@ class _Direction:
             segment = Segment(segment.begin, annotated(land(segment, edge, options), label="edge"), segment.metric)
             end = End(Outcome.REACHED_EDGE)
         last = Segment(self.recent[-2], self.recent[-1], segment.metric) if len(self.recent) > 1 else None
-        happenings = scan(segment, self.events, options, last)
+        happenings = scan(segment, self.events, options, last, ahead if end is None else None)
         outside = next((h for h in happenings if not interval.contains(h.event.parameter)), None)
         if outside is not None:
             edge = interval.edge_beyond(outside.event.parameter)

@@ -7,7 +7,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
-from contbranch.continuation.branching import locate_branch_point, unresolved_branch_point
+from contbranch.continuation.bordered import Bordered
+from contbranch.continuation.branching import branch_points
 from contbranch.continuation.curve import EventPoint, Fold, IndexChange, Located, Point
 from contbranch.continuation.events import BEYOND, Bracket, Event, Happening, Probe
 from contbranch.continuation.folds import locate_fold
@@ -27,12 +28,12 @@ COINCIDENT_ON_CURVE = 1e-2
 HALVINGS = 40
 
 
-class LeapError(Exception):
-    """The step has leapt from one part of the curve to another: both ends lie on it, but not as neighbours."""
-
-
 def scan(
-    segment: Segment, events: Sequence[Event], options: Options, previous: Segment | None = None
+    segment: Segment,
+    events: Sequence[Event],
+    options: Options,
+    previous: Segment | None = None,
+    ahead: Bordered | None = None,
 ) -> list[Happening]:
     """Return what happens between two points of the curve, in order.
 
@@ -46,6 +47,8 @@ def scan(
         Tolerances.
     previous : Segment, optional
         The step before, which tells how far the cubic of this one can be trusted.
+    ahead : Bordered, optional
+        The matrix with which Newton's method came to the end of this one.
 
     Raises
     ------
@@ -55,20 +58,11 @@ def scan(
         If the problem fails inside the step.
     """
     found: list[Happening] = []
-    begin, end = segment.begin, segment.end
-    branch = None
-    if options.detect_branch_points and begin.determinant_sign is not None:
-        crossed = end.determinant_sign is not None and begin.determinant_sign != end.determinant_sign
-        if crossed:
-            branch = locate_branch_point(segment) or unresolved_branch_point(segment)
-            if branch is None:
-                raise LeapError
-            found.append(Happening(branch[0], replace(branch[1], point=annotated(branch[1].point))))
+    branches = branch_points(segment, ahead, options) if options.detect_branch_points else []
+    found += [Happening(theta, replace(one, point=annotated(one.point))) for theta, one in branches]
     if options.detect_folds:
         folds = _folds(segment, previous, options)
-        if branch is not None:
-            folds = [fold for fold in folds if not _coincident(segment, fold.event, branch[1])]
-        found += folds
+        found += [fold for fold in folds if not any(_coincident(segment, fold.event, one) for _, one in branches)]
     for event_function in events:
         found += event_function.happenings(segment, previous, options)
     found += _unexplained(segment, found, options)

@@ -18,7 +18,7 @@ from contbranch.continuation.walk import annotated, corrected_point
 from contbranch.errors import InputError
 
 # Lengths of the step off the branch point, as shares of the scales in use there.
-LEAVING = (1e-2, 1e-3, 1e-4)
+LEAVING = (1e-4, 1e-3, 1e-2)
 # The point reached must be this much closer to the crossing curve's tangent than the curve given is.
 NEARER = 0.3
 

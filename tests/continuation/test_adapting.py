@@ -159,9 +159,8 @@ class Told(Bratu):
 def test_a_problem_is_told_how_to_solve_at_the_points_found(kind):
     """dF/dx v = f at fixed parameter, next to folds too, as exactly as the last matrix was close to the point."""
     problem = Told(31, kind)
-    curve = trace_curve(
-        problem, np.zeros(31), 0.0, parameter_range=(0.0, 4.0), options=Options(largest_parameter_step=0.05)
-    )
+    options = Options(largest_parameter_step=0.05, detect_branch_points=False)  # as models have it
+    curve = trace_curve(problem, np.zeros(31), 0.0, parameter_range=(0.0, 4.0), options=options)
     assert curve.folds
     assert len(problem.told) >= len(curve.x)
     f = np.cos(np.arange(31.0))

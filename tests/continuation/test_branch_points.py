@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from continuation_problems import Scalar, pitchfork
 
-from contbranch.continuation import Outcome, Problem, trace_curve
+from contbranch.continuation import Outcome, Problem, switch_branch, trace_curve
+from contbranch.errors import InputError
 
 
 @pytest.mark.parametrize("start", [-1.0, -1.037, -0.77])
@@ -90,3 +91,71 @@ def test_backward_branch_reports_the_index_in_the_curves_direction():
     assert (event.before, event.after) == (0, 2)
     assert curve.points[event.index] is not None
     assert curve.parameter[event.index] == event.parameter
+
+
+class Crossed(Problem):
+    """Curves y_k (p - λ_k - c_k y_k^n_k) = 0 that cross y = 0 at λ_k, in other coordinates and bent by sin(w p)."""
+
+    def __init__(self, seed):
+        rng = np.random.default_rng(seed)
+        n = int(rng.integers(2, 6))
+        self.places = np.sort(rng.uniform(0.0, 1.0, n))
+        self.share, self.power = rng.uniform(0.3, 3.0, n) * rng.choice([-1, 1], n), rng.integers(1, 3, n)
+        self.mixed, self.weights = (rng.normal(size=(n, n)) + 2 * np.eye(n) for _ in range(2))
+        self.bend, self.wave = rng.normal(size=n), rng.uniform(0.0, 3.0)
+
+    def start(self, p):
+        return np.linalg.solve(self.mixed, self.bend * np.sin(self.wave * p))
+
+    def own(self, x, p):
+        return self.mixed @ x - self.bend * np.sin(self.wave * p)
+
+    def _slopes(self, y, p):
+        return p - self.places - (self.power + 1) * self.share * y**self.power
+
+    def residual(self, x, p):
+        y = self.own(x, p)
+        return self.weights @ (y * (p - self.places - self.share * y**self.power))
+
+    def jacobian(self, x, p):
+        return self.weights @ (self._slopes(self.own(x, p), p)[:, None] * self.mixed)
+
+    def parameter_derivative(self, x, p):
+        y = self.own(x, p)
+        return self.weights @ (y - self._slopes(y, p) * self.bend * self.wave * np.cos(self.wave * p))
+
+
+def test_all_branch_points_of_a_step():
+    """However many lie in one step, all are found, and no step passes to another curve; of 60, three may fail."""
+    missed = []
+    for seed in range(60):
+        problem = Crossed(seed)
+        curve = trace_curve(problem, problem.start(-0.5), -0.5, (-0.5, 1.5))
+        found = np.array([point.parameter for point in curve.branch_points])
+        if len(found) != len(problem.places) or np.abs(found - problem.places).max() > 1e-8:
+            missed.append((seed, found, problem.places))
+    assert len(missed) <= 3, missed
+
+
+def test_branch_points_beside_the_one_that_is_left():
+    """The other curve is left so closely that what crosses it next to there is seen, too."""
+    problem = Crossed(0)
+    problem.places[:2], problem.share[0], problem.power[0] = (0.4, 0.4008), 1.0, 1
+    curve = trace_curve(problem, problem.start(-0.5), -0.5, (-0.5, 1.5))
+    first = min(curve.branch_points, key=lambda point: abs(point.parameter - 0.4))
+    (branch,) = switch_branch(curve, first, (-0.5, 1.5))
+    assert any(abs(point.parameter - 0.4008) < 1e-8 for point in branch.branch_points)
+
+
+def test_branch_points_that_coincide_are_one():
+    """Where the determinant keeps its sign and no index is known."""
+
+    class Twice(Problem):
+        def residual(self, x, p):
+            return x * (p - 0.37 - x**2) * np.array([1.0, 2.0])
+
+    curve = trace_curve(Twice(), [0.0, 0.0], -1.0, (-1.0, 2.0))
+    (point,) = curve.branch_points
+    assert abs(point.parameter - 0.37) <= point.error < 1e-4
+    with pytest.raises(InputError, match="more than two curves"):
+        switch_branch(curve, point, (-1.0, 2.0))
