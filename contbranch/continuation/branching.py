@@ -152,7 +152,7 @@ def _singular(segment: Segment, ahead: Bordered) -> list[float]:
 
     def product(v: Array) -> Array:
         image = matrix @ (units * v - (own + other) @ (units * v) * both + 2.0 * (own @ (units * v)) * there)
-        return np.append(*ahead.solve(image[:n], float(image[n]))) / units - v
+        return np.asarray(np.append(*ahead.solve(image[:n], float(image[n]))) / units - v)
 
     values = np.linalg.eigvals(_projected(product, n + 1))
     # Two that are close to each other may look complex.
