@@ -25,6 +25,9 @@ CONFIRMED = 1e-9
 FLAT = 1e-4
 # Below this length a change of the determinant's sign is reported as a branch point even if no simple one is found.
 UNRESOLVED = 1e-5
+# Down to this length a branch point that is not found says that the step has leapt; below it, where the matrices at both
+# ends foretell it, that it is no simple one.
+SHORT = 0.02
 # Dimensions of the space in which the largest eigenvalues of a pencil are looked for.
 SPACE = 10
 # A step that has passed to another curve is farther off its own cubic in the middle, as a share of its length and the
@@ -98,10 +101,11 @@ def branch_points(
         return []
     if len(places) <= 1 and crossed:
         found = locate_branch_point(segment) or unresolved_branch_point(segment)
-        if found is None:
+        if found is None and (segment.length > SHORT or not places):
             raise LeapError
         foretold = places[0] if places else 0.5
-        if abs(found[0] - foretold) <= NEAR * min(foretold, 1.0 - foretold) or segment.length <= UNRESOLVED:
+        near = found is not None and abs(found[0] - foretold) <= NEAR * min(foretold, 1.0 - foretold)
+        if found is not None and (near or segment.length <= UNRESOLVED):
             return [found]
     elif segment.length <= UNRESOLVED:  # those that coincide are one, which an index tells better
         told = type(begin.problem).morse_index is not Problem.morse_index
