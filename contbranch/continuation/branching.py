@@ -25,8 +25,8 @@ CONFIRMED = 1e-9
 FLAT = 1e-4
 # Below this length a change of the determinant's sign is reported as a branch point even if no simple one is found.
 UNRESOLVED = 1e-5
-# Down to this length a branch point that is not found says that the step has leapt; below it, where the matrices at both
-# ends foretell it, that it is no simple one.
+# Down to this length a branch point that is not found says that the step has leapt; below it, where the matrices at
+# both ends foretell it, that it is no simple one.
 SHORT = 0.02
 # Dimensions of the space in which the largest eigenvalues of a pencil are looked for.
 SPACE = 10
