@@ -151,14 +151,14 @@ def _singular(segment: Segment, ahead: Bordered) -> list[float]:
     matrix = bordered_matrix(at[1], at[2], *row)
     there, own, other = np.append(*begin), np.append(*metric.row(problem, *end)), np.append(*row)
     both = (there + np.append(*end)) / (1.0 + own @ there)
-
     units = np.append(np.full(n, metric.state_scale), metric.parameter_scale)
 
     def product(v: Array) -> Array:
         image = matrix @ (units * v - (own + other) @ (units * v) * both + 2.0 * (own @ (units * v)) * there)
         return np.asarray(np.append(*ahead.solve(image[:n], float(image[n]))) / units - v)
 
-    values = np.linalg.eigvals(_projected(product, n + 1))
+    projected = _projected(product, n + 1)
+    values = np.linalg.eigvals(projected) if np.isfinite(projected).all() else np.zeros(0)
     # Two that are close to each other may look complex.
     return sorted(float(1.0 + 1.0 / v.real) for v in values if v.real <= -1.0 and abs(v.imag) <= 0.5 * abs(v.real))
 
