@@ -53,7 +53,7 @@ def test_meshes_end_where_rounding_begins():
     track = Followed(cb.Contact.reduced(cb.Gauss, tabor=32.0, sign=-1), 1e-6, modes=0).track
     for row in (25, 36, 47, 80):
         point, problem = track.points[row], track.problem(row)
-        sharper, x = problem.resolved(point.x, point.parameter, 0.0)
+        sharper, x = problem.resolved(point.x, point.parameter, 0.0, 1000)
         assert problem.size < sharper.size < 2000
         assert sharper.relative_error(x, point.parameter) < 1e-10
 

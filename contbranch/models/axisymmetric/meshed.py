@@ -82,9 +82,10 @@ class MeshedContact(MovingContact):
         law = self.equations.interaction
         return law is not None and (law.pieced or (math.isfinite(law.kink) and not isinstance(self.front, Kink)))
 
-    def resolved(self, x: Array, p: float, tolerance: float) -> tuple[Self, Array]:
-        """The problem on a mesh that resolves a solution, as far as some rounds and unknowns do, and the solution."""
-        problem, most = self, max(MOST, self.size)
+    def resolved(self, x: Array, p: float, tolerance: float, most: float = math.inf) -> tuple[Self, Array]:
+        """The problem on a mesh that resolves a solution, as far as some rounds, or `most` unknowns, do, and the
+        solution."""
+        problem = self
         for _ in range(ROUNDS):
             if problem.relative_error(x, p) <= tolerance or problem.size > most:
                 break

@@ -56,7 +56,7 @@ from .slope import load_per_displacement
 
 if TYPE_CHECKING:
     from contbranch.models.rings.disc import Disc
-from .meshed import MeshedContact
+from .meshed import MOST, MeshedContact
 from .moving import Resolution, order_for
 
 __all__ = ["ContactProblem", "first_problem"]
@@ -551,7 +551,7 @@ class ContactProblem(MeshedContact):
         found = equations.unstable_modes(fields, finely=False) and equations.unstable_modes(fields, least=least)
         if not (found and self.within(x, p)):
             return found
-        problem, x = self.resolved(x, p, SHARPER * self.resolution.tolerance)
+        problem, x = self.resolved(x, p, SHARPER * self.resolution.tolerance, max(MOST, self.size))
         sharper, fields = problem.seen(x, p)
         return sharper.unstable_modes(fields, least=least)
 
