@@ -117,7 +117,7 @@ class _Direction:
             if not step >= options.smallest_step:
                 raise failure
             foretold = predictor.at(step)
-            near = predictor.chosen(foretold, self.count, 0.5 * options.angle_limit * step)
+            near, end = predictor.chosen(foretold, self.count, 0.5 * options.angle_limit * step), None
             try:
                 corrected = correct(here.problem, near, predictor.row, metric, options)
                 end = to_point(here.problem, corrected, metric, options.detect_branch_points)
@@ -134,7 +134,7 @@ class _Direction:
                     return _Step(segment, happenings, stop, min(judgement.factor, longest, growth))
                 step *= judgement.factor
             except CorrectionError as error:
-                if foresee and isinstance(error.__cause__, UnresolvedError):
+                if foresee and end is not None and isinstance(error.__cause__, UnresolvedError):
                     foresee = False
                     if not self._prepared(end):
                         step *= AFTER_FAILURE

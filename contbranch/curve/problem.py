@@ -480,6 +480,10 @@ class EquilibriumProblem(Problem):
         """Whether the discretisation moves along the curve, while that which `resolving` makes stays where it is."""
         return False
 
+    def close_to(self, point: Point) -> Self:
+        """The same problem with what moves along the whole curve alone, which is enough close to a point."""
+        return self
+
     def still(self, x: Array) -> tuple[EquilibriumProblem, Array]:
         """The problem on the discretisation that a state has, which stays where it is, and the state."""
         return self, x

@@ -300,7 +300,10 @@ def _refined(point: Point, event: Event | None, accuracy: float, beside: Point |
     aimed, best = point, None
     try:
         if equilibrium(point).moves:  # what resolves the event itself would not resolve the way to it
-            aimed = point = _located(_Place(point, accuracy), event).point
+            point = _located(_Place(point, accuracy), event).point
+            if (resting := equilibrium(point).close_to(point)) is not point.problem:
+                point = settled(moved(point, resting))
+            aimed = point
             best = _best(_Place(point, accuracy, settled=event is not None), event, accuracy)
             if best is not None and best.relative_error() <= accuracy:
                 return best

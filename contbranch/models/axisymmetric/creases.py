@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from contbranch.arrays import Array
+from contbranch.continuation.problem import UnresolvedError
 from contbranch.errors import ModelError
 
 from .equations import Fields
@@ -32,6 +33,10 @@ AROUND, SHARE = 3.0, 0.35
 SHORTER, SHORTEST = 0.4, 0.2
 # Creases that are followed; steps of Newton's method by which they are located.
 MOST, NEWTON = 6, 3
+
+
+class AstrayError(ModelError, UnresolvedError):
+    """A crease has left its part of the mesh, which the continuation answers by a shorter step."""
 
 
 @dataclass(frozen=True)
@@ -109,12 +114,12 @@ def moved_with(mesh: Mesh, rates: Array, by: Array) -> Mesh:
 
     Raises
     ------
-    ModelError
-        If panels would become far too short, which the continuation answers by a shorter step.
+    AstrayError
+        If panels would become far too short.
     """
     edges = mesh.edges + by @ rates
     if not shortened(mesh, edges) > SHORTEST:
-        raise ModelError("a crease of the film has left its part of the mesh")
+        raise AstrayError("a crease of the film has left its part of the mesh")
     return Mesh(edges, mesh.order, mesh.bounded)
 
 
@@ -124,7 +129,7 @@ def shortened(mesh: Mesh, edges: Array) -> float:
 
 
 def creases_of(
-    mesh: Mesh, fields: Fields, range_: float, front: float, followed: Sequence[Crease], steps: bool
+    mesh: Mesh, fields: Fields, range_: float, front: float, followed: Sequence[Crease], steps: float
 ) -> tuple[Crease, ...]:
     """The creases of a film with which a mesh is to move, the narrowest first, without their weights.
 
@@ -138,14 +143,18 @@ def creases_of(
         Where the front is, or the edge at which the mesh ends.
     followed : sequence of Crease
         Those that are followed already, where they are now; they end later.
-    steps : bool
-        Whether steps count, too: where the mesh ends at an edge, and no front leads it.
+    steps : float
+        Steps count, too, where their distance from the rim differs from the front's by this factor.
     """
     nodes, chosen, fresh = mesh.nodes, list[Crease](), 1 + max((crease.key for crease in followed), default=-1)
     steep = np.abs(nodes * mesh.derivative(fields.pressure)) / max(float(np.abs(fields.pressure).max()), 1e-300)
     found = [(place, 1, 0.0, bend, math.sqrt(range_ / abs(bend))) for place, bend in _turns(mesh, fields.gap)]
-    if steps:
-        found += [(place, 0, gap, slope, range_ / abs(slope)) for place, gap, slope in _steps(mesh, fields.gap, steep)]
+    if math.isfinite(steps):
+        found += [
+            (place, 0, gap, slope, range_ / abs(slope))
+            for place, gap, slope in _steps(mesh, fields.gap, steep)
+            if max(place / front, front / place) > steps
+        ]
     for place, order, value, slope, width in sorted(found, key=lambda one: one[4] / one[0]):
         taken = [crease.key for crease in chosen]
         near = [one for one in followed if one.order == order and one.key not in taken]

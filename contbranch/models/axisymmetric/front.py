@@ -126,14 +126,14 @@ class Front:
         local = (self.place - mesh.edges[panel]) / mesh.half[panel] - 1.0
         return slice(panel * mesh.order, (panel + 1) * mesh.order), mesh.rule.lagrange(np.array([local]))[0]
 
-    def anchored(self, equations: Equations, fields: Fields) -> float:
-        """ln s for which the front lies where a state has its gap; nearest to where it would be unstretched."""
+    def anchored(self, equations: Equations, fields: Fields, about: float = 0.0) -> float:
+        """ln s for which the front lies where a state has its gap; nearest to `about`."""
         mesh, above = equations.mesh, fields.gap > self.gap
         crossed = np.flatnonzero(above[1:] != above[:-1])
         if len(crossed) == 0:
-            return 0.0
+            return about
         places = mesh.nodes[crossed]
-        k = int(crossed[np.argmin(np.abs(np.log(places / self.place)))])
+        k = int(crossed[np.argmin(np.abs(np.log(places / self.place) - about))])
         low, high = float(mesh.nodes[k]), float(mesh.nodes[k + 1])
         rising = bool(above[k + 1])
         for _ in range(60):
@@ -229,7 +229,7 @@ class Edge:
         """Nothing: the edge is the tip's own."""
         return 0.0
 
-    def anchored(self, equations: Equations, fields: Fields) -> float:
+    def anchored(self, equations: Equations, fields: Fields, about: float = 0.0) -> float:
         """ln s for which the mesh ends at the edge."""
         return math.log(_to_edge(equations, fields) / self.place)
 

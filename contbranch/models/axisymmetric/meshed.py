@@ -69,6 +69,8 @@ MOST, FINEST, WORTH = 1000, 1600, 0.5
 STALLS = 3
 # Share of the wavelength of layers over which the gap changes where it passes from one to the next.
 LAYER = 0.25
+# A step between layers whose distance from the rim differs from the front's by this factor moves in a way of its own.
+OF_ITS_OWN = 1.5
 # Edges of panels below this share of the distance to the edge of a tip are kept where the mesh is to end there.
 INSIDE = 0.97
 
@@ -247,7 +249,9 @@ class MeshedContact(MovingContact):
         weight = found.weight if isinstance(found, Front) else float(equations.mesh.weights @ fields.h**2)
         law, own = equations.interaction, self.creases
         assert law is not None  # there is a front
-        narrow, steps = min(self.scale, LAYER * law.wave), self._stiff(fields) and isinstance(found, Edge)
+        narrow, steps = min(self.scale, LAYER * law.wave), math.inf
+        if self._stiff(fields):
+            steps = 1.0 if isinstance(found, Edge) else OF_ITS_OWN
         known = creases_of(equations.mesh, fields, narrow, unit * found.place, followed, steps)
         stay = same and {crease.key for crease in known} == {crease.key for crease in own}
         if stay and not (own and shortened(self.equations.mesh, now.edges) < SHORTER):
@@ -399,7 +403,8 @@ class MeshedContact(MovingContact):
         if front is None:
             return mesh.interpolate(function, other.equations.mesh.nodes)
         kept = self.front is not None and replace(front, creases=self.creases) == self.front
-        shift = float(x[n]) if kept else front.anchored(*self.seen(x, p))
+        about = float(x[n]) if self.front and self._as_moved(front) else 0.0
+        shift = about if kept else front.anchored(*self.seen(x, p), about)
         places = {crease.key: crease.place for crease in self._creases_at(x)}
         stretch, beyond = float(mesh.edges[-1] / self.equations.mesh.edges[-1]), math.exp(shift)
 
@@ -417,6 +422,13 @@ class MeshedContact(MovingContact):
     def joins(self, other: EquilibriumProblem) -> bool:
         """Either side of first touch is a representation of its own."""
         return isinstance(other, MeshedContact) and other.equations.contact == self.equations.contact
+
+    def close_to(self, point: Point) -> Self:
+        """With creases where a state has them: close by they hardly move, and the mesh stretched alone costs nothing."""
+        if not self.creases or self.front is None:
+            return self
+        front = replace(self.front, creases=())
+        return type(self)(self.placed(point.x), self.scale, self.resolution, self.sharpness, front)
 
     def resolving(self, point: Point, tolerance: float) -> Self:
         """A mesh made for a state; in a tiny contact with panels graded down to its radius.
