@@ -25,8 +25,9 @@ from .mesh import Mesh
 __all__ = ["SHARE", "SHORTER", "Crease", "apart", "creases_of", "located", "moved_with", "shortened", "velocities"]
 
 # A crease is narrower than its distance from the rim by the first factor, and changes the pressure by the second
-# multiple of its largest value over that distance; one that is followed, by half as much.
-NARROW, STEEP = 4.0, 1.0
+# multiple of its largest value over that distance, or, a step, answers the gap within that distance over the third; one
+# that is followed, by half as much.
+NARROW, STEEP, FIRM = 4.0, 1.0, 3.0
 # What is moved undeformed on either side of it, in its widths, and at most as a share of the way to what is next to it.
 AROUND, SHARE = 3.0, 0.35
 # Panels are shortened down to this share before the mesh is taken for the one to be moved, and no further than this.
@@ -36,7 +37,7 @@ MOST, NEWTON = 6, 3
 
 
 class AstrayError(ModelError, UnresolvedError):
-    """A crease has left its part of the mesh, which the continuation answers by a shorter step."""
+    """A crease, or the front, has left its part of the mesh, which the continuation answers by a shorter step."""
 
 
 @dataclass(frozen=True)
@@ -148,6 +149,7 @@ def creases_of(
     """
     nodes, chosen, fresh = mesh.nodes, list[Crease](), 1 + max((crease.key for crease in followed), default=-1)
     steep = np.abs(nodes * mesh.derivative(fields.pressure)) / max(float(np.abs(fields.pressure).max()), 1e-300)
+    firm = np.maximum(steep, np.abs(nodes * fields.stiffness) / (FIRM / STEEP))
     found = [(place, 1, 0.0, bend, math.sqrt(range_ / abs(bend))) for place, bend in _turns(mesh, fields.gap)]
     if math.isfinite(steps):
         found += [
@@ -160,7 +162,7 @@ def creases_of(
         near = [one for one in followed if one.order == order and one.key not in taken]
         near = [one for one in near if abs(one.place - place) < width]
         known = min(near, key=lambda one: abs(one.place - place)) if near else None
-        around = steep[np.abs(nodes - place) < AROUND * width]
+        around = (steep if order else firm)[np.abs(nodes - place) < AROUND * width]
         share = 0.5 if known else 1.0
         if not (share * NARROW * width < place and float(around.max(initial=0.0)) > share * STEEP):
             continue

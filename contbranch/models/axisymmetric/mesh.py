@@ -184,14 +184,13 @@ class Mesh:
     def _matrices(self) -> tuple[Array, Array]:
         """Both Abel integrals: the kernels at the nodes, and blocks for panels close to each other."""
         n, squares = self.order, self.nodes**2
-        kernel = np.zeros((self.size, self.size))  # 1/√|rho² − tau²|, below the diagonal
+        plane, kernel = np.zeros((2, self.size, self.size))  # the latter transposed
+        down, up = (2 / np.pi) * self.weights, 2 * self.weights * self.nodes
         for k in range(n, self.size, n):
-            own = kernel[k : k + n, :k]
-            np.subtract(squares[k : k + n, None], squares[:k], out=own)
+            own, rows = np.subtract(squares[k : k + n, None], squares[:k]), slice(k, k + n)
             np.sqrt(own, out=own)
-            np.divide(1.0, own, out=own)
-        plane = kernel * ((2 / np.pi) * self.weights)
-        kernel *= (2 * self.weights * self.nodes)[:, None]
+            np.divide(down[:k], own, out=plane[rows, :k])
+            np.divide(up[rows, None], own, out=kernel[rows, :k])
         left, right = self.edges[:-1], self.edges[1:]
         near = NEAR * (right - left)
         below, above = np.tril(left[:, None] - right < near), np.triu(left - right[:, None] < near)
@@ -200,7 +199,7 @@ class Mesh:
         plane.reshape(shape)[target, :, source, :] = self._near(target, source, False)
         target, source = np.nonzero(above)
         kernel.reshape(shape)[source, :, target, :] = self._near(target, source, True).transpose(0, 2, 1)
-        return plane, np.ascontiguousarray(kernel.T)
+        return plane, kernel.T
 
     def _near(self, target: Indices, source: Indices, upwards: bool) -> Array:
         """The blocks of either integral for pairs of panels, (pairs, order, order)."""

@@ -424,7 +424,7 @@ class MeshedContact(MovingContact):
         return isinstance(other, MeshedContact) and other.equations.contact == self.equations.contact
 
     def close_to(self, point: Point) -> Self:
-        """With creases where a state has them: close by they hardly move, and the mesh stretched alone costs nothing."""
+        """With creases at rest where a state has them: they hardly move close by, and meshes need not be made anew."""
         if not self.creases or self.front is None:
             return self
         front = replace(self.front, creases=())

@@ -16,7 +16,7 @@ from contbranch.continuation import Linearisation
 from contbranch.curve.problem import Defect, EquilibriumProblem, Work
 
 from .adapt import Solver
-from .creases import Crease, moved_with, velocities
+from .creases import AstrayError, Crease, moved_with, velocities
 from .equations import RECENT, Equations, Fields
 from .front import Edge, Front, lifted
 
@@ -131,7 +131,7 @@ class MovingContact(EquilibriumProblem):
                 return equations, fields
         n = self.size
         known = next((one[2] for one in self._seen if np.array_equal(one[0][n:], x[n:])), None)
-        equations = known or self.placed(x).stretched(math.exp(min(max(float(x[n]), -FARTHEST), FARTHEST)))
+        equations = known or self.placed(x).stretched(self._stretch(x))
         fields = equations.fields(self.growth(x) * x[:n], y)
         self._seen = [(x, y, equations, fields), *self._seen[: RECENT - 1]]
         return equations, fields
@@ -151,7 +151,13 @@ class MovingContact(EquilibriumProblem):
         """e^(nσ): what a state grows by where it keeps its shape as the front moves."""
         if self.front is None:
             return 1.0
-        return math.exp(self.front.power * min(max(float(x[self.size]), -FARTHEST), FARTHEST))
+        return self._stretch(x) ** self.front.power
+
+    def _stretch(self, x: Array) -> float:
+        sigma = float(x[self.size])
+        if not abs(sigma) < FARTHEST:
+            raise AstrayError("the front has left the mesh")
+        return math.exp(sigma)
 
     def fields(self, x: Array, u: float) -> Fields:
         """Everything that follows from a state."""
