@@ -297,16 +297,15 @@ def _refined(point: Point, event: Event | None, accuracy: float, beside: Point |
     stated = equilibrium(point).stated(point, event)
     if stated is not None:
         return Found(numbers(point), stated, point)
-    aimed, best = point, None
+    aimed, best, tried = point, None, list[Point]()
     try:
         if equilibrium(point).moves:  # what resolves the event itself would not resolve the way to it
-            point = _located(_Place(point, accuracy), event).point
-            if (resting := equilibrium(point).close_to(point)) is not point.problem:
-                point = settled(moved(point, resting))
-            aimed = point
-            best = _best(_Place(point, accuracy, settled=event is not None), event, accuracy)
-            if best is not None and best.relative_error() <= accuracy:
-                return best
+            aimed = point = _located(_Place(point, accuracy), event).point
+            for problem in dict.fromkeys((equilibrium(point).close_to(point), equilibrium(point))):
+                tried.append(point if problem is point.problem else settled(moved(point, problem)))
+                best = _better(best, _best(_Place(tried[-1], accuracy, settled=event is not None), event, accuracy))
+                if best is not None and best.relative_error() <= accuracy:
+                    return best
         if beside is not None and event is not None and _close(point, beside):
             aimed = settled(moved(point, equilibrium(beside)))
         for _ in range(ROUNDS_OF_AIM):
@@ -318,14 +317,17 @@ def _refined(point: Point, event: Event | None, accuracy: float, beside: Point |
     except (CorrectionError, ModelError):
         aimed = point
     # A discretisation made for the state may turn out worse than the one it came from.
-    tried = () if best is None else (point,)
     for start in dict.fromkeys((aimed, point)):
         if start in tried or (best is not None and best.relative_error() <= accuracy):
             continue
-        found = _best(_Place(start, accuracy, settled=event is not None or start is not point), event, accuracy)
-        if best is None or (found is not None and found.relative_error() < best.relative_error()):
-            best = found
+        place = _Place(start, accuracy, settled=event is not None or start is not point)
+        best = _better(best, _best(place, event, accuracy))
     return best if best is not None else by_defect(aimed, event)
+
+
+def _better(one: Found | None, other: Found | None) -> Found | None:
+    found = [event for event in (one, other) if event is not None]
+    return min(found, key=Found.relative_error, default=None)
 
 
 def _close(point: Point, other: Point) -> bool:

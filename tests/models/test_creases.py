@@ -1,5 +1,7 @@
 """Meshes that move with the creases of films."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -55,6 +57,43 @@ def test_every_crease_moves_its_own_place_alone():
     assert [crease.half for crease in creases] == pytest.approx([0.13, 0.15, 0.07])
 
 
+def test_creases_that_have_moved_leave_room_for_one_another():
+    """Towards one another, or towards a front: at the place of each only its own motion counts, as before."""
+    mesh = Mesh(np.linspace(0.0, 3.0, 301), 4)
+    moved = [Crease(place, 0.3, 0, 0.5, 1.0, 1.0, 0) for place in (1.2, 1.3, 1.5)]
+    creases = apart(moved, (mesh.innermost, 1.6))
+    edges, _ = velocities(creases, (1.58, 1.62), mesh)
+    rates = np.array([np.interp([1.2, 1.3, 1.5, 1.6], mesh.edges, own) for own in edges])
+    assert rates == pytest.approx(np.eye(3, 4), abs=1e-12)
+
+
+def test_a_front_is_found_next_to_where_it_was():
+    """A gap with a dip passes the front's own value more than once."""
+    mesh, tip = Mesh(np.linspace(0.0, 3.0, 31), 8), cb.Parabola(1.0)
+    equations = Equations(tip, cb.Gauss(-1.0, 0.7), mesh, ContactCoordinate(tip, 2.0), False)
+    fields = replace(equations.fields(np.zeros(mesh.size), -1.0), gap=1.0 + np.sin(2 * np.pi * mesh.nodes))
+    front = Front(1.0, 1.0, 0.1, 1.0, 0.0)
+    for place in (0.5, 1.0, 1.5, 2.0, 2.5):
+        assert front.anchored(equations, fields, np.log(place * 1.05)) == pytest.approx(np.log(place), abs=1e-8)
+
+
+def test_layers_travel_beside_the_front():
+    """A layer gives way at the centre while the film's front is a hundred times farther out.
+
+    On a mesh that moves with the front alone the wall of the hole wanders through it: the gap there then needs 230 rows
+    to come down to 2.85 ranges.
+    """
+    contact, rows = cb.Contact(cb.Parabola(1.0), cb.Layered(1.0, 0.07, 0.1)), []
+
+    def progress(share, text):
+        rows.append(text)
+        if len(rows) > 230:
+            raise cb.Stop
+
+    diagram = cb.trace(contact, accuracy=1e-4, progress=progress)
+    assert diagram.branches[0].central_gap.min() < 2.0 * 0.07
+
+
 def test_a_state_whose_creases_have_left_the_mesh_is_lost():
     """Where it lies cannot be told then, which is no error of whoever asks."""
     mesh, tip = Mesh(EDGES, 10), cb.Parabola(1.0)
@@ -64,6 +103,7 @@ def test_a_state_whose_creases_have_left_the_mesh_is_lost():
     h = 1.0 / (1.0 + mesh.nodes**2)
     assert not problem.lost(np.append(h, [0.0, 0.01]), -1.0)
     assert problem.lost(np.append(h, [0.0, -0.55]), -1.0)
+    assert problem.lost(np.append(h, [-3000.0, 0.0]), -1.0)  # nor where the front itself is
 
 
 def test_panels_are_not_crushed():

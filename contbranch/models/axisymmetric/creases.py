@@ -176,13 +176,24 @@ def creases_of(
     return apart(chosen[:MOST])
 
 
-def apart(creases: Sequence[Crease]) -> tuple[Crease, ...]:
-    """The creases, in the order in which they were chosen, with no more around each than those behind it leave."""
+def apart(creases: Sequence[Crease], fixed: Sequence[float] = ()) -> tuple[Crease, ...]:
+    """The creases, in the order in which they were chosen, with no more around each than those behind it leave.
+
+    Those that have moved towards one another since, or towards what is fixed, leave a share of the way at least.
+    """
+
+    def within(crease: Crease, most: float) -> Crease:
+        return replace(crease, half=min(crease.half, most))
+
+    def nearest(crease: Crease) -> float:
+        places = [*fixed, *(other.place for other in creases if other is not crease)]
+        return min((abs(crease.place - place) for place in places), default=math.inf)
 
     def left(crease: Crease, others: Sequence[Crease]) -> float:
         return min((abs(crease.place - other.place) - other.half for other in others), default=math.inf)
 
-    return tuple(replace(own, half=min(own.half, left(own, creases[k + 1 :]))) for k, own in enumerate(creases))
+    own = [within(crease, (1.0 - SHARE) * nearest(crease)) for crease in creases]
+    return tuple(within(crease, left(crease, own[k + 1 :])) for k, crease in enumerate(own))
 
 
 def located(mesh: Mesh, gap: Array, crease: Crease, stretch: float) -> float:

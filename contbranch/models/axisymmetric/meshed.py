@@ -27,7 +27,7 @@ from .adapt import (
     roughness,
     similar,
 )
-from .creases import SHORTER, Crease, creases_of, located, shortened
+from .creases import SHORTER, Crease, apart, creases_of, located, shortened
 from .equations import Equations, Fields
 from .front import Edge, Front, Kink, steepest
 from .mesh import Mesh, mesh_on
@@ -335,7 +335,8 @@ class MeshedContact(MovingContact):
         """The problem on another mesh, and the solution of the same parameter there (or, unsolved, carried to it)."""
         problem, n, tail = self.on_mesh(mesh, sharpness), self.size, x[self.size :]
         if self.front is not None and self.creases:  # which are at rest where they are
-            problem = problem._with(replace(self.front, creases=self._creases_at(x)))
+            fixed = mesh.innermost, self.front.place
+            problem = problem._with(replace(self.front, creases=apart(self._creases_at(x), fixed)))
             tail = np.append(x[n : n + 1], np.zeros(len(self.creases)))
         carried = np.append(self.placed(x).mesh.interpolate(x[:n], mesh.nodes), tail)
         return problem, problem.solve_at(carried, p) if solve else carried

@@ -151,7 +151,7 @@ class MovingContact(EquilibriumProblem):
         """e^(nσ): what a state grows by where it keeps its shape as the front moves."""
         if self.front is None:
             return 1.0
-        return self._stretch(x) ** self.front.power
+        return float(self._stretch(x) ** self.front.power)
 
     def _stretch(self, x: Array) -> float:
         sigma = float(x[self.size])
