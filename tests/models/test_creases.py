@@ -47,14 +47,14 @@ def test_rates_of_a_mesh_that_moves(radius):
 
 
 def test_every_crease_moves_its_own_place_alone():
-    """At the place of one the velocity is 1 by its own motion and 0 by those of others, whatever was chosen first."""
+    """At the place of one the velocity is 1 by its own motion and 0 by those of others; nowhere is the mesh torn."""
     mesh = Mesh(np.linspace(0.0, 3.0, 301), 4)
     chosen = [Crease(place, half, 0, 0.5, 1.0, 1.0, 0) for place, half in ((1.0, 0.3), (1.5, 0.15), (1.2, 0.07))]
     creases = apart(chosen)
     edges, _ = velocities(creases, None, mesh)
     rates = np.array([np.interp([crease.place for crease in creases], mesh.edges, own) for own in edges])
     assert rates == pytest.approx(np.eye(3), abs=1e-12)
-    assert [crease.half for crease in creases] == pytest.approx([0.13, 0.15, 0.07])
+    assert np.abs(np.diff(edges, axis=1)).max() < 0.2  # over panels of 0.01
 
 
 def test_creases_that_have_moved_leave_room_for_one_another():

@@ -177,23 +177,16 @@ def creases_of(
 
 
 def apart(creases: Sequence[Crease], fixed: Sequence[float] = ()) -> tuple[Crease, ...]:
-    """The creases, in the order in which they were chosen, with no more around each than those behind it leave.
+    """The creases with no more around each than a share of the way to the next one, or to what is fixed.
 
-    Those that have moved towards one another since, or towards what is fixed, leave a share of the way at least.
+    Where what moves undeformed with two of them met, the mesh would be torn.
     """
-
-    def within(crease: Crease, most: float) -> Crease:
-        return replace(crease, half=min(crease.half, most))
 
     def nearest(crease: Crease) -> float:
         places = [*fixed, *(other.place for other in creases if other is not crease)]
         return min((abs(crease.place - place) for place in places), default=math.inf)
 
-    def left(crease: Crease, others: Sequence[Crease]) -> float:
-        return min((abs(crease.place - other.place) - other.half for other in others), default=math.inf)
-
-    own = [within(crease, (1.0 - SHARE) * nearest(crease)) for crease in creases]
-    return tuple(within(crease, left(crease, own[k + 1 :])) for k, crease in enumerate(own))
+    return tuple(replace(crease, half=min(crease.half, SHARE * nearest(crease))) for crease in creases)
 
 
 def located(mesh: Mesh, gap: Array, crease: Crease, stretch: float) -> float:
