@@ -188,9 +188,9 @@ class Mesh:
         down, up = (2 / np.pi) * self.weights, 2 * self.weights * self.nodes
         for k in range(n, self.size, n):
             own, rows = np.subtract(squares[k : k + n, None], squares[:k]), slice(k, k + n)
-            np.sqrt(own, out=own)
-            np.divide(down[:k], own, out=plane[rows, :k])
-            np.divide(up[rows, None], own, out=kernel[rows, :k])
+            np.divide(1.0, np.sqrt(own, out=own), out=own)
+            np.multiply(own, down[:k], out=plane[rows, :k])
+            np.multiply(own, up[rows, None], out=kernel[rows, :k])
         left, right = self.edges[:-1], self.edges[1:]
         near = NEAR * (right - left)
         below, above = np.tril(left[:, None] - right < near), np.triu(left - right[:, None] < near)
@@ -199,7 +199,7 @@ class Mesh:
         plane.reshape(shape)[target, :, source, :] = self._near(target, source, False)
         target, source = np.nonzero(above)
         kernel.reshape(shape)[source, :, target, :] = self._near(target, source, True).transpose(0, 2, 1)
-        return plane, kernel.T
+        return plane, np.ascontiguousarray(kernel.T)
 
     def _near(self, target: Indices, source: Indices, upwards: bool) -> Array:
         """The blocks of either integral for pairs of panels, (pairs, order, order)."""
