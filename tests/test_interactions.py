@@ -424,3 +424,22 @@ def test_every_law_is_found_by_its_name():
     names = ["exponential", "gauss", "van-der-waals", "inverse-square", "maugis-dugdale", "layered", "tabulated"]
     assert set(names) == set(INTERACTIONS)
     assert all(INTERACTIONS[name].name == name for name in names)
+
+
+@pytest.mark.parametrize("kind", ["energies", "pressures"])
+def test_what_takes_a_table_to_zero_does_not_swing(kind):
+    """Beyond its last row a law is no stronger than there, or than its slope there takes it in one row."""
+    rng = np.random.default_rng(5)
+    gaps = np.linspace(0.0, 3.0, 61)
+    for _ in range(60):
+        depth, place, width = 10.0 ** rng.uniform(-4, -2), rng.uniform(2.3, 2.95), rng.uniform(10.0, 150.0)
+        values = np.exp(-3.0 * gaps) - depth * np.exp(-width * (gaps - place) ** 2)
+        law = Tabulated(tuple(gaps), **{kind: tuple(values)})
+        beyond = np.linspace(3.0, 12.0, 3001)
+        answer = law.evaluate(beyond)
+        found = answer.energy if kind == "energies" else answer.pressure
+        rise = abs(values[-1] - values[-2]) * 2.0
+        assert np.abs(found).max() <= abs(values[-1]) + rise
+        assert abs(found[-1]) <= 1e-6 * abs(values[-1])
+        if abs(values[-1]) > 2.0 * rise:  # it does not come to zero within a row
+            assert (found * np.sign(values[-1])).min() >= -0.06 * abs(values[-1])

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
 
 from contbranch.arrays import Array
@@ -273,8 +274,13 @@ class Tabulated(Evaluated):
         """Return the gap beyond which |v| ≤ tolerance · reference_work."""
         pieces = self._table.energy
         gaps = np.unique(np.linspace(pieces.x[:-2], pieces.x[1:-1], 9))
-        above = np.flatnonzero(np.abs(pieces(gaps)) > tolerance * self.reference_work)
-        return float(gaps[min(above[-1] + 1, gaps.size - 1)]) if above.size else 0.0
+        least = tolerance * self.reference_work
+        above = np.flatnonzero(np.abs(pieces(gaps)) > least)
+        if not above.size or above[-1] == gaps.size - 1:
+            return float(gaps[-1]) if above.size else 0.0
+        # Not at the next of the gaps, which may be the end of the law, where all derivatives vanish.
+        last, beyond = gaps[above[-1] :][:2]
+        return float(scipy.optimize.brentq(lambda gap: abs(float(pieces(gap))) - least, last, beyond))
 
     def tail_energy(self, gap: ArrayLike) -> Array:
         """Return ∫ v dg from `gap` to infinity."""

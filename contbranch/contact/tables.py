@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
@@ -31,6 +32,9 @@ _LOOSER, _LOOSER_ROUNDS = 1.25, 12  # a spline that swings is allowed so much mo
 # Of a law taken as the exponential of a spline: how soon its slope comes to rest beyond the table, ln of what is
 # nothing, and pieces in units of its decay.
 _STRAIGHTER, _NOTHING, _FINE = 0.25, 41.0, 8.0
+# What takes a table to zero joins so many derivatives at least; it swings where it exceeds the table's last value, at
+# one of so many places and by more than rounding, or has the other sign beyond a share of it.
+_LEAST_MATCHED, _SAMPLES, _ROUNDED, _BELOW = 3, 33, 1e-9, 0.05
 _DECAYED = 0.01  # a law whose table ends below this part of its maximum is taken to zero
 
 
@@ -245,12 +249,24 @@ def energy_of_table(gaps: Array, values: Array, kind: str) -> Table:
 
 
 def _to_zero(end: float, before: float, derivatives: tuple[float, ...]) -> scipy.interpolate.PPoly:
-    """Return the polynomial that starts at `end` with value and derivatives given and ends with all of them zero."""
+    """Return a polynomial that starts at `end` with value and derivatives given and ends with all of them zero.
+
+    With fewer derivatives, or sooner, where it would swing: the higher ones of a spline that ends are known badly.
+    """
     level, slope = derivatives[:2]
     decay = abs(level / slope) if slope != 0.0 else 0.0
-    width = min(max(4.0 * decay, end - before), end)
-    pieces = scipy.interpolate.BPoly.from_derivatives([end, end + width], [list(derivatives), [0.0] * len(derivatives)])
-    return scipy.interpolate.PPoly.from_bernstein_basis(pieces)
+    widest, least = min(max(4.0 * decay, end - before), end), min(end - before, end)
+    room = abs(level) + max(math.copysign(slope, level * slope), 0.0) * least
+    widths = widest * 0.5 ** np.arange(1 + max(0, math.floor(math.log2(widest / least))))
+    tails = list[tuple[float, scipy.interpolate.BPoly]]()
+    for count, width in itertools.product(range(len(derivatives), _LEAST_MATCHED - 1, -1), widths.tolist()):
+        ends = [list(derivatives[:count]), [0.0] * count]
+        tail = scipy.interpolate.BPoly.from_derivatives([end, end + width], ends)
+        values = tail(np.linspace(end, end + width, _SAMPLES)) * math.copysign(1.0, level)
+        tails.append((max(float(values.max()), -float(values.min()) / _BELOW) - room, tail))
+        if tails[-1][0] <= _ROUNDED * room:
+            break
+    return scipy.interpolate.PPoly.from_bernstein_basis(min(tails, key=lambda one: one[0])[1])
 
 
 def _joined(first: scipy.interpolate.PPoly, second: scipy.interpolate.PPoly) -> scipy.interpolate.PPoly:

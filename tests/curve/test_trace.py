@@ -52,3 +52,18 @@ def test_indices_change_at_folds_alone_and_as_the_slope_says(contact):
         if not events & {k - 1, k, k + 1, k + 2} and abs(rise[k]) > 1e-9 and abs(run[k]) > 1e-9:
             assert branch.unstable_load[k] - branch.unstable_displacement[k] == int(rise[k] * run[k] < 0)
             assert branch.unstable_load[k] == branch.unstable_load[k + 1]
+
+
+def test_folds_next_to_the_end_of_a_law():
+    """What takes a table to zero beyond its last row is felt first: it repels by that row's energy, and no more.
+
+    The well behind it attracts. At so weak a pull F = 2πR v (Derjaguin) to a tenth, elasticity included.
+    """
+    gaps = np.linspace(0.0, 3.0, 61)
+    energies = np.exp(-3.0 * gaps) - 0.003 * np.exp(-30.0 * (gaps - 2.6) ** 2)
+    diagram = cb.trace(cb.Contact(cb.Parabola(1.0), cb.Tabulated(tuple(gaps), tuple(energies))), modes=0)
+    assert diagram.status == "complete", diagram.message
+    outer, well = diagram.folds("load")
+    assert outer.load == pytest.approx(2 * np.pi * energies[-1], rel=0.1)
+    assert well.load == pytest.approx(2 * np.pi * energies.min(), rel=0.1)
+    assert diagram.branches[0].load[0] > 0.0

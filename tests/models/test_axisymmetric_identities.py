@@ -158,3 +158,27 @@ def test_translation(traced):
     assert len(distances) > 8
     assert max(distances) < 3e-3  # the derivative of the panels' polynomials at the sharp edge of a film
     assert np.median(distances) < 1e-4
+
+
+def test_rates_of_a_mesh_that_misses_the_edge_of_its_tip_by_roundings():
+    """Rates are derivatives of values; what a film would bear beyond the edge is none of them.
+
+    A mesh that is stretched with a growing contact ends where the tip does but for many roundings.
+    """
+    contact = cb.Contact(cb.SphericalCap(2.0), cb.VanDerWaals(-1.0, 5.0)).to_reduced()
+    traced = Followed(contact, TOLERANCE, TOLERANCE, events=False)
+    points = [point for point in traced.points[1:-1] if point.problem.equations.contact]
+    assert len(points) > 5
+    for point in points[::3]:
+        problem, h = point.problem.still(point.x)
+        y = point.problem.fields(point.x, point.parameter).y
+        rate = np.sin(1.0 + np.arange(h.size))
+        for factor in (1.0, 1.0 - 3e-12):
+            equations = problem.equations.stretched(factor)
+            ahead, behind = (equations.fields(h + s * 1e-6 * rate, y + s * 1e-7) for s in (1.0, -1.0))
+            load = (equations.load(ahead) - equations.load(behind)) / 2e-6
+            displacement = (equations.displacement(ahead) - equations.displacement(behind)) / 2e-6
+            fields = equations.fields(h, y)
+            assert equations.rates(fields, rate, 0.1) == pytest.approx((load, displacement), abs=1e-6)
+            # The edge stays where it is: stretching takes nothing over from beyond it.
+            assert equations.rates(fields, rate, 0.1, 0.3)[1] == equations.rates(fields, rate, 0.1)[1]

@@ -37,8 +37,8 @@ Array = NDArray[np.float64]
 TAIL_NODES, SLOWEST = 20, 6.0
 # Panels that a product of triangular matrices takes at a time.
 STRIP = 4
-# A mesh that ends this close to a tip's edge ends there.
-WITHIN = 1.0 - 1e-12
+# A mesh that ends this close to a tip's edge ends there: one that stretches may be off by many roundings.
+WITHIN = 1.0 - 1e-9
 # Radii so much smaller than the distance from the rim do not matter for the slope of a tip's gap.
 APART = 1e-6
 # Solutions whose fields are kept: the ends of a step and what was tried between them.

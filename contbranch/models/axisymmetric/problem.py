@@ -76,6 +76,8 @@ SOFTER = 0.05
 NEXT_TO_NOTHING = 1e-12
 # Gaps among which a curve begins, in units of the wavelength of layers.
 BEFORE = np.linspace(0.0, 0.5, 33)
+# A law made of pieces may rise from nothing and fall again in few of them: the first step is so much shorter.
+WITHIN_A_PIECE = 0.1
 # Steps of the gap far away in units of the wavelength of layers.
 LONGEST_IN_LAYERS = 0.15
 # Angle at which steps aim among layers: the curve turns all along as rings move through the mesh, and as foretold.
@@ -255,9 +257,9 @@ class ContactProblem(MeshedContact):
         floor = max(floor, loud * np.finfo(float).eps * math.sqrt(self.inner(rough, rough)))
         steps = replace(STEPS, state_floor=floor, noise=NOISE)
         law = self.equations.interaction
-        if law is None or not math.isfinite(law.wave):
-            return steps
-        return replace(steps, angle=TURNING)
+        if law is not None and law.pieced and not self.equations.contact:
+            steps = replace(steps, first_step=WITHIN_A_PIECE * steps.first_step)
+        return steps if law is None or math.isinf(law.wave) else replace(steps, angle=TURNING)
 
     def farthest(self, p: float) -> float:
         """Steps of a film's gap shorter than layers, all of which would otherwise not be met far away."""
