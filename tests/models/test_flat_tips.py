@@ -213,3 +213,19 @@ def test_radii_that_a_ring_skips_are_no_states():
     again = cb.solve(contact, displacement=state.displacement)
     assert again.contact_radius == pytest.approx(0.2, abs=1e-6)
     assert again.load == pytest.approx(state.load, abs=1e-6)
+
+
+def test_a_stiff_film_under_a_flat_tip_breaks_on_a_ring_and_then_in_the_middle():
+    """Gaps of 1e-6 tell pressures of a film whose surfaces are moved by hundreds of ranges.
+
+    The ring is born where the film's pressure reaches its bound, and its hole closes where that all but rests.
+    """
+    contact = cb.Contact(cb.PowerLaw(2.5, 1.0), cb.InverseSquare(-1.0, 1.0 / 12.0))
+    coarse, fine = (cb.trace(contact, accuracy=accuracy) for accuracy in (1e-4, 1e-6))
+    for diagram in (coarse, fine):
+        assert diagram.status == "complete", diagram.message
+        assert len(diagram.branches[0].load) < 130
+        assert [event.kind for event in diagram.events] == ["topology", "topology", "end"]
+    for one, other in list(zip(coarse.events, fine.events, strict=True))[:2]:
+        for name in ("load", "displacement"):
+            assert abs(getattr(one, name) - getattr(other, name)) <= one.error[name] + other.error[name]

@@ -620,3 +620,15 @@ def test_a_layout_without_panels_outside_has_no_front_there():
     diagram = cb.trace(cb.Contact(cb.PowerLaw(2.144, 1.0), law), accuracy=1e-4)
     assert diagram.status == "complete" or "beyond the change of the contact set" in diagram.message
     assert diagram.folds("load")
+
+
+def test_the_panel_to_infinity_lifts_the_apex_as_what_lies_next_to_it():
+    """What has decayed at infinity leaves nothing there, however closely nodes cluster: 2 ∫ p ds at the apex."""
+    grid = Grid(Panels(10, ((0.3,), (0.4,), (0.2,)), (0.5, 1.2)), np.array([0.7, 1.6]), False)
+    for power in (2.0, 3.0, 6.0):
+        pressure = 1e3 / (1 + grid.r**2) ** power
+        apex = 2 * float(grid.weights @ pressure)
+        assert grid.lift_at(np.array([1e-9]), pressure)[0] == pytest.approx(apex, rel=1e-10)
+    parts = Grid(grid.panels, np.array([0.01, 0.02]), False)  # which has most of the load out there
+    pressure = 1e3 / (1 + parts.r**2) ** 3
+    assert parts.lift_at(np.array([1e-9]), pressure)[0] == pytest.approx(1e3 * 3 * math.pi / 8, rel=1e-3)

@@ -12,7 +12,7 @@ from contbranch.arrays import Array
 from contbranch.continuation import CorrectionError, Event, Point, StopAt
 from contbranch.continuation.edge import Range
 from contbranch.continuation.follow import follow
-from contbranch.continuation.newton import evaluating
+from contbranch.continuation.newton import border, evaluating, linearise, solve
 from contbranch.curve.events import Margin
 from contbranch.curve.problem import Rates, Succession, alike, equilibrium, oriented
 from contbranch.errors import ModelError
@@ -30,9 +30,11 @@ __all__ = ["born", "handed", "left", "vanished"]
 
 # Half-widths with which a region is born, as shares of the room there is for it; the first that succeeds counts, unless
 # an inequality fails there by more than this.
-SEEDS, FAILS = (0.02, 0.05, 0.01, 0.1, 0.004, 0.2, 1e-3, 2e-4, 4e-5), 1e-3
+SEEDS, FAILS = (0.02, 0.05, 0.01, 0.1, 0.004, 0.2, 1e-3, 2e-4, 4e-5, 0.4), 1e-3
 # ... or the displacement has changed by more than this multiple of its scale: that is another state.
 ASTRAY = 1.0
+# ... or rounding moves the edges by more than this share of the narrowest width: too narrow for so stiff a film.
+UNTOLD = 3e-3
 # Under a sharp tip like r^n the pressure has a cusp in the middle; even a tiny hole takes up to this multiple of the
 # radius times the slope at the hole's edge, divided by n − 1, or by this at least.
 CUSP, TINY = 2.0, 0.01
@@ -201,6 +203,14 @@ def narrowest(point: Point) -> float:
     return float(problem.widths(point.x[point.x.size - problem.edges :][: problem.layout.edges]).min())
 
 
+def uncertain(point: Point) -> float:
+    """How far rounding moves the edges, as a share of the narrowest width: one more correction by Newton's method."""
+    problem, at = rings(point), linearise(rings(point), point.x, point.parameter)
+    row = problem.metric(point.x).row(problem, point.tangent_x, point.tangent_parameter)
+    dx, _ = solve(border(problem, point.x, point.parameter, at, row), -at[0], 0.0, point.parameter)
+    return float(np.abs(dx[dx.size - problem.edges :]).max()) / narrowest(point)
+
+
 def carried(problem: RingEquations, fields: Fields, layout: Layout, edges: Array) -> tuple[RingEquations, Array]:
     """Another layout with its edges, and the state on it with the present pressures."""
     trial = problem.laid_out(layout, pieces(edges, problem.panels, fields.grid, layout.bounded))
@@ -235,9 +245,11 @@ def seeded(point: Point, breach: Breach) -> Point:
     if breach.region == 0 and not centre:  # the disc that fills a ring soon, at once where that is too small to be told
         place = 0 if breach.radius < TOLD * math.sqrt(problem.setting.scale) else len(seeds)
         seeds[place:place] = [(True, share * breach.radius) for share in FILLED]
-    tip, doubtful = problem.setting.tip, list[tuple[float, Point]]()
+    tip, doubtful, least = problem.setting.tip, list[tuple[float, Point]](), 0.0
     cusp = CUSP / max(tip.apex_exponent - 1.0, TINY)
     for inside, half in seeds:
+        if least and (half <= least or inside != centre):
+            continue
         if inside:
             new, held = np.concatenate([[half], edges]), np.eye(len(edges) + 1)[0]
         else:
@@ -255,10 +267,12 @@ def seeded(point: Point, breach: Breach) -> Point:
             continue
         if found.tangent_x[found.x.size - rings(found).edges :][: len(held)] @ held < 0.0:  # told where it is resolved
             found = found.turned()
-        if margin_of(found) > 0 >= beyond:
+        untold = uncertain(found) - UNTOLD
+        least = half if untold > 0.0 else least
+        if margin_of(found) > 0 >= max(beyond, untold):
             return found
         if margin_of(found) >= -FAILS:
-            doubtful.append((max(beyond, 0.0), found))
+            doubtful.append((max(beyond, untold, 0.0), found))
     if not doubtful:
         raise ModelError("no state was found beyond the change of the contact set")
     return min(doubtful, key=lambda one: one[0])[1]

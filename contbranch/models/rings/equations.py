@@ -49,6 +49,8 @@ PARTS = 8
 TALL = 1e-3
 # Nodes between those on both sides of a front that tell whether the gap rises there.
 AROUND = 2
+# Stiffness of a film times the radius of the contact from which on its pressure tells its gap.
+FIRM = 30.0
 # Halvings of an interval that leave a radius to rounding.
 HALVINGS = 50
 
@@ -233,19 +235,41 @@ class RingEquations(EquilibriumProblem):
     def residual(self, x: Array, p: float) -> Array:
         """Residual, (N + E,)."""
         fields = self.fields(x, p)
-        rests, level = self.resting(fields.grid)
-        own = np.where(rests, fields.rise - (level + self.origin), fields.pressure - fields.law_pressure)
-        return np.concatenate([own, self._edge_equations(fields)[0]])
+        return np.concatenate([self._nodes(fields)[0], self._edge_equations(fields)[0]])
+
+    def _nodes(self, fields: Fields) -> tuple[Array, Array, Array]:
+        """Equations of the nodes: residuals, and their derivatives with respect to the gap and the pressure, (N,) each.
+
+        A gap rests at its level. A floating one gives the law's pressure; where that is so stiff that a pressure,
+        which is smooth, tells a gap better than the gap, a small difference of large lengths, tells the pressure, the
+        gap is the one that the pressure asks for.
+        """
+        if "nodes" not in fields.derived:
+            rests, level = self.resting(fields.grid)
+            residual = np.where(rests, fields.rise - (level + self.origin), fields.pressure - fields.law_pressure)
+            by_gap, by_pressure = np.where(rests, 1.0, fields.stiffness), np.where(rests, 0.0, 1.0)
+            reach = float(fields.grid.edges[-1]) if len(fields.grid.edges) else 1.0
+            for k, region in enumerate(self.layout.regions):
+                firm = np.flatnonzero((fields.grid.of_node == k) & (fields.stiffness * reach > FIRM))
+                if region.rests or not firm.size:
+                    continue
+                gap, stiffness = self.setting.law.gap(region.index, fields.pressure[firm], fields.gap[firm])
+                found = stiffness > 0.0
+                firm = firm[found]
+                residual[firm] = fields.gap[firm] - gap[found]
+                by_gap[firm], by_pressure[firm] = 1.0, 1.0 / stiffness[found]
+            fields.derived["nodes"] = residual, by_gap, by_pressure
+        nodes: tuple[Array, Array, Array] = fields.derived["nodes"]
+        return nodes
 
     def jacobian(self, x: Array, p: float) -> Array:
         """dR/dx, (N + E, N + E)."""
         fields = self.fields(x, p)
         n, count = fields.grid.size, self.edges
-        rests, _ = self.resting(fields.grid)
-        factor = np.where(rests, 1.0, fields.stiffness)
+        _, factor, own = self._nodes(fields)
         matrix = np.empty((n + count, n + count))
         np.multiply(factor[:, None], fields.response, out=matrix[:n, :n])
-        matrix.flat[: n * (n + count) : n + count + 1] += np.where(rests, 0.0, 1.0)
+        matrix.flat[: n * (n + count) : n + count + 1] += own
         matrix[:n, n:] = factor[:, None] * self._gap_moves(fields)
         _, matrix[n:, :n], matrix[n:, n:], _ = self._edge_equations(fields)
         return matrix
@@ -262,8 +286,7 @@ class RingEquations(EquilibriumProblem):
     def parameter_derivative(self, x: Array, p: float) -> Array:
         """dR/dd, (N + E,)."""
         fields = self.fields(x, p)
-        rests, _ = self.resting(fields.grid)
-        return np.concatenate([-np.where(rests, 1.0, fields.stiffness), self._edge_equations(fields)[3]])
+        return np.concatenate([-self._nodes(fields)[1], self._edge_equations(fields)[3]])
 
     def linearise(self, x: Array, p: float) -> Linearisation:
         """Residual and derivatives, counted."""

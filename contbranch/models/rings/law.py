@@ -15,6 +15,11 @@ from contbranch.contact.interactions import Interaction, MaugisDugdale, Response
 __all__ = ["BandedLaw"]
 
 
+# Iterations that invert a law, how far they go in units of the first one's, and the share of the largest pressure to
+# which they do.
+INVERSIONS, FARTHEST, ROUNDING = 30, 4.0, 1e-13
+
+
 @dataclass(frozen=True)
 class BandedLaw:
     """Levels of the gap with a pressure between bounds on them, and the smooth law in the bands between them.
@@ -70,6 +75,22 @@ class BandedLaw:
                 sigma = -step.work_of_adhesion / step.range
                 energy, pressure = energy + sigma * (step.range - gap), pressure + sigma
         return Response(energy, pressure, stiffness)
+
+    def gap(self, band: int, pressure: Array, near: Array) -> tuple[Array, Array]:
+        """Gaps at which a band's law has given pressures, near others, and its stiffness there, 0 where none was found.
+
+        Newton's method, for pressures that fall with the gap, no farther than a few of its first steps.
+        """
+        gap, scale, room = near, float(np.abs(pressure).max(initial=0.0)), math.inf
+        for _ in range(INVERSIONS):
+            _, answer, stiffness = self.evaluate(band, gap)
+            off = answer - pressure
+            step = np.divide(off, stiffness, out=np.zeros_like(off), where=stiffness > 0.0)
+            room = FARTHEST * np.abs(step) if gap is near else room
+            gap = np.clip(gap + step, near - room, near + room)
+            if not (np.abs(off) > ROUNDING * scale).any():
+                break
+        return gap, np.where((np.abs(off) <= ROUNDING * scale) & (stiffness > 0.0), stiffness, 0.0)
 
     def pressure(self, band: int, level: int) -> float:
         """Pressure of a band's law at a level."""

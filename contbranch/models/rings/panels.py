@@ -102,6 +102,10 @@ class Near(NamedTuple):
         K(m)/(r + s).
     rules : list of (slice, array (m, n))
         Pairs, and what takes the nodal values of their panels to the nodes.
+    outer : integer array (K,)
+        Pairs with the panel to infinity, where the polynomial is one of r³ times the values.
+    cubes, fading : array (n,), (K, m)
+        r³ at its nodes, and 1/r³ at those of the pairs, in units of its inner end.
     """
 
     target: Indices
@@ -110,20 +114,27 @@ class Near(NamedTuple):
     weight: Array
     share: Array
     rules: Rules
+    outer: Indices
+    cubes: Array
+    fading: Array
 
     def values(self, nodal: Array) -> Array:
         """What panels have at their nodes, (P, n), at the pairs' nodes, (pairs, m)."""
         own, found = nodal[self.panel], np.empty(self.share.shape)
+        own[self.outer] *= self.cubes
         for part, values in self.rules:
             found[part] = own[part] @ values.T
+        found[self.outer] *= self.fading
         return found
 
     def put(self, far: Array, order: int) -> None:
         """Rows (M, N) that take nodal pressures to displacements, right but where panels are near, put right there."""
         factor = (4 / np.pi) * self.radius * self.share * self.weight
         rows = np.empty((len(factor), order))
+        factor[self.outer] *= self.fading
         for part, values in self.rules:
             rows[part] = factor[part] @ values
+        rows[self.outer] *= self.cubes
         view = far.reshape(len(far), -1, order)
         view[self.target, self.panel] = 0.0
         np.add.at(view, (self.target, self.panel), rows)
@@ -233,7 +244,7 @@ class Grid:
 
     # -- elastic response ---------------------------------------------------------------------------------------------
     def _near(self, r: Array) -> NDArray[np.bool_]:
-        """Which panels are near radii, (M, P)."""
+        """Which panels are near radii, (M, P); that to infinity is near all within."""
         distance = np.maximum(0.0, np.maximum(self.inner - r[:, None], r[:, None] - self.outer))
         return np.asarray(distance < NEAR * self.length)
 
@@ -258,7 +269,11 @@ class Grid:
     def _near_pairs(self, r: Array, target: Indices, panel: Indices, x: Array, span: Array, rules: Rules) -> Near:
         """Pairs with their nodes, at places x of their panels with weights of ∫ dx, and kernels."""
         radius, slope = self._map(panel[:, None], x)
-        return Near(target, panel, radius, slope * span, _share(r[target][:, None], radius), rules)
+        outer = np.flatnonzero(self.sign[panel] == 2)
+        end = self.inner[-1] if outer.size else 1.0
+        cubes, fading = (self.r[-self.order :] / end) ** 3, (end / radius[outer]) ** 3
+        share = _share(r[target][:, None], radius)
+        return Near(target, panel, radius, slope * span, share, rules, outer, cubes, fading)
 
     def forget(self) -> None:
         """Drop what has been kept to save work; it is made again when it is asked for."""
