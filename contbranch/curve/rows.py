@@ -280,11 +280,11 @@ def _event_of(track: Track, mark: Mark) -> Event | None:
     return Margin(mark.margin) if mark.margin and mark.margin != "edge" else None
 
 
-def _neighbours(track: Track, found: Sequence[Found]) -> Iterator[tuple[int, int, Control]]:
-    """Pairs of neighbouring folds of one control."""
+def _neighbours(track: Track, found: Sequence[Found], corners: bool = False) -> Iterator[tuple[int, int, Control]]:
+    """Pairs of neighbouring folds of one control, with or without those in corners."""
     for control in () if track.problem(0).given else track.controls:
         marks = enumerate(track.marks[: len(found)])
-        members = [k for k, mark in marks if mark.control == control and mark.row not in track.onward]
+        members = [k for k, mark in marks if mark.control == control and (corners or mark.row not in track.onward)]
         yield from ((first, second, control) for first, second in pairwise(members))
 
 
@@ -323,10 +323,11 @@ def _once(
 
     Next to a fold the rows' errors, or another discretisation, may make a curve come to lie before it again: of those
     that coincide the last one that does what they do together stays, on the mesh made there; the rows' indices,
-    `unstable`, follow it.
+    `unstable`, follow it. In a corner, as where surfaces touch that do not press on one another yet, what is controlled
+    may rest but for such errors: then none of them stays.
     """
     runs: list[tuple[Control, list[int]]] = []
-    for a, b, control in _neighbours(track, found):
+    for a, b, control in _neighbours(track, found, corners=True):
         if max(found[a].relative_error(), found[b].relative_error()) <= accuracy and _coincide(found[a], found[b]):
             if runs and runs[-1][1][-1] == a:
                 runs[-1][1].append(b)
@@ -336,12 +337,16 @@ def _once(
     for control, run in runs:
         before, after = done = events[run[0]].before, events[run[-1]].after
         same = [k for k in run if (events[k].before, events[k].after) == done]
+        rows, places = unstable[control], [track.marks[k].row for k in run]
+        if not same and before == after and not track.onward.keys().isdisjoint(places):
+            again |= set(run)
+            rows[places[0] : places[-1] + 1] = before
+            continue
         if not same:
             twice.append(events[run[1]])
             continue
         again |= set(run) - {same[-1]}
-        first, row, last = (track.marks[k].row for k in (run[0], same[-1], run[-1]))
-        rows = unstable[control]
+        first, row, last = places[0], track.marks[same[-1]].row, places[-1]
         rows[first:row], rows[row], rows[row + 1 : last + 1] = before, min(done), after
     return [event for k, event in enumerate(events) if k not in again], twice
 
