@@ -344,6 +344,15 @@ def _best(place: _Place, event: Event | None, accuracy: float) -> Found | None:
     """
     best: Found | None = None
     chance: Found | None = None
+
+    def reached() -> Found | None:
+        """The best, no better than what it confirms is off; or what nothing confirms."""
+        if best is None or chance is None:
+            return best or chance
+        off = np.abs(np.subtract(best.numbers, chance.numbers))
+        load, displacement, radius, gap = np.maximum(best.error, off).tolist()
+        return replace(best, error=(load, displacement, radius, gap))
+
     last, rough, idle = math.inf, False, 0
     try:
         place = _located(place, event)
@@ -381,8 +390,8 @@ def _best(place: _Place, event: Event | None, accuracy: float) -> Found | None:
             place = _located(fine, event)
     except (CorrectionError, ModelError):
         # What has been reached stands, with its own error estimate.
-        return best or chance or by_defect(place.point, event)
-    return best or chance
+        return reached() or by_defect(place.point, event)
+    return reached()
 
 
 def _nudged(place: _Place, event: Event) -> tuple[float, Four] | None:
