@@ -234,7 +234,7 @@ def energy_of_table(gaps: Array, values: Array, kind: str) -> Table:
     decayed = abs(level) <= _DECAYED * np.max(np.abs(values))
     if kind == "energies":  # a constant tail has no force, so the force must have decayed as well
         decayed = decayed and abs(slope) <= _DECAYED * np.max(np.abs(spline(gaps, 1)))
-    decayed = decayed or abs(level) <= 2.0 * _SEEN * scatter
+    decayed = decayed or gaps.size < told[0].size or abs(level) <= 2.0 * _SEEN * scatter
     derivatives = (level, slope, *higher)[: 3 if scatter else spline.k]
     tail = _to_zero(float(gaps[-1]), float(gaps[-2]), derivatives)
     pieces = _joined(_pieces(spline), tail)

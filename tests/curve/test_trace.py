@@ -67,3 +67,16 @@ def test_folds_next_to_the_end_of_a_law():
     assert outer.load == pytest.approx(2 * np.pi * energies[-1], rel=0.1)
     assert well.load == pytest.approx(2 * np.pi * energies.min(), rel=0.1)
     assert diagram.branches[0].load[0] > 0.0
+
+
+def test_a_table_that_ends_in_nothing_but_scatter_has_decayed():
+    """Where the rows no longer differ from that its curve does not end, and it says what is smoothed alone."""
+    rng = np.random.default_rng(1)
+    gaps = np.linspace(0.0, 6.0, 30)
+    energies = np.exp(-(gaps**2) / 2) + 1e-3 * rng.normal(size=gaps.size)
+    diagram = cb.trace(cb.Contact(cb.Parabola(1.0), cb.Tabulated(tuple(gaps), tuple(energies))), accuracy=1e-4)
+    assert "table-end" not in [event.name for event in diagram.events]
+    assert "scatters by" in diagram.message
+    assert "ends at a gap" not in diagram.message
+    short = cb.Tabulated(tuple(gaps[:8]), tuple(np.exp(-2.0 * gaps[:8])))
+    assert cb.trace(cb.Contact(cb.Parabola(1.0), short), accuracy=1e-4).events[0].name == "table-end"
