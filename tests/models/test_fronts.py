@@ -5,7 +5,7 @@ state of JKR whose central pressure is zero, a³ = π/2 and F = −4π/3 (reduce
 """
 
 import math
-from itertools import count
+from itertools import count, pairwise
 
 import numpy as np
 import pytest
@@ -218,3 +218,13 @@ def test_a_film_under_a_bump_is_squeezed_out_on_a_ring():
     loads = [fold.load for fold in diagram.folds("load")]
     assert np.diff(np.sort(loads)).min() > 1e-3
     assert ring.load < max(loads)
+
+
+def test_a_front_stays_on_the_mesh():
+    """Far outside of a soft layered contact under a flat tip meshes end sooner than the front that they began with."""
+    contact = cb.Contact(cb.PowerLaw(3.0, 1.0), cb.Layered(-1.0, 1.0 / 0.3, 4.0))
+    diagram = cb.trace(contact, accuracy=1e-8, modes=0)
+    assert diagram.status == "complete", diagram.message
+    names = [fold.name for fold in diagram.folds("load")]
+    assert len(names) > 20
+    assert all(one.split("-")[0] != other.split("-")[0] for one, other in pairwise(names))

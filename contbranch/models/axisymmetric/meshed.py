@@ -322,12 +322,12 @@ class MeshedContact(MovingContact):
         return max(self.sharpness, shown) if error > tolerance else min(self.sharpness, shown)
 
     def _reach(self, equations: Equations, fields: Fields, tolerance: float) -> float:
-        """How long the mesh is to be; a kink lies on it."""
+        """How long the mesh is to be; a front lies on it."""
         mesh = equations.mesh
         if mesh.bounded:
             return float(mesh.edges[-1])
-        kink = self.front.place / self.equations.mesh.edges[-1] if isinstance(self.front, Kink) else 0.0
-        return max(needed_reach(equations, fields, tolerance), kink * float(mesh.edges[-1]))
+        front = self.front.place / self.equations.mesh.edges[-1] if isinstance(self.front, Front) else 0.0
+        return max(needed_reach(equations, fields, tolerance), front * float(mesh.edges[-1]))
 
     def on(
         self, mesh: Mesh, x: Array, p: float, sharpness: float | None = None, solve: bool = True
