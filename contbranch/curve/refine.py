@@ -344,15 +344,6 @@ def _best(place: _Place, event: Event | None, accuracy: float) -> Found | None:
     """
     best: Found | None = None
     chance: Found | None = None
-
-    def reached() -> Found | None:
-        """The best, no better than what it confirms is off; or what nothing confirms."""
-        if best is None or chance is None:
-            return best or chance
-        off = np.abs(np.subtract(best.numbers, chance.numbers))
-        load, displacement, radius, gap = np.maximum(best.error, off).tolist()
-        return replace(best, error=(load, displacement, radius, gap))
-
     last, rough, idle = math.inf, False, 0
     try:
         place = _located(place, event)
@@ -370,6 +361,8 @@ def _best(place: _Place, event: Event | None, accuracy: float) -> Found | None:
                 fine = _located(fine, event)
                 there = fine.point.parameter, numbers(fine.point)
             found = _compared(replace(place, uncertainty=max(place.uncertainty, fine.uncertainty)), there, accuracy)
+            if best is None and chance is not None:
+                found = _confirming(found, chance)
             error = found.relative_error()
             idle = idle + 1 if best is not None and error > LITTLE * best.relative_error() else 0
             if best is None or error < best.relative_error():
@@ -390,8 +383,15 @@ def _best(place: _Place, event: Event | None, accuracy: float) -> Found | None:
             place = _located(fine, event)
     except (CorrectionError, ModelError):
         # What has been reached stands, with its own error estimate.
-        return reached() or by_defect(place.point, event)
-    return reached()
+        return best or chance or by_defect(place.point, event)
+    return best or chance
+
+
+def _confirming(found: Found, chance: Found) -> Found:
+    """An event that is to confirm another one: no better known than it differs from that."""
+    off = np.abs(np.subtract(found.numbers, chance.numbers))
+    load, displacement, radius, gap = np.maximum(found.error, off).tolist()
+    return replace(found, error=(load, displacement, radius, gap))
 
 
 def _nudged(place: _Place, event: Event) -> tuple[float, Four] | None:
