@@ -42,7 +42,7 @@ RECENT = 6
 ROW_TOLERANCE = 1e-7
 # A jump takes the place of a resting ring between two bands when that has become this narrow, as a share of its radius:
 # it leaves out a tenth of the square, measured against the closed form.
-NARROW_RING = 1e-4
+NARROW_RING = 3e-5
 # Parts of a panel for integrals over the gap of a tip.
 PARTS = 8
 # Displacements are measured in this share of the tip's height at the outermost edge at least.
