@@ -159,7 +159,8 @@ def correct(
             left, bordered = at[0], border(problem, x, p, at, row)
         dx, dp = solve(bordered, -left, 0.0, p)
         size = metric.norm(problem, dx, dp)
-        if kept and size > max(previous, tolerance, floor):  # not taken: it leads away
+        grows = iteration == 2 and noise < size < SMALL  # once, if at all
+        if kept and size > max(previous, tolerance, floor) and not grows:  # not taken: it leads away
             kept, trusted = False, CONTRACTS
             continue
         x = x + dx
@@ -192,7 +193,7 @@ def correct(
             problem.corrected(x, p, partial(_at_fixed_parameter, bordered, (u, a)))
             return Corrected(x, p, u, a, bordered, iteration, first, worst)
         previous = size
-        kept = polishes and size < SMALL and contraction < (CONTRACTS if kept else trusted)
+        kept = polishes and size < SMALL and (grows or contraction < (CONTRACTS if kept else trusted))
     raise CorrectionError(Outcome.STEP_TOO_SMALL, f"(The last correction was {previous:.2g} of the step's scale.)")
 
 
