@@ -98,23 +98,29 @@ def _rises(pieces: scipy.interpolate.PPoly) -> bool:
     return bool(np.all(pieces(places[places > 0.0], 1) > 0.0) and pieces(0.0, 1) >= 0.0)
 
 
-def _kernel(m: int, x: Array) -> Array:
-    """Return K_m(θ) = ∫_0^θ (cos φ - cos θ)^m dφ, a Legendre function of cos θ (Mehler, Dirichlet).
+def _kernels(x: Array, least: int = 1) -> Array:
+    """Return K_m(θ) = ∫_0^θ (cos φ - cos θ)^m dφ for m = 1, 2, 3, or from a larger one on, (3, …).
+
+    They are Legendre functions of cos θ (Mehler, Dirichlet).
 
     With x = sin²(θ/2) in [0, 1/2] it is √(π/2) m!/Γ(m + 3/2) (2x)^(m+1/2) ₂F₁(1/2, 1/2; m + 3/2; x).
     """
     double = 2.0 * x
-    series = np.polynomial.polynomial.polyval(2.0 * double - 1.0, _kernel_series(m))
-    return np.asarray(np.sqrt(double) * double**m * series)
+    found = np.asarray(np.polynomial.polynomial.polyval(2.0 * double - 1.0, _kernel_series()[:, least - 1 :]))
+    factor = np.sqrt(double) * double ** (least - 1)
+    for own in found:
+        factor = factor * double
+        own *= factor
+    return found
 
 
 @cache
-def _kernel_series(m: int) -> Array:
-    """Return the polynomial of 4x − 1 that is all of it but its power of 2x."""
-    nodes = chebyshev.chebpts1(_DEGREE + 1)
-    values = scipy.special.hyp2f1(0.5, 0.5, m + 1.5, 0.25 * (nodes + 1.0))
-    scale = math.sqrt(0.5 * math.pi) * math.factorial(m) / math.gamma(m + 1.5)
-    return np.asarray(scale * chebyshev.cheb2poly(chebyshev.chebfit(nodes, values, _DEGREE)))
+def _kernel_series() -> Array:
+    """Return the polynomials of 4x − 1 that are all of them but their powers of 2x, (degree + 1, 3)."""
+    nodes, m = chebyshev.chebpts1(_DEGREE + 1), np.array([1, 2, 3])
+    values = scipy.special.hyp2f1(0.5, 0.5, m + 1.5, 0.25 * (nodes[:, None] + 1.0))
+    scale = math.sqrt(0.5 * math.pi) * scipy.special.factorial(m) / scipy.special.gamma(m + 1.5)
+    return np.stack([chebyshev.cheb2poly(own) for own in (scale * chebyshev.chebfit(nodes, values, _DEGREE)).T], axis=1)
 
 
 @dataclass(frozen=True)
@@ -243,7 +249,7 @@ class Profile(Tip):
         with np.errstate(divide="ignore"):
             x = 0.5 * (1.0 - (knots / r[..., None])[passed])
         second, third = np.zeros((2, *passed.shape))
-        second[passed], third[passed] = (_kernel(m, x) for m in (2, 3))
+        second[passed], third[passed] = _kernels(x, 2)
         cubes = (r2 * r) * (third @ jumps)
         gap = np.asarray(gap + cubes)
         moment = np.asarray(moment + 3.0 * (cubes + r2 * (second @ (jumps * knots))))
@@ -263,7 +269,7 @@ class Profile(Tip):
         """Return the integrals of `_moments` from b to r = b/cos(angle) of the polynomial that the spline is at b."""
         c = self._taylor(b)
         x = np.sin(0.5 * angle) ** 2
-        first, second, third = (r**m * _kernel(m, x) for m in (1, 2, 3))
+        first, second, third = np.multiply.accumulate([r, r, r]) * _kernels(x)
         moment = c[1] * (first + b * angle) + 2.0 * c[2] * (second + b * first) + 3.0 * c[3] * (third + b * second)
         return c[1] * first + c[2] * second + c[3] * third, moment
 
