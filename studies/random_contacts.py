@@ -313,7 +313,9 @@ def _work(diagram: cb.Diagram, load: Array, d: Array, energy: Array, error: Arra
         far = np.abs(np.diff(np.arcsinh(points / 0.1), axis=1)).max(axis=0) > 0.4  # too far apart for a quadrature
         allowed = WORK * (allowed[1:] + allowed[:-1]) + 20 * np.abs(work[1] - work[0])
         allowed[far | near] = np.inf
-        allowed += 1e-6 * np.maximum(np.abs(energy[own][1:]), 1.0)
+        # Energies, whose errors are not stated, are known as well as loads are at best.
+        known = np.maximum(1e-6, rows[0] / np.maximum(np.abs(points[0]), 1.0))
+        allowed += np.maximum(known[1:], known[:-1]) * np.maximum(np.abs(energy[own][1:]), 1.0)
         change = np.diff(energy[own])
         off = np.abs(change - work[1])
         for worst in np.argsort(off / allowed)[::-1] if diagram.status == "complete" else ():

@@ -199,7 +199,7 @@ def _refined(track: Track, request: Request) -> list[Found]:
         for k, mark in enumerate(track.marks):
             tell(0.9 + 0.07 * k / len(track.marks), f"locating {mark.kind}")
             beside = found[-1].point if found else None
-            own = _located(mark.point, _event_of(track, mark), request.accuracy, beside)
+            own = _within(_located(mark.point, _event_of(track, mark), request.accuracy, beside), request.accuracy)
             if mark.control is not None and mark.row in track.onward:
                 own = _beside(track, mark, own, request.accuracy)
             if mark.control is not None and _opens(track, found, own, request.accuracy):
@@ -219,6 +219,15 @@ def _located(point: Point, event: Event | None, accuracy: float, beside: Point |
         return found
     others = (refine(other, event, accuracy) for other in equilibrium(point).otherwise(point))
     return min([found, *others], key=Found.relative_error)
+
+
+def _within(found: Found, accuracy: float) -> Found:
+    """An event where it is, or, if finer discretisations find it beyond an end of its problem, at that end."""
+    problem, place = equilibrium(found.point), found.point.parameter
+    low, high = problem.parameter_range
+    if low <= place <= high or problem.given:
+        return found
+    return refine(replace(found.point, parameter=min(max(place, low), high), observables={}), None, accuracy)
 
 
 def _beside(track: Track, mark: Mark, corner: Found, accuracy: float) -> Found:
@@ -301,7 +310,7 @@ def _sharpen(track: Track, found: list[Found], accuracy: float) -> None:
                 break
             allowed *= 0.01
             for k in (a, b):
-                better = refine(found[k].point, FoldEvent(control), allowed)
+                better = _within(refine(found[k].point, FoldEvent(control), allowed), allowed)
                 if better.relative_error() < found[k].relative_error():
                     found[k] = better
 

@@ -205,3 +205,27 @@ def test_wetting_of_a_soft_film_under_a_flat_tip_lies_behind_the_touch(exponent,
     assert fold.name == name
     assert fold.contact_radius == pytest.approx(-slope / 2, rel=tolerance)
     assert fold.error["contact_radius"] <= 1e-8
+
+
+@pytest.mark.parametrize(
+    ("law", "accuracy", "folds"),
+    [
+        (cb.Gauss(-0.244, 309.949) + cb.VanDerWaals(0.756, 415.0217), 1e-6, 1),
+        (cb.Gauss(-0.493, 760.456) + cb.VanDerWaals(0.507, 619.772), 1e-4, 3),
+    ],
+    ids=["one", "three"],
+)
+def test_a_fold_that_finer_meshes_find_beyond_the_touch_is_none_of_the_film(law, accuracy, folds):
+    """Laws without a force at contact: a body that is all but rigid is pulled by 2πR times its energy, which rests at
+    touch, so that the last fold of the load lies there. As far as a trace's mesh tells, it may lie on either side."""
+    parabola = cb.Parabola(1.0)
+    diagram = cb.trace(cb.Contact(parabola, law), accuracy=accuracy)
+    touch = next(event for event in diagram.events if event.kind == "touch")
+    own = list(diagram.folds("load"))
+    energy = float(law.evaluate(np.array([0.0])).energy[0])
+    assert diagram.status == "complete"
+    assert len(own) == folds and not list(diagram.folds("displacement"))
+    assert own[-1].contact_radius > 0.0 == own[-1].central_gap
+    assert own[-1].displacement == pytest.approx(touch.displacement, abs=1e-6)
+    assert own[-1].load == pytest.approx(2 * np.pi * energy, rel=1e-3)
+    assert own[-1].name == "pull-off"
