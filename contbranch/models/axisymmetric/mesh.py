@@ -199,7 +199,7 @@ class Mesh:
         plane.reshape(shape)[target, :, source, :] = self._near(target, source, False)
         target, source = np.nonzero(above)
         kernel.reshape(shape)[source, :, target, :] = self._near(target, source, True).transpose(0, 2, 1)
-        return plane, np.ascontiguousarray(kernel.T)
+        return plane, kernel.T
 
     def _near(self, target: Indices, source: Indices, upwards: bool) -> Array:
         """The blocks of either integral for pairs of panels, (pairs, order, order)."""

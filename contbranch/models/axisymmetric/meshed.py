@@ -200,7 +200,8 @@ class MeshedContact(MovingContact):
                 break  # Newton's method has left for another solution
             problem, start, last, error = trial, found, error, trial.relative_error(found, p)
             spent = problem.sharpness == SHARPEST and error > HELPS * last  # what is left is rounding
-            if (error <= resolution.tolerance or spent) and not problem.rough(start, p):
+            # What has kinks on no panel's edge never is smooth: one round towards it does.
+            if (error <= resolution.tolerance or spent) and (problem.pieced or not problem.rough(start, p)):
                 break
         return (self, x) if served and error > resolution.tolerance else (problem, start)
 
