@@ -42,6 +42,9 @@ UNRESOLVED = 20.0
 # ... unless it is as short as this from one that is resolved, relative to the parameter: errors jump where a node
 # passes a tip's end.
 JUMP = 1e-4
+# By how much care may find a larger share of the error from one state to the next, and how often the last one counts:
+# twice for a state.
+SWELLS, TIMES = 1.5, 6
 # A change of mesh may move the solution by this multiple of its error estimate.
 LEAP = 30.0
 # ... and ln of the stretch by this much, and creases by this share of their places.
@@ -116,7 +119,7 @@ class MeshedContact(MovingContact):
         """Look whether the mesh resolves a row, or one as close to it as that."""
         if abs(p - self._row) < JUMP * abs(p):
             return
-        if not self.relative_error(x, p, UNRESOLVED) <= UNRESOLVED * self.resolution.tolerance:
+        if not self.relative_error(x, p, UNRESOLVED, told=True) <= UNRESOLVED * self.resolution.tolerance:
             raise UnresolvedError("the mesh does not resolve the solution")
         self._row = p
 
@@ -124,8 +127,11 @@ class MeshedContact(MovingContact):
         """One Newton step towards the solution on the finer mesh."""
         return self.error(point.x, point.parameter)
 
-    def error(self, x: Array, p: float, enough: float = 1.0) -> Defect:
-        """Discretisation error; where a stiff contact pulls, with care if it exceeds a multiple of the tolerance."""
+    def error(self, x: Array, p: float, enough: float = 1.0, told: bool = False) -> Defect:
+        """Discretisation error; where a stiff contact pulls, with care if it exceeds a multiple of the tolerance.
+
+        `told`: or what care has shown of it at the last states on this mesh, if that leaves the mesh as it is.
+        """
         equations, fields = self.seen(x, p)
         if not (self._judged and self._judged[0] is x and self._judged[1] == p):
             solve = self._solver(x)
@@ -133,8 +139,15 @@ class MeshedContact(MovingContact):
             pulls = -float(fields.pressure.min()) > float(fields.pressure.max())
             self._judged = x, p, defect_error(equations, fields, solve), pulls and self._stiff(fields)
         found, doubtful = self._judged[2:]
-        if doubtful and self._relative(found, equations, fields) > enough * self.resolution.tolerance:
-            found = finer_error(equations, fields) or found
+        stated, tolerance = self._relative(found, equations, fields), self.resolution.tolerance
+        if doubtful and stated > enough * tolerance:
+            share, times = self._shown
+            if told and times and FINE * tolerance < share * stated <= enough * tolerance / SWELLS:
+                self._shown = share, times - 1
+                return Defect(*(share * error for error in found))
+            careful = finer_error(equations, fields)
+            if careful is not None:
+                self._shown, found = (self._relative(careful, equations, fields) / stated, TIMES), careful
             self._judged = x, p, found, False
         return found
 
@@ -174,7 +187,7 @@ class MeshedContact(MovingContact):
         resolution, mesh = self.resolution, self.placed(x).mesh
         allowed = resolution.tolerance * max(1.0, abs(equations.load(fields)))
         reach = self._reach(equations, fields, 0.1 * allowed)
-        error = self.relative_error(x, p)
+        error = self.relative_error(x, p, told=True)
         served = not self.rough(x, p) and error <= resolution.tolerance and reach <= equations.mesh.edges[-1]
         if served:
             if error > FINE * resolution.tolerance or mesh.panels <= 6:
@@ -493,9 +506,9 @@ class MeshedContact(MovingContact):
                 return best
         return best
 
-    def relative_error(self, x: Array, p: float, enough: float = 1.0) -> float:
+    def relative_error(self, x: Array, p: float, enough: float = 1.0, told: bool = False) -> float:
         """Discretisation error of a solution relative to max(1, |value|): the larger of load's and displacement's."""
-        return self._relative(self.error(x, p, enough), *self.seen(x, p))
+        return self._relative(self.error(x, p, enough, told), *self.seen(x, p))
 
     def _relative(self, error: Defect, equations: Equations, fields: Fields) -> float:
         here = Values(equations.load(fields), equations.displacement(fields), 0.0, 0.0, 0.0)

@@ -108,6 +108,7 @@ class MovingContact(EquilibriumProblem):
         self._corrected: tuple[Array, Solver] | None = None
         # The last state whose error was estimated, and whether a finer mesh may find less.
         self._judged: tuple[Array, float, Defect, bool] | None = None
+        self._shown = math.inf, 0  # what share of an estimate care has left, and how often that still counts
         self._row = math.nan  # parameter of the last row that was resolved
         self.work = resolution.work
         self.work.unknowns = max(self.work.unknowns, mesh.size)
