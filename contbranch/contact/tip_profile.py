@@ -106,12 +106,12 @@ def _kernels(x: Array, least: int = 1) -> Array:
     With x = sin²(θ/2) in [0, 1/2] it is √(π/2) m!/Γ(m + 3/2) (2x)^(m+1/2) ₂F₁(1/2, 1/2; m + 3/2; x).
     """
     double = 2.0 * x
-    found = np.asarray(np.polynomial.polynomial.polyval(2.0 * double - 1.0, _kernel_series()[:, least - 1 :]))
+    found = np.polynomial.polynomial.polyval(2.0 * double - 1.0, _kernel_series()[:, least - 1 :])
     factor = np.sqrt(double) * double ** (least - 1)
     for own in found:
         factor = factor * double
         own *= factor
-    return found
+    return np.asarray(found)
 
 
 @cache
