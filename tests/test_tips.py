@@ -300,6 +300,7 @@ class TestProfile:
         tip = Profile(self.radii, np.sqrt(1.0 + self.radii**2) - 1.0)
         rho = np.array([0.3, 2.0, 12.0, 40.0])  # the last far beyond the table
         gap, slope = tip.shape_gap(rho, a)
+        assert np.transpose([tip.shape_gap(one, a) for one in rho]) == pytest.approx(np.array([gap, slope]), rel=1e-13)
         step = 1e-4
         above, below = tip.shape_gap(rho, a + step)[0], tip.shape_gap(rho, abs(a - step))[0]
         for k, place in enumerate(rho):

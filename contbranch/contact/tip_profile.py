@@ -107,11 +107,8 @@ def _kernels(x: Array, least: int = 1) -> Array:
     """
     double = 2.0 * x
     found = np.polynomial.polynomial.polyval(2.0 * double - 1.0, _kernel_series()[:, least - 1 :])
-    factor = np.sqrt(double) * double ** (least - 1)
-    for own in found:
-        factor = factor * double
-        own *= factor
-    return np.asarray(found)
+    powers = np.multiply.accumulate(np.broadcast_to(double, found.shape), axis=0)
+    return np.asarray(found * powers * (np.sqrt(double) * double ** (least - 1)))
 
 
 @cache
@@ -269,7 +266,7 @@ class Profile(Tip):
         """Return the integrals of `_moments` from b to r = b/cos(angle) of the polynomial that the spline is at b."""
         c = self._taylor(b)
         x = np.sin(0.5 * angle) ** 2
-        first, second, third = np.multiply.accumulate([r, r, r]) * _kernels(x)
+        first, second, third = np.multiply.accumulate([r, r, r], axis=0) * _kernels(x)
         moment = c[1] * (first + b * angle) + 2.0 * c[2] * (second + b * first) + 3.0 * c[3] * (third + b * second)
         return c[1] * first + c[2] * second + c[3] * third, moment
 
