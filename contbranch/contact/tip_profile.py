@@ -99,16 +99,17 @@ def _rises(pieces: scipy.interpolate.PPoly) -> bool:
 
 
 def _kernels(x: Array, least: int = 1) -> Array:
-    """Return K_m(θ) = ∫_0^θ (cos φ - cos θ)^m dφ for m = 1, 2, 3, or from a larger one on, (3, …).
-
-    They are Legendre functions of cos θ (Mehler, Dirichlet).
+    """Return K_m(θ) = ∫_0^θ (cos φ - cos θ)^m dφ, Legendre functions of cos θ (Mehler, Dirichlet), m = `least` … 3.
 
     With x = sin²(θ/2) in [0, 1/2] it is √(π/2) m!/Γ(m + 3/2) (2x)^(m+1/2) ₂F₁(1/2, 1/2; m + 3/2; x).
     """
     double = 2.0 * x
     found = np.polynomial.polynomial.polyval(2.0 * double - 1.0, _kernel_series()[:, least - 1 :])
-    powers = np.multiply.accumulate(np.broadcast_to(double, found.shape), axis=0)
-    return np.asarray(found * powers * (np.sqrt(double) * double ** (least - 1)))
+    factor = np.sqrt(double) * double ** (least - 1)
+    for k in range(len(found)):  # by place: of a single angle found[k] is a number
+        factor = factor * double
+        found[k] *= factor
+    return np.asarray(found)
 
 
 @cache

@@ -159,7 +159,7 @@ def correct(
             left, bordered = at[0], border(problem, x, p, at, row)
         dx, dp = solve(bordered, -left, 0.0, p)
         size = metric.norm(problem, dx, dp)
-        grows = iteration == 2 and noise < size < SMALL  # once, if at all
+        grows = iteration == 2 and noise < size < SMALL  # if at all: what is soft, see SMALL
         if kept and size > max(previous, tolerance, floor) and not grows:  # not taken: it leads away
             kept, trusted = False, CONTRACTS
             continue

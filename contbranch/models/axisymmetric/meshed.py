@@ -119,7 +119,7 @@ class MeshedContact(MovingContact):
         """Look whether the mesh resolves a row, or one as close to it as that."""
         if abs(p - self._row) < JUMP * abs(p):
             return
-        if not self.relative_error(x, p, UNRESOLVED, told=True) <= UNRESOLVED * self.resolution.tolerance:
+        if not self.relative_error(x, p, UNRESOLVED, shown=True) <= UNRESOLVED * self.resolution.tolerance:
             raise UnresolvedError("the mesh does not resolve the solution")
         self._row = p
 
@@ -127,10 +127,10 @@ class MeshedContact(MovingContact):
         """One Newton step towards the solution on the finer mesh."""
         return self.error(point.x, point.parameter)
 
-    def error(self, x: Array, p: float, enough: float = 1.0, told: bool = False) -> Defect:
+    def error(self, x: Array, p: float, enough: float = 1.0, shown: bool = False) -> Defect:
         """Discretisation error; where a stiff contact pulls, with care if it exceeds a multiple of the tolerance.
 
-        `told`: or what care has shown of it at the last states on this mesh, if that leaves the mesh as it is.
+        `shown`: or what care has shown of it at the last states on this mesh, if that leaves the mesh as it is.
         """
         equations, fields = self.seen(x, p)
         if not (self._judged and self._judged[0] is x and self._judged[1] == p):
@@ -142,7 +142,7 @@ class MeshedContact(MovingContact):
         stated, tolerance = self._relative(found, equations, fields), self.resolution.tolerance
         if doubtful and stated > enough * tolerance:
             share, times = self._shown
-            if told and times and FINE * tolerance < share * stated <= enough * tolerance / SWELLS:
+            if shown and times and FINE * tolerance < share * stated <= enough * tolerance / SWELLS:
                 self._shown = share, times - 1
                 return Defect(*(share * error for error in found))
             careful = finer_error(equations, fields)
@@ -187,7 +187,7 @@ class MeshedContact(MovingContact):
         resolution, mesh = self.resolution, self.placed(x).mesh
         allowed = resolution.tolerance * max(1.0, abs(equations.load(fields)))
         reach = self._reach(equations, fields, 0.1 * allowed)
-        error = self.relative_error(x, p, told=True)
+        error = self.relative_error(x, p, shown=True)
         served = not self.rough(x, p) and error <= resolution.tolerance and reach <= equations.mesh.edges[-1]
         if served:
             if error > FINE * resolution.tolerance or mesh.panels <= 6:
@@ -506,9 +506,9 @@ class MeshedContact(MovingContact):
                 return best
         return best
 
-    def relative_error(self, x: Array, p: float, enough: float = 1.0, told: bool = False) -> float:
+    def relative_error(self, x: Array, p: float, enough: float = 1.0, shown: bool = False) -> float:
         """Discretisation error of a solution relative to max(1, |value|): the larger of load's and displacement's."""
-        return self._relative(self.error(x, p, enough, told), *self.seen(x, p))
+        return self._relative(self.error(x, p, enough, shown), *self.seen(x, p))
 
     def _relative(self, error: Defect, equations: Equations, fields: Fields) -> float:
         here = Values(equations.load(fields), equations.displacement(fields), 0.0, 0.0, 0.0)
