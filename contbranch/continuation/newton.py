@@ -177,7 +177,7 @@ def correct(
             if not (done or kept) and contraction > 0.1:
                 rough = x * (-1.0) ** np.arange(x.size)  # as slopes see rounding
                 done = size <= max(noise, _rounding_floor(problem, rough, p, metric))
-            again, slow = slow or size > SMALL, contraction > 0.5
+            again, slow = slow or size > SMALL, contraction > 0.5 and not kept  # otherwise its own matrix is next
             if not done and ((slow and again and iteration > options.patience) or not math.isfinite(size)):
                 raise CorrectionError(Outcome.STEP_TOO_SMALL, f"(Newton's corrections contract by {contraction:.2g}.)")
             if size > max(SMALL, noise):

@@ -228,3 +228,9 @@ def test_a_front_stays_on_the_mesh():
     names = [fold.name for fold in diagram.folds("load")]
     assert len(names) > 20
     assert all(one.split("-")[0] != other.split("-")[0] for one, other in pairwise(names))
+
+
+def test_a_correction_that_fails_with_a_kept_matrix_gets_its_own():
+    """Where rounding rules, as under a cone in a stiff film, a kept one's corrections need not contract."""
+    diagram = cb.trace(cb.Contact(cb.Cone(1.0), cb.VanDerWaals(-1.0, 0.1)), modes=0)
+    assert diagram.status == "complete", diagram.message
