@@ -133,7 +133,8 @@ class Sensitivities:
             event.control = None
         # The edge of a tip may pass nodes where a parameter changes, too.
         shares = (1.0, *SHARES) if self.ends else (1.0,)
-        found, stiffer = _settled((event.rates(self.changes(k * event.step, lower)) for k in shares), ALIKE)
+        # Of two steps that agree the longer one, which rounding spoils less.
+        (found, stiffer), _ = _settled((event.rates(self.changes(k * event.step, lower)) for k in shares), ALIKE)
         units = units / event.smooth  # of rates; a contact radius is a root of what is smooth
         rates = {name: (values[name] or 1.0) * units * rate for name, rate in found.items()}
         if "modulus" in rates:  # in whose own unit it has been changed: what grows with that does so, a spring softens
@@ -273,7 +274,7 @@ class _Event:
             h, bent = self._bent()
             known = partial(self._at_fold, self.control, along, found, pairs, moved, self.solve(bent, 0.0))
             if self.ends:
-                rates, stiffer = _settled((known(h / CURVED**k) for k in range(2, SHORTER + 3)), SMOOTH)
+                _, (rates, stiffer) = _settled((known(h / CURVED**k) for k in range(2, SHORTER + 3)), SMOOTH)
             elif 0.0 < self.values[2] < TINY:
                 rates, stiffer = known(h)
             else:  # what the square of the step leaves is told from two
@@ -354,8 +355,8 @@ class _Pair(NamedTuple):
         return (of(self.above, state + half) - of(self.below, state - half)) / self.step
 
 
-def _settled(tries: Iterable[_Rates], share: float) -> _Rates:
-    """The first derivatives that agree with those before to a share of the largest, or those that do so best."""
+def _settled(tries: Iterable[_Rates], share: float) -> tuple[_Rates, _Rates]:
+    """The first successive derivatives that agree to a share of the largest, or those that do so best."""
     last: _Rates | None = None
     best, least = None, math.inf
     for one in tries:
@@ -363,11 +364,12 @@ def _settled(tries: Iterable[_Rates], share: float) -> _Rates:
             pairs = [(rates, last[0][name]) for name, rates in one[0].items()]
             apart = max((np.nanmax(np.abs(a - b)) / max(np.nanmax(np.abs(a)), 1e-300) for a, b in pairs), default=0.0)
             if apart < least:
-                best, least = one, apart
+                best, least = (last, one), apart
             if apart <= share:
                 break
         last = one
-    return best or last or ({}, np.zeros(4))
+    alone = last or ({}, np.zeros(4))
+    return best or (alone, alone)
 
 
 def _residual(problem: EquilibriumProblem, state: Array) -> Array:
