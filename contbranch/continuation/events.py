@@ -24,7 +24,7 @@ from contbranch.continuation.options import Options
 from contbranch.continuation.problem import Array, size_of
 from contbranch.continuation.segment import Segment
 from contbranch.continuation.step import STEEPEST, Hermite
-from contbranch.continuation.walk import annotated, point_on
+from contbranch.continuation.walk import Across, annotated, point_on
 
 Value = Callable[[Point], float]
 
@@ -103,12 +103,15 @@ class Probe:
         """Return brackets of all zeros inside a step, given the step before on the same discretisation."""
         return self._search(segment, None if previous is None else previous.begin, DEPTH, 0.0, 1.0)
 
-    def zero(self, bracket: Bracket, resolution: float, relative: float) -> tuple[float, Point]:
-        """Return the position of the zero in a bracket, and the point of the curve there."""
+    def zero(
+        self, bracket: Bracket, resolution: float, relative: float, across: Across | None = None
+    ) -> tuple[float, Point]:
+        """Return the position of the zero in a bracket, and the point of the curve there (of those `across`)."""
         seen: dict[float, Point] = {}
+        across = across or Across(bracket.segment, bracket.guess, self.options)
 
         def value(theta: float) -> float:
-            seen[theta] = point_on(bracket.segment, theta, self.options)[0]
+            seen[theta] = across.at(theta)
             return self.at(seen[theta])
 
         theta = find_root(value, bracket.first, bracket.last, resolution, relative, bracket.guess)

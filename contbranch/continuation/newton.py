@@ -120,6 +120,7 @@ def correct(
     metric: Metric,
     options: Options,
     precise: bool = False,
+    bordered: Bordered | None = None,
 ) -> Corrected:
     """Correct a predicted point (x, p) onto the curve, in the plane through it that `row` is normal to.
 
@@ -130,6 +131,11 @@ def correct(
 
     whose last matrix also gives the tangent, [J Fp; row] (u, a) = (0, 1). Convergence is judged by the corrections:
     if they contract by θ, the next one of a quadratically convergent iteration is θ² times the present one.
+
+    Parameters
+    ----------
+    bordered : Bordered, optional
+        The matrix of a point close by, with the same row: it is kept where matrices are, see `CONTRACTS`.
 
     Raises
     ------
@@ -148,11 +154,12 @@ def correct(
     contraction = 0.0
     worst = 0.0
     slow = False
-    polishes, kept = (precise or x.size >= LARGE) and type(problem).product is not Problem.product, False
+    polishes = (precise or x.size >= LARGE) and type(problem).product is not Problem.product
+    kept = polishes and bordered is not None
     share = 1.0 if precise else KEPT
     trusted = 1.0  # contraction from which on a matrix is kept
     for iteration in range(1, ITERATIONS + 1):
-        if kept:
+        if kept and bordered is not None:
             left = residual(problem, x, p)
         else:
             at = linearise(problem, x, p)
@@ -160,23 +167,24 @@ def correct(
         dx, dp = solve(bordered, -left, 0.0, p)
         size = metric.norm(problem, dx, dp)
         grows = iteration == 2 and noise < size < SMALL  # if at all: what is soft, see SMALL
-        if kept and size > max(previous, tolerance, floor) and not grows:  # not taken: it leads away
+        rounded = kept and iteration > 1 and size <= _roughness(problem, x, p, metric)
+        # Not taken: it leads away, or from too far.
+        if kept and size > max(min(previous, SMALL), tolerance, floor) and not (grows or rounded):
             kept, trusted = False, CONTRACTS
             continue
         x = x + dx
         p = p + dp
         if iteration == 1:
             first = size
-            done = size <= max(tolerance, floor, close * precise)  # the next one is about its square
+            done = size <= max(tolerance, floor, close * (precise and not kept))  # the next one is about its square
         else:
             contraction = size / previous if previous > 0 else 0.0
             # The next correction, by the matrix kept or by its own.
             left_over = contraction * size / share if kept else contraction**2 * size
-            done = (kept or size <= max(close, floor)) and left_over <= max(tolerance, floor)
+            done = rounded or ((kept or size <= max(close, floor)) and left_over <= max(tolerance, floor))
             # What no longer contracts close to rounding is as good as it gets.
             if not (done or kept) and contraction > 0.1:
-                rough = x * (-1.0) ** np.arange(x.size)  # as slopes see rounding
-                done = size <= max(noise, _rounding_floor(problem, rough, p, metric))
+                done = size <= max(noise, _roughness(problem, x, p, metric))
             again, slow = slow or size > SMALL, contraction > 0.5 and not kept  # otherwise its own matrix is next
             if not done and ((slow and again and iteration > options.patience) or not math.isfinite(size)):
                 raise CorrectionError(Outcome.STEP_TOO_SMALL, f"(Newton's corrections contract by {contraction:.2g}.)")
@@ -229,6 +237,11 @@ def _at_fixed_parameter(bordered: Bordered, tangent: Direction, f: Array) -> Arr
 
 def _rounding_floor(problem: Problem, x: Array, p: float, metric: Metric) -> float:
     return 16 * ROUNDING * (size_of(problem, x) / metric.state_scale + abs(p) / metric.parameter_scale)
+
+
+def _roughness(problem: Problem, x: Array, p: float, metric: Metric) -> float:
+    """Rounding as slopes see it."""
+    return _rounding_floor(problem, x * (-1.0) ** np.arange(x.size), p, metric)
 
 
 def correct_start(problem: Problem, x: Array, p: float) -> Array:

@@ -61,10 +61,19 @@ def examined(point: Point, label: str | None = None) -> Point:
 
 
 def corrected_point(
-    problem: Problem, x: Array, p: float, direction: Direction, metric: Metric, options: Options
+    problem: Problem,
+    x: Array,
+    p: float,
+    direction: Direction,
+    metric: Metric,
+    options: Options,
+    bordered: Bordered | None = None,
 ) -> tuple[Point, Bordered]:
-    """Correct (x, p) precisely in the plane normal to a direction; return the point and its bordered matrix."""
-    return _in_plane(problem, (x, p), direction, metric, options, True)
+    """Correct (x, p) precisely in the plane normal to a direction; return the point and its bordered matrix.
+
+    The matrix of another point in a plane normal to the same direction saves one where it serves, see `correct`.
+    """
+    return _in_plane(problem, (x, p), direction, metric, options, True, bordered)
 
 
 def point_on(segment: Segment, theta: float, options: Options, precise: bool = True) -> tuple[Point, Bordered]:
@@ -73,14 +82,38 @@ def point_on(segment: Segment, theta: float, options: Options, precise: bool = T
     return _in_plane(segment.begin.problem, segment.at(theta), direction, segment.metric, options, precise)
 
 
+class Across:
+    """Points of the curve next to a segment, in planes normal to its direction at one fraction θ.
+
+    They share a bordered matrix as far as it serves.
+    """
+
+    def __init__(self, segment: Segment, theta: float, options: Options) -> None:
+        self.segment, self.direction, self.options = segment, segment.direction(theta), options
+        self.bordered: Bordered | None = None
+
+    def at(self, theta: float) -> Point:
+        """The point at the fraction θ of the segment."""
+        segment = self.segment
+        problem, metric, near = segment.begin.problem, segment.metric, segment.at(theta)
+        point, self.bordered = corrected_point(problem, *near, self.direction, metric, self.options, self.bordered)
+        return point
+
+
 def _in_plane(
-    problem: Problem, near: Direction, direction: Direction, metric: Metric, options: Options, precise: bool
+    problem: Problem,
+    near: Direction,
+    direction: Direction,
+    metric: Metric,
+    options: Options,
+    precise: bool,
+    bordered: Bordered | None = None,
 ) -> tuple[Point, Bordered]:
     size = metric.norm(problem, *direction)
     if not (size > 0 and math.isfinite(size)):
         raise CorrectionError(Outcome.STEP_TOO_SMALL, "(The step has no length.)")
     row = metric.row(problem, *metric.unit(problem, *direction))
-    corrected = correct(problem, near, row, metric, options, precise)
+    corrected = correct(problem, near, row, metric, options, precise, bordered)
     return to_point(problem, corrected, metric, sign=False), corrected.bordered
 
 

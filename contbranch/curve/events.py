@@ -12,7 +12,7 @@ from typing import ClassVar
 from contbranch.continuation import CorrectionError, Event, EventPoint, Happening, Options, Point, Segment
 from contbranch.continuation.events import Bracket, Probe
 from contbranch.continuation.locate import find_root
-from contbranch.continuation.walk import annotated, corrected_point, point_on
+from contbranch.continuation.walk import Across, annotated, corrected_point, point_on
 from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.curve.angle import in_passing, short_way
 from contbranch.curve.passages import BESIDES, Search, Seen
@@ -326,8 +326,9 @@ class Folds(Event):
     def _zero(self, probe: Probe, bracket: Bracket, resolution: float) -> tuple[float, Point]:
         """Position of a fold in a bracket, and the point there: where it is foretold if the rate all but vanishes."""
         theta, (first, begin), (last, end) = bracket.guess, bracket.first, bracket.last
+        across = Across(bracket.segment, theta, probe.options)
         if resolution == SHARPER[0] and 0.0 < theta < 1.0:
-            point = point_on(bracket.segment, theta, probe.options)[0]
+            point = across.at(theta)
             value = probe.at(point)
             if abs(value) <= resolution * min(abs(begin), abs(end)):
                 return theta, point
@@ -336,7 +337,7 @@ class Folds(Event):
             bracket = replace(
                 bracket, first=ends[0], last=ends[1], guess=ends[0][0] + share * (ends[1][0] - ends[0][0])
             )
-        return probe.zero(bracket, 0.0, resolution)
+        return probe.zero(bracket, 0.0, resolution, across)
 
     def _turned(self, segment: Segment, place: float, asides: Sequence[float], options: Options) -> list[Control]:
         """The controls in the order in which (d', F') passes their directions where folds coincide to rounding.

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from contbranch.continuation import CorrectionError, Event, Options, Point
+from contbranch.continuation.bordered import Bordered
 from contbranch.continuation.newton import evaluating
 from contbranch.continuation.walk import corrected_point, unit_tangent
 from contbranch.curve.events import FoldEvent, Reached
@@ -45,6 +46,8 @@ LONGEST = 0.2
 TINY = 1e-300
 # Events of one representation whose parameters differ by less (relative to 1) are neighbours.
 NEXT = 0.02
+# ... and by less than this the same but for which control they are a fold of.
+TWINS = 1e-6
 # A first step, from which the steepness of an event follows.
 ASIDE = 1e-5
 # How often a step that leads off the curve, as where a ring has not opened yet, is shortened, and by which factor.
@@ -75,7 +78,8 @@ class _Place:
     """A point near an event, the derivative of the event along the curve, and what is left open of the place.
 
     Both in lengths of the point's own tangent, which another discretisation takes over: its coordinate along the curve
-    may be another. Besides the accuracy asked, and whether the point is a solution to rounding.
+    may be another. Besides the accuracy asked, whether the point is a solution to rounding, and the line that it is
+    the origin of, if there is one with a matrix.
     """
 
     point: Point
@@ -83,6 +87,7 @@ class _Place:
     steepness: float = 0.0
     uncertainty: float = 0.0
     settled: bool = False
+    line: _Line | None = None
 
 
 def numbers(point: Point) -> Four:
@@ -165,6 +170,7 @@ class _Line:
         self.direction = point.tangent_x / size, point.tangent_parameter / size
         self.upright = upright(point)
         self.origin = point
+        self.matrix: Bordered | None = None
         # Places next to the edge of a representation matter relative to their distance from it.
         self.unit = self.metric.parameter_scale if self.upright else 1.0
         pace = 1.0 if self.upright else max(abs(self.direction[1]), TINY)
@@ -182,12 +188,12 @@ class _Line:
         """The point of the curve at a coordinate, predicted from a point of known coordinate."""
         ahead = (place - from_place) * self.speed(near)
         x, p = near.x + ahead * near.tangent_x, near.parameter + ahead * near.tangent_parameter
+        direction = self.direction
         if self.upright:
             p = self.origin.parameter + place
-            sign = math.copysign(1.0, self.origin.tangent_parameter)
-            point, _ = corrected_point(self.problem, x, p, (np.zeros_like(x), sign), self.metric, OPTIONS)
-            return replace(point, parameter=p)
-        return corrected_point(self.problem, x, p, self.direction, self.metric, OPTIONS)[0]
+            direction = np.zeros_like(x), math.copysign(1.0, self.origin.tangent_parameter)
+        point, self.matrix = corrected_point(self.problem, x, p, direction, self.metric, OPTIONS, self.matrix)
+        return replace(point, parameter=p) if self.upright else point
 
     def towards(self, place: float, step: float, near: Point) -> tuple[float, Point]:
         """A step from a point of known coordinate, shorter where the curve is not found there, and its end."""
@@ -205,6 +211,24 @@ class _Line:
         return Rates(*(rate * speed for rate in own))
 
 
+def _carried(place: _Place, problem: EquilibriumProblem, event: Event | None) -> _Place:
+    """A place on another discretisation: the equilibrium next to it, which its event may yet be away from.
+
+    Raises
+    ------
+    CorrectionError
+        If the curve cannot be followed there.
+    """
+    point = moved(place.point, problem)
+    if event is None:
+        return replace(place, point=at_parameter(point), settled=True)
+    line = _Line(point)
+    there = line.at(0.0, point)
+    change = line.speed(point) / line.speed(there)
+    steepness, uncertainty = place.steepness * change, place.uncertainty / abs(change)
+    return _Place(there, place.accuracy, steepness, uncertainty, settled=True, line=line)
+
+
 def _located(place: _Place, event: Event | None) -> _Place:
     """The zero of the event function near a place, by a secant iteration; the place itself without an event.
 
@@ -218,7 +242,7 @@ def _located(place: _Place, event: Event | None) -> _Place:
     """
     if event is None:
         return place if place.settled else replace(place, point=at_parameter(place.point), settled=True)
-    line = _Line(place.point)
+    line = place.line or _Line(place.point)
     enough = ENOUGH * place.accuracy if line.problem.size > 1 else 0.0  # what is not discretised has all its digits
     least = max(CLOSEST * line.problem.rounding, enough) * line.unit
     s, point = 0.0, place.point if place.settled else line.at(0.0, place.point)
@@ -227,12 +251,12 @@ def _located(place: _Place, event: Event | None) -> _Place:
     if isinstance(event, Reached):
         steepness = event.rate(line.rates(point))
     best, beyond = (abs(value), point, steepness), math.nan  # a place on the other side
-    for iteration in range(ITERATIONS):
+    for _ in range(ITERATIONS):
         whole = -value / steepness if steepness else ASIDE * line.unit
         step = math.copysign(min(abs(whole), LONGEST * line.unit), whole)
         if stalls and not math.isnan(beyond):
             step = (beyond - s) / 2
-        if iteration and abs(step) <= least:
+        if abs(step) <= least:
             break
         step, new_point = line.towards(s, step, point)
         new_value = event.value(new_point)
@@ -297,16 +321,19 @@ def _refined(point: Point, event: Event | None, accuracy: float, beside: Point |
     stated = equilibrium(point).stated(point, event)
     if stated is not None:
         return Found(numbers(point), stated, point)
-    aimed, best, tried = point, None, list[Point]()
+    aimed, best, tried = point, None, list[EquilibriumProblem]()
     try:
         if equilibrium(point).moves:  # what resolves the event itself would not resolve the way to it
-            aimed = point = _located(_Place(point, accuracy), event).point
-            for problem in dict.fromkeys((equilibrium(point).close_to(point), equilibrium(point))):
-                tried.append(point if problem is point.problem else settled(moved(point, problem)))
-                best = _better(best, _best(_Place(tried[-1], accuracy, settled=event is not None), event, accuracy))
+            here = _located(_Place(point, accuracy), event)
+            aimed = point = here.point
+            twin = [beside] if beside is not None and event is not None and _close(point, beside, TWINS) else []
+            problems = [*map(equilibrium, twin), equilibrium(point).close_to(point), equilibrium(point)]
+            for problem in dict.fromkeys(problems):
+                tried.append(problem)
+                best = _better(best, _best(here, event, accuracy, problem))
                 if best is not None and best.relative_error() <= accuracy:
                     return best
-        if beside is not None and event is not None and _close(point, beside):
+        elif beside is not None and event is not None and _close(point, beside, NEXT):
             aimed = settled(moved(point, equilibrium(beside)))
         for _ in range(ROUNDS_OF_AIM):
             problem = equilibrium(aimed).resolving(aimed, AIM * accuracy)
@@ -318,7 +345,7 @@ def _refined(point: Point, event: Event | None, accuracy: float, beside: Point |
         aimed = point
     # A discretisation made for the state may turn out worse than the one it came from.
     for start in dict.fromkeys((aimed, point)):
-        if start in tried or (best is not None and best.relative_error() <= accuracy):
+        if start.problem in tried or (best is not None and best.relative_error() <= accuracy):
             continue
         place = _Place(start, accuracy, settled=event is not None or start is not point)
         best = _better(best, _best(place, event, accuracy))
@@ -330,15 +357,19 @@ def _better(one: Found | None, other: Found | None) -> Found | None:
     return min(found, key=Found.relative_error, default=None)
 
 
-def _close(point: Point, other: Point) -> bool:
+def _close(point: Point, other: Point, within: float) -> bool:
     """Whether what resolves one point will do for another without waste."""
     here, there = equilibrium(point), equilibrium(other)
     apart = abs(point.parameter - other.parameter) / max(1.0, abs(point.parameter))
-    return here.joins(there) and apart < NEXT and there.size <= 2 * here.size
+    return here.joins(there) and apart < within and there.size <= 2 * here.size
 
 
-def _best(place: _Place, event: Event | None, accuracy: float) -> Found | None:
-    """The event on a place's discretisation and ever finer ones, until the estimate satisfies; None if not found.
+def _best(
+    place: _Place, event: Event | None, accuracy: float, problem: EquilibriumProblem | None = None
+) -> Found | None:
+    """The event on a discretisation and ever finer ones, until the estimate satisfies; None if not found.
+
+    The first one is the place's own if none is given.
 
     Where two may agree by chance, an agreement all at once counts as far as a finer one than both confirms it.
     """
@@ -346,6 +377,8 @@ def _best(place: _Place, event: Event | None, accuracy: float) -> Found | None:
     chance: Found | None = None
     last, rough, idle = math.inf, False, 0
     try:
+        if problem not in (None, place.point.problem):
+            place = _carried(place, problem, event)
         place = _located(place, event)
     except (CorrectionError, ModelError):
         return None
@@ -355,7 +388,7 @@ def _best(place: _Place, event: Event | None, accuracy: float) -> Found | None:
             finer = problem.finer()
             if finer is problem:
                 return _compared(place, None, accuracy)
-            fine = replace(place, point=moved(place.point, finer), settled=False)
+            fine = _carried(place, finer, event)
             there = None if event is None else _nudged(fine, event)
             if there is None:
                 fine = _located(fine, event)
@@ -369,7 +402,7 @@ def _best(place: _Place, event: Event | None, accuracy: float) -> Found | None:
                 best = found
             if chance is None and error <= min(accuracy, ALL_AT_ONCE * last) and problem.pieced:
                 halved = problem.halved(place.point, 0.0)
-                place = _located(replace(place, point=moved(place.point, halved), settled=False), event)
+                place = _located(_carried(place, halved, event), event)
                 best, chance = None, found
                 continue
             spent = idle == len(IDLE) or (rough and error > WORSE * last)  # what is left is rounding
@@ -378,7 +411,7 @@ def _best(place: _Place, event: Event | None, accuracy: float) -> Found | None:
             rough |= error > GAIN * last
             if rough:  # higher order does not help where the law, or the tip, has kinks, as tables have
                 halved = problem.halved(place.point, IDLE[idle] * AIM * accuracy / error)
-                fine = replace(place, point=moved(place.point, halved), settled=False)
+                fine = _carried(place, halved, event)
             last = error
             place = _located(fine, event)
     except (CorrectionError, ModelError):
@@ -399,11 +432,10 @@ def _nudged(place: _Place, event: Event) -> tuple[float, Four] | None:
 
     The event is as far away as one Newton step says; over that distance the observables change at their rates.
     """
-    if not place.steepness:
+    line, point = place.line, place.point
+    if not place.steepness or line is None:
         return None
-    line = _Line(place.point)
-    point = line.at(0.0, place.point)
-    step = -event.value(point) / (place.steepness * line.speed(place.point))
+    step = -event.value(point) / (place.steepness * line.speed(point))
     if not abs(step) < CLOSE * line.unit:
         return None
     # Half of the rate at this end: where it vanishes at the other, the load (or displacement) has an extremum.

@@ -11,6 +11,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Callable
 from functools import cached_property, lru_cache
+from itertools import pairwise
 
 import numpy as np
 
@@ -151,6 +152,19 @@ class Mesh:
         matrix = np.zeros((len(points), self.panels, self.order))
         matrix[np.arange(len(points)), panel] = rows
         return matrix.reshape(len(points), self.size)
+
+    def before_finer(self, matrix: Array) -> Array:
+        """``matrix @ to_finer``, panel by panel; (N, fine nodes) -> (N, nodes)."""
+        product, ends = np.empty((len(matrix), self.size)), np.searchsorted(self.finer.nodes, self.edges[1:])
+        for k, (begin, end) in enumerate(pairwise([0, *ends[:-1], len(self.finer.nodes)])):
+            own = slice(k * self.order, (k + 1) * self.order)
+            np.matmul(matrix[:, begin:end], self.to_finer[begin:end, own], out=product[:, own])
+        return product
+
+    def panel_starts(self, places: Array) -> list[int]:
+        """First node of the panel that each place is on."""
+        panel = np.searchsorted(self.edges, places, side="right") - 1
+        return [int(k) * self.order for k in np.clip(panel, 0, self.panels - 1)]
 
     @cached_property
     def from_finer(self) -> Callable[[Array], Array]:
