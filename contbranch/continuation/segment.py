@@ -6,6 +6,9 @@ from contbranch.continuation.curve import Point
 from contbranch.continuation.metric import Metric
 from contbranch.continuation.problem import Array, Direction
 
+# Steps towards a point's fraction, which contract by how far it lies off the cubic in units of its radius of curvature.
+FEET = 3
+
 
 class Segment:
     """Two points of a curve on the same discretisation, joined by the cubic that fits both and their tangents.
@@ -41,6 +44,18 @@ class Segment:
         x = d01 * chord_x + d10 * a.tangent_x + d11 * b.tangent_x
         p = d01 * chord_p + d10 * a.tangent_parameter + d11 * b.tangent_parameter
         return x, p
+
+    def foot(self, x: Array, p: float, theta: float) -> float:
+        """Return the fraction whose plane a point lies in, next to a given one: that of `point_on` of the segment.
+
+        Parts of a segment have cubics of their own, on which a point's fraction is another.
+        """
+        problem = self.begin.problem
+        for _ in range(FEET):
+            (near_x, near_p), along = self.at(theta), self.direction(theta)
+            size = self.metric.dot(problem, *along, *along)
+            theta += self.metric.dot(problem, x - near_x, p - near_p, *along) / size
+        return theta
 
     def parameter_coefficients(self) -> tuple[float, float, float, float]:
         """Return (c0, c1, c2, c3) of the cubic's parameter c0 + c1 θ + c2 θ² + c3 θ³."""

@@ -302,7 +302,7 @@ class Folds(Event):
             found = []
             for control, probe, bracket in passages:
                 theta, point = self._zero(probe, bracket, resolution)
-                found.append((bracket.whole(theta), control, point))
+                found.append((segment.foot(point.x, point.parameter, bracket.whole(theta)), control, point))
             found.sort(key=lambda one: one[0])
             together = [k for k, (a, b) in enumerate(pairwise(found)) if b[0] - a[0] <= 4 * resolution * b[0]]
             if not together:

@@ -14,12 +14,14 @@ from contbranch.continuation import (
     EventPoint,
     Extremum,
     Happening,
+    Metric,
     Options,
     Outcome,
     Problem,
     TangentCrossing,
     trace_curve,
 )
+from contbranch.continuation.segment import Segment
 from contbranch.continuation.walk import point_on
 
 SPACING = 5 * math.pi / 12
@@ -36,6 +38,18 @@ class Spiral(Problem):
 
     def observables(self, x, p):
         return {"abscissa": x[0], "ordinate": x[1], "product": x[0] * x[1]}
+
+
+def test_a_point_found_in_a_part_of_a_step_has_its_place_in_the_whole():
+    """Cubics of parts are closer to the curve: a fraction of a part is no affine function of that of the whole."""
+    curve = trace_curve(Spiral(), [1.0, 0.0], 0.0, (0.0, 10.0), options=Options(largest_parameter_step=0.1))
+    metric, (begin, end) = Metric(1.0, 1.0), curve.points[3:5]
+    whole = Segment(begin, end, metric)
+    middle = point_on(whole, 0.5, Options())[0]
+    point = point_on(Segment(begin, middle, metric), 0.5, Options())[0]
+    theta = whole.foot(point.x, point.parameter, 0.25)
+    assert abs(theta - 0.25) > 1e-5
+    assert point_on(whole, theta, Options())[0].parameter == pytest.approx(point.parameter, abs=1e-13)
 
 
 def test_crossings_of_a_component():

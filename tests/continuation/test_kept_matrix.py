@@ -1,9 +1,11 @@
 """Where a problem multiplies by its Jacobian, fewer matrices are factorised, and points and tangents are as exact."""
 
 import numpy as np
+import pytest
 
 from contbranch.continuation import Metric, Options, Problem
 from contbranch.continuation.newton import correct
+from contbranch.continuation.walk import corrected_point
 
 N = 12
 
@@ -48,3 +50,19 @@ def test_kept_matrix():
         assert np.abs(rate).max() < 1e-9 * np.abs(one.tangent_x).max()
         found.append(problem.matrices)
     assert found[1] < found[0]
+
+
+@pytest.mark.parametrize(("aside", "matrices"), [(1e-6, 0), (0.05, 1)], ids=["next to it", "far away"])
+def test_matrix_of_a_point_close_by(aside, matrices):
+    """It serves for a point and its tangent as far as Newton's method contracts by it, and else its own one does."""
+    problem, metric, options = Multiplies(), Metric(1.0, 1.0), Options(tolerance=1e-13)
+    direction = np.ones(N) / np.sqrt(N), 0.5
+    first, matrix = corrected_point(problem, 0.4 * problem.b, 0.5, direction, metric, options)
+    near = first.x + aside * first.tangent_x, first.parameter + aside * first.tangent_parameter
+    own, _ = corrected_point(problem, *near, direction, metric, options)
+    problem.matrices = 0
+    kept, _ = corrected_point(problem, *near, direction, metric, options, matrix)
+    assert (problem.matrices > 0) == (matrices > 0)
+    assert kept.parameter == pytest.approx(own.parameter, rel=1e-13)
+    np.testing.assert_allclose(kept.x, own.x, rtol=1e-12, atol=1e-13)
+    np.testing.assert_allclose(kept.tangent_x, own.tangent_x, rtol=1e-9, atol=1e-10)

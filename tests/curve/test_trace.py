@@ -80,3 +80,22 @@ def test_a_table_that_ends_in_nothing_but_scatter_has_decayed():
     assert "ends at a gap" not in diagram.message
     short = cb.Tabulated(tuple(gaps[:8]), tuple(np.exp(-2.0 * gaps[:8])))
     assert cb.trace(cb.Contact(cb.Parabola(1.0), short), accuracy=1e-4).events[0].name == "table-end"
+
+
+def test_folds_closer_than_rates_tell_come_in_their_order():
+    """Their places in a step that was divided between them are those in the whole one, beside which rates are seen.
+
+    A film wets from where displacement is least; the spring's fold lies between that and the load's, at the state at
+    which the load falls as the displacement rises with the spring's stiffness.
+    """
+    law = cb.VanDerWaals(-0.784, 0.4851085858973332) + cb.InverseSquare(0.216, 0.5651515025703931)
+    spring = cb.Spring(0.15662357669582755)
+    diagram = cb.trace(cb.Contact(cb.SphericalCap(50.027), law), control=spring, accuracy=1e-8, modes=0)
+    assert diagram.status == "complete", diagram.message
+    folds = [event for event in diagram.folds() if event.contact_radius > 0]
+    assert [(fold.control, fold.name) for fold in folds] == [
+        (control, "wetting") for control in ("displacement", "spring", "load")
+    ]
+    radii = [fold.contact_radius for fold in folds]
+    assert radii == sorted(radii)
+    assert radii[2] - radii[1] < 2e-5 * radii[2]
