@@ -44,7 +44,7 @@ from contbranch.control import as_control
 from contbranch.curve.curves import FollowedCurves
 from contbranch.curve.trace import Request
 from contbranch.curve.track import Track, linked
-from contbranch.curve.work import Piece
+from contbranch.curve.work import Piece, work_along
 from contbranch.models.axisymmetric.problem import ContactProblem
 from contbranch.models.choice import choose
 
@@ -339,7 +339,8 @@ def _followed(diagram: cb.Diagram, row: int, load: Array, d: Array) -> float:
     if not away[begin] <= 1e-6 * max(1.0, abs(load[row]), abs(d[row])):
         return math.nan
     try:
-        return Piece(*linked(*points[begin : begin + 2])).work(1e-10)
+        first, last = points[begin : begin + 2]
+        return work_along(first, [Piece(*linked(first, last))], last, 1e-10)
     except CorrectionError:
         return math.nan
 

@@ -105,7 +105,9 @@ def own(point: Point) -> tuple[float, float]:
 
 
 def corner_work(begin: Point, end: Point) -> float:
-    """∫ F dd between two points that no problem joins, from loads and slopes at both ends."""
+    """∫ F dd between two points that no piece of curve joins, from loads and slopes at both ends."""
+    if begin is end:
+        return 0.0
     (first, load), (last, load_there) = own(begin), own(end)
     change = last - first
     slopes = []
@@ -120,8 +122,8 @@ def corner_work(begin: Point, end: Point) -> float:
 def work_along(begin: Point, pieces: Iterable[Piece | tuple[Point, Point]], end: Point, tolerance: float) -> float:
     """∫ F dd over the pieces of curve between two points, reduced units.
 
-    Where the discretisation changes, the displacement jumps by its error, which counts: only then is the work the
-    difference of the energies at both ends.
+    Where the discretisation changes, the displacement jumps by its error, and the state lies a little farther along the
+    curve, which counts: only then is the work the difference of the energies at both ends.
 
     Parameters
     ----------
@@ -135,16 +137,9 @@ def work_along(begin: Point, pieces: Iterable[Piece | tuple[Point, Point]], end:
     CorrectionError
         If the curve cannot be followed there.
     """
-    parts: list[float] = []
-    last = own(begin)[0]
+    parts, last = list[float](), begin
     for part in pieces:
-        if isinstance(part, Piece):
-            first, load = part.value(0.0)
-            parts += [load * (first - last), part.work(tolerance)]
-            last = part.value(1.0)[0]
-        else:
-            first, load = own(part[0])
-            parts += [load * (first - last), corner_work(*part)]
-            last = own(part[1])[0]
-    final, load = own(end)
-    return math.fsum([*parts, load * (final - last)])
+        first, behind = (part.begin, part.end) if isinstance(part, Piece) else part
+        parts += [corner_work(last, first), part.work(tolerance) if isinstance(part, Piece) else corner_work(*part)]
+        last = behind
+    return math.fsum([*parts, corner_work(last, end)])

@@ -35,13 +35,13 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.linalg import blas, eigh, lapack
+from scipy.linalg import eigh, lapack
 
 from contbranch.arrays import Array
 from contbranch.curve.problem import Count
 from contbranch.results.diagram import ModeShape
 
-from .equations import Equations, Fields, negative_eigenvalues, upper_times_lower
+from .equations import Equations, Fields, lower_gram, negative_eigenvalues, upper_times_lower
 from .modal import ModeSpace, inner_mode_pressure
 
 __all__ = [
@@ -223,15 +223,7 @@ def mode_shape(equations: Equations, fields: Fields, m: int, index: int = 1) -> 
 
 def _form(space: ModeSpace, m: int) -> Array:
     """π ∫ k (A_m h)² r dr on trial functions that are orthonormal in ∫ dt, (N, N); its lower triangle."""
-    plane, weights = space.plane(m), -np.pi * space.weights * space.rho * space.stiffness
-    form = np.zeros((plane.shape[1],) * 2, order="F")
-    for sign in (1.0, -1.0):  # sums of squares: half the work of a product
-        own = sign * weights > 0.0
-        if not own.any():
-            continue
-        rooted = np.sqrt(np.abs(weights[own]))[:, None] * plane[own]
-        form = blas.dsyrk(sign, rooted.T, beta=1.0, c=form, lower=1, overwrite_c=1)
-    return np.asarray(form)
+    return lower_gram(space.plane(m), -np.pi * space.weights * space.rho * space.stiffness, *space.blocks)
 
 
 def _largest(space: ModeSpace, m: int, count: int) -> tuple[Array, Array]:

@@ -15,6 +15,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -631,7 +632,8 @@ class Equations:
         # The congruence with W^(-1/2) leaves the inertia alone and makes the unit matrix the bulk of the spectrum.
         scaled = plane / np.sqrt(mesh.weights * fields.rim.factor)
         stiffness = np.pi * fine_mesh.weights * fine_mesh.nodes * fine_fields.stiffness
-        matrix = lower_gram(scaled, stiffness, fine_mesh.panel_starts(mesh.edges[:-1]))
+        columns = range(0, mesh.size, mesh.order)
+        matrix = lower_gram(scaled, stiffness, columns, fine_mesh.panel_starts(mesh.edges[:-1]))
         matrix.flat[:: mesh.size + 1] += 1.0 + least
         return negative_eigenvalues(matrix)
 
@@ -651,17 +653,16 @@ def upper_times_lower(upper: Array, lower: Array, block: int) -> Array:
     return product
 
 
-def lower_gram(factor: Array, weights: Array, starts: Sequence[int]) -> Array:
-    """Lower triangle of ``factorᵀ diag(weights) factor``; blocks of columns have values from a row each on, later ones
-    later.
+def lower_gram(factor: Array, weights: Array, columns: Sequence[int], rows: Sequence[int]) -> Array:
+    """Lower triangle of ``factorᵀ diag(weights) factor``; blocks that begin at `columns` have values from `rows` on.
 
     What lies above the diagonal is left undefined; this takes down to a sixth of the work of the whole product.
     """
-    size, strip = factor.shape[1], STRIP * (factor.shape[1] // len(starts))
+    size = factor.shape[1]
     gram = np.zeros((size, size))
-    for start, row in zip(range(0, size, strip), starts[::STRIP], strict=True):
-        below, own, on = slice(row, None), slice(start, start + strip), slice(start + strip)
-        np.matmul((weights[below, None] * factor[below, own]).T, factor[below, on], out=gram[own, on])
+    for row, (begin, end) in zip(rows[::STRIP], pairwise([*columns[::STRIP], size]), strict=True):
+        weighted = weights[row:, None] * factor[row:, begin:end]
+        np.matmul(weighted.T, factor[row:, :end], out=gram[begin:end, :end])
     return gram
 
 
