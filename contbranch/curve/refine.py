@@ -408,11 +408,13 @@ def _best(
             spent = idle == len(IDLE) or (rough and error > WORSE * last)  # what is left is rounding
             if error <= accuracy or finer.size > LARGEST or spent or problem.given:
                 break
-            rough |= error > GAIN * last
+            turns, last = not rough and error > GAIN * last, error
+            rough |= turns
             if rough:  # higher order does not help where the law, or the tip, has kinks, as tables have
                 halved = problem.halved(place.point, IDLE[idle] * AIM * accuracy / error)
                 fine = _carried(place, halved, event)
-            last = error
+            if turns:  # the next one is of the trace's own order again
+                last = math.inf
             place = _located(fine, event)
     except (CorrectionError, ModelError):
         # What has been reached stands, with its own error estimate.
