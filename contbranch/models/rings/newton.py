@@ -20,11 +20,9 @@ Row = tuple[Array, float]
 
 # Most iterations, the relative correction from which the iteration is left to itself, the growth of the residual that
 # is accepted, and how often a step is halved to avoid more.
-APPROACHES, NEARLY, GROWS, HALVINGS = 60, 1e-3, 1.5, 6
-# ... and how far it goes then, or where rounding decides in stiff films.
-PRECISE, ROUNDED = Options(tolerance=1e-12, noise=1e8), Options(tolerance=1e-12, noise=3e9)
-# What is left to itself too early comes back, and is left again when corrections have fallen to this share.
-AGAIN = 0.03
+APPROACHES, NEARLY, GROWS, HALVINGS = 30, 1e-3, 1.5, 6
+# ... and how far it goes then.
+PRECISE = Options(tolerance=1e-12, noise=1e8)
 # Rounds of meshing and solving for one state.
 ROUNDS = 6
 
@@ -41,19 +39,16 @@ def solved(problem: RingEquations, x: Array, d: float, row: Row) -> tuple[Array,
         If Newton's method fails.
     """
     metric, count = problem.metric(x), problem.edges
-    size, nearly, options = math.inf, NEARLY, PRECISE
+    size = math.inf
     for _ in range(APPROACHES):
         at = linearise(problem, x, d)
         dx, dd = border(problem, x, d, at, row).solve(-at[0], 0.0)
         size = metric.norm(problem, dx, dd)
         if not math.isfinite(size):
             break
-        if size < nearly:
-            try:
-                done = correct(problem, (x, d), row, metric, options)
-                return done.x, done.parameter
-            except CorrectionError:
-                nearly, options = AGAIN * size, ROUNDED
+        if size < NEARLY:
+            done = correct(problem, (x, d), row, metric, PRECISE)
+            return done.x, done.parameter
         room, change = (np.diff(vector[x.size - count :], prepend=0.0) for vector in (x, dx))
         share = min(1.0, 0.3 / max(float((np.abs(change) / room).max(initial=0.0)), 1e-300))
         before = float(np.abs(at[0]).max())
