@@ -96,11 +96,23 @@ def test_the_edge_of_a_cap_may_pass_nodes_of_fine_meshes():
             assert found[key] == pytest.approx(expected, rel=3e-4, abs=1e-6)
 
 
-def test_a_derivative_that_is_but_rounding_is_not_given():
-    """The wetting radius is 5e-8 here; loads are known."""
-    rates = cb.trace(cb.Contact.reduced(cb.Gauss, 0.0013, -1), control=cb.Spring(1.0), accuracy=1e-8).sensitivities
-    assert math.isnan(rates["wetting_radius"]["modulus"])
-    assert rates["wetting_load"]["work_of_adhesion"] == pytest.approx(-2 * math.pi, rel=1e-2)
+@pytest.mark.parametrize(
+    ("contact", "name"),
+    [
+        (cb.Contact.reduced(cb.Gauss, 0.0013, -1), "wetting_radius"),  # 5e-8
+        (cb.Contact(cb.PowerLaw(2.837, 1.0), cb.Exponential(1.0, 305.0), 3.0), "pull_off_radius"),  # 6e-4
+    ],
+    ids=["film", "attraction"],
+)
+def test_radii_of_contacts_that_are_all_but_none(contact, name):
+    """By states next to the fold they would be but rounding, or off by 3 %; against differences of traces."""
+    rates = cb.trace(contact, accuracy=1e-9).sensitivities[name]
+    for key, parameter in parameters_of(contact).items():
+        step = 1e-3 * parameter.value
+        high, low = (
+            cb.trace(parameter.contact(parameter.value + k * step), accuracy=1e-10).thresholds[name] for k in (1, -1)
+        )
+        assert rates[key] == pytest.approx((high - low) / (2 * step), rel=2e-4)
 
 
 def test_jkr_limit_and_dimensions():

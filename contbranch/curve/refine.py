@@ -15,7 +15,10 @@ from contbranch.curve.events import FoldEvent, Reached
 from contbranch.curve.problem import EquilibriumProblem, Rates, equilibrium
 from contbranch.errors import ModelError
 
-__all__ = ["OPTIONS", "Found", "Four", "at_parameter", "further", "moved", "numbers", "refine", "settled", "upright"]
+__all__ = [
+    "OPTIONS", "Found", "Four", "at_parameter", "further", "located", "moved", "numbers", "refine", "settled",
+    "upright",
+]  # fmt: skip
 
 Four = tuple[float, float, float, float]
 
@@ -158,6 +161,17 @@ def further(point: Point, length: float) -> Point:
     line = _Line(point)
     line.upright |= line.problem.ordered
     return line.at(math.copysign(1.0, point.tangent_parameter) * length if line.upright else length, point)
+
+
+def located(point: Point, event: Event) -> Point:
+    """The event next to a point, on its own discretisation and as sharply as rounding allows.
+
+    Raises
+    ------
+    CorrectionError
+        If the curve cannot be followed there.
+    """
+    return _located(_Place(point, 0.0), event).point
 
 
 class _Line:

@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, partial
 from typing import Any, NamedTuple
 
@@ -34,12 +34,13 @@ from contbranch.contact.contact import Contact
 from contbranch.contact.interaction_law import terms_of
 from contbranch.contact.parameters import Parameter, parameters_of
 from contbranch.contact.units import Scales
-from contbranch.continuation import Point
+from contbranch.continuation import CorrectionError, Point
 from contbranch.continuation.newton import border, linearise, residual, solve
 from contbranch.continuation.walk import corrected_point
 from contbranch.control import Control
+from contbranch.curve.events import FoldEvent
 from contbranch.curve.problem import EquilibriumProblem, equilibrium
-from contbranch.curve.refine import OPTIONS, moved
+from contbranch.curve.refine import OPTIONS, located, moved
 from contbranch.errors import InputError
 from contbranch.results.record import OBSERVABLES
 
@@ -54,9 +55,6 @@ WIDE = 1e-3
 TINY = 0.03
 # Heights change like the displacement with the numbers of a tip, and may by such a share of the law's shortest length.
 HEIGHT = 1e-3
-# The radius of a contact all but none is given where its derivative, with a step along the curve so much shorter, stays
-# within such a share.
-CLOSER, TOLD = 0.7, 0.03
 # The second derivative along the curve has larger ones, as often shortened as there is need: those from both distances
 # agree to such a share, and to rounding.
 CURVED, SHORTER, SMOOTH, ROUNDING = 3.0, 6, 0.01, 1e-13
@@ -222,7 +220,7 @@ class _Event:
 
     def __init__(self, point: Point, control: Control | None, margin: str, ends: bool) -> None:
         held = (control is None and not margin) or point.parameter in equilibrium(point).parameter_range
-        self.problem = problem = equilibrium(point)
+        self.point, self.problem = point, (problem := equilibrium(point))
         self.control, self.margin = (None, "") if held else (control, margin)
         self.ends = ends
         x, p, metric = point.x, point.parameter, problem.metric(point.x)
@@ -282,10 +280,8 @@ class _Event:
                 rates = {name: one + (one - far[name]) / (CURVED**2 - 1) for name, one in near.items()}
                 stiffer = close + (close - wide) / (CURVED**2 - 1)
             if self.step == WIDE:
-                others, _ = known(CLOSER * h)
                 for name, rate in rates.items():
-                    told = abs(rate[2] - others[name][2]) < TOLD * abs(rate[2])
-                    rates[name] = rate * np.array([1.0, 1.0, 1.0 if told else math.nan, 1.0])
+                    rate[2:] = self._relocated(self.control, pairs[name], moved[name])
             return rates, stiffer
 
         def margin(problem: EquilibriumProblem, at: Array) -> Array:
@@ -294,6 +290,20 @@ class _Event:
         turn = _Pair(problem, problem, 2 * self.length).rate(margin, state, tangent)
         shifts = {name: pair.rate(margin, state, moved[name]) / turn for name, pair in pairs.items()}
         return {name: found[name] - shifts[name] * along for name in found}, np.zeros(4)
+
+    def _relocated(self, control: Control, pair: _Pair, change: Array) -> Array:
+        """Derivatives of radius and gap where the contact is all but none, which states next to a fold leave to
+        rounding: from the folds of both contacts."""
+
+        def at_fold(problem: EquilibriumProblem, state: Array) -> Array:
+            point = replace(self.point, problem=problem, x=state[:-1], parameter=float(state[-1]), observables={})
+            found = located(point, FoldEvent(control))
+            return _values(problem, np.append(found.x, found.parameter))[2:]
+
+        try:
+            return pair.rate(at_fold, self.state, change)
+        except CorrectionError:
+            return np.full(2, math.nan)
 
     def _along(self, state: Array, tangent: Array) -> Array:
         """Rates of the observables along the curve, next to the event."""
