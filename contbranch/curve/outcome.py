@@ -16,7 +16,7 @@ from contbranch.contact.contact import Contact
 from contbranch.contact.interaction_law import terms_of
 from contbranch.contact.tips import Parabola
 from contbranch.contact.units import Scales
-from contbranch.continuation import Point
+from contbranch.continuation import CorrectionError, Point
 from contbranch.control import Control, Spring, as_control
 from contbranch.curve.naming import fold_name, number_layers, threshold_events
 from contbranch.curve.problem import EquilibriumProblem
@@ -316,7 +316,8 @@ def _stiffest(contact: Contact) -> str:
 def _sensitivities(
     contact: Contact, told: Mapping[str, tuple[Event, str]], accuracy: float
 ) -> dict[str, dict[str, float]] | None:
-    """Derivatives of the thresholds by parameter, in the contact's units; None of lattices."""
+    """Derivatives of the thresholds by parameter, in the contact's units, unknown where the curve cannot be followed
+    next to an event; None of lattices."""
     from contbranch.curve.sensitivity import Sensitivities
 
     sensitivities: Sensitivities | None = None
@@ -330,7 +331,10 @@ def _sensitivities(
             control = None if driven is None else as_control(driven)
             wanted = {key for other, key in told.values() if other is event}
             sensitivities = sensitivities or Sensitivities(contact, accuracy)
-            known[id(event)] = sensitivities.at(place, control, event.origin.raw.margin, wanted)
+            try:
+                known[id(event)] = sensitivities.at(place, control, event.origin.raw.margin, wanted)
+            except CorrectionError:
+                known[id(event)] = {key: dict.fromkeys(sensitivities.values, math.nan) for key in wanted}
     return {name: known[id(event)][key] for name, (event, key) in told.items()}
 
 

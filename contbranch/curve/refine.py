@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,7 +17,7 @@ from contbranch.curve.problem import EquilibriumProblem, Rates, equilibrium
 from contbranch.errors import ModelError
 
 __all__ = [
-    "OPTIONS", "Found", "Four", "at_parameter", "further", "located", "moved", "numbers", "refine", "settled",
+    "OPTIONS", "Beside", "Found", "Four", "at_parameter", "further", "moved", "numbers", "refine", "settled",
     "upright",
 ]  # fmt: skip
 
@@ -55,6 +56,8 @@ TWINS = 1e-6
 ASIDE = 1e-5
 # How often a step that leads off the curve, as where a ring has not opened yet, is shortened, and by which factor.
 RETREATS, RETREAT = 4, 0.2
+# Steps of which the square is rounding, in units of the line, and how many there are to one of these.
+NEXT_TO_NONE, AGAIN = 1e-8, 4
 # Steps towards an event below this multiple of rounding, or this share of the accuracy, are not taken.
 CLOSEST, ENOUGH = 0.5, 1e-4
 
@@ -163,17 +166,6 @@ def further(point: Point, length: float) -> Point:
     return line.at(math.copysign(1.0, point.tangent_parameter) * length if line.upright else length, point)
 
 
-def located(point: Point, event: Event) -> Point:
-    """The event next to a point, on its own discretisation and as sharply as rounding allows.
-
-    Raises
-    ------
-    CorrectionError
-        If the curve cannot be followed there.
-    """
-    return _located(_Place(point, 0.0), event).point
-
-
 class _Line:
     """A coordinate along the curve through a point: the parameter where that serves, otherwise the arclength."""
 
@@ -223,6 +215,49 @@ class _Line:
         own = self.problem.rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
         speed = self.speed(point)
         return Rates(*(rate * speed for rate in own))
+
+
+class Beside:
+    """An event of problems that differ a little, from one where it is known.
+
+    Attributes
+    ----------
+    point : Point
+        That event.
+    matrix : Bordered
+        Of the line that all are sought on, as far as it serves.
+
+    Raises
+    ------
+    CorrectionError
+        If the curve cannot be followed there.
+    """
+
+    def __init__(self, point: Point, event: Event) -> None:
+        self._line = line = _Line(point)
+        self.point, aside = line.at(0.0, point), ASIDE * line.unit
+        change = event.value(line.at(aside, self.point)) - event.value(self.point)
+        assert line.matrix is not None
+        self.matrix, self._steepness = line.matrix, change / aside
+
+    def at(self, point: Point, event: Event) -> Point:
+        """The event next to a point of another problem.
+
+        Raises
+        ------
+        CorrectionError
+            If the curve cannot be followed there.
+        """
+        line, s, step = copy(self._line), 0.0, 0.0
+        line.problem, line.origin = equilibrium(point), point
+        for _ in range(AGAIN):
+            point = line.at(s + step, point, s)
+            s, step = s + step, -event.value(point) / self._steepness
+            if not abs(step) > NEXT_TO_NONE * line.unit:
+                break
+        ahead = step * line.speed(point)
+        x, p = point.x + ahead * point.tangent_x, point.parameter + ahead * point.tangent_parameter
+        return replace(point, x=x, parameter=p)
 
 
 def _carried(place: _Place, problem: EquilibriumProblem, event: Event | None) -> _Place:

@@ -10,8 +10,8 @@ vanishes; to stay there it slides along the curve by s = −G_q/G_t, t the tange
 
     dO*/dq = O_q + s O_t.
 
-What is extremal at a fold has O_t = 0. For a fold G is the rate of what is controlled, C_t, so that G_q is C_qt: the
-rate of C_q along the curve, which differences between states on both sides of the fold give for all parameters at once.
+What is extremal at a fold has O_t = 0. Where else a fold moves G_q would be the rate along the curve of a derivative,
+of which rounding leaves little in tiny contacts and stiff films: then the fold is located anew on both sides of q.
 
 Three parameters follow from the others, since the units of lengths in the plane, of heights and of the modulus are
 free: if q_k grows like λ^v_k and O like λ^m with one of the units, Σ v_k q_k dO/dq_k = m O. Where a table of the law or
@@ -35,29 +35,26 @@ from contbranch.contact.interaction_law import terms_of
 from contbranch.contact.parameters import Parameter, parameters_of
 from contbranch.contact.units import Scales
 from contbranch.continuation import CorrectionError, Point
+from contbranch.continuation.bordered import Bordered
 from contbranch.continuation.newton import border, linearise, residual, solve
 from contbranch.continuation.walk import corrected_point
 from contbranch.control import Control
 from contbranch.curve.events import FoldEvent
 from contbranch.curve.problem import EquilibriumProblem, equilibrium
-from contbranch.curve.refine import OPTIONS, located, moved
+from contbranch.curve.refine import OPTIONS, Beside, moved
 from contbranch.errors import InputError
 from contbranch.results.record import OBSERVABLES
 
 __all__ = ["Sensitivities"]
 
-# Steps: of parameters relative to themselves (or of those that are zero), along the curve relative to its metric, and
-# relative to the distance of an edge of its parameter, at most and where rounding allows a shorter one.
-STEP, ALONG, ASIDE, NEARER = 3e-5, 3e-4, 0.1, 0.004
-# ... those of parameters the larger the shorter the one along the curve is, by which their differences are divided.
-WIDE = 1e-3
-# ... and in contacts smaller than this, of which little but rounding would change.
-TINY = 0.03
+# Steps: of parameters relative to themselves (or of those that are zero), along the curve relative to its metric, at
+# most a share of the distance from an edge of its parameter; closer to that than another share all is at fixed
+# parameter.
+STEP, ALONG, NEARER, ASIDE = 3e-5, 3e-4, 0.004, 0.1
+# Those of parameters there, and in contacts smaller than this, of which little but rounding would change.
+WIDE, TINY = 1e-3, 0.03
 # Heights change like the displacement with the numbers of a tip, and may by such a share of the law's shortest length.
 HEIGHT = 1e-3
-# The second derivative along the curve has larger ones, as often shortened as there is need: those from both distances
-# agree to such a share, and to rounding.
-CURVED, SHORTER, SMOOTH, ROUNDING = 3.0, 6, 0.01, 1e-13
 # Shares of a parameter's step that are tried where the tip ends, until derivatives agree to such a share.
 SHARES, ALIKE = (0.1, 0.01, 0.001), 1e-4
 # Events of such accuracy are taken on the discretisation that located them, others on the next finer one.
@@ -125,14 +122,12 @@ class Sensitivities:
         if self.accuracy > FINE:
             point = moved(point, equilibrium(point).finer())
         reduced = None if control is None else control.scaled(self.scales.stiffness)
-        event = _Event(point, reduced, margin, self.ends)
+        slides = control is not None and set(wanted) != {control.kind}
+        event = _Event(point, reduced, margin, slides)
         lower = min(1.0, HEIGHT * self.shortest / max(abs(event.values[1] * event.step), 1e-300))
-        if control is not None and set(wanted) == {control.kind}:
-            event.control = None
         # The edge of a tip may pass nodes where a parameter changes, too.
         shares = (1.0, *SHARES) if self.ends else (1.0,)
-        # Of two steps that agree the longer one, which rounding spoils less.
-        (found, stiffer), _ = _settled((event.rates(self.changes(k * event.step, lower)) for k in shares), ALIKE)
+        found, stiffer = _settled(event.rates(self.changes(k * event.step, lower)) for k in shares)
         units = units / event.smooth  # of rates; a contact radius is a root of what is smooth
         rates = {name: (values[name] or 1.0) * units * rate for name, rate in found.items()}
         if "modulus" in rates:  # in whose own unit it has been changed: what grows with that does so, a spring softens
@@ -213,34 +208,17 @@ def _change(parameter: Parameter, scales: Scales, step: float) -> _Change:
 
 
 class _Event:
-    """An event, or a point next to it, with what moves it; states with p at their end.
+    """An event, or a point next to it, with what moves it; states with p at their end."""
 
-    All comes from one factorisation: what changes on both sides of the event from differences of residuals.
-    """
-
-    def __init__(self, point: Point, control: Control | None, margin: str, ends: bool) -> None:
+    def __init__(self, point: Point, control: Control | None, margin: str, slides: bool) -> None:
         held = (control is None and not margin) or point.parameter in equilibrium(point).parameter_range
-        self.point, self.problem = point, (problem := equilibrium(point))
-        self.control, self.margin = (None, "") if held else (control, margin)
-        self.ends = ends
-        x, p, metric = point.x, point.parameter, problem.metric(point.x)
-        # Next to an edge of the parameter, as in a tiny contact, all is compared at fixed parameter.
-        far = abs(point.tangent_parameter) / metric.norm(problem, point.tangent_x, point.tangent_parameter) * ALONG
-        held_there = held or ASIDE * min(abs(edge - p) for edge in problem.parameter_range) < far
-        along = (np.zeros_like(x), 1.0) if held_there else (point.tangent_x, point.tangent_parameter)
-        size = metric.norm(problem, *along)
-        row = metric.row(problem, along[0] / size, along[1] / size)
-        at = linearise(problem, x, p)
-        matrix, left = border(problem, x, p, at, row), at[0]
-        for _ in range(CORRECTIONS):  # by the same matrix: they are tiny
-            dx, dp = solve(matrix, -left, 0.0, p)
-            if metric.norm(problem, dx, dp) > CLOSE:
-                exact, _ = corrected_point(problem, x, p, along, metric, OPTIONS)
-                x, p = exact.x, exact.parameter
-                matrix = border(problem, x, p, linearise(problem, x, p), row)
-                break
-            x, p = x + dx, p + dp
-            left = residual(problem, x, p)
+        self.problem, metric = (problem := equilibrium(point)), problem.metric(point.x)
+        self.control, self.margin = control if slides and not held else None, "" if held else margin
+        if self.control is not None:
+            self.fold = Beside(point, FoldEvent(self.control))
+            x, p, matrix = self.fold.point.x, self.fold.point.parameter, self.fold.matrix
+        else:
+            x, p, matrix = _solved(point, held)
         self.solve: Callable[[Array, float], Array] = lambda f, g: np.append(*solve(matrix, f, g, p))
         self.state, self.tangent = np.append(x, p), self.solve(np.zeros_like(x), 1.0)
         self.values = np.array(problem.values(x, p)[:4])
@@ -250,106 +228,69 @@ class _Event:
             rate = max(abs(self.tangent[-1]), 1e-300)  # not beyond an edge of the parameter
             near = min(abs(edge - p) / rate for edge in problem.parameter_range)
             tiny = ASIDE * near <= self.length or 0.0 < self.values[2] < TINY
-            share = ASIDE if ends or self.values[2] < TINY else NEARER
-            self.length, self.step = min(self.length, share * near), WIDE if tiny else STEP
+            self.length, self.step = min(self.length, NEARER * near), WIDE if tiny else STEP
 
     def rates(self, changes: Mapping[str, _Change]) -> _Rates:
-        """Derivatives of the four observables by parameter, and by the logarithm of a spring's stiffness.
-
-        Where the tip ends, nodes may pass its edge within a step along the curve, which is then shortened.
-        """
+        """Derivatives of the four observables by parameter, and by the logarithm of a spring's stiffness."""
         problem, state, tangent = self.problem, self.state, self.tangent
         pairs = {
             name: _Pair(problem.varied(one.above), problem.varied(one.below), one.step) for name, one in changes.items()
         }
         still = np.zeros_like(state)
         moved = {name: self.solve(-pair.rate(_residual, state, still), 0.0) for name, pair in pairs.items()}
-        found = {name: pair.rate(_values, state, moved[name]) for name, pair in pairs.items()}
-        if self.control is None and not self.margin:
-            return found, np.zeros(4)
-        along = self._along(state, tangent)
         if self.control is not None:
-            h, bent = self._bent()
-            known = partial(self._at_fold, self.control, along, found, pairs, moved, self.solve(bent, 0.0))
-            if self.ends:
-                _, (rates, stiffer) = _settled((known(h / CURVED**k) for k in range(2, SHORTER + 3)), SMOOTH)
-            elif 0.0 < self.values[2] < TINY:
-                rates, stiffer = known(h)
-            else:  # what the square of the step leaves is told from two
-                (far, wide), (near, close) = known(h * math.sqrt(CURVED)), known(h / math.sqrt(CURVED))
-                rates = {name: one + (one - far[name]) / (CURVED**2 - 1) for name, one in near.items()}
-                stiffer = close + (close - wide) / (CURVED**2 - 1)
-            if self.step == WIDE:
-                for name, rate in rates.items():
-                    rate[2:] = self._relocated(self.control, pairs[name], moved[name])
-            return rates, stiffer
+            return self._at_fold(self.control, pairs, moved)
+        found = {name: pair.rate(_values, state, moved[name]) for name, pair in pairs.items()}
+        if not self.margin:
+            return found, np.zeros(4)
 
         def margin(problem: EquilibriumProblem, at: Array) -> Array:
             return np.array(problem.margin(at[:-1], at[-1], self.margin))
 
         turn = _Pair(problem, problem, 2 * self.length).rate(margin, state, tangent)
+        along = self.smooth * problem.rates(state[:-1], state[-1], tangent[:-1], tangent[-1])
         shifts = {name: pair.rate(margin, state, moved[name]) / turn for name, pair in pairs.items()}
         return {name: found[name] - shifts[name] * along for name in found}, np.zeros(4)
 
-    def _relocated(self, control: Control, pair: _Pair, change: Array) -> Array:
-        """Derivatives of radius and gap where the contact is all but none, which states next to a fold leave to
-        rounding: from the folds of both contacts."""
+    def _at_fold(self, control: Control, pairs: Mapping[str, _Pair], moved: Mapping[str, Array]) -> _Rates:
+        """Derivatives from the folds on both sides; unknown where they are not found."""
 
-        def at_fold(problem: EquilibriumProblem, state: Array) -> Array:
-            point = replace(self.point, problem=problem, x=state[:-1], parameter=float(state[-1]), observables={})
-            found = located(point, FoldEvent(control))
-            return _values(problem, np.append(found.x, found.parameter))[2:]
+        def beside(control: Control, problem: EquilibriumProblem, state: Array) -> Array:
+            point = replace(self.fold.point, problem=problem, x=state[:-1], parameter=float(state[-1]), observables={})
+            try:
+                found = self.fold.at(point, FoldEvent(control))
+            except CorrectionError:
+                return np.full(4, math.nan)
+            return _values(problem, np.append(found.x, found.parameter))
 
-        try:
-            return pair.rate(at_fold, self.state, change)
-        except CorrectionError:
-            return np.full(2, math.nan)
+        rates = {name: pair.rate(partial(beside, control), self.state, moved[name]) for name, pair in pairs.items()}
+        if control.kind != "spring":
+            return rates, np.zeros(4)
+        springs = (replace(control, stiffness=control.stiffness * (1.0 + k * self.step)) for k in (1, -1))
+        above, below = (beside(spring, self.problem, self.state) for spring in springs)
+        return rates, (above - below) / (2 * self.step)
 
-    def _along(self, state: Array, tangent: Array) -> Array:
-        """Rates of the observables along the curve, next to the event."""
-        return self.smooth * self.problem.rates(state[:-1], state[-1], tangent[:-1], tangent[-1])
 
-    def _bent(self) -> tuple[float, Array]:
-        """A step along the curve short enough for the residual to be smooth on both sides, and minus its second
-        derivative along the tangent; nodes that pass the edge of a tip end that."""
-        step, middle = CURVED * self.length, _residual(self.problem, self.state)
-        for _ in range(SHORTER):
-            sides = [_residual(self.problem, self.state + k * step * self.tangent) for k in (-2, -1, 1, 2)]
-            near, far = sides[1] + sides[2] - 2 * middle, (sides[0] + sides[3] - 2 * middle) / 4
-            if np.abs(near - far).max() <= SMOOTH * np.abs(near).max() + ROUNDING:
-                break
-            step /= CURVED
-        return step / CURVED, (far - 4 * near) / (3 * step**2)
-
-    def _at_fold(
-        self,
-        control: Control,
-        along: Array,
-        found: Mapping[str, Array],
-        pairs: Mapping[str, _Pair],
-        moved: Mapping[str, Array],
-        curved: Array,
-        h: float,
-    ) -> _Rates:
-        """Derivatives at a fold, from states a step h away; that of the discretisation lies a little aside."""
-        weights, tangent = np.array([*control.weights, 0.0, 0.0]), self.tangent
-        sides = [(s, self.state + s * tangent + 0.5 * s * s * curved) for s in (-h, h)]
-        before, behind = (self._along(state, tangent + s * curved) for s, state in sides)
-        bend = (behind - before) / (2 * h)
-        aside = -(weights @ along) / (weights @ bend)
-        turn = float(weights @ (bend + aside * (before - 2 * along + behind) / h**2))
-        along = along + aside * bend
-        rates = {}
-        for name, rate in found.items():
-            pair, change = pairs[name], moved[name]
-            left = [pair.rate(_residual, state, change) for _, state in sides]
-            turned = self.solve((left[0] - left[1]) / (2 * h), 0.0)
-            low, high = (pair.rate(_values, state, change + s * turned) for s, state in sides)
-            slope = (high - low) / (2 * h)
-            shift = float(weights @ (slope + aside * (low - 2 * rate + high) / h**2))
-            rates[name] = rate + aside * slope - shift / turn * along
-        stiffer = -control.weights[1] * along[1] / turn * along if control.kind == "spring" else np.zeros(4)
-        return rates, stiffer
+def _solved(point: Point, held: bool) -> tuple[Array, float, Bordered]:
+    """The state at a point to rounding, and its matrix; at fixed parameter where that is held, or next to an edge."""
+    problem, x, p = equilibrium(point), point.x, point.parameter
+    metric = problem.metric(x)
+    # Next to an edge of the parameter, as in a tiny contact, all is compared at fixed parameter.
+    far = abs(point.tangent_parameter) / metric.norm(problem, point.tangent_x, point.tangent_parameter) * ALONG
+    held_there = held or ASIDE * min(abs(edge - p) for edge in problem.parameter_range) < far
+    along = (np.zeros_like(x), 1.0) if held_there else (point.tangent_x, point.tangent_parameter)
+    row = metric.row(problem, *metric.unit(problem, *along))
+    at = linearise(problem, x, p)
+    matrix, left = border(problem, x, p, at, row), at[0]
+    for _ in range(CORRECTIONS):  # by the same matrix: they are tiny
+        dx, dp = solve(matrix, -left, 0.0, p)
+        if metric.norm(problem, dx, dp) > CLOSE:
+            exact, _ = corrected_point(problem, x, p, along, metric, OPTIONS)
+            x, p = exact.x, exact.parameter
+            return x, p, border(problem, x, p, linearise(problem, x, p), row)
+        x, p = x + dx, p + dp
+        left = residual(problem, x, p)
+    return x, p, matrix
 
 
 class _Pair(NamedTuple):
@@ -365,21 +306,20 @@ class _Pair(NamedTuple):
         return (of(self.above, state + half) - of(self.below, state - half)) / self.step
 
 
-def _settled(tries: Iterable[_Rates], share: float) -> tuple[_Rates, _Rates]:
-    """The first successive derivatives that agree to a share of the largest, or those that do so best."""
-    last: _Rates | None = None
-    best, least = None, math.inf
+def _settled(tries: Iterable[_Rates]) -> _Rates:
+    """The first derivatives with which the next agree to a share of the largest, or those that do so best: of two that
+    agree the longer step, which rounding spoils less."""
+    last: _Rates = {}, np.zeros(4)
+    best, least = last, math.inf
     for one in tries:
-        if last is not None:
-            pairs = [(rates, last[0][name]) for name, rates in one[0].items()]
-            apart = max((np.nanmax(np.abs(a - b)) / max(np.nanmax(np.abs(a)), 1e-300) for a, b in pairs), default=0.0)
-            if apart < least:
-                best, least = (last, one), apart
-            if apart <= share:
-                break
+        pairs = [(rates, last[0][name]) for name, rates in one[0].items() if name in last[0]]
+        apart = max((np.nanmax(np.abs(a - b)) / max(np.nanmax(np.abs(a)), 1e-300) for a, b in pairs), default=math.inf)
+        if apart < least or not best[0]:
+            best, least = last if pairs else one, apart
+        if apart <= ALIKE:
+            break
         last = one
-    alone = last or ({}, np.zeros(4))
-    return best or (alone, alone)
+    return best
 
 
 def _residual(problem: EquilibriumProblem, state: Array) -> Array:
