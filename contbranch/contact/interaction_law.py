@@ -62,6 +62,7 @@ class Interaction:
 
     name: ClassVar[str] = ""
     dimensions: ClassVar[Mapping[str, str]] = {"work_of_adhesion": "energy per area", "range": "length"}
+    shape_convex: ClassVar[bool] = False  # whether f'' ≥ 0 wherever the gap is not negative
 
     work_of_adhesion: float
     range: float
@@ -108,6 +109,12 @@ class Interaction:
     def ends(self) -> float:
         """The gap at which the law's description ends before it has decayed; infinite otherwise."""
         return math.inf
+
+    @property
+    def convex(self) -> bool:
+        """Whether the energy per area certainly is: repulsion that falls ever more slowly as the gap opens."""
+        # A law made of such a one may have another shape.
+        return all(term.work_of_adhesion < 0.0 and vars(type(term)).get("shape_convex") for term in self.terms)
 
     @property
     def pieced(self) -> bool:

@@ -42,6 +42,7 @@ class Exponential(Interaction):
     """v = -Δγ exp(-g/z0): one density correlation length."""
 
     name = "exponential"
+    shape_convex = True
 
     def shape(self, x: Array) -> tuple[Array, Array, Array]:
         """Return e^-x and its derivatives."""
@@ -93,6 +94,7 @@ class InverseSquare(Interaction):
     """v = -Δγ/(1 + g/z0)², in place of (12): the van der Waals tail with a force when the surfaces touch."""
 
     name = "inverse-square"
+    shape_convex = True
 
     def shape(self, x: Array) -> tuple[Array, Array, Array]:
         """Return u² with u = 1/(1+x), and its derivatives -2u³, 6u⁴; defined for x > -1."""

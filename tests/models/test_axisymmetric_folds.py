@@ -230,3 +230,20 @@ def test_a_fold_that_finer_meshes_find_beyond_the_touch_is_none_of_the_film(law,
     assert own[-1].displacement == pytest.approx(touch.displacement, abs=1e-6)
     assert own[-1].load == pytest.approx(2 * np.pi * energy, rel=1e-3)
     assert own[-1].name == "pull-off"
+
+
+def test_a_convex_film_is_given_no_folds_by_rounding():
+    """At loads of 1e7 the rates of so stiff a film are noise, which once looked like eight folds."""
+    found = cb.trace(cb.Contact.reduced(cb.InverseSquare, 128.0, -1), accuracy=1e-4)
+    assert found.status == "complete"
+    assert [event.kind for event in found.events] == ["touch", "end"]
+
+
+def test_which_laws_are_known_to_be_convex():
+    class Wavy(cb.Exponential):
+        """Whatever it is made of, its shape is another."""
+
+    repulsion = cb.Exponential(-1.0, 2.0), cb.InverseSquare(-0.3, 1.0)
+    others = cb.Exponential(1.0, 2.0), cb.Gauss(-1.0, 1.0), cb.VanDerWaals(-1.0, 1.0), Wavy(-1.0, 2.0)
+    assert all(law.convex for law in (*repulsion, repulsion[0] + repulsion[1]))
+    assert not any(law.convex for law in (*others, repulsion[0] + others[1]))

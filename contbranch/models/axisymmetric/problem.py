@@ -232,6 +232,12 @@ class ContactProblem(MeshedContact):
             raise CorrectionError(branch.end.outcome, f"{text} That is beyond the law's table: continue it.")
         return oriented(equilibrium(last), last.x, u, (last.tangent_x, last.tangent_parameter))
 
+    @property
+    def convex(self) -> bool:
+        """Without interaction, or where it is convex, too."""
+        law = self.equations.interaction
+        return law is None or law.convex
+
     def balance(self, start: Point, step: float | None = None) -> Balance:
         """First scales; `step`: of the parameter, a kink at first touch long past, as it is where a contact begins."""
         if start.parameter > 0.0:

@@ -53,7 +53,8 @@ class RingProblem(RingEquations):
     @property
     def convex(self) -> bool:
         """Steps of the pressure are repulsive ones."""
-        return self.setting.law.smooth is None
+        smooth = self.setting.law.smooth
+        return smooth is None or smooth.convex
 
     @property
     def pieced(self) -> bool:
