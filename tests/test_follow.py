@@ -5,7 +5,9 @@ from __future__ import annotations
 import csv
 import json
 import math
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -426,3 +428,27 @@ def test_an_event_is_followed_as_far_as_the_table_of_its_law_goes():
     assert "table" in followed.message
     assert end.central_gap == pytest.approx(1.3 * contact.tabor / end.value, rel=1e-4)
     assert (followed.curve["central_gap"] <= 1.3001 * contact.tabor / followed.curve["tabor"]).all()
+
+
+@dataclass(frozen=True)
+class Ramp(cb.Interaction):
+    """A pressure that begins at two ranges, and from there on grows linearly."""
+
+    name: ClassVar[str] = ""
+
+    def shape(self, x):
+        left = np.maximum(1 - x / 2, 0.0)
+        return left**2, -left, np.where(x < 2, 0.5, 0.0)
+
+
+def test_a_jump_in_where_the_interaction_begins_does_not_leave():
+    """Its load is a millionth there, which is not that of infinite separation."""
+    contact = cb.Contact(cb.Parabola(1.0), Ramp(1.0, 0.0464843), 3.0)
+    jump = cb.trace(contact).events[0]
+    assert jump.name == "jump-in"
+    followed = cb.follow(jump, vary="tip.radius", to=1.3)
+    assert followed.status == "complete"
+    assert not followed.special
+    there = cb.trace(replace(contact, tip=cb.Parabola(1.3))).events[0]
+    assert followed.curve["displacement"][-1] == pytest.approx(there.displacement, abs=1e-7)
+    assert followed.curve["load"][-1] == pytest.approx(there.load, abs=1e-8)

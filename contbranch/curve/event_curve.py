@@ -170,6 +170,9 @@ class EventCurve:
         self.points: list[Point] = []
         self.scale = self.beside = 0.0
         self.worst, self.complete, self.message = 0.0, True, ""
+        law = self.family.contact.interaction
+        # An interaction that begins at a gap is negligible there, and nowhere does its event leave.
+        self.begins = law is not None and math.isfinite(law.kink) and not law.evaluate(2.0 * law.kink).pressure
 
     # -- the curve ----------------------------------------------------------------------------------------------------
     def trace(self, place: Point) -> None:
@@ -261,7 +264,8 @@ class EventCurve:
     def _far(self, point: Point) -> bool:
         """Whether the interaction is negligible: the load, and its mean from here to infinity."""
         load, energy, gap = (abs(point.observables[name]) for name in ("load", "energy", "central_gap"))
-        return not self.touching and max(load, energy / max(gap, self.scale)) <= self.negligible and gap > self.scale
+        negligible = max(load, energy / max(gap, self.scale)) <= self.negligible
+        return negligible and gap > self.scale and not (self.touching or self.begins)
 
     # -- first touch --------------------------------------------------------------------------------------------------
     def _beyond(self, points: list[Point]) -> tuple[list[Point], End]:
