@@ -193,7 +193,8 @@ class EventCurve:
                 start = self._start(place)
             except CorrectionError as error:
                 message = f"follow: the event was not found again at its start. {error.outcome.value} {error.detail}"
-                raise ModelError(message.strip()) from error
+                remedy = "Trace with a hundredth of the accuracy, and follow its event."
+                raise ModelError(f"{message.strip()} {remedy}") from error
             backward, first = self._onward(start.turned())
             forward, last = self._onward(start)
             points, ends = [*(point.turned() for point in reversed(backward)), start, *forward], (first, last)
