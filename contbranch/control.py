@@ -87,10 +87,14 @@ class Control:
         return value * self.weights[1] if self.kind == "spring" else value
 
     def potential(self, value: float, load: float, displacement: float) -> float:
-        """Potential energy of what drives the contact at a value: −F₀d, K (D − d)²/2 = F²/(2K), or nothing."""
+        """Potential energy of what drives the contact at a value: −F₀d, K (D − d)²/2, or −F (d − D) of a rigid drive.
+
+        With it the energy is stationary: a state that is a little off the value has the energy of the one there.
+        """
         if self.kind == "load":
             return -value * displacement
-        return 0.5 * load * load / self.stiffness if self.kind == "spring" else 0.0
+        off = value - displacement
+        return 0.5 * self.stiffness * off * off if self.kind == "spring" else load * off
 
     def scaled(self, unit: float) -> Control:
         """The control with its stiffness in another unit, worth `unit` of the present one."""

@@ -123,3 +123,15 @@ def test_stiffness_has_the_units_of_the_contact():
     for a, b in zip(own.folds("spring"), other.folds("spring"), strict=True):
         assert a.stiffness == pytest.approx(2.0 * scales.stiffness)
         assert a.load == pytest.approx(b.load * scales.load, rel=1e-6)
+
+
+@pytest.mark.parametrize("control", [DISPLACEMENT, as_control(cb.Spring(3.0))], ids=str)
+def test_the_energy_at_a_value_does_not_feel_that_a_state_is_a_little_off_it(control):
+    """V = d³/3 with F = d²: relative to a load of 1e6 a displacement of 1e-9 would be felt."""
+
+    def height(displacement: float, value: float) -> float:
+        load, energy = displacement**2, displacement**3 / 3
+        return energy + control.potential(value, load, displacement)
+
+    value = control.value(1e6, 1e3)
+    assert height(1e3 + 1e-6, value) - height(1e3, value) == pytest.approx(0.0, abs=1e-6)

@@ -132,12 +132,9 @@ class _Loop:
         return self._driven(value, begin.state, end.state) - self.walk.work(begin, end)
 
     def _driven(self, value: float, begin: State, end: State) -> float:
-        """Work of the drive on the tip at a fixed value of the control."""
-        if self.held.kind == "load":
-            return value * (end.displacement - begin.displacement)
-        if self.held.kind == "spring":
-            return 0.5 * (begin.load + end.load) * (end.displacement - begin.displacement)
-        return 0.0
+        """Work of the drive on the tip at a fixed value of the control, which states have but for rounding."""
+        before, after = (self.held.potential(value, state.load, state.displacement) for state in (begin, end))
+        return before - after
 
     @one_thread
     def _work(self) -> float:
