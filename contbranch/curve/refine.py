@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from contbranch.continuation import CorrectionError, Event, Options, Point
+from contbranch.continuation import CorrectionError, Event, Options, Outcome, Point
 from contbranch.continuation.bordered import Bordered
 from contbranch.continuation.newton import evaluating
 from contbranch.continuation.walk import corrected_point, unit_tangent
@@ -230,14 +230,15 @@ class Beside:
     Raises
     ------
     CorrectionError
-        If the curve cannot be followed there.
+        If the curve cannot be followed there, or its rates rest.
     """
 
     def __init__(self, point: Point, event: Event) -> None:
         self._line = line = _Line(point)
         self.point, aside = line.at(0.0, point), ASIDE * line.unit
         change = event.value(line.at(aside, self.point)) - event.value(self.point)
-        assert line.matrix is not None
+        if not change or line.matrix is None:
+            raise CorrectionError(Outcome.STEP_TOO_SMALL, "(Nothing tells the event from what is next to it.)")
         self.matrix, self._steepness = line.matrix, change / aside
 
     def at(self, point: Point, event: Event) -> Point:
@@ -255,6 +256,8 @@ class Beside:
             s, step = s + step, -event.value(point) / self._steepness
             if not abs(step) > NEXT_TO_NONE * line.unit:
                 break
+        if not abs(step) < CLOSE * line.unit:
+            raise CorrectionError(Outcome.STEP_TOO_SMALL, "(The event was not found next to where it is foretold.)")
         ahead = step * line.speed(point)
         x, p = point.x + ahead * point.tangent_x, point.parameter + ahead * point.tangent_parameter
         return replace(point, x=x, parameter=p)
