@@ -17,7 +17,7 @@ from contbranch.contact.family import Vary, family_of
 from contbranch.contact.law_check import check_laws
 from contbranch.contact.units import Quantity, finite_number, positive_number
 from contbranch.contact.validity import notes
-from contbranch.control import Control, Spring, as_control
+from contbranch.control import DISPLACEMENT, LOAD, Control, Spring, as_control
 from contbranch.curve.curves import Coexisting, Curves, Model, Route
 from contbranch.curve.loop import loop
 from contbranch.curve.outcome import RawCurve, assemble, no_curve, state_in_reduced, state_in_units
@@ -133,7 +133,8 @@ def solve(
     control : {"load", "displacement"} or Spring, optional
         Whose stability counts; by default that of the quantity given (load for a contact radius).
     accuracy : float
-        Error allowed to every number, relative to max(1, |value|) in reduced units.
+        Error allowed to every number, relative to max(1, |value|) in reduced units; where more is left open, as of what
+        is next to a fold or to first touch, the errors and the message say so.
     progress, time_limit
         As in `trace`. Where an interrupted search has found no equilibrium yet, the numbers are NaN.
 
@@ -154,19 +155,19 @@ def solve(
         start = None if near is None else state_in_reduced(contact, near)
         found = asked.answer(partial(asked.curves.solve, asked.request, field, value / unit, start), Coexisting())
         if not found.states and not over():
-            raise InputError(f"{field}: {value:g} cannot be reached; {_reachable(found, field, unit)}")
+            raise InputError(f"{field}: {value:g} cannot be reached; {_reachable(found, field, unit, accuracy)}")
         states = tuple(state_in_units(contact, state) for state in found.states)
-        solution = _solution(asked, found, states, near)
+        solution = _solution(asked, found, states, field, near)
     return watch.passed(solution)
 
 
-def _solution(asked: _Asked, found: Coexisting, states: tuple[State, ...], near: State | None) -> Solution:
+def _solution(asked: _Asked, found: Coexisting, states: tuple[State, ...], field: str, near: State | None) -> Solution:
     """The best of the states found, or the one closest to another."""
     count, stable = len(states), sum(state.stable(asked.control) for state in states)
     message = found.message or f"{_equilibria(count)} on the curve, {stable} stable under {asked.control.kind} control."
     if states and not stable:
         message += " None is stable" + ("; the lowest one is returned." if near is None else ".")
-    best = UNKNOWN if not states else _lowest(states, asked.control)
+    best = UNKNOWN if not states else _lowest(states, asked.control, field)
     if near is not None:
         best = min(states, key=lambda one: _apart(one, near), default=UNKNOWN)
     listed = (best, *(state for state in states if state is not best))[: len(states)]
@@ -220,11 +221,11 @@ def find_all(
         asked = _ask(contact, control or field, accuracy, model)
         search = partial(asked.curves.find_all, asked.request, field, value / contact.scales.of_fields[field], inside)
         found = asked.answer(search, Coexisting())
-        equilibria = _found(asked, found)
+        equilibria = _found(asked, found, field)
     return watch.passed(equilibria)
 
 
-def _found(asked: _Asked, found: Coexisting) -> Equilibria:
+def _found(asked: _Asked, found: Coexisting, field: str) -> Equilibria:
     """The states found, in the contact's units."""
     normal = asked.contact.scales.normal
     states = tuple(state_in_units(asked.contact, state) for state in found.states)
@@ -233,7 +234,7 @@ def _found(asked: _Asked, found: Coexisting) -> Equilibria:
     return Equilibria(
         states=states,
         connected=found.connected,
-        barriers=_barriers(states, found.connected, asked.control),
+        barriers=_barriers(states, found.connected, asked.control) if asked.control.kind == field else (),
         window=(found.window[0] * normal, found.window[1] * normal),
         control=asked.control.kind,
         stiffness=asked.control.spring_stiffness,
@@ -241,8 +242,8 @@ def _found(asked: _Asked, found: Coexisting) -> Equilibria:
     )
 
 
-def best_of(found: Equilibria) -> Solution:
-    """The best of all equilibria as `solve` chooses it, with the others behind it.
+def best_of(found: Equilibria, field: str) -> Solution:
+    """The best of all equilibria at a load or displacement as `solve` chooses it, with the others behind it.
 
     Raises
     ------
@@ -253,7 +254,7 @@ def best_of(found: Equilibria) -> Solution:
         low, high = found.window
         raise InputError(f"load, displacement: no equilibrium there with a displacement from {low:.6g} to {high:.6g}")
     held = as_control(found.control if found.stiffness is None else Spring(found.stiffness))
-    best = _lowest(found.states, held) if found.states else UNKNOWN
+    best = _lowest(found.states, held, field) if found.states else UNKNOWN
     told = {name: getattr(found, name) for name in ("model", "cost", "status", "message", "states", "contact")}
     return _as_solution(best, **told)
 
@@ -435,6 +436,9 @@ class _Asked:
     def about(self, found: Coexisting, message: str) -> Values:
         """What is said of states found, besides themselves."""
         status = "complete" if found.complete else "incomplete"
+        if found.excess > 1.0:
+            message += f" An error estimate is {found.excess:.3g} times the accuracy asked: next to a fold, or to first"
+            message += " touch, states are told apart better by another quantity."
         about = {"model": self.choice(found.unknowns), "cost": self.timed(found.cost), "contact": self.contact}
         return {**about, "status": status, "message": self.noted(message, *found.states)}
 
@@ -500,21 +504,17 @@ def _equilibria(count: int) -> str:
     return f"{count} equilibri{'um' if count == 1 else 'a'}"
 
 
-def _reachable(found: Coexisting, field: str, unit: float) -> str:
+def _reachable(found: Coexisting, field: str, unit: float, accuracy: float) -> str:
     if field == "contact_radius":
         return f"contact radii greater than {found.lowest * unit:.6g} are reachable"
-    return f"{field}s from {found.lowest * unit:.10g} upwards are reachable"
+    return f"{field}s from {found.lowest * unit:.10g} upwards are reachable at an accuracy of {accuracy:g}"
 
 
-def _lowest(states: Sequence[State], control: Control) -> State:
-    """The lowest of the stable states; of all, if none is stable."""
+def _lowest(states: Sequence[State], control: Control, field: str) -> State:
+    """The lowest, at what they have in common, of the states stable under a control; of all, if none is stable."""
     stable = [state for state in states if state.stable(control)]
-    return min(stable or states, key=lambda state: _height(state, control))
-
-
-def _height(state: State, control: Control) -> float:
-    """Energy of contact and drive."""
-    return control.height(control.of(state), state)
+    held = DISPLACEMENT if field == "displacement" else LOAD
+    return min(stable or states, key=lambda state: held.height(held.of(state), state))
 
 
 def _apart(state: State, near: State) -> float:
@@ -522,11 +522,12 @@ def _apart(state: State, near: State) -> float:
 
 
 def _barriers(states: Sequence[State], connected: Sequence[bool], control: Control) -> tuple[Barrier, ...]:
-    """Barriers between consecutive stable states of the curve with one saddle between them."""
+    """Barriers between consecutive stable states of the curve, all at one value of the control, with one saddle between
+    them."""
     on_curve = [k for k, joined in enumerate(connected) if joined]
     found = []
     for own in zip(on_curve, on_curve[1:], on_curve[2:], strict=False):
         if [states[k].unstable(control) for k in own] == [0, 1, 0]:
-            first, top, last = (_height(states[k], control) for k in own)
+            first, top, last = (control.height(control.of(states[k]), states[k]) for k in own)
             found.append(Barrier((own[0], own[2]), own[1], (top - first, top - last)))
     return tuple(found)

@@ -359,6 +359,19 @@ def test_contact_that_begins_on_a_ring_is_a_region_of_its_own():
     assert phase.parts[1][0].stop == pytest.approx(2.38743786, abs=3e-4)
 
 
+def test_boundaries_next_to_each_other_are_all_there():
+    """Pull-off and jump-in of a soft contact are 1e-4 apart where both are at −60: one does not stand for the other."""
+    contact = cb.Contact(cb.Parabola(1.0), cb.MaugisDugdale(1.0, 60.88722610637245))
+    phase = cb.phase_diagram(contact, "interaction[0].work_of_adhesion", (0.6, 1.5), "displacement", samples=3)
+    assert [one.event.name for one in phase.boundaries if one.event.kind == "fold"] == ["jump-in", "pull-off"]
+    for value in (0.7, 1.4):
+        event = cb.trace(cb.Contact(cb.Parabola(1.0), cb.MaugisDugdale(value, 60.88722610637245))).events
+        there = {one.name: one.displacement for one in event if one.kind == "fold" and one.control == "displacement"}
+        for boundary in phase.boundaries[:2]:
+            (point,) = boundary.at(value)
+            assert point.displacement == pytest.approx(there[boundary.event.name], abs=1e-8)
+
+
 # The command.
 
 

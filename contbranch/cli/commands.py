@@ -152,7 +152,7 @@ def _solve(asked: Values) -> Any:
     if asked.all:
         from contbranch.api import best_of
 
-        return best_of(_computed("find_all", request, **where))
+        return best_of(_computed("find_all", request, **where), name)
     from dataclasses import replace
 
     return replace(_computed("solve", request, **where), states=())

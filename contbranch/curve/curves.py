@@ -25,6 +25,7 @@ from contbranch.curve.trace import Request, trace
 from contbranch.curve.track import Track
 from contbranch.errors import InputError, ModelError
 from contbranch.results.diagram import Cost, State
+from contbranch.results.record import OBSERVABLES
 from contbranch.watch import over
 
 __all__ = ["EXTENSIONS", "Coexisting", "Curves", "FollowedCurves", "Model", "Route", "landed"]
@@ -76,6 +77,8 @@ class Coexisting:
         Displacements between which they were looked for.
     searched : str
         Whether there are others, as the end of a sentence.
+    excess : float
+        Largest error of a state in units of what is allowed, unless the discretisation is given; 0 without states.
     """
 
     states: tuple[State, ...] = ()
@@ -87,6 +90,7 @@ class Coexisting:
     message: str = ""
     window: tuple[float, float] = (0.0, 0.0)
     searched: str = "the search had not begun"
+    excess: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -183,7 +187,7 @@ class FollowedCurves:
             own = value * self.contact.scales.of_fields[field]
             raise ModelError(f"{field}: the curve ends before {own:.6g} is reached. {track.message}")
         states = tuple(state_on(track, one, {field: value}) for one in found)
-        return _coexisting(track, field, states, (True,) * len(states))
+        return _coexisting(track, request, field, states, (True,) * len(states))
 
     def find_all(self, request: Request, field: str, value: float, window: tuple[float, float] | None) -> Coexisting:
         """Equilibria with a load or displacement: on the curve, and off it where the problem offers a search."""
@@ -210,7 +214,7 @@ class FollowedCurves:
         elif not searched:
             none = "the search off the curve " + ("was not finished" if over() else "found no other")
             searched = f"{apart} not connected to the curve" if apart else none
-        found = _coexisting(track, field, tuple(s for s, _ in kept), tuple(joined for _, joined in kept))
+        found = _coexisting(track, request, field, tuple(s for s, _ in kept), tuple(joined for _, joined in kept))
         return replace(found, complete=curve.complete, message=curve.message, window=window, searched=searched)
 
     def path(self, request: Request) -> Route:
@@ -257,12 +261,16 @@ class FollowedCurves:
         return track, crossings(track, field, value, request.accuracy)
 
 
-def _coexisting(track: Track, field: str, states: tuple[State, ...], connected: tuple[bool, ...]) -> Coexisting:
+def _coexisting(
+    track: Track, request: Request, field: str, states: tuple[State, ...], connected: tuple[bool, ...]
+) -> Coexisting:
     column = track.column(field)
     if field == "contact_radius":  # it begins at first touch, or with a ring
         column = np.array([a for k, (a, b) in enumerate(pairwise(column)) if b > 0 and k not in track.gaps])
     lowest = float(column.min(initial=float("inf")))
-    return Coexisting(states, connected, lowest, track.work.cost(), track.work.unknowns)
+    off = [state.error[name] / max(1.0, abs(getattr(state, name))) for state in states for name in OBSERVABLES]
+    excess = 0.0 if track.problem(0).given else max(off, default=0.0) / request.accuracy
+    return Coexisting(states, connected, lowest, track.work.cost(), track.work.unknowns, excess=excess)
 
 
 def left(contact: Contact, fold: Stop, end: State) -> str:

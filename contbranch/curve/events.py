@@ -26,8 +26,8 @@ SHARPER = (0.01, 1e-4, 1e-7, 1e-10)
 # ... and beyond that, or where rates have no digits to tell folds so close, by what is seen so far aside (at least),
 # relative to their place.
 ASIDE, DOUBTFUL = 1e-6, 1e-4
-# Places farther aside, where it takes those for indices to differ.
-WIDER = (1e-4, 1e-3, 1e-2, 0.1, 0.5)
+# Places farther aside, where indices differ more surely.
+WIDER = (0.5, 0.1, 1e-2, 1e-3, 1e-4)
 # Newton steps by which the end of a trace is approached, and the share of the last step at which it is reached; where
 # that was passed long ago, a curve ends where another step would raise what is controlled by this share: not at a fold.
 APPROACHES, CLOSE, RISES = 6, 1e-6, 1e-3
@@ -317,7 +317,7 @@ class Folds(Event):
             others = [theta for theta, *_ in (*found[: group.start], *found[group.stop :])]
             room = min((abs(theta - place) / 2 for theta in others), default=1.0)
             held = sum(control == DISPLACEMENT for _, control, _ in own)
-            asides = [aside] if held % 2 == 0 else [aside, *(wide for wide in WIDER if aside < wide < room)]
+            asides = [aside] if held % 2 == 0 else [*(wide for wide in WIDER if aside < wide < room), aside]
             order = [control.kind for control in self._turned(segment, place, asides, options)]
             own.sort(key=lambda one: order.index(one[1].kind) if one[1].kind in order else len(order))
             found[group.start : group.stop] = [(place, control, point) for _, control, point in own]
@@ -342,18 +342,16 @@ class Folds(Event):
     def _turned(self, segment: Segment, place: float, asides: Sequence[float], options: Options) -> list[Control]:
         """The controls in the order in which (d', F') passes their directions where folds coincide to rounding.
 
-        It turns by nearly half a turn there; the Morse indices on both sides say which way, as soon as those are so far
-        aside that they differ.
+        It turns by nearly half a turn there; the Morse indices on both sides say which way where they differ: surely so
+        farthest aside, as no other fold is in between.
         """
-        turns = []
         for aside in asides:
             sides = [point_on(segment, min(max(place + way, 0.0), 1.0), options)[0] for way in (-aside, aside)]
             first, last = (equilibrium(point).unstable(point.x, point.parameter) for point in sides)
             begin, end = (math.atan2(*rates(point)) for point in sides)
-            turns.append((begin, first - last or short_way(end - begin)))
+            turn = first - last or short_way(end - begin)
             if first != last:
                 break
-        begin, turn = turns[-1] if first != last else turns[0]
         return in_passing(self.controls, begin, math.copysign(math.pi * (1 - 1e-12), turn))
 
     def _happening(

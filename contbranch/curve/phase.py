@@ -15,7 +15,7 @@ from contbranch.contact.family import Family
 from contbranch.curve.follow import followed
 from contbranch.errors import ModelError
 from contbranch.results.diagram import Cost, Diagram, Event
-from contbranch.results.followed import Followed
+from contbranch.results.followed import Followed, FollowedPoint
 from contbranch.results.phase import Part, PhaseDiagram
 from contbranch.watch import check, kept, over, part, tell, told
 
@@ -94,12 +94,14 @@ class Regions:
         edges = [e for e in diagram.events if e.kind == "touch" or (e.kind == "fold" and e.control == self.kind)]
         ends = sorted([*edges, *_begun_on_rings(diagram)], key=lambda e: e.position)
         self.parts.append(_parts(diagram, ends, self.kind))
-        for event in edges:
-            if any(_on(boundary, event, value, member) for boundary in self.boundaries):
+        known = [k for boundary in self.boundaries for k in _met(boundary, edges, value, member)]
+        for k, event in enumerate(edges):
+            if k in known:
                 continue
             goals = tuple(v for v in self.between if v != value)
             found = followed(event, replace(self.family, start=value, contact=member), goals, self.accuracy)
             self.boundaries.append(found)
+            known.extend(_met(found, edges, value, member))
             self.newton += found.cost.newton
             if found.status != "complete":
                 self.messages.append(found.message)
@@ -145,18 +147,19 @@ def _parts(diagram: Diagram, events: Sequence[Event], kind: str) -> tuple[Part, 
     return tuple(Part(*end, disc, bool(held)) for end, disc, held in zip(ends, touching, stable, strict=True))
 
 
-def _on(boundary: Followed, event: Event, value: float, member: Contact) -> bool:
-    """Whether an event lies on a followed curve."""
-    if boundary.event.kind != event.kind:
-        return False
+def _met(boundary: Followed, events: Sequence[Event], value: float, member: Contact) -> list[int]:
+    """The events that lie on a followed curve: for each of its points the nearest one, for others may be as close."""
     scales = member.scales
     try:
         points = boundary.at(value)
     except ModelError:  # a curve that cannot be solved there is followed anew
-        return False
-    return any(
-        abs(point.load - event.load) <= SAME * max(scales.load, abs(event.load))
-        and abs(point.displacement - event.displacement) <= SAME * max(scales.normal, abs(event.displacement))
-        and abs(point.contact_radius - event.contact_radius) <= 30 * SAME * scales.in_plane
-        for point in points
-    )
+        return []
+
+    def apart(event: Event, point: FollowedPoint) -> float:
+        load = abs(point.load - event.load) / max(scales.load, abs(event.load))
+        shift = abs(point.displacement - event.displacement) / max(scales.normal, abs(event.displacement))
+        return max(load, shift, abs(point.contact_radius - event.contact_radius) / (30 * scales.in_plane))
+
+    alike = [k for k, event in enumerate(events) if event.kind == boundary.event.kind]
+    nearest = [min(alike, key=lambda k: apart(events[k], point)) for point in points] if alike else []
+    return [k for k, point in zip(nearest, points, strict=False) if apart(events[k], point) <= SAME]

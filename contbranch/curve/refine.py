@@ -44,7 +44,8 @@ LITTLE, IDLE = 0.7, (1.0, 0.1, 0.0)
 # The parameter itself is the coordinate along the curve where it makes up this share of the tangent's length.
 UPRIGHT = 0.3
 ITERATIONS = 14
-# Longest step towards an event, in units of the line.
+# Longest step towards an event, in units of the line; away from the edge of a representation it may double its
+# distance.
 LONGEST = 0.2
 # What a rate of the parameter is taken to be at least.
 TINY = 1e-300
@@ -54,6 +55,8 @@ NEXT = 0.02
 TWINS = 1e-6
 # A first step, from which the steepness of an event follows.
 ASIDE = 1e-5
+# Last digits of a number, relative to it.
+UNTOLD = 4.0 * float(np.finfo(float).eps)
 # How often a step that leads off the curve, as where a ring has not opened yet, is shortened, and by which factor.
 RETREATS, RETREAT = 4, 0.2
 # Steps of which the square is rounding, in units of the line, and how many there are to one of these.
@@ -178,11 +181,17 @@ class _Line:
         self.origin = point
         self.matrix: Bordered | None = None
         # Places next to the edge of a representation matter relative to their distance from it.
-        self.unit = self.metric.parameter_scale if self.upright else 1.0
-        pace = 1.0 if self.upright else max(abs(self.direction[1]), TINY)
+        self.unit = self._largest = self.metric.parameter_scale if self.upright else 1.0
+        self._pace, self._edge = 1.0 if self.upright else max(abs(self.direction[1]), TINY), math.nan
         for edge in problem.parameter_range:
-            if edge != point.parameter:
-                self.unit = min(self.unit, abs(point.parameter - edge) / pace)
+            if edge != point.parameter and abs(point.parameter - edge) < self._pace * self.unit:
+                self.unit, self._edge = abs(point.parameter - edge) / self._pace, edge
+
+    def longest(self, point: Point, step: float) -> float:
+        """How long a step from a point may be, of the sign of that one."""
+        away = (self.origin.parameter - self._edge) * (1.0 if self.upright else self.direction[1]) * step > 0.0
+        distance = abs(point.parameter - self._edge) / self._pace if away else 0.0
+        return max(LONGEST * self.unit, min(distance, LONGEST * self._largest))
 
     def speed(self, point: Point) -> float:
         """Length of the point's own tangent per unit of the coordinate."""
@@ -300,12 +309,13 @@ def _located(place: _Place, event: Event | None) -> _Place:
     s, point = 0.0, place.point if place.settled else line.at(0.0, place.point)
     value = event.value(point)
     steepness, stalls = place.steepness * line.speed(place.point), 0
+    told = 0.0  # what is more than the last digit
     if isinstance(event, Reached):
-        steepness = event.rate(line.rates(point))
+        steepness, told = event.rate(line.rates(point)), UNTOLD * max(1.0, abs(event.target))
     best, beyond = (abs(value), point, steepness), math.nan  # a place on the other side
     for _ in range(ITERATIONS):
         whole = -value / steepness if steepness else ASIDE * line.unit
-        step = math.copysign(min(abs(whole), LONGEST * line.unit), whole)
+        step = math.copysign(min(abs(whole), line.longest(point, whole)), whole)
         if stalls and not math.isnan(beyond):
             step = (beyond - s) / 2
         if abs(step) <= least:
@@ -314,7 +324,7 @@ def _located(place: _Place, event: Event | None) -> _Place:
         new_value = event.value(new_point)
         if new_value * value < 0.0:
             beyond = s
-        if new_value != value and (abs(step) > 1e-7 * line.unit or not steepness):
+        if abs(new_value - value) > told and (abs(step) > 1e-7 * line.unit or not steepness):
             steepness = (new_value - value) / step
         s, point, value = s + step, new_point, new_value
         # The first step is but aside, and one that was cut short promises less.
@@ -322,7 +332,7 @@ def _located(place: _Place, event: Event | None) -> _Place:
         if abs(value) < best[0] or not best[2]:
             best = (*min(best[:2], (abs(value), point), key=lambda one: one[0]), steepness)
         lost = stalls > 1 and math.isnan(beyond)
-        if value == 0.0 or (stalls and abs(step) < 1e-8 * line.unit) or lost:  # noise, also to the steepness
+        if abs(value) <= told or (stalls and abs(step) < 1e-8 * line.unit) or lost:  # noise, also to the steepness
             break
     value, point, steepness = best
     uncertainty = min((value + event.noise) / abs(steepness), 1e-3 * line.unit) if steepness else 0.0
@@ -353,11 +363,11 @@ def refine(point: Point, event: Event | None, accuracy: float, beside: Point | N
 
 
 def _held(found: Found, event: Reached) -> Found:
-    """With what a value that is held, but read off with what is left out, leaves open of the others."""
-    point, missed = found.point, event.left_out(found.point)
+    """With what a value that is held, but read off with what is left out, or rounded, leaves open of the others."""
+    point, problem = found.point, equilibrium(found.point)
+    missed = event.left_out(point) + problem.rounding * max(1.0, abs(event.target))
     if missed == 0.0:
         return found
-    problem = equilibrium(point)
     rates = problem.rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
     steepness = abs(event.rate(rates)) or math.inf
     held = "contact_radius" if event.control is None else event.control.kind

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from contbranch.continuation import CorrectionError, Point
 from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.curve.events import Reached
 from contbranch.curve.problem import Rates, equilibrium
-from contbranch.curve.refine import Found, moved, refine, settled
+from contbranch.curve.refine import Found, moved, numbers, refine, settled
 from contbranch.curve.track import Track, between
 from contbranch.errors import ModelError
 from contbranch.results.diagram import State
@@ -111,11 +112,61 @@ def crossing(track: Track, piece: int, control: Control | None, value: float, ac
         ends = track.link(piece)
         # Without a piece in between, the state is next to one of its ends: with the one whose problem has it.
         nearest = [begin, end.turned()] if ends is None else [between(ends, event, BRACKET)[1]]
-        found = [refine(near, event, accuracy) for near in nearest]
+        found = min((refine(near, event, accuracy) for near in nearest), key=Found.relative_error)
+        beside = [refine(near, event, accuracy) for near in _beside(track, piece, event, found)]
     except CorrectionError as error:
         name = "contact radius" if control is None else control.kind
         raise ModelError(f"no state was found on the curve at the {name} asked for {error.detail}") from error
-    return Crossing(piece, min(found, key=Found.relative_error))
+    return Crossing(piece, _decided([found, *beside], event) if beside else found)
+
+
+def _beside(track: Track, piece: int, event: Reached, found: Found) -> list[Point]:
+    """Where a state may be next to a row at which one problem takes over from another, on either side: what problem it
+    belongs to is no matter of rows that are less accurate."""
+    own = equilibrium(found.point)
+    edge = min(own.parameter_range, key=lambda one: abs(one - found.point.parameter))
+    if _meets(found, event, found) and abs(edge - found.point.parameter) > found.parameter_error:
+        return []
+    row = min((piece, piece + 1), key=lambda k: abs(event.value(track.points[k])))
+    if row not in track.onward or not 0 < row < len(track.points) - 1:
+        return []
+    before, here, after = (event.value(track.points[k]) for k in (row - 1, row, row + 1))
+    if (here > before) != (after > here):  # a fold: there are two states
+        return []
+    missed = abs(here) + abs(event.value(found.point))
+    return [_aside(point, event, way * missed) for point, way in ((track.points[row], -1.0), (track.onward[row], 1.0))]
+
+
+def _aside(point: Point, event: Reached, change: float) -> Point:
+    """Where what is reached has changed by so much: ahead if that is positive."""
+    problem = equilibrium(point)
+    rates = problem.rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
+    length = change / (abs(event.rate(rates)) or math.inf)
+    x, p = point.x + length * point.tangent_x, point.parameter + length * point.tangent_parameter
+    return replace(point, x=x, parameter=p, observables={})
+
+
+def _meets(found: Found, event: Reached, other: Found) -> bool:
+    """Whether a state is one that its problem has, at the value asked for, within the errors of it or another one."""
+    low, high = equilibrium(found.point).parameter_range
+    error = other.error[2] if event.control is None else event.control.weighted(*other.error[:2])
+    inside = low - found.parameter_error <= found.point.parameter <= high + found.parameter_error
+    return inside and abs(event.value(found.point)) <= error
+
+
+def _decided(found: Sequence[Found], event: Reached) -> Found:
+    """Of states on both sides of a row that which there is, with errors that say what else there may be."""
+    best = min(found, key=lambda one: (not _meets(one, event, one), one.relative_error()))
+    error = np.array(best.error)
+    for one in found:
+        if _meets(one, event, best):
+            off = np.abs(np.subtract(one.numbers, best.numbers))
+            error = np.maximum(error, off + (np.array(one.error) if one is not best else 0.0))
+            for length in (-one.parameter_error, one.parameter_error):  # what rests beyond first touch moves before it
+                _, _, *there = numbers(replace(one.point, parameter=one.point.parameter + length))
+                error[2:] = np.maximum(error[2:], np.abs(np.subtract(there, best.numbers[2:])))
+    load, displacement, radius, gap = error.tolist()
+    return replace(best, error=(load, displacement, radius, gap))
 
 
 def state_on(track: Track, crossing: Crossing, given: Mapping[str, float] | None = None) -> State:

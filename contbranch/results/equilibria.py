@@ -41,7 +41,8 @@ class Equilibria(Result):
     connected : tuple of bool
         Whether each lies on the traced curve.
     barriers : tuple of Barrier
-        Between neighbouring stable states on the curve.
+        Between neighbouring stable states on the curve; none under a control other than of what was asked for, whose
+        values then differ from state to state.
     window : (float, float)
         Displacements between which equilibria were looked for.
     control : str

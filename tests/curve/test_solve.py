@@ -1,0 +1,60 @@
+"""States where a curve has a value: next to first touch, next to a fold, and the lowest of several."""
+
+import numpy as np
+import pytest
+
+import contbranch as cb
+
+LAWS = [cb.VanDerWaals(-1.0, 1.0), cb.Exponential(1.0, 0.5), cb.Gauss(-1.0, 2.0)]
+
+
+def next_to_touch(solution, touch):
+    return min(solution.states, key=lambda state: abs(state.displacement - touch.displacement) + state.contact_radius)
+
+
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
+@pytest.mark.parametrize("accuracy", [1e-6, 1e-10])
+def test_next_to_first_touch_errors_say_on_which_side_a_state_may_be(law, accuracy):
+    """The state of a load next to touch, against the one of that load solved for its radius, or displacement, finely."""
+    contact = cb.Contact(cb.Parabola(1.0), law)
+    (touch,) = (event for event in cb.trace(contact, accuracy=1e-12).events if event.kind == "touch")
+    radii = [{"contact_radius": (times * accuracy) ** 0.5} for times in (0.1, 10.0, 100.0)]
+    below = np.sign(cb.solve(contact, contact_radius=1e-3).load - touch.load)  # loads beyond touch, with contact
+    films = [{"displacement": touch.displacement - below * times * accuracy} for times in (0.1, 10.0)]
+    for where in (*radii, *films):
+        wanted = next_to_touch(cb.solve(contact, **where, accuracy=1e-12), touch)
+        state = next_to_touch(cb.solve(contact, load=wanted.load, accuracy=accuracy), touch)
+        assert state.load == wanted.load
+        for name in ("displacement", "contact_radius", "central_gap"):
+            off = abs(getattr(state, name) - getattr(wanted, name))
+            assert off <= 3 * (state.error[name] + wanted.error[name]) + 1e-13, (where, name)
+        if where == radii[-1]:
+            assert state.contact_radius == pytest.approx(wanted.contact_radius, rel=0.1)
+
+
+def test_errors_beyond_the_accuracy_are_told():
+    contact = cb.Contact.reduced("van-der-waals", 1.0, -1)
+    folds = cb.trace(contact, accuracy=1e-12).events
+    fold = next(event for event in folds if event.name == "squeeze-out" and event.control == "load")
+    found = cb.solve(contact, load=fold.load - 1e-12, accuracy=1e-10)
+    worst = max(
+        state.error[name] / max(1.0, getattr(state, name))
+        for state in found.states
+        for name in ("load", "displacement", "contact_radius", "central_gap")
+    )
+    assert worst > 1e-9
+    assert f"An error estimate is {worst / 1e-10:.3g} times the accuracy asked" in found.message
+    assert "times the accuracy" not in cb.solve(contact, load=fold.load - 0.1, accuracy=1e-10).message
+
+
+def test_the_lowest_state_is_so_at_the_load_whatever_says_what_is_stable():
+    contact = cb.Contact.reduced("gauss", 2.0, -1)
+    found = cb.find_all(contact, load=15.0)
+    lowest = min(found.stable, key=lambda state: state.energy - 15.0 * state.displacement)
+    for control in ("load", "displacement", cb.Spring(3.0)):
+        state = cb.solve(contact, load=15.0, control=control)
+        assert state.displacement == pytest.approx(lowest.displacement, abs=1e-6)
+    assert all(min(barrier.heights) > 0 for barrier in found.barriers)
+    assert len(found.barriers) == 1
+    assert not cb.find_all(contact, load=15.0, control="displacement").barriers
+    assert not cb.find_all(contact, displacement=4.6, control=cb.Spring(0.5)).barriers
