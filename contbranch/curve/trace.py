@@ -308,7 +308,7 @@ class _Tracing:
                 folds[mark.row] = mark.control
         start = self.points[0]
         index = equilibrium(start).unstable(start.x, start.parameter)
-        turning.begin(*self.slopes(start))
+        turning.begin(*self._rates(start))
         extra: list[Mark] = []
         for row in range(1, len(self.points)):
             point = self.points[row]
@@ -321,7 +321,7 @@ class _Tracing:
                     marks = [replace(mark, row=swap.get(mark.row, mark.row)) for mark in marks]
                 turning.fold(folds[row])
             else:
-                missed = turning.row(*self.slopes(point))
+                missed = turning.row(*self._rates(point))
                 extra += [Mark(row, "fold", point, control) for control in missed]
             if row in self.onward:
                 extra += self._corner(turning, row)
@@ -339,6 +339,11 @@ class _Tracing:
             self.message,
             problem.work,
         )
+
+    def _rates(self, point: Point) -> tuple[float, float]:
+        """Rates of load and displacement: where no equilibrium is unstable both grow, whatever rounding makes of them."""
+        load, displacement = self.slopes(point)
+        return (abs(load), abs(displacement)) if equilibrium(point).convex else (load, displacement)
 
     def _reversed(self, turning: Turning, folds: Mapping[int, Control], row: int, index: int) -> bool:
         """Whether the fold at a row and the one at the next, of another control, come the other way round.
@@ -366,7 +371,7 @@ class _Tracing:
     def _corner(self, turning: Turning, row: int) -> list[Mark]:
         """The folds in the corner where one problem takes over from another."""
         ahead = self.onward[row]
-        load, displacement = self.slopes(ahead)
+        load, displacement = self._rates(ahead)
         begin = turning.present
         turn = short_way(math.atan2(load, displacement) - begin)
         if abs(turn) > AMBIGUOUS * math.pi:
