@@ -341,7 +341,7 @@ class _Tracing:
         )
 
     def _rates(self, point: Point) -> tuple[float, float]:
-        """Rates of load and displacement: where no equilibrium is unstable both grow, whatever rounding makes of them."""
+        """Rates of load and displacement: where none is unstable both grow, whatever rounding makes of them."""
         load, displacement = self.slopes(point)
         return (abs(load), abs(displacement)) if equilibrium(point).convex else (load, displacement)
 
