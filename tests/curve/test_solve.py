@@ -15,7 +15,7 @@ def next_to_touch(solution, touch):
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
 @pytest.mark.parametrize("accuracy", [1e-6, 1e-10])
 def test_next_to_first_touch_errors_say_on_which_side_a_state_may_be(law, accuracy):
-    """The state of a load next to touch, against that of the same load solved for its radius, or displacement, finely."""
+    """The state of a load next to touch, against that of the same load solved for by its radius, or displacement."""
     contact = cb.Contact(cb.Parabola(1.0), law)
     (touch,) = (event for event in cb.trace(contact, accuracy=1e-12).events if event.kind == "touch")
     radii = [{"contact_radius": (times * accuracy) ** 0.5} for times in (0.1, 10.0, 100.0)]
