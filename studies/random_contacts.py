@@ -11,7 +11,7 @@ The number of a contact and the seed say all of it. Checked along each curve: ga
 the virial of scaling (tips z ∝ rⁿ), indices that change at folds alone, no turn of load or displacement without its
 fold, no fold that is there twice, no row that turns back, finite error estimates no larger than what was asked. With
 `--check` a share of the complete ones is traced anew at a hundredth of the accuracy, and thresholds are compared with
-their stated errors.
+their stated errors; so are states that are solved for, at a load between two rows, next to first touch, next to folds.
 """
 
 from __future__ import annotations
@@ -406,6 +406,44 @@ def _error(diagram: cb.Diagram, name: str) -> float:
     return 1e-12
 
 
+def solved(drawn: Drawn, diagram: cb.Diagram, rng: random.Random) -> tuple[float, str]:
+    """The same of states that are solved for: between two rows, next to first touch and next to a fold of the load."""
+    accuracy, unit = drawn.asked["accuracy"], drawn.contact.scales.load
+    rows, events = diagram.branches[0].load, diagram.events
+    k = rng.randrange(1, len(rows))
+    loads = {"between rows": rows[k - 1] + rng.random() * (rows[k] - rows[k - 1])}
+    for event in (e for e in events if e.kind == "touch" or (e.kind == "fold" and e.control == "load")):
+        away = rng.choice([-1, 1]) * 10 ** rng.uniform(-1, 3) * accuracy
+        loads[f"next to {event.kind} at {event.load:.6g}"] = event.load + away * max(unit, abs(event.load))
+    worst, whose = 0.0, ""
+    for name in ["between rows", *rng.sample(sorted(loads)[1:], min(2, len(loads) - 1))]:
+        found = []
+        for allowed in (accuracy, FINER * accuracy):
+            try:
+                states = cb.solve(drawn.contact, load=loads[name], accuracy=allowed, time_limit=30.0).states
+            except cb.InputError:  # beyond a fold, or far away
+                states = ()
+            except cb.ModelError as error:
+                return math.inf, f"{error} {name}"
+            found.append(states)
+        beside = any(
+            e.kind == "fold" and abs(e.load - loads[name]) < 10 * e.error["load"] + 10 * accuracy * unit for e in events
+        )
+        if len(found[0]) != len(found[1]):
+            if not beside:  # whether it is beyond a fold, or so far away, may be open
+                return math.inf, f"{len(found[0])} or {len(found[1])} states {name}"
+            continue
+        keys = ("displacement", "contact_radius", "central_gap")
+        for own in found[0]:
+            finer = min(found[1], key=lambda one: sum(abs(getattr(one, key) - getattr(own, key)) for key in keys))
+            for key in keys:
+                off = abs(getattr(own, key) - getattr(finer, key))
+                error = own.error[key] + finer.error[key]
+                if off > max(worst * error, 1e-14 * unit):
+                    worst, whose = off / error if error else math.inf, f"{key} {name} (load {loads[name]!r})"
+    return worst, whose
+
+
 # -- runs -------------------------------------------------------------------------------------------------------------
 def _limited(drawn: Drawn, limit: float, **changes: float) -> tuple[cb.Diagram, float, bool]:
     """The diagram, its CPU time, and whether that was the limit."""
@@ -448,6 +486,8 @@ def one(seed: int, number: int, limit: float, check: float) -> dict[str, Any]:
         else:
             worst, whose = compared(diagram, again)
             found["off"], found["threshold"] = worst, whose
+            rng = random.Random(f"solve {seed}/{number}")
+            found["off_solved"], found["state"] = solved(drawn, diagram, rng)
     return found
 
 
@@ -482,7 +522,9 @@ def summary(lines: list[dict[str, Any]]) -> str:
     text = f"{len(lines)} contacts: {counts}; {status['complete'] / max(1, tried):.1%} of those not refused complete\n"
     if times:
         text += f"CPU time of the complete ones: median {times[len(times) // 2]:.1f} s, largest {times[-1]:.1f} s\n"
-    text += f"{len(wrong)} with a violated invariant; {len(off)} of {len(checked)} checked are off by more than stated"
+    states = [line for line in checked if not line["off_solved"] <= HONEST]
+    text += f"{len(wrong)} with a violated invariant; {len(off)} of {len(checked)} checked are off by more than stated,"
+    text += f" {len(states)} in states that are solved for"
     return text
 
 

@@ -112,12 +112,13 @@ def crossing(track: Track, piece: int, control: Control | None, value: float, ac
         ends = track.link(piece)
         # Without a piece in between, the state is next to one of its ends: with the one whose problem has it.
         nearest = [begin, end.turned()] if ends is None else [between(ends, event, BRACKET)[1]]
-        found = min((refine(near, event, accuracy) for near in nearest), key=Found.relative_error)
-        beside = [refine(near, event, accuracy) for near in _beside(track, piece, event, found)]
+        found = [refine(near, event, accuracy) for near in nearest]
+        if ends is not None:
+            found += [refine(near, event, accuracy) for near in _beside(track, piece, event, found[0])]
     except CorrectionError as error:
         name = "contact radius" if control is None else control.kind
         raise ModelError(f"no state was found on the curve at the {name} asked for {error.detail}") from error
-    return Crossing(piece, _decided([found, *beside], event) if beside else found)
+    return Crossing(piece, _decided(found, event) if len(found) > 1 else found[0])
 
 
 def _beside(track: Track, piece: int, event: Reached, found: Found) -> list[Point]:

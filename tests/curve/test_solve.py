@@ -58,3 +58,13 @@ def test_the_lowest_state_is_so_at_the_load_whatever_says_what_is_stable():
     assert len(found.barriers) == 1
     assert not cb.find_all(contact, load=15.0, control="displacement").barriers
     assert not cb.find_all(contact, displacement=4.6, control=cb.Spring(0.5)).barriers
+
+
+def test_between_touch_and_the_narrowest_contact_that_is_followed_the_radius_may_be_either():
+    """A law with a step under a cone: contact grows like the load beyond touch, here by 0.1 of it."""
+    contact = cb.Contact(cb.Cone(1.561), cb.MaugisDugdale(-1.0, 1.0))
+    for accuracy in (1e-4, 1e-6):
+        (touch,) = (event for event in cb.trace(contact, accuracy=accuracy).events if event.kind == "touch")
+        wide, narrow = (cb.solve(contact, load=touch.load * (1 + share), accuracy=accuracy) for share in (1e-2, 3e-5))
+        grown = wide.contact_radius * (narrow.load - touch.load) / (wide.load - touch.load)
+        assert abs(narrow.contact_radius - grown) <= narrow.error["contact_radius"] + 0.1 * grown
