@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, fields, replace
 from functools import partial
+from numbers import Integral
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -215,8 +216,7 @@ def find_all(
         If an argument cannot be used.
     """
     field, value = _only(contact, load=load, displacement=displacement)
-    normal = contact.scales.normal
-    inside = None if window is None else _window(window, normal)
+    inside = None if window is None else _window(contact, window)
     with _watched(progress, time_limit) as watch:
         asked = _ask(contact, control or field, accuracy, model)
         search = partial(asked.curves.find_all, asked.request, field, value / contact.scales.of_fields[field], inside)
@@ -362,16 +362,15 @@ def phase_diagram(
     kind = as_control(control).kind
     if kind == "spring" or vary == "stiffness":
         raise InputError("control: a spring; phase diagrams are for load and displacement control")
-    if len(between) != 2 or not between[0] < between[1]:
-        raise InputError(f"between: {tuple(between)}; give two values, the lower one first")
-    if samples < 3:
-        raise InputError(f"samples: {samples}; must be at least 3")
+    low, high = _pair(between, "between")
+    if not isinstance(samples, Integral) or samples < 3:
+        raise InputError(f"samples: {samples!r}; must be a whole number of at least 3")
+    accuracy = _accuracy(accuracy)
     if contact.tip.axisymmetric is None:
         raise InputError("contact: its tip needs a grid; phase diagrams are made of curves that grids cannot follow")
-    family = family_of(contact, vary, between[0], start)
-    low, high = map(float, between)
+    family = family_of(contact, vary, low, start)
     if family.spacing == "logarithmic" and low * high <= 0:
-        raise InputError(f"between: {tuple(between)}; both must have the sign of the present {family.name}")
+        raise InputError(f"between: {low:g} and {high:g}; both must have the sign of the present {family.name}")
 
     def traced(member: Contact) -> Diagram:
         return trace(member, control=kind, accuracy=max(accuracy, 1e-5))
@@ -455,13 +454,18 @@ def _ask(contact: Contact, control: object, accuracy: float, model: str | Model)
     began = time.perf_counter()
     contact = _contact(contact)
     driven = as_control(control, contact.units)
-    number = finite_number(accuracy, "accuracy")
-    if not FINEST <= number <= COARSEST:
-        raise InputError(f"accuracy: {number:g}; must lie between {FINEST:g} and {COARSEST:g}")
+    number = _accuracy(accuracy)
     check_laws(contact.interaction)
     chosen, why = choose(contact, model)
     request = Request(number, driven.scaled(contact.scales.stiffness))
     return _Asked(contact, curves(contact, chosen), request, driven, chosen.name, why, began)
+
+
+def _accuracy(accuracy: float) -> float:
+    number = finite_number(accuracy, "accuracy")
+    if not FINEST <= number <= COARSEST:
+        raise InputError(f"accuracy: {number:g}; must lie between {FINEST:g} and {COARSEST:g}")
+    return number
 
 
 def _only(contact: Contact, **given: Quantity) -> tuple[str, float]:
@@ -490,12 +494,22 @@ def _contact(contact: object) -> Contact:
     return contact
 
 
-def _window(window: Sequence[float], unit: float) -> tuple[float, float]:
-    if len(window) != 2:
-        raise InputError(f"window: {window!r}; must be two displacements")
-    low, high = (finite_number(value, "window") / unit for value in window)
+def _window(contact: Contact, window: object) -> tuple[float, float]:
+    def read(value: object) -> float:
+        return contact.units.read(value, "length", "window") / contact.scales.normal
+
+    return _pair(window, "window", read)
+
+
+def _pair(pair: Any, field: str, read: Callable[[object], float] | None = None) -> tuple[float, float]:
+    """Two numbers, the lower one first."""
+    try:
+        low, high = pair
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{field}: {pair!r}; give two values, the lower one first") from error
+    low, high = (finite_number(value, field) if read is None else read(value) for value in (low, high))
     if not low < high:
-        raise InputError(f"window: {window!r}; the first displacement must be the smaller one")
+        raise InputError(f"{field}: {pair!r}; the first value must be the smaller one")
     return low, high
 
 

@@ -481,7 +481,11 @@ def _outputs(asked: Values) -> list[tuple[str, Path]]:
     seen = {} if asked.source is None else {Path(asked.source).resolve(): "the input"}
     for field, path in paths:
         folder = path.resolve().parent
-        if path.is_dir():
+        try:
+            there = path.is_dir()
+        except OSError as error:
+            raise InputError(f"{field}: '{path.name[:40]}…': {error.strerror}; choose another name") from error
+        if there:
             raise InputError(f"{field}: '{path}' is a folder; give a file")
         if not folder.is_dir():
             raise InputError(f"{field}: the folder '{folder}' does not exist; make it or choose another")

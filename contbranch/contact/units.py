@@ -199,7 +199,7 @@ class Units:
         lengths = ("displacement", "contact_radius", "central_gap", "mean_gap", "gap", "radius")
         names = {"load": "force", **dict.fromkeys(lengths, "length"), "energy": "energy"}
         names |= {"contact_area": "area", "contact_perimeter": "length"}
-        names |= {"pressure": "pressure", "stiffness": "stiffness", "crossover_load": "force", "dissipated": "energy"}
+        names |= {"pressure": "pressure", "stiffness": "stiffness", "dissipated": "energy"}
         return {name: _DIMENSIONS[dimension][0] for name, dimension in names.items()}
 
     def name(self, dimension: str) -> str:

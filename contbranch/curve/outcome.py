@@ -196,7 +196,8 @@ def _exponent(scales: Scales, exponent: Exponent | None, control: str | None) ->
 
 
 def _driven(scales: Scales, control: str | None) -> float:
-    return scales.normal if control == "displacement" else scales.load
+    """Unit of what is controlled: the position of a spring's end is a length."""
+    return scales.load if control in (None, "load") else scales.normal
 
 
 def fold_names(contact: Contact, events: Sequence[RawEvent]) -> list[str | None]:

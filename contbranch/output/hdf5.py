@@ -267,6 +267,9 @@ def _write(group: h5py.Group, name: str, value: Any, names: UnitNames) -> None:
     """
     if value is None or (name in ("profiles", "cells") and not value):
         return
+    if isinstance(value, list) and value and all(isinstance(item, str) for item in value):
+        group[name] = value
+        return
     if isinstance(value, list) and not any(isinstance(item, list | Mapping) for item in value):
         value = np.array([np.nan if item is None else item for item in value], dtype=float)
     if isinstance(value, np.ndarray):

@@ -178,8 +178,8 @@ class Exponent(Record):
     kappa : float
         Exponent at the fold itself: 1/2 at every quadratic fold.
     crossover_load : float or None
-        Excess of the fold's control (load or displacement) at which the next term of the expansion has changed the
-        order parameter as much as the leading one.
+        Excess of the fold's control, in its unit (a spring's is the position of its end), at which the next term of the
+        expansion has changed the order parameter as much as the leading one.
     window : Window or None
         The fit over a window, which measures the crossover.
     prefactor : float

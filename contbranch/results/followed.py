@@ -118,7 +118,9 @@ class Followed(Result):
     def tables(self) -> Tables:
         """The points of the curve."""
         errors = {f"{name}_error": values for name, values in self.error.items()}
-        names = {**self.unit_names, self.parameter: self.contact.units.name(dimension_of(self.contact, self.parameter))}
+        names = dict(self.unit_names)
+        if self.contact is not None:  # as of a file whose law is not at hand
+            names[self.parameter] = self.contact.units.name(dimension_of(self.contact, self.parameter))
         return {"point": of_columns({**self.curve, **errors}, names)}
 
     def at(self, value: float) -> tuple[FollowedPoint, ...]:

@@ -360,9 +360,10 @@ def fit(
 
     start = 0.5 if form == "cos" else float(modified_alpha(**constants, **elastic))
     guess = np.array([start, 0.5][: 1 + (form == "free")])
-    scale = np.array([max(abs(start), 0.1 * np.sqrt(peak)), 0.1][: len(guess)])
+    bare = form == "cos"  # its α has no dimension, and turns at 0, where the radius at pull-off vanishes from the form
+    scale = np.array([max(abs(start), 0.1 if bare else 0.1 * np.sqrt(peak)), 0.1][: len(guess)])
     # of an exponent of 1 and more F(a) would not be unique
-    bounds = np.array([[-np.inf, 0.05], [np.inf, 0.95]])[:, : len(guess)]
+    bounds = np.array([[0.0 if bare else -np.inf, 0.05], [np.inf, 0.95]])[:, : len(guess)]
     best = made(least_squares(wrong, guess, x_scale=scale, bounds=tuple(bounds), xtol=1e-12, ftol=1e-12).x)
     lift, apart = (np.nan, np.nan), np.nan
     if displacement is not None:
