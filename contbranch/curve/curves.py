@@ -269,7 +269,7 @@ def _coexisting(
         column = np.array([a for k, (a, b) in enumerate(pairwise(column)) if b > 0 and k not in track.gaps])
     lowest = float(column.min(initial=float("inf")))
     off = [state.error[name] / max(1.0, abs(getattr(state, name))) for state in states for name in OBSERVABLES]
-    excess = 0.0 if track.problem(0).given else max(off, default=0.0) / request.accuracy
+    excess = 0.0 if not off or track.problem(0).given else max(off) / request.accuracy
     return Coexisting(states, connected, lowest, track.work.cost(), track.work.unknowns, excess=excess)
 
 
