@@ -1,5 +1,7 @@
 """Arguments that cannot be used, results of units, and files of what is not often kept."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -61,3 +63,13 @@ def test_what_is_not_often_kept_is_kept(tmp_path):
     advice = cb.advise(CONTACT, 1e-3)
     advice.save(tmp_path / "advice.h5")
     assert (tmp_path / "advice.h5").stat().st_size > 0
+
+
+def test_a_followed_curve_of_a_law_that_is_not_at_hand_is_shown(tmp_path):
+    """As read from a file of a user's law without its class: the numbers are there, the parameter without its unit."""
+    pull_off = cb.trace(cb.Contact.reduced("maugis-dugdale", 1.0)).folds("load")
+    curve = cb.follow(next(iter(pull_off)), "tabor", to=(0.9, 1.1))
+    bare = replace(curve, contact=None)
+    assert "tabor" in str(bare)
+    bare.to_csv(tmp_path / "bare.csv")
+    assert (tmp_path / "bare.csv").read_text().splitlines()[0].startswith("tabor")

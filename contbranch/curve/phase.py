@@ -148,7 +148,7 @@ def _parts(diagram: Diagram, events: Sequence[Event], kind: str) -> tuple[Part, 
 
 
 def _met(boundary: Followed, events: Sequence[Event], value: float, member: Contact) -> list[int]:
-    """The events that lie on a followed curve: for each of its points the nearest one, for others may be as close."""
+    """The events that lie on a followed curve, one for each of its points: another one may be nearly as close."""
     scales = member.scales
     try:
         points = boundary.at(value)
@@ -161,5 +161,8 @@ def _met(boundary: Followed, events: Sequence[Event], value: float, member: Cont
         return max(load, shift, abs(point.contact_radius - event.contact_radius) / (30 * scales.in_plane))
 
     alike = [k for k, event in enumerate(events) if event.kind == boundary.event.kind]
-    nearest = [min(alike, key=lambda k: apart(events[k], point)) for point in points] if alike else []
-    return [k for k, point in zip(nearest, points, strict=False) if apart(events[k], point) <= SAME]
+    found: dict[int, int] = {}  # of a point, its event
+    for distance, i, k in sorted((apart(events[k], point), i, k) for i, point in enumerate(points) for k in alike):
+        if distance <= SAME and i not in found and k not in found.values():
+            found[i] = k
+    return list(found.values())
