@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from contbranch.api import trace
+from contbranch.api import checked, trace
 from contbranch.contact.contact import Contact
 from contbranch.contact.interactions import MaugisDugdale
 from contbranch.contact.tips import Cone, Parabola, PowerLaw
@@ -68,7 +68,7 @@ def advise(contact: Contact, accuracy: float = 0.01, control: str | Spring = "lo
     if not FINEST <= accuracy <= COARSEST:
         raise InputError(f"accuracy: {accuracy:g}; must be from {FINEST:g} to {COARSEST:g}")
     began, held = time.perf_counter(), as_control(control)
-    model, why = choose(contact)
+    model, why = choose(checked(contact))
     reduced = contact.to_reduced()
     truth = None
     if axisymmetric(contact) is not None or model.name == Exact.name:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from contbranch.contact.contact import Contact
-from contbranch.contact.family import Vary, family_of
+from contbranch.contact.family import Vary, family_of, value_of
 from contbranch.contact.law_check import check_laws
 from contbranch.contact.units import Quantity, finite_number, positive_number
 from contbranch.contact.validity import notes
@@ -172,7 +172,7 @@ def _solution(asked: _Asked, found: Coexisting, states: tuple[State, ...], field
     if near is not None:
         best = min(states, key=lambda one: _apart(one, near), default=UNKNOWN)
     listed = (best, *(state for state in states if state is not best))[: len(states)]
-    return _as_solution(best, states=listed, **asked.about(found, message))
+    return _as_solution(best, states=listed, **asked.about(found, message), **asked.held())
 
 
 @one_thread
@@ -236,8 +236,7 @@ def _found(asked: _Asked, found: Coexisting, field: str) -> Equilibria:
         connected=found.connected,
         barriers=_barriers(states, found.connected, asked.control) if asked.control.kind == field else (),
         window=(found.window[0] * normal, found.window[1] * normal),
-        control=asked.control.kind,
-        stiffness=asked.control.spring_stiffness,
+        **asked.held(),
         **asked.about(found, f"{words}; {found.searched}. {found.message}".strip()),
     )
 
@@ -255,8 +254,8 @@ def best_of(found: Equilibria, field: str) -> Solution:
         raise InputError(f"load, displacement: no equilibrium there with a displacement from {low:.6g} to {high:.6g}")
     held = as_control(found.control if found.stiffness is None else Spring(found.stiffness))
     best = _lowest(found.states, held, field) if found.states else UNKNOWN
-    told = {name: getattr(found, name) for name in ("model", "cost", "status", "message", "states", "contact")}
-    return _as_solution(best, **told)
+    names = ("model", "cost", "status", "message", "states", "contact", "control", "stiffness", "accuracy")
+    return _as_solution(best, **{name: getattr(found, name) for name in names})
 
 
 def _as_solution(state: State, **told: Any) -> Solution:
@@ -318,7 +317,7 @@ def hysteresis(
 def phase_diagram(
     contact: Contact,
     vary: Vary = "tabor",
-    between: Sequence[float] = (0.25, 4.0),
+    between: Sequence[Quantity] = (0.25, 4.0),
     control: str = "load",
     *,
     start: float | None = None,
@@ -339,7 +338,7 @@ def phase_diagram(
     vary : str or callable
         As for `follow`, apart from a stiffness.
     between : pair of floats
-        Values of the parameter.
+        Values of the parameter, in the contact's units or texts with a unit.
     control : {"load", "displacement"}
     start : float, optional
         Present value of the parameter of a function.
@@ -362,7 +361,8 @@ def phase_diagram(
     kind = as_control(control).kind
     if kind == "spring" or vary == "stiffness":
         raise InputError("control: a spring; phase diagrams are for load and displacement control")
-    low, high = _pair(between, "between")
+    contact = checked(contact)
+    low, high = _pair(between, "between", partial(value_of, contact, vary, field="between"))
     if not isinstance(samples, Integral) or samples < 3:
         raise InputError(f"samples: {samples!r}; must be a whole number of at least 3")
     accuracy = _accuracy(accuracy)
@@ -441,18 +441,25 @@ class _Asked:
         about = {"model": self.choice(found.unknowns), "cost": self.timed(found.cost), "contact": self.contact}
         return {**about, "status": status, "message": self.noted(message, *found.states)}
 
+    def held(self) -> Values:
+        """What is controlled, and how accurately."""
+        control = {"control": self.control.kind, "stiffness": self.control.spring_stiffness}
+        return {**control, "accuracy": self.request.accuracy}
+
     def timed(self, cost: Cost) -> Cost:
         """A cost with the time since the question was asked."""
         return replace(cost, wall_s=time.perf_counter() - self.began)
 
 
 def _watched(progress: Progress | None, time_limit: float | None) -> AbstractContextManager[Watch]:
+    if not (progress is None or callable(progress)):
+        raise InputError(f"progress: {progress!r}; must be called as progress(fraction, text), or None")
     return watched(progress, None if time_limit is None else positive_number(time_limit, "time_limit"))
 
 
 def _ask(contact: Contact, control: object, accuracy: float, model: str | Model) -> _Asked:
     began = time.perf_counter()
-    contact = _contact(contact)
+    contact = checked(contact)
     driven = as_control(control, contact.units)
     number = _accuracy(accuracy)
     check_laws(contact.interaction)
@@ -472,7 +479,7 @@ def _only(contact: Contact, **given: Quantity) -> tuple[str, float]:
     """The one quantity that is given."""
     dimension = {"load": "force"}
     asked = [
-        (name, _contact(contact).units.read(value, dimension.get(name, "length"), name))
+        (name, checked(contact).units.read(value, dimension.get(name, "length"), name))
         for name, value in given.items()
         if value is not None
     ]
@@ -488,7 +495,8 @@ def _limit(contact: Contact, max_load: Quantity) -> float | None:
     return positive_number(load / contact.scales.load, "max_load, in reduced units,")
 
 
-def _contact(contact: object) -> Contact:
+def checked(contact: object) -> Contact:
+    """The contact, or InputError if it is none."""
     if not isinstance(contact, Contact):
         raise InputError(f"contact: {type(contact).__name__}; must be a Contact, made by cb.Contact(...)")
     return contact
@@ -501,13 +509,13 @@ def _window(contact: Contact, window: object) -> tuple[float, float]:
     return _pair(window, "window", read)
 
 
-def _pair(pair: Any, field: str, read: Callable[[object], float] | None = None) -> tuple[float, float]:
+def _pair(pair: Any, field: str, read: Callable[[object], float]) -> tuple[float, float]:
     """Two numbers, the lower one first."""
     try:
         low, high = pair
     except (TypeError, ValueError) as error:
         raise InputError(f"{field}: {pair!r}; give two values, the lower one first") from error
-    low, high = (finite_number(value, field) if read is None else read(value) for value in (low, high))
+    low, high = map(read, (low, high))
     if not low < high:
         raise InputError(f"{field}: {pair!r}; the first value must be the smaller one")
     return low, high

@@ -22,6 +22,16 @@ PHYSICAL = cb.Contact.physical(
         (lambda: cb.phase_diagram(CONTACT, "tabor", (2.0, 1.0), "load"), "between: .*first value must be the smaller"),
         (lambda: cb.phase_diagram(CONTACT, "tabor", (1.0, 2.0), "load", samples=3.5), "samples: 3.5; must be a whole"),
         (lambda: cb.phase_diagram(CONTACT, "tabor", (1.0, 2.0), "load", accuracy=0.0), "accuracy: 0; must lie"),
+        (
+            lambda: cb.phase_diagram(PHYSICAL, "tip.radius", ("1 um", "2 nN")),
+            "between: '2 nN': 'nN' is not a unit of length",
+        ),
+        (lambda: cb.trace(CONTACT, progress=3), "progress: 3; must be called as"),
+        (lambda: cb.advise(None), "contact: NoneType; must be a Contact"),
+        (lambda: cb.varied(CONTACT, {"tip.radius": 3.0}), "vary: tip.radius is 3.0; must be a list"),
+        (lambda: cb.varied(CONTACT, ["tip.radius"]), "vary: .'tip.radius'.; name at least one parameter"),
+        (lambda: cb.trace(CONTACT, accuracy=1e-4).propagate(["range"]), "uncertainty: list; must be a mapping"),
+        (lambda: cb.trace(CONTACT, accuracy=1e-4).local_exponent(None), "event: NoneType is not a fold or touch"),
         (lambda: cb.find_all(CONTACT, load=1.0, window=3.0), "window: 3.0; give two values"),
         (lambda: cb.find_all(CONTACT, load=1.0, window=("1 nm", "2 nm")), "window: '1 nm'; the contact is in reduced"),
     ],
@@ -34,6 +44,36 @@ def test_arguments_that_cannot_be_used_are_named(compute, message):
 def test_a_name_that_no_file_system_takes_is_one_line(tmp_path, capsys):
     assert main(["trace", "--interaction", "gauss", "--tabor", "1", "--json", str(tmp_path / ("a" * 300))]) == 2
     assert "choose another name" in capsys.readouterr().err.strip().splitlines()[-1]
+
+
+def test_values_of_a_parameter_that_is_followed_have_units():
+    fold = next(cb.trace(PHYSICAL).folds("load"))
+    one, other = (cb.follow(fold, "tip.radius", to, accuracy=1e-4) for to in ("1.1 um", 1100.0))
+    assert one.curve["tip.radius"][-1] == 1100.0
+    np.testing.assert_array_equal(one.curve["load"], other.curve["load"])
+    with pytest.raises(cb.InputError, match=r"to: '1\.1 nN': 'nN' is not a unit of length"):
+        cb.follow(fold, "tip.radius", "1.1 nN")
+    with pytest.raises(cb.InputError, match="value: '1 um'; must be a number"):
+        one.at("1 um")
+
+
+def test_files_of_states_say_what_was_asked(tmp_path):
+    spring = cb.solve(PHYSICAL, load=-100.0, control=cb.Spring(20.0), accuracy=1e-4)
+    held = cb.solve(PHYSICAL, displacement=0.1, accuracy=1e-9)
+    for state in (spring, held):
+        state.save(tmp_path / "state.h5")
+        loaded = cb.load(tmp_path / "state.h5")
+        told = [(one.control, one.stiffness, one.accuracy) for one in (state, loaded)]
+        assert told[0] == told[1] == (("spring", 20.0, 1e-4) if state is spring else ("displacement", None, 1e-9))
+
+
+def test_boundaries_of_a_phase_diagram_are_a_table(tmp_path):
+    phase = cb.phase_diagram(PHYSICAL, "tip.radius", ("0.9 um", "1.1 um"), samples=3, accuracy=1e-4)
+    phase.to_csv(tmp_path / "phase.csv")
+    first, *rows = (tmp_path / "phase.csv").read_text().splitlines()
+    assert first.startswith("load [nN],displacement [nm]")
+    assert "boundary,tip.radius [nm]" in first
+    assert len(rows) == sum(len(one.curve["load"]) for one in phase.boundaries) > 0
 
 
 def test_exponents_at_folds_of_a_spring_count_lengths():

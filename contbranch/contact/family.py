@@ -236,6 +236,21 @@ def _named(contact: Contact, vary: str) -> Parameter:
     return known[vary]
 
 
+def value_of(contact: Contact, vary: Vary, value: object, field: str) -> float:
+    """A value for a parameter: a number in the contact's units, or a text with a unit; a stiffness may be infinite.
+
+    Raises
+    ------
+    InputError
+        If it cannot be used.
+    """
+    if vary == "stiffness" and value == math.inf:
+        return math.inf
+    if isinstance(vary, str) and isinstance(value, str):
+        return contact.units.read(value, dimension_of(contact, vary), field)
+    return finite_number(value, field)
+
+
 def dimension_of(contact: Contact, name: str) -> str:
     """The dimension of a parameter that can be varied.
 

@@ -72,6 +72,10 @@ def read_quantities(contact: Contact, given: Mapping[str, object], field: str) -
     InputError
         For a name that is not known, a unit that does not fit, or a number that is negative.
     """
+    if not isinstance(given, Mapping):
+        raise InputError(
+            f"{field}: {type(given).__name__}; must be a mapping of parameters, such as {{'modulus': 0.1}}"
+        )
     known, found = parameters_of(contact), {}
     for name, value in given.items():
         if name not in known:

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from contbranch.contact.family import Family, Vary, family_of
-from contbranch.contact.units import finite_number
+from contbranch.contact.family import Family, Vary, family_of, value_of
+from contbranch.contact.units import Quantity, finite_number
 from contbranch.continuation import Point
 from contbranch.control import Control, as_control
 from contbranch.curve.event_curve import EventCurve, condition_for
@@ -32,7 +32,7 @@ FOLLOWED = ("fold", "touch", "symmetry")
 def follow(
     event: Event,
     vary: Vary = "tabor",
-    to: float | Sequence[float] = 1.0,
+    to: Quantity | Sequence[Quantity] = 1.0,
     *,
     start: float | None = None,
     accuracy: float = 1e-6,
@@ -50,8 +50,9 @@ def follow(
         ``"tip.radius"``, ``"interaction[0].range"`` and the like, or a function that returns the contact for a number.
         Everything else stays fixed, in fixed units: those of the event's contact.
     to : float or pair of floats
-        Value of the parameter, in the contact's units, at which the curve ends (stiffness: 0 and infinity are load and
-        displacement control); two values, one below and one above the present one, follow the event both ways.
+        Value of the parameter, in the contact's units or a text such as ``"2 nm"``, at which the curve ends (stiffness:
+        0 and infinity are load and displacement control); two values, one below and one above the present one, follow
+        the event both ways.
     start : float, optional
         Present value of the parameter of a function.
     accuracy : float
@@ -77,10 +78,10 @@ def follow(
     if not FINEST <= finite_number(accuracy, "accuracy") <= COARSEST:
         raise InputError(f"accuracy: {accuracy:g}; must lie between {FINEST:g} and {COARSEST:g}")
     present = event.stiffness if vary == "stiffness" and start is None else start
-    values = tuple(to) if isinstance(to, Sequence) else (to,)
+    values = tuple(to) if isinstance(to, Sequence) and not isinstance(to, str) else (to,)
     if not 1 <= len(values) <= 2:
         raise InputError(f"to: {len(values)} values; give one, or one below and one above the present one")
-    goals = tuple(float(v) if vary == "stiffness" else finite_number(v, "to") for v in values)
+    goals = tuple(value_of(origin.contact, vary, value, "to") for value in values)
     family = family_of(origin.contact, vary, goals[0], present, event.control)
     values = _ordered(family, goals)
     with watched(progress, time_limit) as watch:
@@ -125,7 +126,7 @@ def followed(event: Event, family: Family, goals: tuple[float, ...], accuracy: f
         status="complete" if curve.complete and not over() else "incomplete",
         message=told(curve.message),
         unit_names=family.contact.units.names,
-        solver=one_thread(lambda value: curve.at(float(value))),
+        solver=one_thread(lambda value: curve.at(value if value == math.inf else finite_number(value, "value"))),
     )
 
 

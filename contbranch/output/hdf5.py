@@ -138,17 +138,10 @@ def _write_object(group: h5py.Group, content: Mapping[str, Any]) -> None:
 
 def _as_diagram(solution: Solution) -> Diagram:
     """A diagram of the states found."""
-    return Diagram(
-        contact=solution.contact,
-        branches=tuple(_point(state) for state in solution.known),
-        events=(),
-        thresholds={},
-        model=solution.model,
-        cost=solution.cost,
-        status=solution.status,
-        message=solution.message,
-        unit_names=solution.units,
-    )
+    names = ("contact", "model", "cost", "status", "message", "control", "stiffness", "accuracy")
+    kept = {name: getattr(solution, name) for name in names}
+    branches = tuple(_point(state) for state in solution.known)
+    return Diagram(branches=branches, events=(), thresholds={}, unit_names=solution.units, **kept)
 
 
 def _point(state: State) -> Branch:

@@ -497,10 +497,9 @@ class Diagram(Result):
         InputError
             If the event is not a fold or touch of this diagram, or the diagram keeps no curve to take it from.
         """
-        if event.kind not in ("fold", "touch") or event not in self.events:
-            raise InputError(
-                f"event: {event.kind} is not a fold or touch of this diagram; take one from diagram.events"
-            )
+        kind = event.kind if isinstance(event, Event) else type(event).__name__
+        if kind not in ("fold", "touch") or event not in self.events:
+            raise InputError(f"event: {kind} is not a fold or touch of this diagram; take one from diagram.events")
         source = self.local_exponents
         if callable(source):
             return source(event)
@@ -572,12 +571,19 @@ class Solution(State, Result):
         The message says how many equilibria there are, if that is known.
     states : tuple of State
         The equilibria found, this one first.
+    control, stiffness : str, float or None
+        Whose stability counts.
+    accuracy : float
+        What was asked.
     """
 
     format = "contbranch-solution"
     model: ModelChoice = described(default_factory=lambda: ModelChoice("axisymmetric", "", 0))
     cost: Cost = described(default_factory=lambda: Cost(0.0, 0))
     states: tuple[State, ...] = described(written=False, default=())
+    control: str = described(written=False, default="load")
+    stiffness: float | None = described(written=False, default=None)
+    accuracy: float = described(written=False, default=1e-6)
 
     def told(self) -> str:
         """Where the state is."""

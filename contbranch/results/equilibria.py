@@ -49,6 +49,8 @@ class Equilibria(Result):
         Whose stability counts.
     stiffness : float or None
         Of the spring.
+    accuracy : float
+        What was asked.
     model, cost, status, message
         As of a Diagram.
     """
@@ -62,6 +64,7 @@ class Equilibria(Result):
     model: ModelChoice
     cost: Cost
     stiffness: float | None = described(written="if known", default=None)
+    accuracy: float = described(written=False, default=1e-6)
 
     def __len__(self) -> int:
         return len(self.states)

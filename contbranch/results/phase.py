@@ -12,6 +12,7 @@ from contbranch.contact.contact import Contact
 from contbranch.results.diagram import Cost
 from contbranch.results.followed import Followed
 from contbranch.results.record import Record, Result, described, record
+from contbranch.results.table import Table, Tables, joined
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -153,6 +154,12 @@ class PhaseDiagram(Result):
                 places, levels = np.append(places, self._change(last)), np.vstack([levels, merged])
         known = ~np.isnan(levels.T)
         return np.array([_through(places[own], one[own], at) for one, own in zip(levels.T, known, strict=True)]).T
+
+    def tables(self) -> Tables:
+        """The points of all boundaries."""
+        parts = [one.table() for one in self.boundaries]
+        points = joined("boundary", [part.columns for part in parts])
+        return {"point": Table(points, parts[0].units if parts else {})}
 
     def plot(self) -> Figure:
         """Draw the regions, their boundaries, and the special points."""

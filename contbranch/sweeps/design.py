@@ -126,13 +126,13 @@ def varied(contact: Contact, vary: Mapping[str, Sequence[Any]], mode: str = "gri
         If the contact has no such parameter, or a value cannot be used.
     """
     look_up(mode, {"grid": 0, "zip": 0}, "mode")
-    if not vary:
-        raise InputError("vary: nothing; name at least one parameter with its values, for example tip.radius")
+    if not (isinstance(vary, Mapping) and vary):
+        raise InputError(f"vary: {vary!r}; name at least one parameter with its values, for example tip.radius")
     axes = {}
     for name, values in vary.items():
         if name == "stiffness":
             raise InputError("vary: stiffness; sweep over contacts, with one control=cb.Spring(stiffness) for all")
-        if isinstance(values, str) or not len(values):
+        if isinstance(values, str) or not np.ndim(values) or not len(values):
             raise InputError(f"vary: {name} is {values!r}; must be a list of values")
         dimension = dimension_of(contact, name)
         read = [contact.units.read(value, dimension, f"vary: {name}") for value in values]

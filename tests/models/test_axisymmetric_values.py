@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
 
 import contbranch as cb
 from contbranch.theory import jkr
@@ -70,6 +71,21 @@ def test_contact_without_interaction(tip, solution, modulus):
         assert state.unstable_load == state.unstable_displacement == 0
         assert cb.solve(contact, load=load, accuracy=1e-12).contact_radius == pytest.approx(a, rel=1e-12)
         assert cb.solve(contact, displacement=d, accuracy=1e-12).contact_radius == pytest.approx(a, rel=1e-12)
+
+
+@pytest.mark.parametrize("exponent", [1.0, 1.3, 2.0, 2.7, 4.4])
+def test_pressure_down_to_the_apex(exponent):
+    """p(r) = (1/π) ∫ ζ'(t)/√(t² − r²) dt with ζ = c tⁿ, for the cone a c arccosh(a/r)/π (Sneddon 1965)."""
+    tip = cb.Cone(1.0) if exponent == 1.0 else cb.PowerLaw(exponent, 1.0)
+    state = cb.solve(cb.Contact(tip, None), contact_radius=1.0, accuracy=1e-10)
+    inside = state.r < 1.0
+    c = state.displacement  # ζ(a) = d where nothing pulls
+    wanted = [
+        quad(lambda y, r=r: c * exponent * (r * math.cosh(y)) ** (exponent - 1), 0.0, math.acosh(1 / r), limit=200)[0]
+        for r in state.r[inside]
+    ]
+    assert state.r[0] < 1e-5
+    np.testing.assert_allclose(state.pressure[inside], np.array(wanted) / math.pi, rtol=1e-8)
 
 
 def test_trace_without_interaction():

@@ -51,6 +51,8 @@ RECENT = 6
 RIPPLE, BETWEEN, ZOOMS = 1e-9, 17, 5
 # Places on the innermost panel among which it is looked for around flat tips, and the first one's share of its length.
 CLOSE, CLOSEST = 60, 1e-4
+# Apex exponent from which on polynomials tell ζ'/t next to the apex.
+ROUND = 4.0
 # Radii, in units of the contact's, at which the wall pressure is checked.
 PROBES = np.array([0.02, 0.3, 0.6, 0.8, 0.9])
 
@@ -487,9 +489,13 @@ class Equations:
         """Total pressure at radii r < a, (M,):  π p(r) = ∫_r^a ζ'(t)/√(t² − r²) dt − ∫_a^∞ h'(t)/√(t² − r²) dt."""
         distance = np.maximum(fields.rim.radius**2 - r * r, 0.0)
         nodes, weights = gauss(24)
-        x = np.sqrt(distance)[:, None] * (nodes + 1) / 2
-        t = np.sqrt(r[:, None] ** 2 + x * x)
-        inside = np.sqrt(distance) / 2 * ((self.tip.transform_derivative(t) / t) @ weights)
+        reach, own = np.sqrt(distance), r[:, None]
+        if self.tip.apex_exponent < ROUND:  # t = r cosh y: no polynomial tells ζ'/t next to the apex
+            y = np.arcsinh(reach / r)
+            inside = y / 2 * (self.tip.transform_derivative(own * np.cosh(y[:, None] * (nodes + 1) / 2)) @ weights)
+        else:
+            t = np.hypot(own, reach[:, None] * (nodes + 1) / 2)
+            inside = reach / 2 * ((self.tip.transform_derivative(t) / t) @ weights)
         return (inside - self._pulled(fields, distance)) / np.pi
 
     def middle_pressure(self, fields: Fields) -> float:
