@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from contbranch.curve.problem import Rates, equilibrium
 from contbranch.curve.refine import Found, further, moved, numbers, settled
 from contbranch.errors import ModelError
 from contbranch.results.diagram import Exponent, LocalExponent, Window
+from contbranch.watch import kept
 
 __all__ = ["critical_exponent", "crossover_excess", "fitted_window", "sampled_exponent"]
 
@@ -122,15 +124,24 @@ def sampled_exponent(found: Found, control: Control, ahead: Point | None = None)
     ahead : Point, optional
         First touch as the problem in contact has it.
     """
+    rows: list[tuple[float, float, float, float]] = []
+    kept(lambda: rows.extend(_samples(found, control, ahead)), None)
+    table = np.array(rows).reshape(-1, 4)
+    table = table[table[:, 3] < 0.5] if len(table) else table
+    return LocalExponent(table[:, 0], table[:, 1], table[:, 2], table[:, 3])
+
+
+def _samples(found: Found, control: Control, ahead: Point | None) -> Iterator[tuple[float, float, float, float]]:
+    """Excess, distance of the order parameter, local exponent and its error, farther and farther away."""
     side = _Side(found, control, ahead)
     control0, order0 = control.value(*found.numbers[:2]), found.numbers[2 if side.contact else 3]
     errors = control.value(*found.error[:2]), found.error[2 if side.contact else 3]
-    rows: list[tuple[float, float, float, float]] = []
     near, left, relative, direction, travelled = side.origin, side.tolerance, side.tolerance, 0, 0.0
     # Towards growing contact, or (without contact) a shrinking gap.
     rates = equilibrium(near).rates(near.x, near.parameter, near.tangent_x, near.tangent_parameter)
     if (rates.contact_radius if side.contact else -rates.central_gap) < 0:
         near = near.turned()
+    last = (0.0,) * 4
     limit = math.inf if side.contact else side.room
     small = 1.0 if ahead is not None else min(1.0, side.room)
     for distance in np.geomspace(NEAREST, FARTHEST, SAMPLES):
@@ -153,21 +164,19 @@ def sampled_exponent(found: Found, control: Control, ahead: Point | None = None)
         value, order, control_rate, order_rate = side.sample(near)
         excess, change = value - control0, order - order0
         direction = direction or (1 if excess > 0 else -1)
-        if excess * direction <= 0 or (rows and abs(excess) <= rows[-1][0]) or not math.isfinite(excess):
+        if excess * direction <= 0 or abs(excess) <= last[0] or not math.isfinite(excess):
             break  # the control has turned round: another fold
         kappa = excess * order_rate / (change * control_rate)
         error = abs(kappa) * ((errors[0] + relative * max(1.0, abs(value))) / abs(excess) + errors[1] / abs(change))
-        if rows and abs(excess) < NEIGHBOUR * rows[-1][0]:
+        if abs(excess) < NEIGHBOUR * last[0]:
             # The samples themselves say what their tangents should be.
-            secant = math.log(abs(change) / rows[-1][1]) / math.log(abs(excess) / rows[-1][0])
-            if not abs(secant - (kappa + rows[-1][2]) / 2) < INCONSISTENT + error + rows[-1][3]:
+            secant = math.log(abs(change) / last[1]) / math.log(abs(excess) / last[0])
+            if not abs(secant - (kappa + last[2]) / 2) < INCONSISTENT + error + last[3]:
                 break
-        rows.append((abs(excess), abs(change), kappa, error))
+        last = abs(excess), abs(change), kappa, error
+        yield last
         if abs(excess) > HIGHEST:
             break
-    table = np.array(rows).reshape(-1, 4)
-    table = table[table[:, 3] < 0.5] if len(table) else table
-    return LocalExponent(table[:, 0], table[:, 1], table[:, 2], table[:, 3])
 
 
 def crossover_excess(second: float, third: float) -> float | None:

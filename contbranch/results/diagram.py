@@ -26,6 +26,7 @@ from contbranch.results.record import (
     record,
 )
 from contbranch.results.table import Tables, joined, of_columns, of_records
+from contbranch.watch import patient
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -46,6 +47,8 @@ __all__ = [
     "Window",
 ]
 
+# Seconds for a local exponent that nobody has asked for.
+PATIENCE = 10.0
 # Nodes a side that are kept of the fields of a state.
 KEPT = 64
 
@@ -509,11 +512,11 @@ class Diagram(Result):
         return found
 
     def known_exponents(self) -> dict[int, LocalExponent]:
-        """Local exponents by the number of the event, of all that have one."""
+        """Local exponents by the number of the event, of all that have one, each as far as some seconds go."""
         found = {}
         for number, event in enumerate(self.events):
             # A curve that ends too close to an event leaves it without.
-            with suppress(InputError, ModelError):
+            with suppress(InputError, ModelError), patient(PATIENCE):
                 found[number] = self.local_exponent(event)
         return found
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import contbranch as cb
+from contbranch import watch
 from contbranch.curve.exponents import crossover_excess, fitted_window
 from contbranch.results.diagram import LocalExponent
 
@@ -69,6 +70,25 @@ def test_exponent_is_one_half_at_a_fold(attraction):
     # and drifts towards 1/3 far away
     assert local.kappa[-1] < 0.45
     assert local.kappa[-1] > 0.3
+
+
+def test_a_local_exponent_is_kept_as_far_as_it_goes(attraction, monkeypatch):
+    _, diagram = attraction
+    event = pull_off(diagram)
+    whole = diagram.local_exponent(event)
+    with watch.patient(1e-9):
+        assert len(diagram.local_exponent(event).excess) == 0
+    samples = iter(range(5))  # whoever waits has had enough after some
+
+    def tired():
+        if next(samples, None) is None:
+            raise watch.Interruption
+
+    monkeypatch.setattr("contbranch.continuation.newton.check", tired)
+    with watch.watched():
+        part = diagram.local_exponent(event)
+    assert 0 < len(part.excess) < len(whole.excess)
+    np.testing.assert_array_equal(part.kappa, whole.kappa[: len(part.kappa)])
 
 
 def test_normal_form_and_local_exponent_against_solutions(attraction):
