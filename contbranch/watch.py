@@ -222,6 +222,8 @@ def patient(seconds: float) -> Iterator[None]:
         yield
     finally:
         _present.reset(own)
-    if outer is not _NOBODY and watch.cause is not None:
+    if watch.cause is not None:
+        if outer is _NOBODY:  # whom nobody else would tell
+            raise watch.cause
         outer.end(watch.cause)
     check()

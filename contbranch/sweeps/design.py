@@ -132,7 +132,7 @@ def varied(contact: Contact, vary: Mapping[str, Sequence[Any]], mode: str = "gri
     for name, values in vary.items():
         if name == "stiffness":
             raise InputError("vary: stiffness; sweep over contacts, with one control=cb.Spring(stiffness) for all")
-        if isinstance(values, str) or not np.ndim(values) or not len(values):
+        if isinstance(values, str) or not np.iterable(values) or not len(values):
             raise InputError(f"vary: {name} is {values!r}; must be a list of values")
         dimension = dimension_of(contact, name)
         read = [contact.units.read(value, dimension, f"vary: {name}") for value in values]

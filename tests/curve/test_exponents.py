@@ -88,6 +88,13 @@ def test_a_local_exponent_is_kept_as_far_as_it_goes(attraction, monkeypatch):
     with watch.watched():
         part = diagram.local_exponent(event)
     assert 0 < len(part.excess) < len(whole.excess)
+
+    def stopped():
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("contbranch.continuation.newton.check", stopped)
+    with pytest.raises(KeyboardInterrupt):  # while it is saved, too
+        diagram.known_exponents()
     np.testing.assert_array_equal(part.kappa, whole.kappa[: len(part.kappa)])
 
 
