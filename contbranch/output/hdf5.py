@@ -272,7 +272,7 @@ def _write(group: h5py.Group, name: str, value: Any, names: UnitNames) -> None:
     elif isinstance(value, int | float | str | np.generic):
         group.attrs[name] = value
     elif name == "events":
-        _write_table(group.create_group(name), Event, value)
+        _write_table(group.create_group(name), Event, value, names)
     else:
         inner = group.create_group(name)
         for key, one in _parts(name, value):
@@ -289,15 +289,17 @@ def _parts(name: str, value: Any) -> Iterable[tuple[Any, Any]]:
     return value.items() if isinstance(value, Mapping) else enumerate(value)
 
 
-def _write_table(group: h5py.Group, kind: type[Record], records: Sequence[Record]) -> None:
-    """Write records as columns."""
+def _write_table(group: h5py.Group, kind: type[Record], records: Sequence[Record], names: UnitNames) -> None:
+    """Write records as columns with their units."""
     import h5py
 
     for column in columns(kind):
         found = [column.of(record) for record in records]
         values = [_BLANK[column.kind] if value is None else value for value in found]
         form = {float: np.float64, int: np.int64, str: h5py.string_dtype()}[column.kind]
-        group.create_dataset(column.name, data=values, shape=(len(values),), dtype=form)
+        data = group.create_dataset(column.name, data=values, shape=(len(values),), dtype=form)
+        if unit := names.get(column.unit):
+            data.attrs["unit"] = unit
 
 
 # Reading

@@ -17,7 +17,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from contbranch.arrays import Array, plain
 from contbranch.contact.contact import Contact
-from contbranch.contact.family import member
 from contbranch.errors import InputError
 from contbranch.output.plot_curve import COORDINATES, coordinate, smooth_line
 from contbranch.results.diagram import Branch, Diagram
@@ -180,12 +179,8 @@ def _of_sweep(sweep: Sweep, packed: _Packed) -> Iterator[_Json]:
             nothing = dict.fromkeys(("branches", "events", "controls"), ())
             yield {**about, "status": task.status, "message": task.message, **nothing}
         else:
-            contact = None
-            with suppress(InputError):
-                contact = None if sweep.contact is None else member(sweep.contact, task.parameters)
             diagram = diagram_of(sweep, task.index, record)
-            described = diagram.description if contact is None else contact.describe()
-            yield packed.diagram(replace(diagram, description=described), contact, about)
+            yield packed.diagram(diagram, diagram.contact, about)
 
 
 def _of_loop(loop: Hysteresis, curve: Diagram | None, packed: _Packed) -> _Json:

@@ -254,13 +254,14 @@ def diagram_of(sweep: Sweep, index: int, record: Record) -> Diagram:
         branches.append(Branch(**known, profiles=profiles))
     events = tuple(Event(**said) for said in about.get("events", ()))
     kept = ("status", "message", "thresholds", "control", "accuracy", "stiffness")
+    description = about.get("contact", {})  # files of earlier days have none
     return Diagram(
-        contact=None,
+        contact=rebuilt(description),
         branches=tuple(branches),
         events=events,
         model=ModelChoice(**about["model"]),
         cost=Cost(sweep.tasks[index].wall_s, 0),
-        description=sweep.description,
+        description=description,
         unit_names=sweep.unit_names,
         **{name: about[name] for name in kept if name in about},
     )

@@ -38,7 +38,7 @@ class Part(Record):
 
     start: float = described(key="from")
     stop: float = described(key="to")
-    contact: bool
+    contact: bool = described(written=True)
     stable: bool
 
     @property

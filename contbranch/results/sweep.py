@@ -98,7 +98,7 @@ class Sweep(Result):
         return tuple(map(len, self.axes.values())) if self.mode == "grid" else (len(self.tasks),)
 
     def diagram(self, index: int) -> Diagram:
-        """The diagram of a task, as far as it was kept, read from the file.
+        """The diagram of a task, as far as it was kept, read from the file: errors are those of its events.
 
         Raises
         ------

@@ -100,6 +100,7 @@ class Tracing:
         events = [event.brief() for event in diagram.events]
         kept = ("status", "message", "thresholds", "control", "stiffness", "accuracy")
         about = {name: getattr(diagram, name) for name in kept} | {"model": diagram.model, "events": events}
+        about["contact"] = diagram.head()["contact"]
         arrays: dict[str, AnyArray] = {}
         if self.keep != "thresholds":
             parts = [_points(branch, self.keep == "profiles") for branch in diagram.branches]

@@ -111,6 +111,7 @@ def test_a_sweep_finds_what_traces_find_bit_for_bit(tmp_path: Path) -> None:
     assert cb.load(tmp_path / "s.h5").tasks == found.tasks
     for index, contact in enumerate(contacts):
         trace, kept = cb.trace(contact), found.diagram(index)
+        assert kept.contact == contact
         assert kept.thresholds == trace.thresholds == found.tasks[index].thresholds
         assert [e.name for e in kept.events] == [e.name for e in trace.events]
         assert [e.error for e in kept.events] == [e.error for e in trace.events]

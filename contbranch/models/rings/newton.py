@@ -21,6 +21,8 @@ Row = tuple[Array, float]
 # Most iterations, the relative correction from which the iteration is left to itself, the growth of the residual that
 # is accepted, and how often a step is halved to avoid more.
 APPROACHES, NEARLY, GROWS, HALVINGS = 30, 1e-3, 1.5, 6
+# A correction that is this many times the one before is astray: those that lead to a state grow by a fifth at most.
+LEAPS = 2.5
 # ... and how far it goes then.
 PRECISE = Options(tolerance=1e-12, noise=1e8)
 # Rounds of meshing and solving for one state.
@@ -43,8 +45,8 @@ def solved(problem: RingEquations, x: Array, d: float, row: Row) -> tuple[Array,
     for _ in range(APPROACHES):
         at = linearise(problem, x, d)
         dx, dd = border(problem, x, d, at, row).solve(-at[0], 0.0)
-        size = metric.norm(problem, dx, dd)
-        if not math.isfinite(size):
+        last, size = size, metric.norm(problem, dx, dd)
+        if not (math.isfinite(size) and size < LEAPS * last):
             break
         if size < NEARLY:
             done = correct(problem, (x, d), row, metric, PRECISE)
