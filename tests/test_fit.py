@@ -93,6 +93,30 @@ def test_units_columns_and_maps(tmp_path, curve):
 
 
 @pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("piezo [nm],force [nN]\n-244,015,2,52223\n", "row 2 has 4 values for 2 columns; decimal commas"),
+        ("piezo [nm],force [nN],piezo [um]\n1,2,3\n", "more than one column piezo"),
+        ("1.0 2.0\n3.0 4.0\n", "no names of columns in its first line, '1.0 2.0'; needs piezo"),
+    ],
+)
+def test_tables_that_could_be_misread(tmp_path, text, words):
+    (tmp_path / "x.csv").write_text(text)
+    with pytest.raises(cb.InputError, match=words):
+        cb.read_force_curve(tmp_path / "x.csv")
+
+
+def test_a_file_of_no_instrument_is_an_input_error(tmp_path, capsys):
+    """afmformats raises what is no Exception for it, and prints tracebacks for others."""
+    pytest.importorskip("afmformats")
+    for name in ("x.jpk-force", "x.h5", "x.ibw"):
+        (tmp_path / name).write_text("garbage")
+        with pytest.raises(cb.InputError, match="cannot be read by afmformats"):
+            cb.read_force_curve(tmp_path / name)
+    assert not capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
     ("change", "words"),
     [
         (lambda z, f: (z, f + np.where(np.arange(z.size) == 7, math.nan, 0.0)), "not finite"),
@@ -145,6 +169,21 @@ def test_values_come_back_within_their_errors(law, curve):
     assert [jump.name for jump in fit.jumps] == ["jump-in", "pull-off"]
     for jump in fit.jumps:
         assert jump.fitted["piezo"] == pytest.approx(jump.measured["piezo"], abs=1.0)
+
+
+def test_what_drifts_by_less_than_the_noise_is_in_the_errors(curve):
+    """Over the whole curve the deflection drifts by four times the noise of a sample: 1.15 times its rms."""
+    size = 0.01 * (curve.force.max() - curve.force.min()) / 3
+    drift = 4 * size * np.linspace(0.0, 1.0, curve.force.size)
+    data = cb.ForceCurve(piezo=curve.piezo, force=curve.force + drift, spring=SPRING, segment=curve.retract)
+    start = contact(modulus=0.03, work_of_adhesion=0.02)
+    plain, fit = (cb.fit(one, start, ("work_of_adhesion", "modulus")) for one in (curve, data))
+    assert fit.errors["baseline"] > 2 * plain.errors["baseline"]
+    assert "vary slowly" in fit.message or "exceed the noise" in fit.message
+    assert "errors allow for that" not in plain.message
+    true = TRUE | {"contact_point": 30.0, "baseline": 5.0 + float(drift.mean()), "tilt": 0.02}
+    for name in ("baseline", "modulus", "contact_point"):
+        assert abs(fit.values[name] - true[name]) < 5 * fit.errors[name], name
 
 
 def test_a_retraction_cut_in_contact_has_no_pull_off(curve):

@@ -220,6 +220,45 @@ class TestFiles:
         with pytest.raises(cb.InputError, match=r"^dataset: 'x'; .* is not an HDF5 file"):
             cb.HeightMap.from_file(tmp_path / "a.npy", cell=CELL, dataset="x")
 
+    def test_texts_with_decimal_commas_and_lines_of_names(self, tmp_path):
+        lines = [";".join(f"{value:.6f}" for value in row).replace(".", ",") for row in RANDOM]
+        (tmp_path / "a.txt").write_text("\n".join(lines))
+        assert cb.HeightMap.from_file(tmp_path / "a.txt", cell=CELL).heights == pytest.approx(
+            cb.HeightMap(RANDOM, CELL).heights, abs=1e-6
+        )
+        (tmp_path / "b.txt").write_text("x y z\n" + "1 2 3\n" * 3)
+        with pytest.raises(cb.InputError, match=r"could not convert string 'x' .* row 0.*numbers alone"):
+            cb.HeightMap.from_file(tmp_path / "b.txt", cell=CELL)
+
+    def test_units_by_name_belong_to_contacts_in_nm(self, tmp_path):
+        with h5py.File(tmp_path / "a.h5", "w") as file:
+            file["z"] = RANDOM
+            file["z"].attrs["units"] = "um"
+        tip = cb.HeightMap.from_file(tmp_path / "a.h5", cell=CELL)
+        assert tip.heights == pytest.approx(1e3 * cb.HeightMap(RANDOM, CELL).heights)
+        with pytest.warns(UserWarning, match="nm, and the contact has reduced units"):
+            cb.Contact(tip, cb.Gauss(1.0, 0.5))
+        text = '[tip]\nshape = "height-map"\nfile = "a.h5"\ncell = {}\n[material]\nmodulus = {}\n'
+        (tmp_path / "a.toml").write_text(text.format('"1 um"', '"1 GPa"'))
+        assert cb.Contact.from_file(tmp_path / "a.toml").units.physical
+        (tmp_path / "a.toml").write_text(text.format("1.0", "1.0"))
+        with pytest.raises(cb.InputError, match=r"tip.file: has a unit, tip.cell has none; drop the unit"):
+            cb.Contact.from_file(tmp_path / "a.toml")
+
+    @pytest.mark.parametrize(
+        ("how", "words"),
+        [
+            ({"peaks": "yes"}, "peaks: 'yes'; must be True or False"),
+            ({"window": 3}, "window: 3; must be a text"),
+            ({"dataset": 3}, "dataset: 3; must be a text"),
+        ],
+    )
+    def test_options_of_another_type(self, how, words):
+        with pytest.raises(cb.InputError, match=words):
+            cb.HeightMap(RANDOM, CELL, **how)
+        with pytest.raises(cb.InputError, match=r"heights: up to .*must be below 1e"):
+            cb.HeightMap(RANDOM * 1e300, CELL)
+
     def test_description_names_the_file_or_only_the_digest(self, tmp_path):
         np.save(tmp_path / "a.npy", RANDOM)
         law = cb.Gauss(1.0, 0.5)
@@ -352,7 +391,8 @@ class TestFilesOfOtherKinds:
         tip = cb.HeightMap.from_file(path, cell=CELL, grey=(2.0, 14.0), unit="um")
         expected = 12e3 / white * (shades - shades.min())
         np.testing.assert_allclose(tip.heights, expected, rtol=1e-12, atol=1e-9)
-        again = cb.Contact.from_description(json.loads(json.dumps(cb.Contact(tip, cb.Gauss(1.0, 0.5)).describe())))
+        contact = cb.Contact.physical(tip=tip, interaction=cb.Gauss(1.0, 0.5), modulus=1.0)
+        again = cb.Contact.from_description(json.loads(json.dumps(contact.describe())))
         assert again.tip == tip
         assert again.tip.source == tip.source
         with pytest.raises(cb.InputError, match=r"^grey: missing; give the heights of black"):

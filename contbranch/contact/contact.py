@@ -108,8 +108,7 @@ class Contact:
         if not isinstance(self.units, Units):
             raise InputError(f"units: {self.units!r}; must be REDUCED or PHYSICAL")
         object.__setattr__(self, "modulus", positive_number(self.modulus, "modulus"))
-        if self.units.physical:
-            warn_of_units(self)
+        warn_of_units(self)
 
     @staticmethod
     def reduced(law: type[Interaction] | str | None, tabor: float = 1.0, sign: int = 1, **shape: object) -> Contact:

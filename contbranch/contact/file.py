@@ -189,11 +189,16 @@ class _Reader:
         for name in keywords.keys() & {"cell", "radius"}:
             keywords[name] = self.number(table[name], "length", f"tip.{name}")
         file = keywords.pop("file")
-        keywords["unit"] = self._unit(table, "tip", "file", "unit")
+        if "unit" in table:
+            keywords["unit"] = self._unit(table, "tip", "file", "unit")
         try:
-            return HeightMap.from_file(self._folder / file, **keywords)
+            found = HeightMap.from_file(self._folder / file, **keywords)
         except InputError as error:
             raise InputError(f"tip.{error}") from None
+        if "unit" not in table:  # but the file may say it
+            remedy = "drop the unit of its data set" if found.in_nm else "state unit"
+            self._note(found.in_nm, "tip.file", remedy)
+        return found
 
     def law(self, table: _Table, field: str) -> Interaction:
         """Return the law of a table [[interaction]]."""

@@ -46,6 +46,8 @@ class HeightMap(TipShape):
         Radius of curvature R that sets the scales (23)-(26). By default it follows from the map: see `natural_length`.
     source
         The file that the heights were read from, and how, if they were.
+    in_nm
+        Whether a unit of length was named, so that the numbers are nm: no tip for a contact in reduced units.
 
     Parameters
     ----------
@@ -55,7 +57,8 @@ class HeightMap(TipShape):
         Name of the data set in an HDF5 file; not needed if it holds a single array of two dimensions.
     unit
         What a unit of the heights given (of a topography: also of its edge) is worth in the contact's unit of length;
-        or its name, such as ``"um"``, for lengths in nm. By default 1, and for a topography that has a unit, that one.
+        or its name, such as ``"um"``, for lengths in nm. By default 1, and for a topography that has a unit, or a data
+        set of HDF5 with an attribute ``unit`` or ``units``, that one.
     grey
         Heights of black and of white in an image.
     detrend
@@ -78,6 +81,7 @@ class HeightMap(TipShape):
     cell: float = None  # type: ignore[assignment]  # only until a topography has given its own
     radius: float | None = None
     source: Source | None = field(init=False, default=None)
+    in_nm: bool = field(init=False, default=False, repr=False)
     peaks: InitVar[bool | None] = None
     dataset: InitVar[str | None] = None
     unit: InitVar[Quantity] = None
@@ -86,7 +90,8 @@ class HeightMap(TipShape):
     window: InitVar[str | None] = None
 
     def __post_init__(self, peaks: Any, dataset: Any, unit: Any, *treatment: Any) -> None:
-        source, heights, cell = Source(None, dataset, unit, peaks, *treatment).read(self.heights, self.cell)
+        source, heights, cell, named = Source(None, dataset, unit, peaks, *treatment).read(self.heights, self.cell)
+        object.__setattr__(self, "in_nm", named or isinstance(self.radius, str))
         if source.file is not None:
             object.__setattr__(self, "source", source)
         heights.setflags(write=False)
@@ -202,9 +207,9 @@ class HeightMap(TipShape):
         from scipy.ndimage import map_coordinates  # slow to import, and seldom needed
 
         spacing = self.cell / self.points
-        places = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=np.float64))
-        found = map_coordinates(self.heights, [place / spacing for place in places], order=3, mode="grid-wrap")
-        return np.asarray(found, dtype=float)
+        places = np.array(np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))) / spacing
+        found = map_coordinates(self.heights, places.reshape(2, -1), order=3, mode="grid-wrap")
+        return np.asarray(found, dtype=float).reshape(places.shape[1:])
 
     def covers(self, cell: float) -> bool:
         """Whether the edge of a cell is that of the map, to rounding."""

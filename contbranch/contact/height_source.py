@@ -15,6 +15,7 @@ from contbranch.contact.units import Quantity, finite_number, parse, positive_nu
 from contbranch.errors import InputError, look_up
 
 LEAST_POINTS = 8
+HIGHEST = 1e100
 _AGREE = 1e-9  # relative; edges that differ by no more are the same
 # Degree of the polynomial that is subtracted.
 _TRENDS = {"plane": 1, "paraboloid": 2}
@@ -62,17 +63,22 @@ class Source:
             low, high = (finite_number(value, "grey") for value in given)
             object.__setattr__(self, "grey", (low, high))
 
-    def read(self, given: Any, cell: object) -> tuple[Source, Array, float | None]:
-        """What was done, the heights z ≥ 0 above the point that touches first, (N, N), and the edge of the cell.
+    def read(self, given: Any, cell: object) -> tuple[Source, Array, float | None, bool]:
+        """What was done, heights z ≥ 0 above the point that touches first, (N, N), the edge of the cell, and whether a
+        unit was named, so that lengths are in nm.
 
         Raises
         ------
         InputError
             If what is given has no heights on a square; the message names the field.
         """
+        for name in ("peaks", "dataset", "window"):
+            value, kind = getattr(self, name), bool if name == "peaks" else str
+            if not (value is None or isinstance(value, kind)):
+                raise InputError(f"{name}: {value!r}; must be {'True or False' if kind is bool else 'a text'}")
         edge = None if cell is None else positive_number(parse(cell, "length", "cell"), "cell")
         topography = is_topography(given)
-        done = replace(self, peaks=topography if self.peaks is None else bool(self.peaks))
+        done = replace(self, peaks=topography if self.peaks is None else self.peaks)
         values, own = given, getattr(given, "unit", None) if topography else None
         if isinstance(given, str | Path):
             values, dataset, own = _read_file(Path(given), self)
@@ -95,7 +101,10 @@ class Source:
         heights -= heights.min()
         if unit != 1.0:
             heights *= unit
-        return replace(done, unit=unit), heights, edge
+        if not (largest := float(heights.max())) < HIGHEST:
+            raise InputError(f"heights: up to {largest:g}; must be below {HIGHEST:g}: give them in another unit")
+        named = any(isinstance(value, str) for value in (cell, own if self.unit is None else self.unit))
+        return replace(done, unit=unit), heights, edge, named
 
 
 def _unit(unit: object, whose: str = "") -> float:
@@ -196,9 +205,17 @@ def _read_file(path: Path, source: Source) -> tuple[object, str | None, object]:
 
 
 def _read_text(path: Path) -> Array:
-    """A table of numbers: a line for every row, separated by blanks, commas, semicolons or tabs; # begins a comment."""
-    lines = path.read_text(encoding="utf-8-sig").splitlines()
-    return np.loadtxt([line.replace(";", " ").replace(",", " ") for line in lines], ndmin=2)
+    """A table of numbers: a line for every row, separated by blanks, commas, semicolons or tabs; # begins a comment.
+
+    Between semicolons a comma is a decimal one where there is no point.
+    """
+    text = path.read_text(encoding="utf-8-sig")
+    comma = "." if ";" in text and "." not in text else " "
+    try:
+        return np.loadtxt(text.replace(";", " ").replace(",", comma).splitlines(), ndmin=2)
+    except ValueError as error:
+        why = str(error).partition(";")[0].rstrip(".")
+        raise InputError(f"file: '{path}' cannot be read ({why}); a table of heights has numbers alone") from None
 
 
 def _read_image(path: Path, grey: tuple[float, float] | None) -> Array:

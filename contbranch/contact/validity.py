@@ -37,7 +37,14 @@ def _named(contact: Contact) -> Iterator[tuple[str, Any]]:
 
 
 def warn_of_units(contact: Contact) -> None:
-    """Warn of numbers in nm and nN that look like metres and pascals."""
+    """Warn of numbers in nm and nN that look like metres and pascals, and of lengths in nm among reduced ones."""
+    if not contact.units.physical:
+        if getattr(contact.tip, "in_nm", False):
+            _warn(
+                "tip: a unit of length makes the numbers of its map nm, and the contact has reduced units; make it "
+                "with cb.Contact.physical, or give the map cell= and unit= as numbers"
+            )
+        return
     for name, part in _named(contact):
         for field, dimension in part.dimensions.items():
             value = getattr(part, field)
@@ -62,6 +69,20 @@ def energy_pole(tip: Tip, law: Interaction | None) -> float:
     return second if abs(second - first) < 0.01 * abs(first) else 0.0
 
 
+def _slopes(contact: Contact, contact_radius: Array) -> Array:
+    """Slopes of the tip at radii of contact; the steeper one of both axes where it is not round, the mean of a map."""
+    tip, round_tip = contact.tip, contact.tip.axisymmetric
+    if (rms := getattr(tip, "rms_slope", None)) is not None:
+        return np.full(contact_radius.shape, float(rms))
+    places = np.maximum(contact_radius, 1e-12 * contact.scales.in_plane)
+    if round_tip is not None:
+        return np.asarray(round_tip.height_derivative(np.minimum(places, (1.0 - 1e-9) * round_tip.extent)))
+    step = 1e-4 * places
+    along_x = tip.surface(places + step, 0.0) - tip.surface(places - step, 0.0)
+    along_y = tip.surface(0.0, places + step) - tip.surface(0.0, places - step)
+    return np.maximum(along_x, along_y) / (2 * step)
+
+
 def notes(contact: Contact, load: Array, displacement: Array, contact_radius: Array) -> str:
     """Sentences on limits of tip and laws, and on states outside of what is described or holds; mostly none."""
     found = [f"{name}: {part.limitation}." for name, part in _named(contact) if part.limitation]
@@ -81,17 +102,14 @@ def notes(contact: Contact, load: Array, displacement: Array, contact_radius: Ar
                 )
     if not contact.units.physical:
         return " ".join(found)
-    if tip is not None and contact_radius.size:
-        inside = np.minimum(contact_radius, (1.0 - 1e-9) * tip.extent)
-        places = np.maximum(inside, 1e-12 * contact.scales.in_plane)
-        slope = np.where(contact_radius > 0.0, tip.height_derivative(places), 0.0)
-        steep = slope > STEEPEST
-        if steep.any():
-            found.append(
-                f"The tip's slope at the rim of the contact exceeds {STEEPEST:g} from a load of "
-                f"{load[steep].min():.4g} nN on (largest {slope.max():.2g}): beyond linear elasticity, which "
-                "holds for small slopes."
-            )
+    slope = np.where(contact_radius > 0.0, _slopes(contact, contact_radius), 0.0)
+    steep = slope > STEEPEST
+    if steep.any():
+        found.append(
+            f"The tip's slope {'(rms)' if hasattr(contact.tip, 'rms_slope') else 'at the rim of the contact'} exceeds "
+            f"{STEEPEST:g} from a load of {load[steep].min():.4g} nN on (largest {slope.max():.2g}): beyond linear "
+            "elasticity, which holds for small slopes."
+        )
     for name, part in _named(contact):
         if getattr(part, "range", ATOM) < ATOM:
             found.append(f"{name}.range: {part.range:.3g} nm is less than an atom's size ({ATOM:g} nm).")

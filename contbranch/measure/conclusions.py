@@ -168,6 +168,8 @@ def _message(minimiser: Minimiser, found: Minimum, fit: Fit) -> str:
             f"The residuals (rms {fit.rms:.3g} nN) exceed the noise ({minimiser.seen.noise:.3g} nN): the model is not "
             "all there is in the curve; errors allow for that."
         )
+    elif minimiser.spread(found) > 2 * minimiser.seen.noise:
+        words.append("The residuals vary slowly: the model is not all there is in the curve; errors allow for that.")
     return " ".join([*words, *_disagreements(fit.jumps)])
 
 

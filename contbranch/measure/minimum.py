@@ -25,6 +25,8 @@ ROBUST = 3.0
 # Where the residuals' standard deviation exceeds the noise by this, or their correlation length a sample, the model is
 # not the curve's, and weights are those of residuals with that deviation and correlation.
 MISFIT, LONG = 1.25, 2.0
+# Numbers of parts over which means are taken to see slow residuals.
+PARTED = (64, 32, 16)
 # Room that an unknown has which is held.
 HELD = 1e-7
 # Relative steps of derivatives.
@@ -209,13 +211,11 @@ class Minimiser:
     def spread(self, found: Minimum) -> float:
         """Standard deviation that independent residuals would have, were there as many as they are worth."""
         own = found.forces
-        size, length = 1.4826 * float(np.median(np.abs(own))), 1.0
+        size = 1.4826 * float(np.median(np.abs(own)))
         if size <= MISFIT * self.seen.noise:  # the model's curve: all but outliers tell of the noise
             clipped = np.clip(own, -ROBUST * size, ROBUST * size)
             size = math.sqrt(float(clipped @ clipped) / max(own.size - found.x.size, 1))
-        if size > MISFIT * self.seen.noise or found.spread > self.seen.noise:
-            order = np.argsort(found.comparison.samples)
-            length = correlation_length(own[order])
+        length = correlation_length(own[np.argsort(found.comparison.samples)])
         return max(size, self.seen.noise * 0.5) * math.sqrt(length if length > LONG else 1.0)
 
     def inverse(self, found: Minimum) -> tuple[Array, bool]:
@@ -254,11 +254,20 @@ def loss(residuals: Array) -> float:
 
 
 def correlation_length(values: Array) -> float:
-    """1 + 2 Σ ρ_k up to the first ρ_k below 0.05."""
+    """1 + 2 Σ ρ_k up to the first ρ_k below 0.05; more where means over parts vary more than that says.
+
+    Of what varies slowly and less than the noise, such as a drift, single ρ_k say nothing.
+    """
     centred = np.clip(values - np.median(values), *np.quantile(values - np.median(values), (0.01, 0.99)))
     size = 1 << (2 * centred.size - 1).bit_length()
     spectrum = np.abs(np.fft.rfft(centred, size)) ** 2
     rho = np.fft.irfft(spectrum)[: centred.size // 2]
     rho /= rho[0] or 1.0
     low = np.flatnonzero(rho < 0.05)
-    return float(1.0 + 2.0 * rho[1 : int(low[0]) if low.size else rho.size].sum())
+    length = float(1.0 + 2.0 * rho[1 : int(low[0]) if low.size else rho.size].sum())
+    variance = float(np.mean(centred**2))
+    for parts in PARTED if variance > 0.0 else ():
+        each = centred.size // parts
+        means = centred[: each * parts].reshape(parts, -1).mean(axis=1) if each else np.zeros(1)
+        length = max(length, each * float(np.mean(means**2)) / variance)
+    return length

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import csv
+import io
 import math
 import re
 from collections.abc import Callable, Iterator
+from contextlib import redirect_stderr
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -135,9 +137,18 @@ def _of_table(path: Path, spring: Quantity) -> _Makers:
     headings = [_HEADING.fullmatch(cell) for cell in heading]
     names = [match[1].lower() if match else "" for match in headings]
     if not {"piezo", "tip"} & set(names) or not {"force", "deflection"} & set(names):
-        raise InputError(
-            f"curve: '{path}' has the columns {', '.join(filter(None, names))}; needs piezo (or tip) and force"
-        )
+        listed = ", ".join(filter(None, names))
+        nameless = f"no names of columns in its first line, {lines[0].strip()[:40]!r}"
+        said = f"the columns {listed}" if listed else nameless
+        raise InputError(f"curve: '{path}' has {said}; needs piezo (or tip) and force")
+    if twice := sorted({name for name in names if name and names.count(name) > 1}):
+        raise InputError(f"curve: '{path}' has more than one column {twice[0]}; leave one")
+    for k, row in enumerate(rows, start=2):
+        if any(cell.strip() for cell in row[len(names) :]):
+            raise InputError(
+                f"curve: '{path}', row {k} has {len(row)} values for {len(names)} columns; decimal commas need another "
+                "separator, such as a semicolon"
+            )
     decimal = "." if delimiter == "," else ","
     columns: dict[str, AnyArray] = {}
     for place, name in enumerate(names):
@@ -178,8 +189,11 @@ def _of_instrument(path: Path, spring: Quantity) -> _Makers:
             f"curve: '{path}' needs afmformats: pip install 'contbranch[afm]', or give a CSV file"
         ) from None
     try:
-        groups = afmformats.load_data(path)
-    except Exception as error:  # its readers raise what they like for a file that they do not know
+        with redirect_stderr(io.StringIO()):  # where they print tracebacks
+            groups = afmformats.load_data(path)
+    except (KeyboardInterrupt, SystemExit):
+        raise
+    except BaseException as error:  # its readers raise what they like for a file that they do not know
         raise InputError(f"curve: '{path}' cannot be read by afmformats ({type(error).__name__}: {error})") from None
     return [(_position(data.metadata), partial(_of_data, data, path, spring)) for data in groups]
 

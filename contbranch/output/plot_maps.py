@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from matplotlib.colors import CenteredNorm, ListedColormap, Normalize
 from matplotlib.figure import Figure
 
@@ -31,16 +33,16 @@ def cell_maps(state: State, unit_names: UnitNames | None = None) -> Figure:
         If the state has no fields on a cell.
     """
     cell, names = state.cell.shown(), dict(unit_names or {})
-    share, contact = (state.cell.wall_pressure > 0.0).mean(), cell.wall_pressure > 0.0
+    contact, unit = cell.wall_pressure > 0.0, names.get("radius", "")
+    area = f"{math.pi * state.contact_radius**2:.3g}{unit and f' {unit}²'}"  # by parts of nodes, as results have it
     x, y = cell.x, cell.y
     if len(x) < 2 or len(y) < 2:
         raise InputError("state: its cell has fewer than two nodes a side to be shown")
     fields: list[tuple[str, Array, Style]] = [
         (axis_label("gap", names), cell.gap, {"cmap": "viridis", "norm": Normalize(0.0)}),
         (axis_label("pressure", names), cell.pressure, _pressure_colours(cell.pressure)),
-        (f"contact: {share:.3g} of the cell", contact.astype(float), {"cmap": CONTACT, "bar": False}),
+        (f"contact: area {area}", contact.astype(float), {"cmap": CONTACT, "bar": False}),
     ]
-    unit = names.get("radius", "")
     with new_figure(2.3, 2.2) as figure:
         panels = figure.subplots(1, 3, sharey=True)
         for axes, (title, field, style) in zip(panels, fields, strict=True):

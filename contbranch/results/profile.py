@@ -54,12 +54,13 @@ class ModeShape(Record):
 
 @record
 class CellFields(Record):
-    """Fields on the nodes of a square cell, in the contact's units; the tip's middle is at x = y = 0.
+    """Fields on the nodes of a square cell, in the contact's units.
 
     Attributes
     ----------
     x, y : array (N,)
-        Coordinates of the nodes along the first and the second index.
+        Coordinates of the nodes along the first and the second index: the tip's middle is at x = y = 0, and node [0, 0]
+        of a height map.
     gap, pressure, wall_pressure : array (N, N)
         Gap, total pressure, and the wall's share of it (zero outside the contact).
     """

@@ -423,8 +423,8 @@ class LatticeProblem(EquilibriumProblem):
 
     def described(self, x: Array, p: float) -> Mapping[str, Any]:
         """Mean gap and the fields on the nodes."""
-        state = self.state(x, p)
-        return {"mean_gap": mean_gap(self.nodes, state), "in_cell": lambda: cell_fields(self.nodes, state)}
+        state, centred = self.state(x, p), self.setup.centred
+        return {"mean_gap": mean_gap(self.nodes, state), "in_cell": lambda: cell_fields(self.nodes, state, centred)}
 
     # -- other lattices -----------------------------------------------------------------------------------------------
     @cached_property

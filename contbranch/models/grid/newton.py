@@ -26,6 +26,8 @@ from .problem import Fields, GridProblem
 
 # Shortest part of a step that is tried when the residual grows.
 SHORTEST = 0.125
+# Rounding of pressures, in reduced units, beyond which a state says nothing: so far away any load would seem balanced.
+UNTOLD = 1e-6
 # How much softer than the stiffest wave of the lattice those are that an overlap excites.
 LONGER = 1.0 / 16.0
 
@@ -226,6 +228,8 @@ def newton(
         held = hold.excess(fields.u, fields.load)
         done = trial.residual <= max(settings.tolerance, trial.rounding) and abs(held) <= hold.allowed
         failed = not math.isfinite(trial.merit) or trial.merit > settings.growth * max(best, 1e-3)
+        if problem.rounding(fields.u) > UNTOLD:
+            done, failed = False, True
         if done or failed or step == settings.steps or waited > settings.patience:
             touching = fields._replace(u=np.where(trial.contact, -problem.heights, fields.u))
             displacement = problem.displacement(touching.u, fields.load)

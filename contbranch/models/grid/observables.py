@@ -111,11 +111,14 @@ def far_field_error(problem: GridProblem, equilibrium: Equilibrium) -> float:
     return _GROWTH * CUBES * images(problem, equilibrium)
 
 
-def cell_fields(problem: GridProblem, equilibrium: Equilibrium) -> CellFields:
-    """Unfold gap and pressures on the nodes of the whole cell."""
+def cell_fields(problem: GridProblem, equilibrium: Equilibrium, centred: bool = True) -> CellFields:
+    """Unfold gap and pressures on the nodes of the whole cell.
+
+    Coordinates count from its middle, or, of a height map, whose nodes are not `centred`, from node [0, 0].
+    """
     lattice = problem.lattice
     n = lattice.grid
-    axis = lattice.whole().axis[:n]
+    axis: Array = lattice.whole().axis[:n] if centred else lattice.spacing * np.arange(n, dtype=float)
     return CellFields(axis, axis.copy(), *(lattice.unfold(field)[:n, :n] for field in _observed(equilibrium)))
 
 

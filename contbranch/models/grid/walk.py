@@ -57,6 +57,8 @@ ROUNDING = 1e-9
 MOST_CORNERS, CORNERS = 40, 6
 # Points at most, and those from which is predicted.
 MOST_POINTS, HISTORY = 2000, 12
+# A contact without a node has a gap of no more than this multiple of the least height of a node.
+OPENS = 4.0
 # So many points in a row that lie on known parts of the curve end it; the last rows are no known part.
 RETURNS, RECENT = 4, 6
 
@@ -498,9 +500,17 @@ class Walker:
         cosine = direction.value(*change) / (distance * measure.norm(*rate)) if distance > 0 else 0.0
         # A step shorter than what may be missed could be a leap; corners of a chain are found by themselves.
         allowed = max(loose * size, 4.0 * self.noise if self.hops else min(4.0 * self.noise, size))
+        if self._parted(found):
+            return None
         if cosine < angle or miss > allowed or distance > 4.0 * size or self._retraced(found, distance):
             return None
         return Place(past[-1].arc + distance, found), miss, miss > 0.5 * allowed
+
+    def _parted(self, state: Equilibrium) -> bool:
+        """Whether a single contact has opened again within a step, by more than between nodes: that is a leap."""
+        if self.setup.crowded or state.contact.any() or not self.places[-1].state.contact.any():
+            return False
+        return clearance(self.setup, state) > OPENS * float(self.nodes.heights.min())
 
     def _retraced(self, state: Equilibrium, distance: float) -> bool:
         """Whether a state lies closer to an earlier one than to the last: the walk has turned round."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -189,3 +190,50 @@ def test_the_value_of_a_row_is_found_again() -> None:
         for off in (0.0, 1e-10, -1e-10):
             states = cb.find_all(contact, load=float(branch.load[row]) * (1.0 + off), model=model)
             assert min(abs(s.displacement - branch.displacement[row]) for s in states) < 1e-4
+
+
+def test_a_map_lies_where_it_was_given() -> None:
+    """Its one summit touches, on every grid at the coordinates of its node."""
+    x = np.arange(32) * 0.25
+    heights = 0.3 * (1 - np.exp(-((x[:, None] - 2.0) ** 2 + (x - 5.0) ** 2) / 1.5))
+    tip = cb.HeightMap(heights, cell=8.0)
+    for grid in (32, 64):
+        state = cb.solve(cb.Contact(tip, cb.Exponential(-0.02, 0.3)), load=0.05, model=cb.Periodic(grid=grid))
+        cell = state.cell
+        lowest = np.unravel_index(np.argmin(cell.gap), cell.gap.shape)
+        assert (cell.x[lowest[0]], cell.y[lowest[1]]) == (2.0, 5.0)
+        assert cell.gap[lowest] < 0.9 * cell.gap.max()
+
+
+def test_steep_tips_are_noted_on_grids_too() -> None:
+    known = {"modulus": "1 GPa", "interaction": cb.Exponential(0.02, 0.3)}
+    heights = np.random.default_rng(0).random((16, 16))
+    for tip, model, words in (
+        (cb.EllipticParaboloid(10.0, 9.0), cb.FreeSpace(cell=40.0, grid=32), "at the rim of the contact exceeds 0.3"),
+        (cb.HeightMap(heights, cell="8 nm"), cb.Periodic(grid=16), r"slope \(rms\) exceeds 0.3"),
+    ):
+        assert re.search(words, cb.solve(cb.Contact.physical(tip=tip, **known), load=100.0, model=model).message)
+
+
+def test_a_film_as_far_away_as_rounding_goes_bears_no_load() -> None:
+    """So far away that a unit in the last place of u weighs more than the load, any load would seem balanced."""
+    tip = cb.HeightMap.self_affine(32, 10.0, 0.8, rms_slope=0.1, seed=1)
+    contact = cb.Contact(tip, cb.Exponential(0.02, 0.3))
+    for load in (0.02, 0.1):
+        states = cb.find_all(contact, load=load).states if load == 0.02 else cb.solve(contact, load=load).states
+        assert states
+        assert all(abs(state.displacement) < 100.0 for state in states)
+        assert all(math.isfinite(state.error["energy"]) for state in states)
+
+
+@pytest.mark.filterwarnings("ignore::contbranch.GridWarning")
+def test_a_contact_does_not_open_again_by_a_leap() -> None:
+    """Steps that fail behind first touch must not end on the film, along which the curve would run back for ever."""
+    contact = cb.Contact(cb.Parabola(1.0), cb.VanDerWaals(-1.0, 0.73))
+    film = cb.trace(contact, model=cb.FreeSpace(cell=10.0, grid=96), max_load=12.0)
+    assert film.status == "complete", film.message
+    assert film.branches[0].displacement.min() == film.branches[0].displacement[0]
+    exact = cb.trace(contact, max_load=12.0)
+    for name in ("squeeze_out_load", "wetting_load", "touch_load"):
+        event = min(film.events, key=lambda one, load=film.thresholds[name]: abs(one.load - load))
+        assert abs(film.thresholds[name] - exact.thresholds[name]) <= event.error["load"]
