@@ -16,14 +16,13 @@ import numpy as np
 from contbranch.contact.contact import Contact
 from contbranch.contact.family import Vary, family_of, value_of
 from contbranch.contact.law_check import check_laws
-from contbranch.contact.units import Quantity, finite_number, positive_number
+from contbranch.contact.units import Quantity, accuracy_of, positive_number
 from contbranch.contact.validity import notes
 from contbranch.control import DISPLACEMENT, LOAD, Control, Spring, as_control
 from contbranch.curve.curves import Coexisting, Curves, Model, Route
 from contbranch.curve.loop import loop
 from contbranch.curve.outcome import RawCurve, assemble, no_curve, state_in_reduced, state_in_units
 from contbranch.curve.paths import CurveWalk
-from contbranch.curve.problem import COARSEST, FINEST
 from contbranch.curve.trace import Request
 from contbranch.errors import InputError, ModelError
 from contbranch.models.choice import choose, curves
@@ -365,7 +364,7 @@ def phase_diagram(
     low, high = _pair(between, "between", partial(value_of, contact, vary, field="between"))
     if not isinstance(samples, Integral) or samples < 3:
         raise InputError(f"samples: {samples!r}; must be a whole number of at least 3")
-    accuracy = _accuracy(accuracy)
+    accuracy = accuracy_of(accuracy)
     if contact.tip.axisymmetric is None:
         raise InputError("contact: its tip needs a grid; phase diagrams are made of curves that grids cannot follow")
     family = family_of(contact, vary, low, start)
@@ -461,18 +460,11 @@ def _ask(contact: Contact, control: object, accuracy: float, model: str | Model)
     began = time.perf_counter()
     contact = checked(contact)
     driven = as_control(control, contact.units)
-    number = _accuracy(accuracy)
+    number = accuracy_of(accuracy)
     check_laws(contact.interaction)
     chosen, why = choose(contact, model)
     request = Request(number, driven.scaled(contact.scales.stiffness))
     return _Asked(contact, curves(contact, chosen), request, driven, chosen.name, why, began)
-
-
-def _accuracy(accuracy: float) -> float:
-    number = finite_number(accuracy, "accuracy")
-    if not FINEST <= number <= COARSEST:
-        raise InputError(f"accuracy: {number:g}; must lie between {FINEST:g} and {COARSEST:g}")
-    return number
 
 
 def _only(contact: Contact, **given: Quantity) -> tuple[str, float]:

@@ -223,6 +223,7 @@ def _sweeping(asked: Values) -> Iterator[dict[str, Any]]:
             yield settings
         except InputError as error:
             words = str(error).replace("path: ", "-o: ", 1).replace("resume that sweep", "add --resume")
+            words = f"--{words}" if words.startswith("shape: ") else words
             raise InputError(words) from None
 
 
@@ -238,6 +239,8 @@ def _fit(asked: Values) -> Any:
     if asked.output is None and not folder and len(curves := read_force_curves(asked.source, asked.spring)) == 1:
         from contbranch.measure.fit import fit
 
+        if asked.shape is not None:
+            raise InputError(f"--shape: {asked.shape!r}; '{asked.source}' holds one curve, no map: leave it out")
         return fit(curves[0], contact, **how)
     if asked.output is None:
         what = "of a folder" if folder else f"{len(curves)} curves"
@@ -246,10 +249,7 @@ def _fit(asked: Values) -> Any:
 
     with _sweeping(asked) as running:
         if asked.shape is not None:
-            rows, _, columns = asked.shape.partition("x")
-            if not (rows.isdigit() and columns.isdigit() and int(rows) * int(columns)):
-                raise InputError(f"--shape: {asked.shape!r}; write ROWSxCOLUMNS, for example 8x8")
-            running["shape"] = int(rows), int(columns)
+            running["shape"] = asked.shape
         return fit_map(asked.source, contact, asked.output, spring=asked.spring, **how, **running)
 
 

@@ -49,7 +49,7 @@ from contbranch.contact.contact import Contact, dimensions, make
 from contbranch.contact.height_map import HeightMap
 from contbranch.contact.interaction_law import places_of
 from contbranch.contact.interactions import INTERACTIONS, Interaction, Tabulated
-from contbranch.contact.text import read_text
+from contbranch.contact.text import as_path, read_text
 from contbranch.contact.tip_profile import Profile
 from contbranch.contact.tips import TIPS, TipShape
 from contbranch.contact.units import PHYSICAL, REDUCED, Units, finite_number, parse, positive_number
@@ -98,7 +98,7 @@ def read_contact(path: str | Path) -> tuple[Contact, _Table]:
         For a missing file, wrong TOML, an unknown table, key, shape or law, a missing or wrong value, a wrong unit, and
         for bare numbers beside numbers with units; the message is one line and names the field.
     """
-    document = parsed(Path(path))
+    document = parsed(as_path(path))
     refuse_unknown(document, _TABLES)
     for name in ("tip", "material"):
         if name not in document:

@@ -7,6 +7,13 @@ from pathlib import Path
 from contbranch.errors import InputError
 
 
+def as_path(value: object, field: str = "path") -> Path:
+    """The path of a file, or InputError for what is none."""
+    if not isinstance(value, str | Path):
+        raise InputError(f"{field}: {value!r}; must be the path of a file, a text or a Path")
+    return Path(value)
+
+
 def read_text(path: Path) -> str:
     """Return the text of a file; InputError, naming it, if it cannot be read."""
     try:

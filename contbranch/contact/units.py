@@ -33,6 +33,9 @@ _DIMENSIONS: dict[str, tuple[str, str, str]] = {
     "dimensionless": ("", "dimensionless", "0.5"),
 }
 
+# Accuracies that may be asked for.
+FINEST, COARSEST = 1e-13, 1e-2
+
 _QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\s\d.+-].*?)?\s*")
 
 
@@ -114,6 +117,14 @@ def finite_number(value: object, field: str) -> float:
         raise InputError(f"{field}: {shown}; must be a finite number") from None
     if not math.isfinite(number):
         raise InputError(f"{field}: {number}; must be a finite number")
+    return number
+
+
+def accuracy_of(value: object) -> float:
+    """An accuracy that can be asked for, or InputError."""
+    number = finite_number(value, "accuracy")
+    if not FINEST <= number <= COARSEST:
+        raise InputError(f"accuracy: {number:g}; must lie between {FINEST:g} and {COARSEST:g}")
     return number
 
 

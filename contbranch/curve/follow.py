@@ -9,12 +9,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from contbranch.contact.family import Family, Vary, family_of, value_of
-from contbranch.contact.units import Quantity, finite_number
+from contbranch.contact.units import Quantity, accuracy_of, finite_number
 from contbranch.continuation import Point
 from contbranch.control import Control, as_control
 from contbranch.curve.event_curve import EventCurve, condition_for
 from contbranch.curve.outcome import Origin
-from contbranch.curve.problem import COARSEST, FINEST, EquilibriumProblem, equilibrium
+from contbranch.curve.problem import EquilibriumProblem, equilibrium
 from contbranch.curve.symmetry import SymmetryEvent
 from contbranch.errors import InputError
 from contbranch.results.diagram import Cost, Event, ModelChoice
@@ -75,8 +75,7 @@ def follow(
         If the event is not found again.
     """
     origin, _ = _origin(event)
-    if not FINEST <= finite_number(accuracy, "accuracy") <= COARSEST:
-        raise InputError(f"accuracy: {accuracy:g}; must lie between {FINEST:g} and {COARSEST:g}")
+    accuracy_of(accuracy)
     present = event.stiffness if vary == "stiffness" and start is None else start
     values = tuple(to) if isinstance(to, Sequence) and not isinstance(to, str) else (to,)
     if not 1 <= len(values) <= 2:

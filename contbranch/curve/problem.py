@@ -40,9 +40,6 @@ __all__ = [
     "valued",
 ]
 
-# Accuracies that may be asked for.
-FINEST, COARSEST = 1e-13, 1e-2
-
 STEPS = Options(
     angle=0.3,
     angle_limit=0.8,

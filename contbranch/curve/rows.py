@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 
 from contbranch.arrays import Array, Integers
+from contbranch.contact.units import COARSEST
 from contbranch.continuation import CorrectionError, Event, Point
 from contbranch.control import LOAD, Control
 from contbranch.curve.events import Balanced, FoldEvent, Margin, Reached
 from contbranch.curve.exponents import critical_exponent, sampled_exponent
 from contbranch.curve.outcome import RawCurve, RawEvent, no_curve
-from contbranch.curve.problem import COARSEST, equilibrium, valued
+from contbranch.curve.problem import equilibrium, valued
 from contbranch.curve.refine import Found, at_parameter, by_defect, moved, refine, settled
 from contbranch.curve.symmetry import Breaking, critical_eigenvalues, has_modes, merged, symmetry_breaking
 from contbranch.curve.trace import Request

@@ -135,11 +135,20 @@ def fit_map(
     return found
 
 
-def _laid_out(contact: Contact, curves: Sequence[ForceCurve | Unread], shape: tuple[int, int] | None) -> Listed:
+def sized(shape: Any) -> tuple[int, int]:
+    """Rows and columns of a map, (8, 8) or "8x8"."""
+    parts = shape.split("x") if isinstance(shape, str) else shape
+    match parts:
+        case [rows, columns] if str(rows).isdigit() and str(columns).isdigit() and int(rows) * int(columns):
+            return int(rows), int(columns)
+    raise InputError(f"shape: {shape!r}; write ROWSxCOLUMNS, for example 8x8")
+
+
+def _laid_out(contact: Contact, curves: Sequence[ForceCurve | Unread], shape: object) -> Listed:
     """Curves with their places: a grid where they fill one, row by row."""
     places: list[Mapping[str, float]] = [one.place for one in curves]
     if shape is not None:
-        rows, columns = shape
+        rows, columns = sized(shape)
         if len(curves) > rows * columns:
             raise InputError(f"shape: {rows} × {columns}; there are {len(curves)} curves")
         places = [dict(zip(("row", "column"), divmod(k, columns), strict=True)) for k in range(len(curves))]

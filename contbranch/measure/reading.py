@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from contbranch.arrays import AnyArray
+from contbranch.contact.text import as_path
 from contbranch.contact.units import Quantity, parse
 from contbranch.errors import InputError
 from contbranch.measure.force_curve import COLUMNS, ForceCurve
@@ -88,7 +89,7 @@ def curves_in(path: str | Path, spring: Quantity = None) -> Iterator[ForceCurve 
     InputError
         If there is no such file, or nothing in the folder has a known suffix.
     """
-    path = Path(path)
+    path = as_path(path, "curve")
     if path.is_dir():
         files = [one for one in path.iterdir() if one.is_file() and one.suffix.lower() in (*_TEXTS, *_INSTRUMENTS)]
         if not files:

@@ -8,6 +8,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from contbranch.contact.text import as_path
 from contbranch.errors import InputError
 
 
@@ -62,7 +63,7 @@ def reserved(path: str | Path, field: str = "path") -> Iterator[Place]:
     InputError
         If nothing can be written there, or another process is about to.
     """
-    path = Path(path)
+    path = as_path(path, field)
     target = path.resolve()
     device = target.exists() and not target.is_file()
     unfinished = None if device else target.with_name(target.name + ".part")

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from contbranch.contact.height_map import HeightMap
+from contbranch.contact.text import as_path
 from contbranch.errors import InputError
 from contbranch.output import files
 from contbranch.output.sweep_file import is_sweep, load_sweep, rebuilt
@@ -37,6 +38,7 @@ from contbranch.results.diagram import (
     State,
     Window,
 )
+from contbranch.results.fit_map import FitMap
 from contbranch.results.followed import Followed, Special
 from contbranch.results.loop import Hysteresis, Jump, Path as LoopPath
 from contbranch.results.profile import CellFields, ModeShape, Profile
@@ -52,11 +54,10 @@ from contbranch.results.record import (
     quantity_of,
     same,
 )
+from contbranch.results.sweep import Sweep
 
 if TYPE_CHECKING:
     import h5py
-
-    from contbranch.results.sweep import Sweep
 
 
 Kind = TypeVar("Kind", bound=Record)
@@ -100,14 +101,18 @@ def save(result: Result, path: str | Path) -> None:
     Raises
     ------
     InputError
-        If the file cannot be written.
+        If the file cannot be written, or the file of a sweep is not there any more.
     """
     with files.reserved(path) as place:
         place.write(content(result))
 
 
 def content(result: Result) -> bytes:
-    """What `save` writes."""
+    """What `save` writes: of a sweep a copy of its file."""
+    if isinstance(result, Sweep):
+        if not is_sweep(result.path):
+            raise InputError(f"path: the sweep's own file '{result.path}' is not there or not complete; resume it")
+        return result.path.read_bytes()
     if isinstance(result, Solution):
         result = _as_diagram(result)
     if isinstance(result, Diagram):
@@ -165,18 +170,18 @@ def load(path: str | Path) -> Diagram | Hysteresis | Followed | Sweep:
     """
     import h5py
 
-    path = Path(path)
+    path = as_path(path)
     if is_sweep(path):
         return load_sweep(path)
     image, verified = _verified(path)
-    if not verified:
-        text = f"'{path}' has no checksum, as older versions wrote it: what it holds cannot be verified; save it again"
-        warnings.warn(text, stacklevel=2)
     try:
         if not verified:
             _try_out(image)
         with h5py.File(io.BytesIO(image), "r") as file:
             kind = _kind_of(file, path)
+            if not verified:
+                text = f"'{path}' has no checksum, as older versions wrote it: what it holds cannot be verified"
+                warnings.warn(f"{text}; save it again", stacklevel=2)
             found = _read_diagram(file) if kind is Diagram else _made(kind, _read_object(file))
     except InputError:
         raise
@@ -224,6 +229,8 @@ def _kind_of(file: h5py.File, path: Path) -> Any:
     """What the file holds; InputError if it is nothing that can be read here, or of a later version."""
     found = file.attrs.get("format")
     kinds: dict[str, Any] = {kind.format: kind for kind in (Diagram, Hysteresis, Followed)}
+    if found in (Sweep.format, FitMap.format):  # which end with their checksum
+        raise InputError(f"path: '{path}' is damaged (its end is not what was written); run the sweep again")
     if found not in kinds:
         raise InputError(f"path: '{path}' holds {found or 'something else'}; must hold one of {', '.join(kinds)}")
     version = int(file.attrs["version"])
@@ -274,7 +281,7 @@ def _write(group: h5py.Group, name: str, value: Any, names: UnitNames) -> None:
     elif name == "events":
         _write_table(group.create_group(name), Event, value, names)
     else:
-        inner = group.create_group(name)
+        inner = group.create_group(name, track_order=isinstance(value, Mapping))  # read in the order of a dictionary
         for key, one in _parts(name, value):
             _write(inner, str(key), one, names)
 

@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from contbranch.arrays import Array
+from contbranch.contact.units import finite_number
 from contbranch.errors import InputError
 from contbranch.output.plot_follow import is_logarithmic, parameter_label, scale_axis
 from contbranch.output.plot_view import SERIES, heat_map, new_figure
@@ -43,7 +44,7 @@ def sweep_figure(sweep: Sweep, thresholds: Sequence[str] = (), level: float | No
         raise InputError(f"plot: the sweep varies {over}; figures show one parameter or two: write contbranch view")
     values = {name: np.array([task.thresholds.get(name, np.nan) for task in sweep.tasks]) for name in shown}
     axes = [np.array([task.parameters[name] for task in sweep.tasks]) for name in sweep.parameters]
-    lines = [] if level is None else [float(level)]
+    lines = [] if level is None else [finite_number(level, "level")]
     return _curves(sweep, axes[0], values, lines) if len(axes) == 1 else _maps(sweep, axes, values, lines)
 
 

@@ -107,6 +107,8 @@ class Sweep(Result):
         """
         from contbranch.output.sweep_file import read_diagram
 
+        if type(index) is not int or not -len(self) <= index < len(self):
+            raise InputError(f"index: {index!r}; must be one of the numbers of {len(self)} tasks, from 0")
         if self.tasks[index].status == "failed":
             raise InputError(f"index: {index}; this task failed: {self.tasks[index].message}")
         return read_diagram(self, index)

@@ -13,6 +13,7 @@ import numpy as np
 from contbranch.contact.contact import Contact
 from contbranch.contact.family import dimension_of, family_of, member
 from contbranch.contact.file import parsed, read_contact
+from contbranch.contact.text import as_path
 from contbranch.contact.units import finite_number, positive_number
 from contbranch.errors import InputError, look_up, refuse_unknown
 from contbranch.grid_size import named_model
@@ -165,7 +166,7 @@ def read_sweep(path: str | Path) -> tuple[Design, dict[str, Any]]:
         As for a contact file, and for a table that cannot be used; the message names the field.
     """
     contact, options = read_contact(path)
-    table = parsed(Path(path)).get("sweep")
+    table = parsed(as_path(path)).get("sweep")
     if not isinstance(table, dict) or not isinstance(table.get("vary"), dict):
         raise InputError(f"sweep.vary: missing; '{path}' needs a table [sweep.vary] of parameters and their values")
     refuse_unknown(table, _SWEEP, "sweep.")

@@ -12,6 +12,7 @@ from typing import Any
 
 from contbranch.contact.contact import Contact
 from contbranch.contact.family import dimension_of
+from contbranch.contact.text import as_path
 from contbranch.contact.units import positive_number
 from contbranch.errors import InputError, refuse_unknown
 from contbranch.output.files import reserved
@@ -77,7 +78,12 @@ def sweep(
         If an argument cannot be used, or the file exists, or another process writes it.
     """
     refuse_unknown(settings, (*_TRACING, *_RUNNING))
-    path = Path(path)
+    path = as_path(path)
+    if isinstance(contacts, Contact) or not isinstance(contacts, Sequence):
+        raise InputError(f"contacts: {type(contacts).__name__}; must be a list of contacts, or what cb.varied makes")
+    workers = settings.get("workers")
+    if workers is not None and not (type(workers) is int and workers > 0):
+        raise InputError(f"workers: {workers!r}; must be a whole number, 1 or greater")
     if not len(contacts):
         raise InputError("contacts: none; give at least one")
     design = contacts if isinstance(contacts, Design) else listed(contacts)

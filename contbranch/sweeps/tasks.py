@@ -12,6 +12,7 @@ import numpy as np
 from contbranch import __version__
 from contbranch.arrays import AnyArray, Columns, plain
 from contbranch.contact.contact import Contact
+from contbranch.contact.units import accuracy_of, positive_number
 from contbranch.control import Spring, as_control
 from contbranch.errors import look_up
 from contbranch.results.diagram import Branch, Diagram
@@ -81,6 +82,9 @@ class Tracing:
     def __post_init__(self) -> None:
         as_control(self.control)
         look_up(self.keep, dict.fromkeys(KEEP), "keep")
+        accuracy_of(self.accuracy)
+        if self.max_load is not None and not isinstance(self.max_load, str):
+            positive_number(self.max_load, "max_load")
 
     def describe(self) -> Values:
         """Every setting but the time allowed."""

@@ -212,3 +212,31 @@ def test_a_full_disk_ends_the_sweep_with_what_it_has(tmp_path: Path, monkeypatch
         found = cb.sweep(contacts, tmp_path / "s.h5", executor, resume=True, task=task)
     assert found.reused > 0
     assert found.status == "complete"
+
+
+def test_settings_are_looked_at_before_anything_is_computed(tmp_path):
+    films = cb.varied(cb.Contact.reduced(cb.Exponential, tabor=1.0), {"tabor": [1.0, 3.0]})
+    for settings, words in (
+        ({"workers": -1}, "workers: -1; must be a whole number, 1 or greater"),
+        ({"workers": 1.5}, "workers: 1.5; must be a whole"),
+        ({"accuracy": 5.0}, "accuracy: 5; must lie between"),
+        ({"max_load": -5.0}, "max_load: -5; must be greater than zero"),
+    ):
+        with pytest.raises(cb.InputError, match=words):
+            cb.sweep(films, tmp_path / "s.h5", **settings)
+    with pytest.raises(cb.InputError, match="contacts: Contact; must be a list"):
+        cb.sweep(films[0], tmp_path / "s.h5")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_sweep_is_saved_as_a_copy_and_known_where_its_end_is_missing(tmp_path):
+    films = cb.varied(cb.Contact.reduced(cb.MaugisDugdale, tabor=1.0), {"tabor": [1.0, 3.0]})
+    found = cb.sweep(films, tmp_path / "s.h5", workers=1, model="exact", keep="thresholds")
+    found.save(tmp_path / "copy.h5")
+    assert cb.load(tmp_path / "copy.h5").tasks == found.tasks
+    (tmp_path / "short.h5").write_bytes((tmp_path / "s.h5").read_bytes()[:-1])
+    with pytest.raises(cb.InputError, match=r"is damaged .its end is not what was written"):
+        cb.load(tmp_path / "short.h5")
+    for index in (2, "a"):
+        with pytest.raises(cb.InputError, match=r"index: .*must be one of the numbers of 2 tasks"):
+            found.diagram(index)
