@@ -20,9 +20,9 @@ from .equilibria import LatticeProblem
 from .measure import quietly
 from .model import FreeSpace, Periodic
 from .ramp import jump_message
-from .resolution import HOPELESS, Resolution, border_energy, border_message, repetition, warn
+from .resolution import HOPELESS, Resolution, border_energy, repetition, warn
 from .setup import Setup
-from .size import announce, chosen_size
+from .size import announce, border_message, chosen_size
 from .solve import solve_all
 
 __all__ = ["LatticeCurves", "traced"]
@@ -116,7 +116,7 @@ def traced(setup: Setup, request: Request) -> Track:
             finer = traced(setup.fine, request)
             note = f"On a grid of {setup.grid} nodes the curve cannot be followed: this is that on twice as many."
             return replace(finer, message=f"{note} {finer.message}".strip())
-        notes.append(_reaching(setup, track))
+        notes.append(_reaching(setup, track, request.target))
         warn(notes[-1])
     notes.append(no_comparison(setup))
     return replace(track, message=" ".join(filter(None, [track.message, *notes])))
@@ -130,10 +130,10 @@ def no_comparison(setup: Setup) -> str:
     return f"Errors of points are not known on a grid of {setup.grid}: use one divisible by 4, such as {fitting}."
 
 
-def _reaching(setup: Setup, track: Track) -> str:
+def _reaching(setup: Setup, track: Track, target: float | None) -> str:
     """Where along the curve the interaction reaches furthest beyond the border of the cell."""
     heights = setup.problem.heights
-    touching = (point for point in track.points if point.x.size == heights.size and point.observables["contact_radius"])
-    gaps = ((heights + point.x.reshape(heights.shape), point.parameter) for point in touching)
+    known = (point for point in track.points if point.x.size == heights.size)
+    gaps = ((heights + point.x.reshape(heights.shape), point.parameter) for point in known)
     worst = max(gaps, key=lambda gap: border_energy(setup.problem, gap[0]), default=None)
-    return "" if setup.crowded or worst is None else border_message(setup, *worst)
+    return "" if setup.crowded or worst is None else border_message(setup, *worst, (None, target))

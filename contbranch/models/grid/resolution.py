@@ -33,7 +33,6 @@ __all__ = [
     "GridWarning",
     "Resolution",
     "border_energy",
-    "border_message",
     "edge_force",
     "needed_grid",
     "refuse_too_large",
@@ -50,6 +49,8 @@ HOPELESS = 3.5
 FIELDS = 40
 # What the law may still have at the border of the cell, as a part of its reference work.
 DECAYED = 1e-3
+# Where more of it is left, what is outside of the cell is no small correction: by how much it changes loads is unknown.
+LOUD = 0.1
 # Heights that change by this factor more across the edge of the cell than elsewhere belong to no periodic map.
 STEP = 4.0
 
@@ -196,20 +197,26 @@ def border_energy(problem: GridProblem, gap: Array) -> float:
 
 
 def tail_force(setup: Setup, state: Equilibrium) -> float:
-    """Force of the interaction outside a free cell, which the cell leaves out: ∫ p_fr d²r = 2π r |v|/(dg/dr).
+    """Force of the interaction outside a free cell, which the cell leaves out: ∫ p_fr d²r = 2π (r |v| + ∫ |v| dr)/g′.
 
-    The gap beyond the border is continued with its slope there, as for a tip that steepens; an estimate from above.
+    The gap beyond the border is continued with its slope g′ there, as for a tip that steepens; an estimate from above.
+    Infinite where the interaction has hardly decayed there: it would deform what is inside.
     """
     lattice, law = setup.lattice, setup.law
     if law is None or setup.crowded or lattice.kind == "periodic":
         return 0.0
+    if border_energy(setup.problem, state.fields.gap) > LOUD:
+        return math.inf
     last, middle = lattice.inside - 1, 0 if lattice.quarter else lattice.grid // 2
     gap = state.fields.gap
     outer, inner = (min(float(gap[k, middle]), float(gap[middle, k])) for k in (last, last - 1))
     if not (math.isfinite(outer) and outer > inner):
         return 0.0
-    energy = abs(float(law.evaluate(np.array([max(outer, 0.0)])).energy[0]))
-    return math.pi * lattice.edge * energy * lattice.spacing / (outer - inner)
+    slope, nearest = (outer - inner) / lattice.spacing, max(outer, 0.0)
+    gaps = nearest + np.concatenate([[0.0], np.geomspace(1e-3, 1e3, 60) * (nearest + law.range)])
+    energy = np.abs(law.evaluate(gaps).energy)
+    beyond = float((energy[1:] + energy[:-1]) @ np.diff(gaps)) / (2.0 * slope)
+    return 2.0 * math.pi * (0.5 * lattice.edge * float(energy[0]) + beyond) / slope
 
 
 def edge_force(setup: Setup, state: Equilibrium) -> float:
@@ -235,24 +242,6 @@ def fills(setup: Setup, state: Equilibrium) -> bool:
         return False
     inner = state.contact[: lattice.inside, : lattice.inside]
     return bool(inner[-1, :].any() or inner[:, -1].any())
-
-
-def border_message(setup: Setup, gap: Array, load: float) -> str:
-    """A sentence if the interaction reaches the border of the cell, empty if it has decayed."""
-    problem, law = setup.problem, setup.law
-    share = border_energy(problem, gap)
-    if law is None or share <= DECAYED:
-        return ""
-    lattice = problem.lattice
-    height = smallest_on_border(lattice, problem.heights)
-    # Heights grow at least with the distance's square; what is missing at the border is gained in proportion.
-    missing = law.reach(DECAYED) - smallest_on_border(lattice, gap)
-    factor = math.sqrt((height + missing) / height) if height > 0 else 2.0
-    return (
-        f"The cell is too small: the interaction reaches its border with {share:.2g} of its strength at load "
-        f"{load * setup.units.load:.6g}; use a cell of about {rounded_up(setup.edge * setup.units.in_plane * factor)} "
-        "or more."
-    )
 
 
 def rounded_up(value: float) -> str:

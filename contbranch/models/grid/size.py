@@ -16,11 +16,13 @@ from contbranch.errors import InputError, ModelError
 from contbranch.grid_size import nearest_fast
 from contbranch.watch import patient
 
+from .arrays import Array
 from .lattice import Kind
-from .resolution import DECAYED, needed_grid, warn
+from .resolution import DECAYED, LOUD, border_energy, needed_grid, rounded_up, smallest_on_border, warn
+from .setup import Setup
 from .sketch import relatives
 
-__all__ = ["announce", "chosen_size", "expected_seconds"]
+__all__ = ["announce", "border_message", "chosen_size", "expected_seconds"]
 
 # Seconds of a trace in a free cell of 10 on so many nodes a side, one core: means over the exponential attraction with
 # μ_T = 1 and the Gauss attraction with 2 (finer ones by the last growth); minutes from which on a trace is announced.
@@ -115,6 +117,24 @@ def _extent(contact: Contact, field: str | None, value: float | None) -> tuple[f
         except ModelError:
             pass
     return 10.0, 0.0
+
+
+def border_message(setup: Setup, gap: Array, load: float, asked: tuple[str | None, float | None]) -> str:
+    """A sentence if the interaction reaches the border of the cell, empty if it has decayed; `asked` as for a size."""
+    problem, law = setup.problem, setup.law
+    share = border_energy(problem, gap)
+    if law is None or share <= DECAYED:
+        return ""
+    if share > LOUD:  # what lies outside has never been felt: it bears load that goes elsewhere here
+        edge = max(chosen_size(setup.contact, setup.kind, (None, setup.grid), asked, 1e-3)[0], 1.5 * setup.edge)
+    else:
+        missing = law.reach(DECAYED) - smallest_on_border(problem.lattice, gap)
+        height = smallest_on_border(problem.lattice, problem.heights) + missing
+        edge = max(2.0 * _radius_at(setup.contact, height), setup.edge)
+    return (
+        f"The cell is too small: the interaction reaches its border with {share:.2g} of its strength at load "
+        f"{load * setup.units.load:.6g}; use a cell of about {rounded_up(edge * setup.units.in_plane)} or more."
+    )
 
 
 def expected_seconds(grid: int) -> float:

@@ -17,9 +17,9 @@ from contbranch.results.diagram import State
 from .equilibria import LatticeProblem
 from .measure import quietly
 from .newton import Equilibrium, Hold, Settings, Sketch, control_held, hold_control, newton, settings_for, tangent
-from .resolution import Resolution, border_message, fills, repetition, rounded_up, warn
+from .resolution import Resolution, fills, repetition, rounded_up, warn
 from .setup import Setup
-from .size import chosen_size
+from .size import border_message, chosen_size
 from .sketch import copied, drawn, relatives
 
 __all__ = ["reached", "solve_all"]
@@ -82,7 +82,7 @@ def solve_all(setup: Setup, request: Request, field: str, value: float, near: St
 def _border(setup: Setup, state: Equilibrium, asked: tuple[str, float], accuracy: float) -> str:
     """A sentence if contact or interaction have reached the border of the cell."""
     if not fills(setup, state):
-        return border_message(setup, state.fields.gap, state.load)
+        return border_message(setup, state.fields.gap, state.load, asked)
     # Heights and gaps at the border do not tell how far a contact would go: the cell that would be chosen does.
     wanted, _ = chosen_size(setup.contact, setup.kind, (None, setup.grid), asked, accuracy)
     load, edge = state.load * setup.units.load, max(wanted, 2.0 * setup.edge) * setup.units.in_plane

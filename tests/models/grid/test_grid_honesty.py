@@ -237,3 +237,17 @@ def test_a_contact_does_not_open_again_by_a_leap() -> None:
     for name in ("squeeze_out_load", "wetting_load", "touch_load"):
         event = min(film.events, key=lambda one, load=film.thresholds[name]: abs(one.load - load))
         assert abs(film.thresholds[name] - exact.thresholds[name]) <= event.error["load"]
+
+
+@pytest.mark.filterwarnings("ignore::contbranch.GridWarning")
+@pytest.mark.parametrize("law", [cb.Exponential(-1.0, 1.0), cb.VanDerWaals(1.0, 1.0)])
+def test_a_cell_too_small_for_a_cone_is_known_to_be(law: cb.Interaction) -> None:
+    """Heights of a cone grow as the distance only: outside of a small cell there is more than what is inside."""
+    contact = cb.Contact(cb.Cone(slope=0.5), law)
+    exact = next(event for event in cb.trace(contact).events if event.kind == "touch")
+    for cell in (12.0, 22.0):
+        diagram = cb.trace(contact, model=cb.FreeSpace(cell=cell, grid=48))
+        touch = next(event for event in diagram.events if event.kind == "touch")
+        assert abs(touch.load - exact.load) <= 1.5 * touch.error["load"]
+        advised = float(re.search("use a cell of about ([0-9.]+)", diagram.message)[1])
+        assert advised > 70.0
