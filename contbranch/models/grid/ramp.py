@@ -69,11 +69,33 @@ def _ramped(term: MaugisDugdale, spacing: float) -> RampedDugdale:
 
 
 def jump_message(law: Interaction | None) -> str:
-    """A sentence for laws with attraction that ends at once, empty for others."""
-    terms = terms_of(law)
-    if not any(isinstance(term, RampedDugdale) and term.work_of_adhesion > 0.0 for term in terms):
-        return ""
-    return (
-        "The maugis-dugdale attraction ends at once, for nodes over a ramp as steep as the grid resolves: the curve "
-        "has many folds of the grid's own and may end early; for a parabola use the exact model, else a smooth law."
-    )
+    """A sentence for laws with a pressure that ends at once, empty for others."""
+    ramped = [term for term in terms_of(law) if isinstance(term, RampedDugdale)]
+    if any(term.work_of_adhesion > 0.0 for term in ramped):
+        return (
+            "The maugis-dugdale attraction ends at once, for nodes over a ramp as steep as the grid resolves: the curve "
+            "has many folds of the grid's own and may end early; for a parabola use the exact model, else a smooth law."
+        )
+    if ramped:
+        width = 100.0 * max(term.ramp for term in ramped)
+        return (
+            f"The maugis-dugdale repulsion ends at once, for nodes over a ramp of ±{width:.2g} % of its range: a finer "
+            "grid has a steeper one."
+        )
+    return ""
+
+
+def ramp_errors(law: Interaction | None, gaps: Array, area: float, central_gap: float) -> tuple[float, float]:
+    """What ramps add to the load of a state with these gaps at nodes of an area, and by how much they move a film.
+
+    A film whose surfaces lie on the ramp in the middle is there by the ramp: the law itself has them at its end.
+    """
+    force = length = 0.0
+    for term in terms_of(law):
+        if isinstance(term, RampedDugdale):
+            plain = MaugisDugdale(term.work_of_adhesion, term.range)
+            change = term.evaluate(gaps).pressure - plain.evaluate(gaps).pressure
+            force += area * float(change.sum())
+            if 0.0 < central_gap and abs(central_gap - term.range) <= term.ramp * term.range:
+                length = max(length, term.ramp * term.range)
+    return abs(force), length

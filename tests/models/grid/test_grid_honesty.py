@@ -251,3 +251,16 @@ def test_a_cell_too_small_for_a_cone_is_known_to_be(law: cb.Interaction) -> None
         assert abs(touch.load - exact.load) <= 1.5 * touch.error["load"]
         advised = float(re.search("use a cell of about ([0-9.]+)", diagram.message)[1])
         assert advised > 70.0
+
+
+@pytest.mark.filterwarnings("ignore::contbranch.GridWarning")
+def test_films_on_a_ramp_are_as_uncertain_as_the_ramp_is_wide() -> None:
+    """The film of a Maugis-Dugdale attraction jumps in where its gap is the range, without a load until then."""
+    contact = cb.Contact.reduced(cb.MaugisDugdale, tabor=1.3)
+    diagram = cb.trace(contact, model=cb.FreeSpace(cell=12.0, grid=48), max_load=3.0)
+    jump = next(event for event in diagram.events if event.name == "jump-in")
+    for name, exact in (("load", 0.0), ("displacement", -1 / 1.3), ("central_gap", 1 / 1.3)):
+        assert abs(getattr(jump, name) - exact) <= jump.error[name] < 1.0
+    film = cb.Contact(cb.PowerLaw(2.887, 1.0), cb.MaugisDugdale(-1.0, 0.635))
+    repelled = cb.trace(film, model=cb.FreeSpace(cell=12.0, grid=48), max_load=22.0)
+    assert "a ramp of ±50 % of its range" in repelled.message
