@@ -53,8 +53,8 @@ CENTRES, ROWS_A_ROW = 4, 1
 STATES = 3
 # Weight of first touch, up to where windows begin that hold it, and radius of the first row, in rows of nodes.
 TOUCH, FROM_TOUCH, FIRST = 5.0, 0.5, 0.1
-# Rows of nodes at most by which an average begins later than the row before it.
-JOINT = 1.5
+# Rows of nodes at most by which an average begins later than the row before it, and by which radii are the same.
+JOINT, SAME = 1.5, 1e-6
 # Arcs at most of one average, and rows of nodes for which they are followed where steps lead nowhere.
 MOST_ARCS, STUCK = 3000, 2.0
 # Gauss-Legendre rule for the product of two parabolas.
@@ -287,9 +287,16 @@ class AveragedProblem(EquilibriumProblem):
         """It takes the place of rows that it spans; behind its last arc the lattice's own curve goes on."""
         if name == "average":
             radii = [row.observables["contact_radius"] for row in points[:-1]]
-            kept = next((k for k, radius in enumerate(radii) if radius > self.first), len(radii))
-            return Succession("", points[-1], (points[-1],), dropped=len(points) - max(kept, 1))
-        return Succession("", points[-1], (self.lattice.behind(self.samples),), same=False, dropped=1)
+            least, slack = (1, 0.0) if self.lattice.past is None else (0, SAME * self.scale)  # one average, or two
+            kept = next((k for k, radius in enumerate(radii) if radius > self.first - slack), len(radii))
+            return Succession("", points[-1], (points[-1],), dropped=len(points) - max(kept, least))
+        start = self.lattice.behind(self.samples)
+        ahead = np.array([start.observables[name] for name in ("load", "displacement")])
+        # The lattice's own rows ripple about the average: rows of it from which they would turn back are dropped.
+        near = [row for row in points if start.observables["contact_radius"] - row.parameter < JOINT * self.scale]
+        on = (np.sign(ahead - row.x) == np.sign(self.fit.curve(row.parameter, 1)[:2]) for row in reversed(near))
+        dropped = next((k for k, found in enumerate(on, start=1) if found.all()), 1)
+        return Succession("", points[-dropped], (start,), same=False, dropped=dropped)
 
     def values(self, x: Vector, p: float) -> Values:
         """Of the average."""

@@ -73,8 +73,9 @@ def jump_message(law: Interaction | None) -> str:
     ramped = [term for term in terms_of(law) if isinstance(term, RampedDugdale)]
     if any(term.work_of_adhesion > 0.0 for term in ramped):
         return (
-            "The maugis-dugdale attraction ends at once, for nodes over a ramp as steep as the grid resolves: the curve "
-            "has many folds of the grid's own and may end early; for a parabola use the exact model, else a smooth law."
+            "The maugis-dugdale attraction ends at once, for nodes over a ramp as steep as the grid resolves: the "
+            "curve has many folds of the grid's own and may end early; for a parabola use the exact model, else a "
+            "smooth law."
         )
     if ramped:
         width = 100.0 * max(term.ramp for term in ramped)
@@ -96,6 +97,6 @@ def ramp_errors(law: Interaction | None, gaps: Array, area: float, central_gap: 
             plain = MaugisDugdale(term.work_of_adhesion, term.range)
             change = term.evaluate(gaps).pressure - plain.evaluate(gaps).pressure
             force += area * float(change.sum())
-            if 0.0 < central_gap and abs(central_gap - term.range) <= term.ramp * term.range:
+            if central_gap > 0.0 and abs(central_gap - term.range) <= term.ramp * term.range:
                 length = max(length, term.ramp * term.range)
     return abs(force), length

@@ -27,7 +27,7 @@ from contbranch.watch import finishing, kept, over
 
 from .arcs import arcs, onward
 from .arrays import Array
-from .averaging import averaged, half_width, turned
+from .averaging import JOINT, averaged, half_width, turned
 from .keeping import Keeping
 from .measure import Direction, Measure, Stretch, lagrange, predicted
 from .newton import Equilibrium, newton
@@ -190,7 +190,7 @@ class Walker:
 
     def _branch(self, end: End) -> Branch:
         """The rows, with the directions between them."""
-        rows = self._cornered(self.rows) if self._chained else self.rows
+        rows = self._cornered(self.rows) if self._chained else self._joined(self.rows)
         points = [row.point for row in rows]
         known = points
         if rows[-1].event == "average":  # what it spans is dropped
@@ -205,6 +205,17 @@ class Walker:
                 branch.events.append((EventPoint(point, 0.0, 0.0, name=row.event), k - 1))
             branch.points.append(point)
         return branch
+
+    def _joined(self, rows: list[Row]) -> list[Row]:
+        """Behind an average without the first rows that turn back for a moment: what turns round is in averages."""
+        if self.problem.past is None:
+            return rows
+        first, *rest = rows
+        while len(rest) > 1 and not rest[0].event and abs(rest[0].radius - first.radius) < JOINT * self.spacing:
+            if ((rest[0].place - first.place) * (rest[1].place - rest[0].place) >= 0.0).all():
+                break
+            del rest[0]
+        return [first, *rest]
 
     def _cornered(self, rows: list[Row]) -> list[Row]:
         """The rows of a chain of arcs, with the folds where its direction turns from one row to the next.

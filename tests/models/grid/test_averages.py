@@ -200,3 +200,18 @@ def test_exponents_of_averaged_folds() -> None:
         assert known is not None
         assert averaged is not None
         assert averaged.prefactor == pytest.approx(known.prefactor, rel=0.03)
+
+
+@pytest.mark.filterwarnings("ignore::contbranch.GridWarning")
+@pytest.mark.parametrize(("law", "tabor", "cell"), [(cb.Exponential, 1.0, 10.0), (cb.VanDerWaals, 1.1789, 12.0)])
+def test_rows_turn_round_at_folds_alone_where_averages_begin_and_end(law, tabor: float, cell: float) -> None:
+    """Rows of the lattice's own ripple about the average that they follow, or precede."""
+    contact = cb.Contact.reduced(law, tabor=tabor)
+    diagram = cb.trace(contact, model=cb.FreeSpace(cell=cell, grid=48), max_load=12.0)
+    (branch,) = diagram.branches
+    events = np.array([event.position for event in diagram.events])
+    assert len(np.unique(branch.contact_radius[branch.contact_radius > 0.0])) == (branch.contact_radius > 0.0).sum()
+    for values in (branch.load, branch.displacement):
+        rises = np.diff(values)
+        turns = 1 + np.flatnonzero(rises[1:] * rises[:-1] < 0.0)
+        assert all(np.abs(events - turn).min() <= 1.0 for turn in turns)
