@@ -74,6 +74,22 @@ def test_boundaries_of_a_phase_diagram_are_a_table(tmp_path):
     assert first.startswith("load [nN],displacement [nm]")
     assert "boundary,tip.radius [nm]" in first
     assert len(rows) == sum(len(one.curve["load"]) for one in phase.boundaries) > 0
+    assert {part["contact"] for parts in phase.document()["parts"] for part in parts} == {True, False}
+    phase.save(tmp_path / "phase.h5")
+    again = cb.load(tmp_path / "phase.h5")
+    assert again.document() == phase.document()
+    assert (again.parts, again.contact) == (phase.parts, phase.contact)
+    again.to_csv(tmp_path / "again.csv")
+    assert (tmp_path / "again.csv").read_text() == (tmp_path / "phase.csv").read_text()
+
+
+def test_equilibria_are_read_back(tmp_path):
+    found = cb.find_all(cb.Contact.reduced(cb.Exponential, tabor=3.0), load=-4.0, accuracy=1e-5)
+    found.save(tmp_path / "all.h5")
+    again = cb.load(tmp_path / "all.h5")
+    assert again.document() == found.document()
+    assert (again.connected, again.window, again.accuracy) == (found.connected, found.window, 1e-5)
+    assert len(again.stable) == len(found.stable) == 1
 
 
 def test_exponents_at_folds_of_a_spring_count_lengths():

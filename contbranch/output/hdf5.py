@@ -38,9 +38,11 @@ from contbranch.results.diagram import (
     State,
     Window,
 )
+from contbranch.results.equilibria import Barrier, Equilibria
 from contbranch.results.fit_map import FitMap
 from contbranch.results.followed import Followed, Special
 from contbranch.results.loop import Hysteresis, Jump, Path as LoopPath
+from contbranch.results.phase import Part, PhaseDiagram
 from contbranch.results.profile import CellFields, ModeShape, Profile
 from contbranch.results.record import (
     VERSION,
@@ -63,14 +65,21 @@ if TYPE_CHECKING:
 Kind = TypeVar("Kind", bound=Record)
 Kept = TypeVar("Kept")
 
+# What can be read again, besides sweeps.
+_KINDS = (Diagram, Hysteresis, Followed, Equilibria, PhaseDiagram)
 # What of a diagram is not read as a document is.
 _APART = {"contact", "unit_names", "tip", "events", "mode_shapes", "local_exponents"}
 # What stands in a column of a table where there is no value: modes are counted from 1.
 _BLANK = {float: math.nan, int: 0, str: ""}
 # Records within documents.
 _PARTS: Values = {
-    one.__name__: one for one in (Branch, LoopPath, Jump, State, ModelChoice, Cost, Event, Special, Exponent, Window)
+    **{
+        one.__name__: one
+        for one in (Branch, LoopPath, Jump, State, ModelChoice, Cost, Event, Special, Exponent, Window)
+    },
+    **{one.__name__: one for one in (Barrier, Followed, Part)},
 }
+_PLAIN: Values = {"bool": bool, "int": int, "float": float}
 # The block before what HDF5 reads: the least size that it allows, and what is written there.
 _BLOCK = 512
 # A program that reads everything in a file.
@@ -158,8 +167,10 @@ def _point(state: State) -> Branch:
     return Branch(**found, profiles=() if state.profile is None else (state.profile,), cells=cells)
 
 
-def load(path: str | Path) -> Diagram | Hysteresis | Followed | Sweep:
-    """Read a diagram, a loop, a followed event or a sweep from an HDF5 file that the package wrote.
+def load(path: str | Path) -> Diagram | Hysteresis | Followed | Equilibria | PhaseDiagram | Sweep:
+    """Read a diagram, a loop, a followed event, equilibria, a phase diagram or a sweep from a file that `save` wrote.
+
+    What is stored as its document is read as far as that goes: states without profiles.
 
     The contact is None, with a warning, where it cannot be made again: a law or tip of the user's that is not imported.
 
@@ -228,7 +239,7 @@ def _verified(path: Path) -> tuple[bytes, bool]:
 def _kind_of(file: h5py.File, path: Path) -> Any:
     """What the file holds; InputError if it is nothing that can be read here, or of a later version."""
     found = file.attrs.get("format")
-    kinds: dict[str, Any] = {kind.format: kind for kind in (Diagram, Hysteresis, Followed)}
+    kinds: dict[str, Any] = {kind.format: kind for kind in _KINDS}
     if found in (Sweep.format, FitMap.format):  # which end with their checksum
         raise InputError(f"path: '{path}' is damaged (its end is not what was written); run the sweep again")
     if found not in kinds:
@@ -345,7 +356,7 @@ def _made(kind: type[Kind], content: Mapping[str, Any], tip: h5py.Group | None =
         name, said = key_of(item), str(item.type)
         inner = next((_PARTS[word] for word in re.findall(r"\w+", said) if word in _PARTS), None)
         value = content.get(name)
-        if name == "contact":
+        if name == "contact" and issubclass(kind, Result):
             own = {} if tip is None else {"tip": {**content[name]["tip"], "heights": tip["heights"][()]}}
             value = rebuilt({**content[name], **own})
         elif name == "profiles" and value is not None:
@@ -354,7 +365,11 @@ def _made(kind: type[Kind], content: Mapping[str, Any], tip: h5py.Group | None =
         elif name == "cells" and value is not None:
             value = tuple(_made(CellFields, one) for one in value)
         elif inner is not None and value is not None:
-            value = tuple(_made(inner, one) for one in value) if "tuple" in said else _made(inner, value)
+            value = _nested(
+                inner, value, {"contact": content.get("contact"), "unit_names": content.get("unit_names", {})}
+            )
+        elif (plain := re.match(r"tuple\[(bool|int|float)\b", said)) and value is not None:
+            value = tuple(_PLAIN[plain[1]](one) for one in value)
         elif said == "Integers" and value is not None:
             value = value.astype(np.int64)
         if name in content or "None" in said:
@@ -362,6 +377,13 @@ def _made(kind: type[Kind], content: Mapping[str, Any], tip: h5py.Group | None =
         elif item.default is MISSING and item.default_factory is MISSING:
             raise KeyError(f"{kind.__name__} has no {name}")
     return kind(**found)
+
+
+def _nested(kind: type[Kind], value: Any, outer: Values) -> Any:
+    """The record of an object within another, or records of a list of them; results share the contact of the outer."""
+    if isinstance(value, Mapping):
+        return _made(kind, {**outer, **value} if issubclass(kind, Result) else value)
+    return tuple(_nested(kind, one, outer) for one in value)
 
 
 def _read_events(group: h5py.Group, shapes: Mapping[str, h5py.Group]) -> tuple[Event, ...]:

@@ -34,7 +34,7 @@ def cell_maps(state: State, unit_names: UnitNames | None = None) -> Figure:
     """
     cell, names = state.cell.shown(), dict(unit_names or {})
     contact, unit = cell.wall_pressure > 0.0, names.get("radius", "")
-    area = f"{math.pi * state.contact_radius**2:.3g}{unit and f' {unit}²'}"  # by parts of nodes, as results have it
+    area = f"{math.pi * state.contact_radius**2:.4g}{unit and f' {unit}²'}"  # by parts of nodes, as results have it
     x, y = cell.x, cell.y
     if len(x) < 2 or len(y) < 2:
         raise InputError("state: its cell has fewer than two nodes a side to be shown")

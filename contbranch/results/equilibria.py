@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import NamedTuple
 
 import numpy as np
 
 from contbranch.results.diagram import Cost, ModelChoice, State
-from contbranch.results.record import Result, described, record
+from contbranch.results.record import Record, Result, described, record
 from contbranch.results.table import Tables, of_records
 
 
-class Barrier(NamedTuple):
+@record
+class Barrier(Record):
     """What separates two neighbouring stable states: the unstable one between them on the curve.
 
     Attributes
@@ -64,7 +64,7 @@ class Equilibria(Result):
     model: ModelChoice
     cost: Cost
     stiffness: float | None = described(written="if known", default=None)
-    accuracy: float = described(written=False, default=1e-6)
+    accuracy: float = 1e-6
 
     def __len__(self) -> int:
         return len(self.states)

@@ -36,10 +36,10 @@ class Part(Record):
     contact, stable : bool
     """
 
-    start: float = described(key="from")
-    stop: float = described(key="to")
-    contact: bool = described(written=True)
-    stable: bool
+    start: float = described(key="from", default=-np.inf)  # infinite where a document has null
+    stop: float = described(key="to", default=np.inf)
+    contact: bool = described(written=True, default=False)
+    stable: bool = False
 
     @property
     def kind(self) -> tuple[bool, bool]:
