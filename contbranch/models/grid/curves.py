@@ -19,7 +19,7 @@ from .branches import with_branches
 from .equilibria import LatticeProblem
 from .measure import quietly
 from .model import FreeSpace, Periodic
-from .ramp import jump_message
+from .ramp import jump_message, ramp_message
 from .resolution import HOPELESS, Resolution, border_energy, repetition, warn
 from .setup import Setup
 from .size import announce, border_message, chosen_size
@@ -118,7 +118,7 @@ def traced(setup: Setup, request: Request) -> Track:
             return replace(finer, message=f"{note} {finer.message}".strip())
         notes.append(_reaching(setup, track, request.target))
         warn(notes[-1])
-    notes.append(no_comparison(setup))
+    notes += [ramp_message(setup.law), no_comparison(setup)]
     return replace(track, message=" ".join(filter(None, [track.message, *notes])))
 
 

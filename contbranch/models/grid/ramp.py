@@ -19,7 +19,7 @@ from contbranch.contact.interactions import Interaction, MaugisDugdale
 
 from .arrays import Array
 
-__all__ = ["RampedDugdale", "jump_message", "on_lattice"]
+__all__ = ["RampedDugdale", "jump_message", "on_lattice", "ramp_errors", "ramp_message"]
 
 
 # Nodes in the wave that is as stiff as the ramp, and the widest ramp.
@@ -69,21 +69,30 @@ def _ramped(term: MaugisDugdale, spacing: float) -> RampedDugdale:
 
 
 def jump_message(law: Interaction | None) -> str:
-    """A sentence for laws with a pressure that ends at once, empty for others."""
-    ramped = [term for term in terms_of(law) if isinstance(term, RampedDugdale)]
-    if any(term.work_of_adhesion > 0.0 for term in ramped):
-        return (
-            "The maugis-dugdale attraction ends at once, for nodes over a ramp as steep as the grid resolves: the "
-            "curve has many folds of the grid's own and may end early; for a parabola use the exact model, else a "
-            "smooth law."
-        )
-    if ramped:
-        width = 100.0 * max(term.ramp for term in ramped)
-        return (
-            f"The maugis-dugdale repulsion ends at once, for nodes over a ramp of ±{width:.2g} % of its range: a finer "
-            "grid has a steeper one."
-        )
-    return ""
+    """A sentence for laws with attraction that ends at once, empty for others."""
+    if not any(term.work_of_adhesion > 0.0 for term in _ramps(law)):
+        return ""
+    return (
+        "The maugis-dugdale attraction ends at once, for nodes over a ramp as steep as the grid resolves: the "
+        "curve has many folds of the grid's own and may end early; for a parabola use the exact model, else a "
+        "smooth law."
+    )
+
+
+def ramp_message(law: Interaction | None) -> str:
+    """A sentence for laws with repulsion alone that ends at once, empty for others."""
+    ramps = _ramps(law)
+    if not ramps or jump_message(law):
+        return ""
+    width = 100.0 * max(term.ramp for term in ramps)
+    return (
+        f"The maugis-dugdale repulsion ends at once, for nodes over a ramp of ±{width:.2g} % of its range: a finer "
+        "grid has a steeper one."
+    )
+
+
+def _ramps(law: Interaction | None) -> list[RampedDugdale]:
+    return [term for term in terms_of(law) if isinstance(term, RampedDugdale)]
 
 
 def ramp_errors(law: Interaction | None, gaps: Array, area: float, central_gap: float) -> tuple[float, float]:
@@ -92,11 +101,10 @@ def ramp_errors(law: Interaction | None, gaps: Array, area: float, central_gap: 
     A film whose surfaces lie on the ramp in the middle is there by the ramp: the law itself has them at its end.
     """
     force = length = 0.0
-    for term in terms_of(law):
-        if isinstance(term, RampedDugdale):
-            plain = MaugisDugdale(term.work_of_adhesion, term.range)
-            change = term.evaluate(gaps).pressure - plain.evaluate(gaps).pressure
-            force += area * float(change.sum())
-            if central_gap > 0.0 and abs(central_gap - term.range) <= term.ramp * term.range:
-                length = max(length, term.ramp * term.range)
+    for term in _ramps(law):
+        plain = MaugisDugdale(term.work_of_adhesion, term.range)
+        change = term.evaluate(gaps).pressure - plain.evaluate(gaps).pressure
+        force += area * float(change.sum())
+        if central_gap > 0.0 and abs(central_gap - term.range) <= term.ramp * term.range:
+            length = max(length, term.ramp * term.range)
     return abs(force), length
