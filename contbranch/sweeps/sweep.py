@@ -79,7 +79,7 @@ def sweep(
     """
     refuse_unknown(settings, (*_TRACING, *_RUNNING))
     path = as_path(path)
-    if isinstance(contacts, Contact) or not isinstance(contacts, Sequence):
+    if isinstance(contacts, Contact) or not (hasattr(contacts, "__len__") and hasattr(contacts, "__getitem__")):
         raise InputError(f"contacts: {type(contacts).__name__}; must be a list of contacts, or what cb.varied makes")
     workers = settings.get("workers")
     if workers is not None and not (type(workers) is int and workers > 0):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +15,7 @@ from contbranch.curve.curves import FollowedCurves
 from contbranch.curve.trace import Request
 from contbranch.errors import InputError, ModelError
 from contbranch.grid_size import nearest_fast
-from contbranch.watch import patient
+from contbranch.watch import kept, over, patient
 
 from .arrays import Array
 from .lattice import Kind
@@ -125,12 +126,16 @@ def border_message(setup: Setup, gap: Array, load: float, asked: tuple[str | Non
     share = border_energy(problem, gap)
     if law is None or share <= DECAYED:
         return ""
+    missing, edge = law.reach(DECAYED) - smallest_on_border(problem.lattice, gap), setup.edge
+    with suppress(InputError):  # of a tip that is flat out there
+        edge = max(
+            edge, 2.0 * _radius_at(setup.contact, smallest_on_border(problem.lattice, problem.heights) + missing)
+        )
     if share > LOUD:  # what lies outside has never been felt: it bears load that goes elsewhere here
-        edge = max(chosen_size(setup.contact, setup.kind, (None, setup.grid), asked, 1e-3)[0], 1.5 * setup.edge)
-    else:
-        missing = law.reach(DECAYED) - smallest_on_border(problem.lattice, gap)
-        height = smallest_on_border(problem.lattice, problem.heights) + missing
-        edge = max(2.0 * _radius_at(setup.contact, height), setup.edge)
+        edge = max(edge, 1.5 * setup.edge)
+        with suppress(InputError):
+            chosen = (setup.contact, setup.kind, (None, setup.grid), asked, 1e-3)
+            edge = max(edge, edge if over() else kept(lambda: chosen_size(*chosen), (edge, 0))[0])
     return (
         f"The cell is too small: the interaction reaches its border with {share:.2g} of its strength at load "
         f"{load * setup.units.load:.6g}; use a cell of about {rounded_up(edge * setup.units.in_plane)} or more."

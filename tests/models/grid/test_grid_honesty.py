@@ -11,6 +11,7 @@ import pytest
 import contbranch as cb
 from contbranch.errors import InputError
 from contbranch.output.summary import with_error
+from contbranch.watch import Interruption
 
 FILM = cb.Contact.reduced(cb.Gauss, tabor=1.0, sign=-1)
 
@@ -264,3 +265,15 @@ def test_films_on_a_ramp_are_as_uncertain_as_the_ramp_is_wide() -> None:
     film = cb.Contact(cb.PowerLaw(2.887, 1.0), cb.MaugisDugdale(-1.0, 0.635))
     repelled = cb.trace(film, model=cb.FreeSpace(cell=12.0, grid=48), max_load=22.0)
     assert "a ramp of ±50 % of its range" in repelled.message
+
+
+@pytest.mark.filterwarnings("ignore::contbranch.GridWarning")
+def test_advice_that_is_interrupted_costs_no_row(monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(*_: object) -> None:
+        raise Interruption
+
+    monkeypatch.setattr("contbranch.models.grid.size.chosen_size", interrupted)
+    contact = cb.Contact(cb.Cone(slope=0.5), cb.Exponential(-1.0, 1.0))
+    diagram = cb.trace(contact, model=cb.FreeSpace(cell=12.0, grid=48))
+    assert len(diagram.branches[0]) > 10
+    assert "use a cell of about" in diagram.message
