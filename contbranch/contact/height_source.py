@@ -15,7 +15,7 @@ from contbranch.contact.units import Quantity, finite_number, parse, positive_nu
 from contbranch.errors import InputError, look_up
 
 LEAST_POINTS = 8
-HIGHEST = 1e100
+HIGHEST = 1e100  # beyond, squares and products of heights cannot be computed with
 _AGREE = 1e-9  # relative; edges that differ by no more are the same
 # Degree of the polynomial that is subtracted.
 _TRENDS = {"plane": 1, "paraboloid": 2}

@@ -194,7 +194,7 @@ def test_the_value_of_a_row_is_found_again() -> None:
 
 
 def test_a_map_lies_where_it_was_given() -> None:
-    """Its one summit touches, on every grid at the coordinates of its node."""
+    """Below its one summit the gap is least, on every grid at the coordinates of that node."""
     x = np.arange(32) * 0.25
     heights = 0.3 * (1 - np.exp(-((x[:, None] - 2.0) ** 2 + (x - 5.0) ** 2) / 1.5))
     tip = cb.HeightMap(heights, cell=8.0)
