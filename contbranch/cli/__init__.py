@@ -1,4 +1,4 @@
-"""The command ``contbranch``: Ctrl-C is heeded before anything else is imported."""
+"""The command ``contbranch``: Ctrl-C and SIGTERM are heeded before anything else is imported."""
 
 from __future__ import annotations
 
@@ -11,39 +11,42 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-INTERRUPTED = 130
-
 
 class Interrupts:
-    """Ctrl-C: it ends the program at once, but where there is something to keep that is kept first.
+    """Ctrl-C, or SIGTERM: it ends the program at once, but where there is something to keep that is kept first.
 
     Attributes
     ----------
     keeping : bool
         Whether there is something to keep; then the computation asks for `pending`.
     pending : bool
-        Whether Ctrl-C was pressed; a second time interrupts whatever is being done.
+        Whether there was a signal; a second one interrupts whatever is being done.
+    status : int
+        What the program exits with then: 130 for Ctrl-C, 143 for SIGTERM, with which job schedulers end a job.
     unfinished : list of Path
         Files to be removed when the program ends at once.
     """
 
     keeping = pending = False
+    status = 130
 
     def __init__(self) -> None:
         self.unfinished: list[Path] = []
 
     def heed(self) -> None:
-        """Heed Ctrl-C from now on, unless the program was started so that it is ignored."""
-        if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-            signal.signal(signal.SIGINT, self)
+        """Heed signals from now on, unless the program was started so that they are ignored."""
+        for number, default in ((signal.SIGINT, signal.default_int_handler), (signal.SIGTERM, signal.SIG_DFL)):
+            if signal.getsignal(number) == default:
+                signal.signal(number, self)
 
-    def __call__(self, *_: object) -> None:
+    def __call__(self, number: int, _: object) -> None:
         """Take note, or end."""
+        self.status = 128 + number
         if not self.keeping:
             for path in self.unfinished:
                 path.unlink(missing_ok=True)
             os.write(2, b"contbranch: interrupted\n")
-            os._exit(INTERRUPTED)
+            os._exit(self.status)
         if self.pending:
             self.keeping = False
             raise KeyboardInterrupt
@@ -61,6 +64,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     status = run(sys.argv[1:] if arguments is None else arguments)
     if arguments is None:  # what is left to do ends by itself
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, signal.SIG_IGN)
     interrupts.keeping = interrupts.pending = False
     return status

@@ -18,7 +18,7 @@ from optparse import HelpFormatter, OptionParser, Values
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 
-from contbranch.cli import INTERRUPTED, interrupts
+from contbranch.cli import interrupts
 from contbranch.errors import InputError, ModelError
 from contbranch.output.files import Place, reserved
 
@@ -324,7 +324,7 @@ def run(arguments: Sequence[str]) -> int:
     except ModelError as error:
         return _fail(str(error), INCOMPLETE)
     except KeyboardInterrupt:
-        return _fail("interrupted", INTERRUPTED)
+        return _fail("interrupted", interrupts.status)
     except OSError as error:
         if error.errno not in (errno.EPIPE, errno.ENOSPC, errno.EFBIG):
             raise
@@ -384,7 +384,7 @@ def _run(given: list[str]) -> int:
         _deliver(result, asked, places)
     if interrupts.pending or interrupted:
         late = "what was asked for is complete all the same" if result.status == "complete" else result.message
-        return _fail(f"interrupted: {late}", INTERRUPTED)
+        return _fail(f"interrupted: {late}", interrupts.status)
     if name in ("show", "view") or result.status == "complete":
         return COMPLETE
     return _fail(f"incomplete: {result.message}", INCOMPLETE)
