@@ -339,6 +339,7 @@ WRONG = {
     "no law": (_with('law = "gauss"', ""), r"^interaction.law: missing; must be one of exponential"),
     "no range": (_with('range = "1 nm"', ""), r"^interaction.range: missing"),
     "no modulus": (_with('modulus = "5 GPa"', ""), r"^material.modulus: missing"),
+    "tip that is no table": ("tip = 5", r"^tip: 5; must be a table \[tip\]"),
     "no tip": ('[material]\nmodulus = "5 GPa"', r"^tip: missing; the contact file needs a table \[tip\]"),
     "no material": ('[tip]\nshape = "parabola"\nradius = 1', r"^material: missing"),
     "empty": ("", r"^tip: missing"),

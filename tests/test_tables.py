@@ -102,6 +102,15 @@ def test_the_command_line_writes_them(tmp_path, monkeypatch, capsys):
     assert "touch" in set(pd.read_csv("e.csv")["kind"])
     assert main(["solve", *contact, "--load", "1", "--csv", "s.csv"]) == 0
     assert pd.read_csv("s.csv")["load"].tolist() == [1.0]
+    written = {"--csv": "t.csv", "--events-csv": "e.csv"}
+    for option, name in written.items():
+        capsys.readouterr()
+        assert main(["trace", *contact, option, "-"]) == 0
+        assert capsys.readouterr().out == Path(name).read_text()
+    assert main(["trace", *contact, "--csv", "-", "--json", "-"]) == 2
+    assert main(["trace", *contact, "-o", "-"]) == 2
+    assert capsys.readouterr().err.count("standard output takes one of") == 2
+    assert not Path("-").exists()
 
 
 @pytest.mark.parametrize(

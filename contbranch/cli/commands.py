@@ -60,8 +60,8 @@ _OPTIONS = {
     "--resume": ("", "Go on with an earlier sweep of that file, if there is one."),
     "--retry": ("", "Compute again what failed."),
     "--json": ("FILE", "Write JSON; - for standard output."),
-    "--csv": ("FILE", "Write the points as a table, with units in its first line."),
-    "--events-csv": ("FILE", "Write the events as a table."),
+    "--csv": ("FILE", "Write the points as a table, with units in its first line; - as above."),
+    "--events-csv": ("FILE", "Write the events as a table; - as above."),
     "--plot": ("FILE", "Draw to a .png, .pdf or .svg file."),
     "-o --output": ("FILE.h5", "Save arrays and profiles."),
     "-o --page": ("FILE.html", "Write the page."),
@@ -475,9 +475,12 @@ def _computed(name: str, request: Request, **options: Any) -> Any:
 
 def _outputs(asked: Values) -> list[tuple[str, Path]]:
     """The files to be written, by option; InputError for one that cannot be, before anything is computed."""
-    given = [("--json", None if asked.json == "-" else asked.json), ("--csv", asked.csv), ("-o", asked.output)]
-    given += [("--events-csv", asked.events_csv), *(("--plot", name) for name in asked.plot or ())]
-    paths = [(field, Path(name)) for field, name in given if name is not None]
+    given = [*_texts(asked), ("-o", asked.output), *(("--plot", name) for name in asked.plot or ())]
+    to_screen = [field for field, name in given if name == "-"]
+    if len(to_screen) > 1 or "-o" in to_screen:
+        takes = "standard output takes one of --json, --csv, --events-csv"
+        raise InputError(f"{to_screen[-1]}: '-'; {takes}: give a file")
+    paths = [(field, Path(name)) for field, name in given if name not in (None, "-")]
     seen = {} if asked.source is None else {Path(asked.source).resolve(): "the input"}
     for field, path in paths:
         folder = path.resolve().parent
@@ -506,33 +509,35 @@ def _deliver(result: Result, asked: Values, places: Sequence[Place]) -> None:
     failures: list[InputError] = []
     for place in sorted(places, key=lambda one: one.field != "-o"):  # first the one that holds everything
         try:
-            place.write(_content(result, place))
+            place.write(_content(result, place.field, place.path.suffix))
         except InputError as error:
             failures.append(error)
-    if asked.json == "-":
-        sys.stdout.write(_text(result))
+    to_screen = [field for field, name in _texts(asked) if name == "-"]
+    if to_screen:
+        sys.stdout.write(_content(result, to_screen[0]).decode())
     else:
         print(result)
     if failures:
         raise InputError("; ".join(map(str, failures)))
 
 
-def _content(result: Result, place: Place) -> bytes:
-    """What is written to a place."""
-    if place.field == "-o":
+def _texts(asked: Values) -> list[tuple[str, str | None]]:
+    """What can be printed as well as written, by option; - is standard output."""
+    return [("--json", asked.json), ("--csv", asked.csv), ("--events-csv", asked.events_csv)]
+
+
+def _content(result: Result, field: str, suffix: str = "") -> bytes:
+    """What an option writes."""
+    if field == "-o":
         from contbranch.output.hdf5 import content
 
         return content(result)
-    if place.field == "--json":
-        return _text(result).encode()
-    if place.field == "--plot":
+    if field == "--plot":
         from contbranch.output.plot import draw, figure_content
 
-        return figure_content(draw(result), place.path.suffix)
-    return (result.table() if place.field == "--csv" else result.tables()["event"]).csv().encode()
+        return figure_content(draw(result), suffix)
+    if field == "--json":
+        import json
 
-
-def _text(result: Result) -> str:
-    import json
-
-    return json.dumps(result.document(), allow_nan=False, ensure_ascii=False) + "\n"
+        return f"{json.dumps(result.document(), allow_nan=False, ensure_ascii=False)}\n".encode()
+    return (result.table() if field == "--csv" else result.tables()["event"]).csv().encode()

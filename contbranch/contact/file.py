@@ -103,9 +103,9 @@ def read_contact(path: str | Path) -> tuple[Contact, _Table]:
     for name in ("tip", "material"):
         if name not in document:
             raise InputError(f"{name}: missing; the contact file needs a table [{name}]")
+        _table(document[name], name)
     reader = _Reader(Path(path).parent)
-    tip = reader.tip(_table(document["tip"], "tip"))
-    material = _table(document["material"], "material")
+    tip, material = reader.tip(document["tip"]), document["material"]
     refuse_unknown(material, ("modulus",), "material.")
     if "modulus" not in material:
         raise InputError("material.modulus: missing; give the effective modulus, for example '5 GPa'")

@@ -138,7 +138,11 @@ def varied(contact: Contact, vary: Mapping[str, Sequence[Any]], mode: str = "gri
         dimension = dimension_of(contact, name)
         read = [contact.units.read(value, dimension, f"vary: {name}") for value in values]
         for value in read:
-            family_of(contact, name, value).member(value)
+            try:
+                family_of(contact, name, value).member(value)
+            except InputError as error:  # which may name what is made of it: radius, to, …
+                field, _, told = str(error).partition(": ")
+                raise InputError(f"vary: {told}" if field == "vary" else f"vary: {name}: {told}") from None
         axes[name] = tuple(read)
     counts = {name: len(values) for name, values in axes.items()}
     if mode == "zip" and len(set(counts.values())) > 1:
@@ -167,8 +171,10 @@ def read_sweep(path: str | Path) -> tuple[Design, dict[str, Any]]:
     """
     contact, options = read_contact(path)
     table = parsed(as_path(path)).get("sweep")
-    if not isinstance(table, dict) or not isinstance(table.get("vary"), dict):
+    if not isinstance(table, dict) or "vary" not in table:
         raise InputError(f"sweep.vary: missing; '{path}' needs a table [sweep.vary] of parameters and their values")
+    if not isinstance(table["vary"], dict):
+        raise InputError(f"sweep.vary: {table['vary']!r}; must be a table [sweep.vary] of parameters and their values")
     refuse_unknown(table, _SWEEP, "sweep.")
     try:
         vary = {name: _values(contact, name, given) for name, given in table["vary"].items()}

@@ -89,6 +89,7 @@ def test_the_modulus_has_the_name_that_it_has_in_the_file(tmp_path: Path) -> Non
         ('from = "0.5 um"', 'from = "-0.5 um"', "spacing log"),
         ('"tip.radius"', '"tip.radios"', "sweep.vary: 'tip.radios'; Parabola has the numbers radius; did you mean"),
         ("task_limit", "tusk_limit", "sweep.tusk_limit: not known"),
+        ('"1 nm"]', '"-1 nm"]', r"sweep.vary: interaction\[0\].range: -1; must be greater than zero"),
         ("[sweep.vary]", '[sweep]\nmode = "zip"\n[sweep.vary]', "TOML"),
         ("[sweep]", '[sweep]\nmode = "zip"', "sweep.vary: lists of different lengths"),
         ("[sweep]", '[sweep]\nmode = "box"', "sweep.mode: 'box'"),
