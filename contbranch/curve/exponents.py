@@ -7,7 +7,6 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from contbranch.arrays import Array
 from contbranch.continuation import CorrectionError, Point
 from contbranch.control import Control
 from contbranch.curve.problem import Rates, equilibrium
@@ -34,8 +33,11 @@ NEARBY = 1e-3
 OF_RATES = 10.0
 # Samples end where the tangent disagrees so much with the secant to the last one, if that is at most so much closer.
 INCONSISTENT, NEIGHBOUR = 2e-2, 4.0
-# Offset of the parameter for derivatives at a fold.
-OFFSET = 2e-2
+# Offset of the parameter for derivatives at a fold, and the share of the way to the edge of the representation, where
+# there may be a kink: in general, and where nothing but distance tells a curvature.
+OFFSET, OF_ROOM, OF_GRAIN = 2e-2, 0.2, 0.45
+# Derivatives on a discretisation that was given, and over other windows, differ by this share at most.
+AGREED = 0.3
 
 
 class _Side:
@@ -87,15 +89,15 @@ def critical_exponent(found: Found, control: Control) -> Exponent | None:
     |q − q0| = √(2Δ/|c2|) to leading order: kappa = 1/2 at every quadratic fold.
     """
     side = _Side(found, control)
-    order = found.numbers[2 if side.contact else 3]
-    # Offsets small against the distance to the edge of the representation, where it may have a kink.
-    offset = min(OFFSET, 0.2 * side.room)
     try:
-        samples = [side.sample(further(found.point, offset * step)) for step in (-2, -1, 1, 2)]
+        second, third = _derivatives(side, found.point)
+        if equilibrium(found.point).grain:  # are there numbers at all?
+            other = _derivatives(side, moved(found.point, equilibrium(found.point).finer()))
+            if not abs(other[0] - second) < AGREED * abs(second):
+                return None
+            third = third if abs(other[1] - third) < AGREED * abs(third) else 0.0
     except CorrectionError:
         return None
-    slopes = np.array([control_rate / order_rate for _, _, control_rate, order_rate in samples])
-    second, third = _derivatives(np.array([sample[1] for sample in samples]) - order, slopes)
     if second == 0.0 or not math.isfinite(second):
         return None
     local = sampled_exponent(found, control)
@@ -103,9 +105,14 @@ def critical_exponent(found: Found, control: Control) -> Exponent | None:
     return Exponent(0.5, crossover_excess(second, third), window, math.sqrt(2 / abs(second)), side.order_name)
 
 
-def _derivatives(distances: Array, slopes: Array) -> tuple[float, float]:
-    """Second and third derivative of the control from its slopes (which vanish at distance 0)."""
+def _derivatives(side: _Side, fold: Point) -> tuple[float, float]:
+    """Second and third derivative of the control with respect to the order parameter."""
+    grain = equilibrium(fold).grain
+    offset = min(grain, OF_GRAIN * side.room) if grain else min(OFFSET, OF_ROOM * side.room)
+    rows = np.array([side.sample(further(fold, offset * step)) for step in (-2, -1, 0, 1, 2)])
+    slopes = np.delete(rows[:, 2] / rows[:, 3] - rows[2, 2] / rows[2, 3], 2)
     # slope = c2 q + c3 q²/2 + c4 q³/6 + c5 q⁴/24: four samples, four coefficients.
+    distances = np.delete(rows[:, 1] - rows[2, 1], 2)
     scale = float(np.abs(distances).max())
     q = distances / scale
     powers = np.stack([q, q**2 / 2, q**3 / 6, q**4 / 24], axis=1)
@@ -142,9 +149,11 @@ def _samples(found: Found, control: Control, ahead: Point | None) -> Iterator[tu
     if (rates.contact_radius if side.contact else -rates.central_gap) < 0:
         near = near.turned()
     last = (0.0,) * 4
-    limit = math.inf if side.contact else side.room
+    grain = equilibrium(near).grain
+    limit = math.inf if side.contact and not grain else side.room
     small = 1.0 if ahead is not None else min(1.0, side.room)
-    for distance in np.geomspace(NEAREST, FARTHEST, SAMPLES):
+    nearest = 0.5 * grain or NEAREST
+    for distance in np.geomspace(nearest, FARTHEST, SAMPLES):
         step = distance * max(1e-3, small) if distance < 1e-3 else distance
         if step >= limit:
             break

@@ -358,6 +358,11 @@ class EquilibriumProblem(Problem):
         return None
 
     @property
+    def grain(self) -> float:
+        """Length along the curve within which it tells no curvature."""
+        return 0.0
+
+    @property
     def countable(self) -> bool:
         """Whether the unstable modes of its states are those of the contact."""
         return True

@@ -64,6 +64,8 @@ _LAGRANGE = np.stack([(1 - _NODES) * (1 - 2 * _NODES), 4 * _NODES * (1 - _NODES)
 _SLOPES = np.stack([4 * _NODES - 3, 4 - 8 * _NODES, 4 * _NODES - 1])
 # What a contact of few nodes may be off, in units of what changes from its beginning.
 BEGINNING = 1.1
+# Rows of nodes beside a fold over which its curvature is told.
+GRAIN = 1.5
 # Error of the contact radius itself, in rows of nodes, and arcs that what is fitted takes off the scatter.
 MEASURED, FITTED = 0.03, 3.0
 
@@ -378,6 +380,11 @@ class AveragedProblem(EquilibriumProblem):
         """Its u and load."""
         state = self.state(p)
         return state.u.ravel(), state.load
+
+    @property
+    def grain(self) -> float:
+        """Rows of nodes over which the average of the second derivative forgets the ripples."""
+        return GRAIN * self.fit.spacing
 
     @property
     def countable(self) -> bool:

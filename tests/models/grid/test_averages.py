@@ -202,6 +202,16 @@ def test_exponents_of_averaged_folds() -> None:
         assert averaged.prefactor == pytest.approx(known.prefactor, rel=0.03)
 
 
+@pytest.mark.parametrize(("law", "tabor", "cell"), [(cb.Exponential, 1.0, 10.0), (cb.Gauss, 1.0, 10.0)])
+def test_curvatures_of_averaged_folds_are_the_contacts(law, tabor: float, cell: float) -> None:
+    """Told over rows of nodes, not by the ripples: prefactor and crossover of the pull-off, as without a grid."""
+    contact = cb.Contact.reduced(law, tabor=tabor)
+    diagrams = exact(contact), on_lattice(contact, cell, 96)
+    known, found = (next(e for e in d.events if (e.control, e.name) == ("load", "pull-off")) for d in diagrams)
+    assert found.exponent.prefactor == pytest.approx(known.exponent.prefactor, rel=0.02)
+    assert found.exponent.crossover_load == pytest.approx(known.exponent.crossover_load, rel=0.3)
+
+
 @pytest.mark.filterwarnings("ignore::contbranch.GridWarning")
 @pytest.mark.parametrize(("law", "tabor", "cell"), [(cb.Exponential, 1.0, 10.0), (cb.VanDerWaals, 1.1789, 12.0)])
 def test_rows_turn_round_at_folds_alone_where_averages_begin_and_end(law, tabor: float, cell: float) -> None:
