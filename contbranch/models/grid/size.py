@@ -41,6 +41,8 @@ COARSE_ERROR, ORDER = 0.02, 1.5
 COARSE_CURVE, PATIENCE = 1e-4, 20.0
 # A tip is flat whose height is not reached at this distance.
 FLAT = 1e8
+# By how much a cell that is too small is to grow at least.
+LARGER = 1.05
 # Heights of a tip far away that a cell has room for, as a share of the law's reach.
 FAR = 0.5
 
@@ -126,7 +128,7 @@ def border_message(setup: Setup, gap: Array, load: float, asked: tuple[str | Non
     share = border_energy(problem, gap)
     if law is None or share <= DECAYED:
         return ""
-    missing, edge = law.reach(DECAYED) - smallest_on_border(problem.lattice, gap), setup.edge
+    missing, edge = law.reach(DECAYED) - smallest_on_border(problem.lattice, gap), LARGER * setup.edge
     with suppress(InputError):  # of a tip that is flat out there
         edge = max(
             edge, 2.0 * _radius_at(setup.contact, smallest_on_border(problem.lattice, problem.heights) + missing)

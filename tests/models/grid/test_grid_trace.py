@@ -113,9 +113,15 @@ def test_a_coarse_grid_warns_and_names_the_grid_needed() -> None:
     assert needed == pytest.approx(8.0 * 12.0 * 16.0 / np.pi, rel=0.03)
 
 
-def test_a_small_cell_warns_and_names_the_cell_needed() -> None:
-    with pytest.warns(cb.GridWarning, match="use a cell of about"):
-        cb.solve(ATTRACTION, load=1.0, model=cb.FreeSpace(cell=5.0, grid=64))
+@pytest.mark.parametrize(("cell", "load"), [(5.0, 1.0), (9.8, 18.0)])
+def test_a_small_cell_warns_and_names_the_cell_needed(cell: float, load: float) -> None:
+    with pytest.warns(cb.GridWarning, match=r"use a cell of about ([0-9.]+)") as caught:
+        cb.solve(ATTRACTION, load=load, model=cb.FreeSpace(cell=cell, grid=64))
+    needed = float(str(caught[0].message).split("of about ")[1].split()[0])
+    assert needed > cell
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        cb.solve(ATTRACTION, load=load, model=cb.FreeSpace(cell=needed, grid=64))
 
 
 def test_film_and_contact_are_both_found_on_request() -> None:
