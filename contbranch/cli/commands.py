@@ -300,7 +300,7 @@ COMMANDS = {
         ("SWEEP", "TOML file: a contact file with a table [sweep.vary]."),
         own=("-o",),
     ),
-    "show": Command(_show, ("--plot",), ("FILE.h5", "What trace, solve, loop or follow saved by -o.")),
+    "show": Command(_show, ("--plot",), ("FILE.h5", "What another command saved by -o.")),
     "view": Command(_view, ("-o --page",), ("FILE.h5", "Saved by trace, loop or sweep -o.")),
     "fit": Command(
         _fit,

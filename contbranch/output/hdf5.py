@@ -13,7 +13,7 @@ import re
 import subprocess
 import sys
 import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import MISSING, fields, replace
 from itertools import pairwise
 from pathlib import Path
@@ -39,12 +39,14 @@ from contbranch.results.diagram import (
     Window,
 )
 from contbranch.results.equilibria import Barrier, Equilibria
+from contbranch.results.fit import Correlations, Fit, FitJump, LawFit
 from contbranch.results.fit_map import FitMap
 from contbranch.results.followed import Followed, Special
 from contbranch.results.loop import Hysteresis, Jump, Path as LoopPath
 from contbranch.results.phase import Part, PhaseDiagram
 from contbranch.results.profile import CellFields, ModeShape, Profile
 from contbranch.results.record import (
+    HEAD,
     VERSION,
     Record,
     Result,
@@ -66,20 +68,20 @@ Kind = TypeVar("Kind", bound=Record)
 Kept = TypeVar("Kept")
 
 # What can be read again, besides sweeps.
-_KINDS = (Diagram, Hysteresis, Followed, Equilibria, PhaseDiagram)
+_KINDS = (Diagram, Hysteresis, Followed, Equilibria, PhaseDiagram, Fit)
 # What of a diagram is not read as a document is.
 _APART = {"contact", "unit_names", "tip", "events", "mode_shapes", "local_exponents"}
 # What stands in a column of a table where there is no value: modes are counted from 1.
 _BLANK = {float: math.nan, int: 0, str: ""}
 # Records within documents.
 _PARTS: Values = {
-    **{
-        one.__name__: one
-        for one in (Branch, LoopPath, Jump, State, ModelChoice, Cost, Event, Special, Exponent, Window)
-    },
-    **{one.__name__: one for one in (Barrier, Followed, Part)},
+    one.__name__: one
+    for one in (
+        *(Branch, State, ModelChoice, Cost, Event, Exponent, Window, LoopPath, Jump, Special, Followed, Part, Barrier),
+        *(Profile, CellFields, Correlations, FitJump, LawFit),
+    )
 }
-_PLAIN: Values = {"bool": bool, "int": int, "float": float}
+_PLAIN: Values = {"bool": bool, "int": int, "float": float, "str": str}
 # The block before what HDF5 reads: the least size that it allows, and what is written there.
 _BLOCK = 512
 # A program that reads everything in a file.
@@ -103,9 +105,9 @@ _HDF5 = b"\x89HDF\r\n\x1a\n"
 def save(result: Result, path: str | Path) -> None:
     """Write a result to an HDF5 file, which replaces `path` only when it is complete.
 
-    A diagram is stored with what is computed when asked for: local exponents, profiles, the critical eigenvalue of
-    azimuthal modes, so that a loaded one answers what the present one does. A solution is stored as a diagram whose
-    branches have one point each, any other result as its document.
+    It is stored with what is computed when asked for: local exponents, profiles, the critical eigenvalue of azimuthal
+    modes, areas of loops, so that a loaded one answers what the present one does; of an event that was followed without
+    its exponent. A solution is stored as a diagram whose branches have one point each.
 
     Raises
     ------
@@ -124,17 +126,10 @@ def content(result: Result) -> bytes:
         return result.path.read_bytes()
     if isinstance(result, Solution):
         result = _as_diagram(result)
-    if isinstance(result, Diagram):
-        return _stored(_write_diagram, result)
-    return _stored(_write_object, result.document())
-
-
-def _stored(fill: Callable[[h5py.File, Kept], None], value: Kept) -> bytes:
-    """An HDF5 file with a value, made in memory."""
     import h5py
 
     with h5py.File("memory", "w", driver="core", backing_store=False, userblock_size=_BLOCK) as file:
-        fill(file, value)
+        _write_result(file, result)
         file.flush()
         image: bytes = file.id.get_file_image()
     return _label(image) + image
@@ -143,11 +138,6 @@ def _stored(fill: Callable[[h5py.File, Kept], None], value: Kept) -> bytes:
 def _label(image: bytes) -> bytes:
     """The block before an image of an HDF5 file, which tells any change of it."""
     return _LABEL.format(_BLOCK, hashlib.sha256(image).hexdigest()).encode().ljust(_BLOCK, b"\n")
-
-
-def _write_object(group: h5py.Group, content: Mapping[str, Any]) -> None:
-    for key, value in content.items():
-        _write(group, key, value, {})
 
 
 def _as_diagram(solution: Solution) -> Diagram:
@@ -167,10 +157,8 @@ def _point(state: State) -> Branch:
     return Branch(**found, profiles=() if state.profile is None else (state.profile,), cells=cells)
 
 
-def load(path: str | Path) -> Diagram | Hysteresis | Followed | Equilibria | PhaseDiagram | Sweep:
-    """Read a diagram, a loop, a followed event, equilibria, a phase diagram or a sweep from a file that `save` wrote.
-
-    What is stored as its document is read as far as that goes: states without profiles.
+def load(path: str | Path) -> Diagram | Hysteresis | Followed | Equilibria | PhaseDiagram | Fit | Sweep:
+    """Read a diagram, a loop, a followed event, equilibria, a phase diagram, a fit or a sweep from what `save` wrote.
 
     The contact is None, with a warning, where it cannot be made again: a law or tip of the user's that is not imported.
 
@@ -193,7 +181,7 @@ def load(path: str | Path) -> Diagram | Hysteresis | Followed | Equilibria | Pha
             if not verified:
                 text = f"'{path}' has no checksum, as older versions wrote it: what it holds cannot be verified"
                 warnings.warn(f"{text}; save it again", stacklevel=2)
-            found = _read_diagram(file) if kind is Diagram else _made(kind, _read_object(file))
+            found = _read_diagram(file) if kind is Diagram else _made(kind, _read_object(file), file.get("tip"))
     except InputError:
         raise
     except Exception as error:  # of a file without checksum: HDF5 and what reads it may stumble over anything
@@ -255,20 +243,23 @@ def _kind_of(file: h5py.File, path: Path) -> Any:
 # Writing
 
 
-def _write_diagram(file: h5py.File, diagram: Diagram) -> None:
-    top = diagram.head()
+def _write_result(file: h5py.File, result: Result) -> None:
+    top = result.head()
     names = top.get("unit_names", {})
     file.attrs.update({key: top[key] for key in ("format", "version", "units")})
-    for key, text in (("unit_names", names), ("contact", top["contact"])):
-        file[key] = json.dumps(text, ensure_ascii=False)  # no attribute: a tabulated law may be long
-    tip = None if diagram.contact is None else diagram.contact.tip
+    for key, value in (("unit_names", names), ("contact", top["contact"])):
+        if isinstance(result, Diagram):
+            file[key] = json.dumps(value, ensure_ascii=False)  # no attribute: a tabulated law may be long
+        else:
+            _write(file, key, value, {})
+    tip = None if result.contact is None else result.contact.tip
     if isinstance(tip, HeightMap):  # of which the description has only a digest
         _write(file, "tip", {"heights": tip.heights}, {"heights": names.get("gap", "")})
-    shapes = {number: event.mode_shape for number, event in enumerate(diagram.events) if event.mode_shape is not None}
-    for item in fields(diagram):
-        if item.name not in ("contact", "description", "unit_names"):
-            _write(file, item.name, diagram.held(item.name), names)
-    _write(file, "mode_shapes", shapes, {"radius": names.get("radius", "")})  # the rest is relative to the gap
+    for key, value in _parts("", result):
+        _write(file, key, value, names)
+    if isinstance(result, Diagram):
+        shapes = {k: event.mode_shape for k, event in enumerate(result.events) if event.mode_shape is not None}
+        _write(file, "mode_shapes", shapes, {"radius": names.get("radius", "")})  # the rest is relative to the gap
 
 
 def _write(group: h5py.Group, name: str, value: Any, names: UnitNames) -> None:
@@ -278,10 +269,11 @@ def _write(group: h5py.Group, name: str, value: Any, names: UnitNames) -> None:
     """
     if value is None or (name in ("profiles", "cells") and not value):
         return
-    if isinstance(value, list) and value and all(isinstance(item, str) for item in value):
-        group[name] = value
+    listed = isinstance(value, list | tuple) and name != "events"
+    if listed and value and all(isinstance(item, str) for item in value):
+        group[name] = list(value)
         return
-    if isinstance(value, list) and not any(isinstance(item, list | Mapping) for item in value):
+    if listed and not any(isinstance(item, list | tuple | Mapping | Record) for item in value):
         value = np.array([np.nan if item is None else item for item in value], dtype=float)
     if isinstance(value, np.ndarray):
         data = group.create_dataset(name, data=value, compression="gzip" if value.ndim > 1 else None)
@@ -302,8 +294,14 @@ def _parts(name: str, value: Any) -> Iterable[tuple[Any, Any]]:
     if name == "profiles":
         joined = {item.name: np.concatenate([getattr(one, item.name) for one in value]) for item in fields(Profile)}
         return {**joined, "offsets": np.cumsum([0, *(len(one.r) for one in value)])}.items()
+    if isinstance(value, Event):  # what was followed, without its exponent, which takes long
+        return value.brief().items()
     if isinstance(value, Record):
-        return [(key_of(item), value.held(item.name)) for item in fields(value)]
+        own = [item for item in fields(value) if item.name not in HEAD]
+        found = {**value.items(), **{key_of(item): value.held(item.name) for item in own}}
+        if name and isinstance(value, Result):  # a part of another, whose contact may differ
+            found["contact"] = value.head()["contact"]
+        return found.items()
     return value.items() if isinstance(value, Mapping) else enumerate(value)
 
 
@@ -334,11 +332,15 @@ def _read_diagram(file: h5py.File) -> Diagram:
 
 
 def _read_object(group: h5py.Group) -> Any:
-    """A document, or a part of it, as `_write_object` wrote it."""
-    found = {key: _read_object(item) if hasattr(item, "keys") else item[()] for key, item in group.items()}
+    """What `_write` wrote."""
+    found = {key: _read_object(item) if hasattr(item, "keys") else _read_array(item) for key, item in group.items()}
     if found and all(key.isdigit() for key in found) and not group.attrs:
         return [found[str(number)] for number in range(len(found))]
     return found | {key: _python(value) for key, value in group.attrs.items()}
+
+
+def _read_array(data: h5py.Dataset) -> Any:
+    return (data.asstr() if data.dtype.kind == "O" else data)[()]
 
 
 def _python(value: Any) -> Any:
@@ -368,7 +370,7 @@ def _made(kind: type[Kind], content: Mapping[str, Any], tip: h5py.Group | None =
             value = _nested(
                 inner, value, {"contact": content.get("contact"), "unit_names": content.get("unit_names", {})}
             )
-        elif (plain := re.match(r"tuple\[(bool|int|float)\b", said)) and value is not None:
+        elif (plain := re.match(r"tuple\[(bool|int|float|str)\b", said)) and value is not None:
             value = tuple(_PLAIN[plain[1]](one) for one in value)
         elif said == "Integers" and value is not None:
             value = value.astype(np.int64)
@@ -390,7 +392,7 @@ def _read_events(group: h5py.Group, shapes: Mapping[str, h5py.Group]) -> tuple[E
     # Files of the first version have no modes and verdicts: what may be None may be missing.
     there = [column for column in columns(Event) if column.name in group]
     read = {column.path: group[column.name] for column in there}
-    listed = [(data.asstr() if data.dtype.kind == "O" else data)[()].tolist() for data in read.values()]
+    listed = [_read_array(data).tolist() for data in read.values()]
     events = [_assembled(Event, dict(zip(read, row, strict=True))) for row in zip(*listed, strict=True)]
     modes = {int(number): _made(ModeShape, _read_object(shape)) for number, shape in shapes.items()}
     return tuple(replace(event, mode_shape=modes.get(number)) for number, event in enumerate(events))

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from contbranch.output.plot_view import BLUE, GREY, ORANGE, handle, heat_map, new_figure
+from contbranch.output.plot_view import BLUE, GREY, ORANGE, cell_edges, handle, heat_map, new_figure
 from contbranch.results.fit import Fit
 from contbranch.results.fit_map import FitMap
 from contbranch.results.table import with_unit
@@ -51,14 +51,16 @@ def map_figure(fits: FitMap, names: Sequence[str]) -> Figure:
     with new_figure(2.6, max(1, len(names))) as figure:
         for axes, name in zip(figure.subplots(1, len(names), squeeze=False)[0], names, strict=True):
             x, y, values = fits.picture(name)
+            widths = [float(np.diff(places).min()) for places in (x, y) if places.size > 1] or [1.0]
             unit = fits.unit_names.get(name, "")
             unit, factor = PEOPLE.get(unit, (unit, 1.0))
             axes.set_aspect("equal")
             title = with_unit(name.replace("_", " "), unit)
-            heat_map(axes, x, y, factor * values, title, shading="nearest", cmap="viridis")
+            across, up = (cell_edges(places, min(widths)) for places in (x, y))
+            heat_map(axes, across, up, factor * values, title, cmap="viridis")
             rows, columns = np.nonzero(~np.isfinite(values))
             axes.plot(x[columns], y[rows], "x", color=GREY, markersize=3.0, markeredgewidth=0.6)
-            across, up = ("x", "y") if "x" in fits.parameters else ("column", "row")
-            axes.set_xlabel(with_unit(across, fits.unit_names.get(across, "")))
-            axes.set_ylabel(with_unit(up, fits.unit_names.get(up, "")))
+            names_of = ("x", "y") if "x" in fits.parameters else ("column", "row")
+            labels = [with_unit(one, fits.unit_names.get(one, "")) for one in names_of]
+            axes.set(xlabel=labels[0], ylabel=labels[1])
     return figure

@@ -12,7 +12,7 @@ from contbranch.arrays import Array
 from contbranch.contact.units import finite_number
 from contbranch.errors import InputError
 from contbranch.output.plot_follow import is_logarithmic, parameter_label, scale_axis
-from contbranch.output.plot_view import SERIES, heat_map, new_figure
+from contbranch.output.plot_view import SERIES, cell_edges, heat_map, new_figure
 from contbranch.results.sweep import Sweep, quantity
 from contbranch.results.table import with_unit
 
@@ -110,6 +110,5 @@ def _edges(values: Array) -> Array:
     """Edges of the cells around values, halfway between them; in ratios where the axis is logarithmic."""
     ordered = np.sort(values)
     at = np.log(ordered) if is_logarithmic(ordered) else ordered
-    half = 0.5 * (np.diff(at) if len(at) > 1 else np.array([0.2 * (abs(at[0]) or 1.0)]))
-    edges = np.concatenate([[at[0] - half[0]], at[:-1] + half[: len(at) - 1], [at[-1] + half[-1]]])
+    edges = cell_edges(at, 0.2 * (abs(at[0]) or 1.0))
     return np.exp(edges) if is_logarithmic(ordered) else edges

@@ -171,6 +171,14 @@ def heat_map(axes: Axes, x: Array, y: Array, values: Array, title: str, bar: boo
         figure_of(axes).colorbar(image, ax=axes, shrink=tall, aspect=22 * tall, pad=0.03).outline.set_linewidth(0.5)
 
 
+def cell_edges(places: Array, width: float) -> Array:
+    """Edges half-way between growing places, and as far beyond the outer ones; a single place is as wide as told."""
+    if places.size == 1:
+        return places + np.array([-0.5, 0.5]) * width
+    between = 0.5 * (places[1:] + places[:-1])
+    return np.array([2 * places[0] - between[0], *between, 2 * places[-1] - between[-1]])
+
+
 def loud_radius(r: Array, values: Array, share: float) -> float:
     """The radius beyond which values are less than a share of the largest; the last one where all are nothing."""
     strength = np.abs(values)

@@ -40,7 +40,7 @@ VERSION = 1
 OBSERVABLES = ("load", "displacement", "contact_radius", "central_gap")
 # Quantities of fields that have another name; a field NAME_error is in the unit of NAME.
 _QUANTITIES = {"r": "radius", "x": "radius", "y": "radius", "wall_pressure": "pressure"}
-_HEAD = ("contact", "description", "unit_names")  # every document begins with them
+HEAD = ("contact", "description", "unit_names")  # every document begins with them
 _KINDS = {"float": float, "int": int, "str": str}
 
 
@@ -152,7 +152,7 @@ class Record:
         """What documents hold, by its name there."""
         found = {}
         for item in fields(self):
-            written = item.metadata.get("written", item.name not in _HEAD)
+            written = item.metadata.get("written", item.name not in HEAD)
             value: Any = self.held(item.name) if written else None
             if kind_of(item) is dict:
                 value = {name: value.get(name) for name in OBSERVABLES}
