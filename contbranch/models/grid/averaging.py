@@ -330,8 +330,24 @@ class AveragedProblem(EquilibriumProblem):
         last = end.observables["contact_radius"]  # the end may be a row of the lattice behind
         place = begin.parameter + share * (last - begin.parameter)
         found = self.lattice.beside(self.nearest(place), control, value)
-        radius = math.inf if found is None else self.lattice.reading(found.x, found.parameter).contact_radius
-        return found if abs(radius - place) < self.fit.spacing else None
+        if found is None:
+            return None
+        radius = self.lattice.reading(found.x, found.parameter).contact_radius
+        return replace(found, problem=self.lattice.next_to(self)) if abs(radius - place) < self.scale else None
+
+    def around(self, point: Point, control: Control | None) -> Array:
+        """Errors of load, displacement, radius and gap of a state on the lattice: how far it is from the average, and
+        that from the contact's curve; at a value of a control, what these change there."""
+        load, displacement, radius, _ = self.lattice.reading(point.x, point.parameter)[:4]
+        p = min(max(radius, self.first), self.fit.last)
+        values, slopes = self.fit.curve(p)[:2], self.fit.curve(p, 1)[:2]
+        off = np.abs(np.array([load, displacement]) - values) + np.abs(self.left_out(values, p)[:2])
+        off += np.abs(self.defect(self.row(p))[:2])
+        along = MEASURED * self.scale
+        if control is not None:
+            rate = abs(control.weighted(*slopes))
+            along += abs(radius - p) + (control.weighted(*off) / rate if rate else math.inf)
+        return np.array([*(off + np.abs(slopes) * along), along, 0.0])
 
     def left_out(self, x: Vector, p: float) -> tuple[float, float, float, float]:
         """What the scatter of the arcs, the radius, and the beginning of the contact leave open, and the cell does."""

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Self
@@ -50,7 +51,7 @@ from .setup import Setup, coarsened, refined
 from .walk import Walker
 
 if TYPE_CHECKING:
-    from .averaging import Samples
+    from .averaging import AveragedProblem, Samples
 
 __all__ = ["LatticeProblem"]
 
@@ -98,6 +99,7 @@ class LatticeProblem(EquilibriumProblem):
 
     given: ClassVar[bool] = True
     rounding = 1e-7
+    average: AveragedProblem | None = None
 
     def __init__(
         self,
@@ -350,6 +352,12 @@ class LatticeProblem(EquilibriumProblem):
         change = (last.u - first.u).ravel(), last.load - first.load
         return self.point(state, change)
 
+    def next_to(self, average: AveragedProblem) -> LatticeProblem:
+        """The same problem for states next to an average, which knows errors that coarser lattices do not tell."""
+        own = copy(self)
+        own.average = average
+        return own
+
     def beside(self, state: Equilibrium, control: Control, value: float) -> Point | None:
         """The equilibrium next to a state at a value of a control, with its tangent; None if there is none."""
         hold = control_held(self.nodes, control, value)
@@ -547,7 +555,10 @@ class LatticeProblem(EquilibriumProblem):
         if not self.wall and isinstance(event, FoldEvent | Margin):
             error = self._moved(point, event)
         else:
-            error = self.difference(point, event.control if isinstance(event, Reached) else None)
+            control = event.control if isinstance(event, Reached) else None
+            error = self.difference(point, control)
+            if self.average is not None and not np.isfinite(error).all():
+                error = self.average.around(point, control)
             if isinstance(event, FoldEvent):
                 error *= SAFETY
                 error[2] += self.setup.lattice.spacing * max(1.0, self.resolution.ratio)  # nodes join by chance

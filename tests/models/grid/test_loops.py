@@ -13,6 +13,7 @@ from contbranch.models.grid import LatticeCurves
 
 REPULSION = cb.Contact.reduced(cb.Gauss, tabor=1.0, sign=-1)
 ATTRACTION = cb.Contact.reduced(cb.Gauss, tabor=2.5)
+CELL_64 = cb.FreeSpace(cell=12.0, grid=64)
 CELL = cb.FreeSpace(cell=8.0, grid=64)
 
 
@@ -37,6 +38,15 @@ def test_attraction_under_displacement_control() -> None:
     # the area between the branches is computed from loads and displacements alone, the dissipated energy from V
     for jump in found.jumps:
         assert jump.area == pytest.approx(jump.dissipated, rel=1e-3)
+
+
+@pytest.mark.filterwarnings("ignore::contbranch.GridWarning")
+def test_where_a_jump_lands_next_to_an_average_is_known_by_that() -> None:
+    """Half the nodes a side are too few for the law, and say nothing."""
+    contact = cb.Contact.reduced("exponential", tabor=1.5)
+    found, true = (cb.hysteresis(contact, "displacement", **how).jumps[0].to for how in ({"model": CELL_64}, {}))
+    for name in ("load", "contact_radius"):
+        assert abs(getattr(found, name) - getattr(true, name)) <= found.error[name] < 0.2
 
 
 def test_spring() -> None:
