@@ -103,9 +103,7 @@ class HalfOrderRule:
         np.sqrt(2 * s, out=powers[0])
         for k in range(1, len(powers)):
             np.multiply(powers[k - 1], s, out=powers[k])
-        return np.asarray(
-            (powers.reshape(len(powers), away.size).T @ self.projection).reshape(*away.shape, len(powers))
-        )
+        return (powers.reshape(len(powers), away.size).T @ self.projection).reshape(*away.shape, len(powers))
 
 
 @cache
@@ -120,7 +118,7 @@ def half_order_rule(order: int) -> HalfOrderRule:
     projection = legendre_values(count, nodes) * weights
     chebyshev = chebyshev_values(count + 1, rule.nodes)
     own = ((chebyshev[:-1] + chebyshev[1:]) / np.sqrt(1 + rule.nodes)).T @ projection
-    return HalfOrderRule(nodes, rule.lagrange(nodes), np.asarray(own), projection)
+    return HalfOrderRule(nodes, rule.lagrange(nodes), own, projection)
 
 
 @cache
@@ -134,7 +132,7 @@ def gauss_between(start: Array, end: Array, count: int) -> tuple[Array, Array]:
     """Gauss–Legendre nodes and weights from `start` to `end`, arrays of any one shape; (..., count) each."""
     nodes, weights = gauss(count)
     half = np.asarray((end - start) / 2)[..., None]
-    return np.asarray(((start + end) / 2)[..., None] + half * nodes), half * weights
+    return ((start + end) / 2)[..., None] + half * nodes, half * weights
 
 
 def start_edges(width: float, reach: float) -> Array:
@@ -156,7 +154,7 @@ def panel_rule(order: int) -> PanelRule:
     even_slopes[:-1] = np.polynomial.chebyshev.chebder(np.eye(even_order))
     signs = (-1.0) ** np.arange(even_order)
     slopes = np.polynomial.legendre.legder(np.eye(order))
-    derivative = np.asarray(np.polynomial.legendre.legval(nodes, slopes).T @ to_legendre, dtype=np.float64)
+    derivative = np.polynomial.legendre.legval(nodes, slopes).T @ to_legendre
     return PanelRule(
         order,
         nodes,

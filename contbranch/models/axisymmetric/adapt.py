@@ -142,7 +142,7 @@ def similar(equations: Equations, fields: Fields, solve: Solver) -> Solver:
 def factorised(matrix: Array) -> Solver:
     """What solves with a matrix, which is overwritten."""
     factors, pivots, _ = lapack.dgetrf(matrix.T, overwrite_a=1)  # LAPACK stores by columns
-    return lambda f: np.asarray(lapack.dgetrs(factors, pivots, f, trans=1)[0])
+    return lambda f: lapack.dgetrs(factors, pivots, f, trans=1)[0]
 
 
 def _small(off: Array, wanted: Array) -> bool:

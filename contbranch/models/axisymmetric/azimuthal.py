@@ -100,7 +100,7 @@ def settled(equations: Equations, fields: Fields, unstable: int | None = None) -
         return True
     t = np.hypot(fields.rim.radius, equations.mesh.nodes)
     with np.errstate(invalid="ignore", divide="ignore"):  # a tip of finite extent: then nothing compares
-        blunt = np.asarray(equations.tip.transform_derivative(t)) / t
+        blunt = equations.tip.transform_derivative(t) / t
         rounding = ROUNDING * float(np.abs(fields.h).max())
         if bool((np.diff(fields.gap) > -rounding).all()) and bool((np.diff(blunt) <= 1e-12 * np.abs(blunt[1:])).all()):
             return True

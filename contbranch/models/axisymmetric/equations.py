@@ -286,7 +286,7 @@ class Equations:
         shape_slope: Array = fields.derived["shape_slope"]
         if fields.rim.radius < 1e-12:  # right-hand derivatives
             _, shape_slope = self.tip.shape_gap(self.mesh.nodes, 1e-12)
-        return np.asarray(fields.rim.plane_slope(fields.h - fields.rim_value) * dc + shape_slope * da)
+        return fields.rim.plane_slope(fields.h - fields.rim_value) * dc + shape_slope * da
 
     def spread(self, fields: Fields, power: float) -> tuple[Array, Array]:
         """Rates of gap and residual with ln of the stretch of the mesh, h growing with its power, (N,) each.
@@ -368,7 +368,7 @@ class Equations:
 
     def load_beyond(self, fields: Fields) -> Array:
         """Load of the interaction beyond each node, (N,), where the gap is the tip's own: ∫ p r dr = ∫ p (r/z') dg."""
-        return np.asarray(self._tail_of(fields).pressed * fields.energy_density)
+        return self._tail_of(fields).pressed * fields.energy_density
 
     def beyond(self, fields: Fields) -> _Beyond:
         """What the interaction beyond the mesh adds to load, energy and displacement.
@@ -514,7 +514,7 @@ class Equations:
         if mesh.bounded:
             begin = float(mesh.rule.lagrange(np.ones(1))[0] @ h[-2 * n : -n])
             outside -= begin / np.sqrt(mesh.edges[-2] ** 2 + distance)
-        return np.asarray(outside + self._innermost_slope(h, distance))
+        return outside + self._innermost_slope(h, distance)
 
     def _innermost_slope(self, h: Array, distance: Array) -> Array:
         """∫ h'(t) dt/√(t² − r²) over the innermost panel, (M,), with ``distance = a² − r²``.
@@ -526,7 +526,7 @@ class Equations:
         end = np.sqrt(mesh.innermost**2 + distance)[:, None]
         start = np.sqrt(distance)[:, None]
         w = (end + start) / 2 + (end - start) / 2 * nodes
-        return np.asarray((end - start)[:, 0] * (self._bend(h, w * w - distance[:, None]) @ weights))
+        return (end - start)[:, 0] * (self._bend(h, w * w - distance[:, None]) @ weights)
 
     def _bend(self, h: Array, square: Array) -> Array:
         """dh/dtau² on the innermost panel, where h is even in tau, at places tau²."""
@@ -534,7 +534,7 @@ class Equations:
         local = 2 * square / mesh.innermost**2 - 1
         coefficients = mesh.rule.even_slopes @ (mesh.rule.to_even @ h[: mesh.order])
         values = np.tensordot(coefficients, chebyshev_values(mesh.rule.even_order, local), 1)
-        return np.asarray(values * (2 / mesh.innermost**2))
+        return values * (2 / mesh.innermost**2)
 
     def contact_pressure(self) -> float:
         """p_fr(0), the interaction's pressure where the surfaces touch."""
@@ -578,7 +578,7 @@ class Equations:
         Where it is negative at the rim, tau = 0, the gap would close beside it, and the wall would have to pull within.
         """
         t = np.hypot(tau, fields.rim.radius)
-        return np.asarray(2 * self._bend(fields.h, tau * tau) + self.tip.transform_derivative(t) / t)
+        return 2 * self._bend(fields.h, tau * tau) + self.tip.transform_derivative(t) / t
 
     def dish(self, fields: Fields) -> float:
         """Radius of the dish that a film presses into the surface under the apex, at first touch; 0 without.

@@ -112,11 +112,11 @@ class Mesh:
 
     def abel_of(self, pressure: Array) -> Array:
         """``abel @ pressure``, (N,)."""
-        return np.asarray(self.stretch * (self._kernels[1] @ pressure))
+        return self.stretch * (self._kernels[1] @ pressure)
 
     def abel_with(self, weights: Array) -> Array:
         """``abel * weights``, (N, N)."""
-        return np.asarray(self._kernels[1] * (self.stretch * weights))
+        return self._kernels[1] * (self.stretch * weights)
 
     def abel_drift(self, pressure: Array, edges: Array, nodes: Array) -> Array:
         """Rates of ``abel @ pressure`` where edges and nodes move at rates linear on every panel; (m, P + 1) and
@@ -127,7 +127,7 @@ class Mesh:
         """
         slope, relative = self.derivative(pressure), nodes / self.nodes
         rate = relative * self.abel_of(pressure + self.nodes * slope) - (nodes * slope) @ self.abel.T
-        return np.asarray(rate + self.passing(2 * self.edges[1:] * self.jumps(pressure), edges, relative, True))
+        return rate + self.passing(2 * self.edges[1:] * self.jumps(pressure), edges, relative, True)
 
     def jumps(self, values: Array) -> Array:
         """By how much the panels' polynomials are larger than those of the next panel at their outer ends, (P,)."""
@@ -245,7 +245,7 @@ class Mesh:
             weights = rule.beyond((between[:, None] + within) / half)
         factors = 2 * tau if upwards else np.full_like(tau, 2 / np.pi)
         rows = weights * ((np.sqrt(half) * factors)[:, None] / np.sqrt(nodes[:, :, None] + tau[:, None]))
-        return np.asarray(rows @ (rule.values[:, ::-1] if upwards else rule.values))
+        return rows @ (rule.values[:, ::-1] if upwards else rule.values)
 
     def _down(self, rho: Array, panel: Indices) -> Array:
         """Rows of `plane`: tau = rho sin(theta) removes the weight, and leaves a polynomial in sin(theta)."""
@@ -272,17 +272,17 @@ class Mesh:
     def sampler(self, points: Array) -> Callable[[Array], Array]:
         """What `interpolate` does at `points`, for many functions."""
         panel, rows = self._lagrange(points)
-        return lambda values: np.asarray(np.add.reduce(rows * values.reshape(self.panels, self.order)[panel], axis=1))
+        return lambda values: np.add.reduce(rows * values.reshape(self.panels, self.order)[panel], axis=1)
 
     def derivative(self, values: Array) -> Array:
         """Derivative with respect to tau, at the nodes, of the panel polynomials through nodal values; (N,)."""
         slopes = values.reshape(self.panels, self.order) @ self.rule.derivative.T
-        return np.asarray((slopes / self.half[:, None]).ravel())
+        return (slopes / self.half[:, None]).ravel()
 
     def derivative_dual(self, values: Array) -> Array:
         """What `derivative` multiplies a row of nodal values by, (N,)."""
         own = values.reshape(self.panels, self.order) / self.half[:, None]
-        return np.asarray((own @ self.rule.derivative).ravel())
+        return (own @ self.rule.derivative).ravel()
 
     def _lagrange(self, points: Array) -> tuple[Indices, Array]:
         """Panel of each point, and what it takes of the panel's nodal values: (P,), (P, n); 0 beyond the last edge."""

@@ -68,7 +68,7 @@ class ModeSpace:
         if not equations.contact:
             gap = gap - fields.y
         stiffness = np.zeros_like(gap) if equations.interaction is None else equations.interaction.evaluate(gap)[2]
-        space = ModeSpace(mesh, a, rho, weights, np.asarray(stiffness))
+        space = ModeSpace(mesh, a, rho, weights, stiffness)
         fields.derived["modes"] = space
         return space
 
@@ -89,7 +89,7 @@ class ModeSpace:
         """Coefficients of the even polynomials (times t/L for odd m), and nodal values on the other panels."""
         even = self.mesh.rule.even_order
         inner = solve_triangular(self._factor(m), vector[:even], lower=True, trans="T")
-        return np.asarray(inner), vector[even:] / np.sqrt(self._outer_weights())
+        return inner, vector[even:] / np.sqrt(self._outer_weights())
 
     def nodal(self, m: int, vector: Array) -> tuple[Array, Array]:
         """``t = √(a² + tau²)`` and h at the nodes of the mesh, (N,) each."""
@@ -110,7 +110,7 @@ class ModeSpace:
     def _outer_weights(self) -> Array:
         """Weights of ∫ dt on all panels but the innermost."""
         n, mesh = self.mesh.order, self.mesh
-        return np.asarray(mesh.weights[n:] * mesh.nodes[n:] / np.hypot(self.radius, mesh.nodes[n:]))
+        return mesh.weights[n:] * mesh.nodes[n:] / np.hypot(self.radius, mesh.nodes[n:])
 
     def _factor(self, m: int) -> Array:
         """Cholesky factor of the mass matrix ∫ dt of the innermost panel's functions."""
@@ -167,7 +167,7 @@ def outer_plane(mesh: Mesh, a: float, m: int) -> Array:
         values, factors, ratio = _near(mesh, a, max(m, FEW))
         blocks = matrix.reshape(len(matrix), mesh.panels - 1, mesh.order)
         blocks[row, panel] = np.einsum("kpi,pi->pk", values, factors * np.exp(m * ratio))
-    return np.asarray(matrix)
+    return matrix
 
 
 @lru_cache(1)
@@ -230,7 +230,7 @@ def inner_mode_pressure(space: ModeSpace, m: int, vector: Array, r: Array) -> Ar
 
     # The other panels, at their nodes.
     t = np.hypot(a, mesh.nodes[n:])
-    rate = np.asarray(((outer.reshape(-1, n) @ mesh.rule.derivative.T) / mesh.half[1:, None]).ravel())
+    rate = ((outer.reshape(-1, n) @ mesh.rule.derivative.T) / mesh.half[1:, None]).ravel()
     rate = mesh.weights[n:] * (rate - m * outer * mesh.nodes[n:] / t**2)
     total = total + ((r[:, None] / t) ** m / np.sqrt(mesh.nodes[n:] ** 2 + distance[:, None])) @ rate
     rim = float(inner @ (-1.0) ** np.arange(even)) * (a / mesh.innermost) ** odd

@@ -259,7 +259,7 @@ class MovingContact(EquilibriumProblem):
         if self.front is None:
             return x_rate
         n = self.size
-        return self.growth(x) * np.asarray(x_rate[:n] - self._passing(x) @ x_rate[n:])
+        return self.growth(x) * (x_rate[:n] - self._passing(x) @ x_rate[n:])
 
     def _passing(self, x: Array) -> Array:
         """Rates of h, as a state has it, with σ and the motions of the creases where nothing changes but the mesh."""
@@ -316,7 +316,7 @@ class MovingContact(EquilibriumProblem):
 
         def held(f: Array) -> Array:  # with the mesh where it is
             answer = solved(np.append(f, np.zeros(x.size - n)))
-            return np.asarray(answer[:n] - pushed[:n] @ np.linalg.solve(pushed[n:], answer[n:]))
+            return answer[:n] - pushed[:n] @ np.linalg.solve(pushed[n:], answer[n:])
 
         return held
 

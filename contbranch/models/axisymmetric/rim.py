@@ -63,7 +63,7 @@ class Rim:
     def bent(self, f: Array) -> Array:
         """``plane @ f``, without that matrix."""
         n = self.mesh.order
-        return np.asarray(self._innermost @ f[:n] + self.mesh.plane[:, n:] @ (self.factor[n:] * f[n:]))
+        return self._innermost @ f[:n] + self.mesh.plane[:, n:] @ (self.factor[n:] * f[n:])
 
     def drift(self, f: Array, edges: Array, nodes: Array) -> Array:
         """Rates of ``plane @ f`` where edges and nodes move at rates linear on every panel but the innermost, which
@@ -74,7 +74,7 @@ class Rim:
         slope = mesh.derivative(weighted)
         slope[:n] = turned[:n] + self.factor[:n] * mesh.derivative(f)[:n]
         rate = relative * (mesh.plane @ (mesh.nodes * slope)) + (nodes * (turned - slope)) @ mesh.plane.T
-        return np.asarray(rate + mesh.passing((2 / np.pi) * mesh.jumps(weighted), edges, relative, False))
+        return rate + mesh.passing((2 / np.pi) * mesh.jumps(weighted), edges, relative, False)
 
     def plane_slope(self, f: Array) -> Array:
         """d(plane @ f)/d(a²) for an f that vanishes at the rim, at fixed rho and nodal values; shape (N,)."""
@@ -82,7 +82,7 @@ class Rim:
         weighted = self._factor_slope * f
         if not self.smooth:
             weighted[:n] = self._factor_slope[:n] * (mesh.rule.project_even @ f[:n])
-            return np.asarray(mesh.plane @ weighted)
+            return mesh.plane @ weighted
         result = mesh.plane[:, n:] @ weighted[n:]
         # First panel in theta, t = r sin(theta): s = r² sin² − a² moves by −cos² with a² at fixed rho; the upper end
         # moves where rho lies beyond the panel. f(0) = 0 kills the lower end.

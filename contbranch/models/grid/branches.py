@@ -80,7 +80,7 @@ class BranchProblem(LatticeProblem):
     def odd(self, x: Array) -> Array:
         """What the symmetry of the curve changes."""
         u = x.reshape(self.nodes.shape)
-        return np.asarray(u - mirrored(self.setup.lattice, u, self.switched.sector))
+        return u - mirrored(self.setup.lattice, u, self.switched.sector)
 
     def walked(self, start: Point, folds: Folds, end: Ceiling, stop: StopAt) -> Branch:
         """Up to where it meets the curve again, or has as many points as were asked for."""

@@ -192,7 +192,7 @@ class LatticeProblem(EquilibriumProblem):
 
     def dual(self, u: Array) -> Array:
         """See `inner`."""
-        return np.asarray(self._weights * u)
+        return self._weights * u
 
     def in_plane(self, x: Array, p: float, row: tuple[Array, float], precise: bool) -> Solution:
         """By the semismooth Newton method of the lattice, which takes care of the contact."""

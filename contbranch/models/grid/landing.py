@@ -128,7 +128,7 @@ class _Relaxation:
         """A small change of u at random."""
         noise = np.where(place.held, 0.0, np.random.default_rng(seed).standard_normal(self.problem.shape))
         change = self.problem.transform.filter(self.problem.smoother(1.0 / self.range), noise)
-        return np.asarray(0.1 * self.range / float(np.abs(change).max()) * change)
+        return 0.1 * self.range / float(np.abs(change).max()) * change
 
 
 def stable(problem: GridProblem, state: Equilibrium, hold: Hold) -> bool:

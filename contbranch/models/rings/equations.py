@@ -366,7 +366,7 @@ class RingEquations(EquilibriumProblem):
 
     def rise_at(self, fields: Fields, r: Array) -> Array:
         """`Fields.rise` at any radii above zero."""
-        return np.asarray(self.setting.tip.height(r) + fields.grid.lift_at(r, fields.pressure) - fields.parameter)
+        return self.setting.tip.height(r) + fields.grid.lift_at(r, fields.pressure) - fields.parameter
 
     def ends(self, edges: Array) -> Array:
         """Where regions end: at the edges and, if nothing is felt beyond them, where the tip ends."""

@@ -322,7 +322,7 @@ class Grid:
         stretched += near.share * near.radius * carried
         along += stretched.sum(axis=1) * self.stretch[:, near.panel]
         np.subtract.at(whole, near.target, np.vstack([own, along]).T)
-        return np.asarray((4 / np.pi) * (whole[:, :1] / r[:, None] * motion - whole[:, 1:]))
+        return (4 / np.pi) * (whole[:, :1] / r[:, None] * motion - whole[:, 1:])
 
     def at_edge(self, edge: int, pressure: Array) -> tuple[Array, Array]:
         """Row of the elastic displacement at an edge, (N,), and its derivatives with respect to the edges, (E,)."""
@@ -332,7 +332,7 @@ class Grid:
 
     def lift_at(self, radii: Array, pressure: Array) -> Array:
         """Elastic displacement at radii above zero wherever they lie, (M,)."""
-        return np.asarray(self._rows(radii)[0] @ pressure)
+        return self._rows(radii)[0] @ pressure
 
     def _rows(self, radii: Array) -> tuple[Array, Array, Near]:
         """Rows of the displacement at radii, (M, N), K(m)/(r + s) at the nodes, (M, N), and the pairs of radii and
@@ -353,7 +353,7 @@ class Grid:
     # -- fields -------------------------------------------------------------------------------------------------------
     def coefficients(self, values: Array) -> Array:
         """Legendre coefficients of nodal values, (P, n)."""
-        return np.asarray(values.reshape(self.count, self.order) @ self.rule.to_legendre.T)
+        return values.reshape(self.count, self.order) @ self.rule.to_legendre.T
 
     def at_end(self, panel: int, outer: bool) -> Array:
         """Row that extrapolates nodal values to an end of a panel, (N,)."""
@@ -403,7 +403,7 @@ class Grid:
         with np.errstate(divide="ignore", invalid="ignore"):
             y = np.where(np.abs(sign) == 1, np.sqrt(np.maximum(sign * (r - anchor), 0.0)), r)
             x = (y - self.start[panel]) / (self.stop[panel] - self.start[panel])
-            return np.asarray(np.where(sign == 2, 1 - anchor / r, x))
+            return np.where(sign == 2, 1 - anchor / r, x)
 
     def sample(self, panel: int, x: Array) -> Array:
         """Radii at places x of a panel."""
@@ -426,7 +426,7 @@ def _share(r: Array, s: Array) -> Array:
     with np.errstate(invalid="ignore", divide="ignore"):
         value = scipy.special.ellipkm1(((r - s) / total) ** 2) / total
     value[~np.isfinite(value)] = 0.0
-    return np.asarray(value)
+    return value
 
 
 def _second(r: Array, s: Array) -> Array:
