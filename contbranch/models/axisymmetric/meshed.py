@@ -294,7 +294,7 @@ class MeshedContact(MovingContact):
             equations, n = self.equations, self.size
             if front.creases is not self.creases:
                 equations, x = self.placed(x), np.append(x[: n + 1], np.zeros(len(front.creases)))
-            return type(self)(equations, self.scale, self.resolution, self.sharpness, front), x
+            return replace(self, equations=equations, front=front), x
         still, h = self.still(x)
         edges, ends = still.equations.mesh.edges, isinstance(front, Edge)
         if ends or isinstance(front, Kink) or isinstance(self.front, Edge):
@@ -309,7 +309,7 @@ class MeshedContact(MovingContact):
         if front is None:
             return still, h
         start = np.append(h, np.zeros(1 + len(front.creases)))
-        return type(self)(still.equations, self.scale, self.resolution, self.sharpness, front), start
+        return replace(still, front=front), start
 
     def remeshed(self, x: Array, p: float, tolerance: float | None = None, solve: bool = True) -> tuple[Self, Array]:
         """The problem on a mesh made for this solution, and the solution there (or, unsolved, carried to it)."""
@@ -350,19 +350,15 @@ class MeshedContact(MovingContact):
         problem, n, tail = self.on_mesh(mesh, sharpness), self.size, x[self.size :]
         if self.front is not None and self.creases:  # which are at rest where they are
             fixed = mesh.innermost, self.front.place
-            problem = problem._with(replace(self.front, creases=apart(self._creases_at(x), fixed)))
+            problem = replace(problem, front=replace(self.front, creases=apart(self._creases_at(x), fixed)))
             tail = np.append(x[n : n + 1], np.zeros(len(self.creases)))
         carried = np.append(self.placed(x).mesh.interpolate(x[:n], mesh.nodes), tail)
         return problem, problem.solve_at(carried, p) if solve else carried
 
-    def _with(self, front: Front | Edge | None) -> Self:
-        """On the same mesh with another front."""
-        return type(self)(self.equations, self.scale, self.resolution, self.sharpness, front)
-
     def on_mesh(self, mesh: Mesh, sharpness: float | None = None) -> Self:
         """The problem on another mesh, with the front where it is."""
         sharpness = self.sharpness if sharpness is None else sharpness
-        return type(self)(self.equations.on(mesh), self.scale, self.resolution, sharpness, self.front)
+        return replace(self, equations=self.equations.on(mesh), sharpness=sharpness)
 
     @property
     def moves(self) -> bool:
@@ -379,7 +375,7 @@ class MeshedContact(MovingContact):
 
     def finer(self) -> Self:
         """On panels of higher order."""
-        return type(self)(self.equations.finer, self.scale, self.resolution, self.sharpness, self.front)
+        return replace(self, equations=self.equations.finer)
 
     def halved(self, point: Point, share: float) -> Self:
         """On panels halved where they do not resolve a state, or all, of the trace's own order."""
@@ -442,8 +438,7 @@ class MeshedContact(MovingContact):
         """With creases at rest where a state has them: they hardly move close by, and meshes need not be made anew."""
         if not self.creases or self.front is None:
             return self
-        front = replace(self.front, creases=())
-        return type(self)(self.placed(point.x), self.scale, self.resolution, self.sharpness, front)
+        return replace(self, equations=self.placed(point.x), front=replace(self.front, creases=()))
 
     def resolving(self, point: Point, tolerance: float) -> Self:
         """A mesh made for a state; in a tiny contact with panels graded down to its radius.

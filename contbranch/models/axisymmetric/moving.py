@@ -60,6 +60,7 @@ def order_for(tolerance: float) -> int:
     return int(min(20, max(8, round(6 - math.log10(tolerance) * 0.8))))
 
 
+@dataclass(eq=False, repr=False)
 class MovingContact(EquilibriumProblem):
     """R(h, y) = 0 with the parameter u, ``y = scale · sinh(u)``, on one side of first touch.
 
@@ -78,19 +79,14 @@ class MovingContact(EquilibriumProblem):
         by b, stretched by e^σ; n is the front's `power`.
     """
 
-    def __init__(
-        self,
-        equations: Equations,
-        scale: float,
-        resolution: Resolution,
-        sharpness: float = 1.0,
-        front: Front | Edge | None = None,
-    ) -> None:
-        self.equations = equations
-        self.scale = scale
-        self.resolution = resolution
-        self.sharpness = sharpness
-        self.front = front
+    equations: Equations
+    scale: float
+    resolution: Resolution
+    sharpness: float = 1.0
+    front: Front | Edge | None = None
+
+    def __post_init__(self) -> None:
+        equations, front = self.equations, self.front
         mesh, law = equations.mesh, equations.interaction
         # Where the film is squeezed out on a ring, round a flat tip, below a bump or at an edge, the central gap may
         # grow again.
@@ -110,7 +106,7 @@ class MovingContact(EquilibriumProblem):
         self._judged: tuple[Array, float, Defect, bool] | None = None
         self._shown = math.inf, 0  # what share of an estimate care has left, and how often that still counts
         self._row = math.nan  # parameter of the last row that was resolved
-        self.work = resolution.work
+        self.work = self.resolution.work
         self.work.unknowns = max(self.work.unknowns, mesh.size)
 
     def coordinate(self, u: float) -> float:
@@ -285,7 +281,7 @@ class MovingContact(EquilibriumProblem):
             return self, x
         placed, n = self.placed(x), self.size
         equations = placed.on(placed.mesh.stretched(math.exp(float(x[n]))))
-        return type(self)(equations, self.scale, self.resolution, self.sharpness), self.growth(x) * x[:n]
+        return replace(self, equations=equations, front=None), self.growth(x) * x[:n]
 
     def inner(self, u: Array, v: Array) -> float:
         """∫ u v dtau, which does not know the mesh, and the front's share; in a pressed film also of slopes."""

@@ -340,8 +340,7 @@ class ContactProblem(MeshedContact):
 
     def _behind(self) -> ContactProblem:
         """The problem on the other side of first touch."""
-        other = self.equations.touching(not self.equations.contact)
-        return ContactProblem(other, self.scale, self.resolution, self.sharpness)
+        return replace(self, equations=self.equations.touching(not self.equations.contact), front=None)
 
     def across(self, x: Array, p: float) -> tuple[Point, ...]:
         """First touch on the other side.
@@ -612,7 +611,7 @@ class ContactProblem(MeshedContact):
             resolution = Resolution(tolerance, order_for(tolerance), work=self.work)
         coordinate = ContactCoordinate(tip, old.coordinate.power)
         equations = Equations(tip, contact.interaction, old.mesh, coordinate, old.contact)
-        return ContactProblem(equations, self.scale, resolution, self.sharpness, self.front)
+        return replace(self, equations=equations, resolution=resolution)
 
     def answer(self, x: Array) -> float:
         """The length on which elasticity answers the interaction at first touch."""

@@ -85,7 +85,7 @@ def changed(kind: str, event: Point, start: Point, step: float, message: str, ma
     problem = rings(start)
     if problem.layout.single and problem.setting.regained is not None:
         if margin_of(start) <= ALONE:
-            start = replace(start, problem=problem.leaving(True))
+            start = replace(start, problem=replace(problem, leaves=True))
         elif regained := handed(start):
             return Succession(kind, event, (regained,), same=False, message=message, margin=margin)
     return Succession(kind, event, (start,), same=False, step=step, message=message, margin=margin)
@@ -93,7 +93,7 @@ def changed(kind: str, event: Point, start: Point, step: float, message: str, ma
 
 def left(point: Point) -> Succession:
     """The curve behind a point from which on one disc of contact, or none, is all there is."""
-    return Succession("", point, (handed(point) or replace(point, problem=rings(point).leaving(False)),))
+    return Succession("", point, (handed(point) or replace(point, problem=replace(rings(point), leaves=False)),))
 
 
 def closed(point: Point) -> Point | None:

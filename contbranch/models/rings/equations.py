@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -104,6 +104,7 @@ class Fields:
     derived: dict[str, Any] = field(default_factory=dict, compare=False, repr=False)
 
 
+@dataclass(eq=False, repr=False)
 class RingEquations(EquilibriumProblem):
     """R(p, e; d) = 0 for one layout on one set of panels.
 
@@ -120,18 +121,15 @@ class RingEquations(EquilibriumProblem):
         Whether `Setting.regained` is to take over as soon as that is safe.
     """
 
-    def __init__(
-        self,
-        setting: Setting,
-        layout: Layout,
-        panels: Panels,
-        vanishing: tuple[float, ...] = (),
-        origin: float = 0.0,
-        leaves: bool = False,
-    ) -> None:
-        self.setting, self.layout, self.panels, self.vanishing = setting, layout, panels, vanishing
-        self.origin, self.leaves = origin, leaves
-        self.scale, self.work = setting.scale, setting.work
+    setting: Setting
+    layout: Layout
+    panels: Panels
+    vanishing: tuple[float, ...] = ()
+    origin: float = 0.0
+    leaves: bool = False
+
+    def __post_init__(self) -> None:
+        self.scale, self.work = self.setting.scale, self.setting.work
         self._recent: list[Fields] = []
 
     @property
@@ -408,11 +406,7 @@ class RingEquations(EquilibriumProblem):
     # -- other regions and panels -------------------------------------------------------------------------------------
     def on(self, panels: Panels) -> Self:
         """The same regions on other panels."""
-        return type(self)(self.setting, self.layout, panels, self.vanishing, self.origin, self.leaves)
-
-    def leaving(self, leaves: bool) -> Self:
-        """The same, to be left or not as soon as one disc of contact is all there is."""
-        return type(self)(self.setting, self.layout, self.panels, self.vanishing, self.origin, leaves)
+        return replace(self, panels=panels)
 
     def laid_out(
         self, layout: Layout, panels: Panels, vanishing: tuple[float, ...] = (), origin: float | None = None

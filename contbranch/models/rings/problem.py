@@ -186,7 +186,7 @@ class RingProblem(RingEquations):
     def varied(self, contact: Contact) -> Self:
         """The same layout on the same panels."""
         setting = replace(self.setting, tip=contact.axisymmetric_tip, law=BandedLaw(contact.interaction), regained=None)
-        return type(self)(setting, self.layout, self.panels, self.vanishing, self.origin)
+        return replace(self, setting=setting, leaves=False)
 
     # -- what is seen -------------------------------------------------------------------------------------------------
     def unstable(self, x: Array, p: float) -> int:
