@@ -13,15 +13,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import lapack
 
+from contbranch.arrays import Array
 from contbranch.contact.interactions import Interaction
 from contbranch.contact.tips import Tip
 from contbranch.contact.validity import energy_pole
@@ -31,8 +31,6 @@ from .mesh import Mesh
 from .rim import Rim
 
 __all__ = ["RECENT", "ContactCoordinate", "Equations", "Fields", "felt"]
-
-Array = NDArray[np.float64]
 
 # Gauss nodes in a power of end/r for what lies beyond the mesh, at most this one: energies around sharp tips decay
 # slowly.
@@ -164,6 +162,7 @@ class _Tail:
         return np.where(np.isfinite(pressed), pressed, 0.0)
 
 
+@dataclass(eq=False, repr=False)
 class Equations:
     """Residual, linearisation and observables of one contact (reduced units) on one mesh.
 
@@ -179,23 +178,22 @@ class Equations:
         own equations; those without contact go on smoothly into y > 0, where the gap would be negative at the centre.
     """
 
-    def __init__(
-        self, tip: Tip, interaction: Interaction | None, mesh: Mesh, coordinate: ContactCoordinate, contact: bool
-    ) -> None:
-        self.tip = tip
-        self.interaction = interaction
-        self.mesh = mesh
-        self.coordinate = coordinate
-        self.contact = contact
-        self.rim_row = np.zeros(mesh.size)
-        self.rim_row[: mesh.order] = mesh.rule.rim
+    tip: Tip
+    interaction: Interaction | None
+    mesh: Mesh
+    coordinate: ContactCoordinate
+    contact: bool
+
+    def __post_init__(self) -> None:
+        self.rim_row = np.zeros(self.mesh.size)
+        self.rim_row[: self.mesh.order] = self.mesh.rule.rim
         self._rim: Rim | None = None
         self._tail: _Tail | None = None
         self._recent: list[Fields] = []
 
     def on(self, mesh: Mesh) -> Equations:
         """The same contact on another mesh."""
-        return Equations(self.tip, self.interaction, mesh, self.coordinate, self.contact)
+        return replace(self, mesh=mesh)
 
     def stretched(self, factor: float) -> Equations:
         """The same contact on the mesh stretched by a factor."""
@@ -208,7 +206,7 @@ class Equations:
 
     def touching(self, contact: bool) -> Equations:
         """The same contact on the same mesh, with or without a disc."""
-        return Equations(self.tip, self.interaction, self.mesh, self.coordinate, contact)
+        return replace(self, contact=contact)
 
     def forget(self) -> None:
         """Drop what has been kept to save work, matrices mostly; it is made again when it is asked for."""
