@@ -10,8 +10,8 @@ from itertools import chain, islice
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from contbranch.arrays import Array
 from contbranch.contact.contact import Contact
 from contbranch.continuation import (
     Balance,
@@ -60,8 +60,6 @@ from .meshed import MOST, MeshedContact
 from .moving import Resolution, order_for
 
 __all__ = ["ContactProblem", "first_problem"]
-
-Array = NDArray[np.float64]
 
 # While tracing, a gap or a wall pressure may be this much below zero, in the interaction's own units: errors of the
 # discretisation close to the rim are not to look like a wall that pulls.

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from contbranch.arrays import Array
 from contbranch.results.diagram import ModeShape
 
-from .arrays import Array
 from .lattice import Lattice
 from .newton import Equilibrium
 from .problem import GridProblem

@@ -13,7 +13,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .arrays import Array, Mask
+from contbranch.arrays import Array, Flags
+
 from .linear import Change
 from .measure import Direction, Measure
 from .newton import Equilibrium, Hold, Settings, newton, tangent
@@ -115,7 +116,7 @@ class _Follower:
         node = np.unravel_index(int(np.argmin(ahead)), ahead.shape)
         return float(ahead[node]), (int(node[0]), int(node[1]))
 
-    def orbit(self, node: tuple[int, int]) -> Mask:
+    def orbit(self, node: tuple[int, int]) -> Flags:
         """A node and its image where x and y can be exchanged."""
         own = np.zeros(self.problem.shape, dtype=bool)
         own[node] = True

@@ -22,14 +22,14 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from contbranch.arrays import Array
 from contbranch.continuation import Options, Point
-from contbranch.continuation.problem import Array as Vector, Linearisation
+from contbranch.continuation.problem import Linearisation
 from contbranch.control import Control
 from contbranch.curve.problem import STEPS, Count, Defect, EquilibriumProblem, Rates, Succession, Values
 from contbranch.results.profile import Profile
 
 from .arcs import Arc, arcs, onward
-from .arrays import Array
 from .newton import Equilibrium
 from .readings import Reading, read
 from .setup import Setup
@@ -260,11 +260,11 @@ class AveragedProblem(EquilibriumProblem):
         """The stretch."""
         return self.first, self.fit.last
 
-    def residual(self, x: Vector, p: float) -> Vector:
+    def residual(self, x: Array, p: float) -> Array:
         """How far load and displacement are from the average."""
         return x - self.fit.curve(p)[:2]
 
-    def linearise(self, x: Vector, p: float) -> Linearisation:
+    def linearise(self, x: Array, p: float) -> Linearisation:
         """The identity, and the slopes of the average."""
         return Linearisation(self.residual(x, p), np.eye(2), -self.fit.curve(p, 1)[:2])
 
@@ -300,17 +300,17 @@ class AveragedProblem(EquilibriumProblem):
         dropped = next((k for k, found in enumerate(on, start=1) if found.all()), 1)
         return Succession("", points[-dropped], (start,), same=False, dropped=dropped)
 
-    def values(self, x: Vector, p: float) -> Values:
+    def values(self, x: Array, p: float) -> Values:
         """Of the average."""
         load, displacement, energy = self.fit.curve(p).tolist()
         return Values(load, displacement, p, 0.0, energy)
 
-    def observables(self, x: Vector, p: float) -> Mapping[str, float]:
+    def observables(self, x: Array, p: float) -> Mapping[str, float]:
         """The values, and the length of the rim."""
         perimeter = float(np.interp(p, self.samples.radius, self.samples.perimeters))
         return self.values(x, p)._asdict() | {"perimeter": perimeter, "fft_pairs": float(self.state(p).pairs)}
 
-    def rates(self, x: Vector, p: float, x_rate: Vector, p_rate: float) -> Rates:
+    def rates(self, x: Array, p: float, x_rate: Array, p_rate: float) -> Rates:
         """Of the average."""
         load, displacement, _ = (p_rate * self.fit.curve(p, 1)).tolist()
         return Rates(load, displacement, p_rate, 0.0)
@@ -349,7 +349,7 @@ class AveragedProblem(EquilibriumProblem):
             along += abs(radius - p) + (control.weighted(*off) / rate if rate else math.inf)
         return np.array([*(off + np.abs(slopes) * along), along, 0.0])
 
-    def left_out(self, x: Vector, p: float) -> tuple[float, float, float, float]:
+    def left_out(self, x: Array, p: float) -> tuple[float, float, float, float]:
         """What the scatter of the arcs, the radius, and the beginning of the contact leave open, and the cell does."""
         fit, spacing = self.fit, self.fit.spacing
         error = np.array([np.interp(p, fit.centres, own) for own in fit.scatter[:, :2].T])
@@ -407,19 +407,19 @@ class AveragedProblem(EquilibriumProblem):
         """Not of the states beside it, with their ripples."""
         return False
 
-    def unstable(self, x: Vector, p: float) -> int:
+    def unstable(self, x: Array, p: float) -> int:
         """Of the state beside it."""
         return self.lattice.modes.symmetric(self.nearest(p))
 
-    def azimuthal(self, x: Vector, p: float, unstable: int, limit: int = 32, near: Sequence[int] = ()) -> Count | None:
+    def azimuthal(self, x: Array, p: float, unstable: int, limit: int = 32, near: Sequence[int] = ()) -> Count | None:
         """Of the state beside it."""
         return self.lattice.azimuthal(*self.beside(p), unstable, limit, near)
 
-    def profile(self, x: Vector, p: float) -> Profile:
+    def profile(self, x: Array, p: float) -> Profile:
         """Of the state beside it."""
         return self.lattice.profile(*self.beside(p))
 
-    def described(self, x: Vector, p: float) -> Mapping[str, Any]:
+    def described(self, x: Array, p: float) -> Mapping[str, Any]:
         """Of the state beside it."""
         return self.lattice.described(*self.beside(p))
 

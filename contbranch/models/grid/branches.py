@@ -16,6 +16,7 @@ from typing import Self
 
 import numpy as np
 
+from contbranch.arrays import Array
 from contbranch.continuation import Point, StopAt
 from contbranch.continuation.follow import Branch
 from contbranch.curve.events import Ceiling, Folds
@@ -25,7 +26,6 @@ from contbranch.curve.rows import raw_curve
 from contbranch.curve.trace import Request, follow_from
 from contbranch.curve.track import Track
 
-from .arrays import Array
 from .equilibria import LatticeProblem
 from .measure import quietly
 from .stability import Stability

@@ -15,7 +15,8 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
-from .arrays import Array, Integers, Mask
+from contbranch.arrays import Array, Flags, Integers
+
 from .lattice import Lattice
 
 __all__ = ["Clusters", "Influence", "Squares"]
@@ -121,7 +122,7 @@ class Influence:
         return found
 
 
-def gathered(lattice: Lattice, contact: Mask, stiffness: Array, zone: Mask) -> Squares:
+def gathered(lattice: Lattice, contact: Flags, stiffness: Array, zone: Flags) -> Squares:
     """Gather the nodes of a zone into squares.
 
     Parameters
@@ -164,7 +165,7 @@ def gathered(lattice: Lattice, contact: Mask, stiffness: Array, zone: Mask) -> S
             smallest, resolved = smallest + 1, RESOLVED
 
 
-def _squares(levels: list[tuple[Mask, Integers, Array]], smallest: int, near: int, resolved: float) -> Squares:
+def _squares(levels: list[tuple[Flags, Integers, Array]], smallest: int, near: int, resolved: float) -> Squares:
     """The largest squares that are fit, of 2^smallest nodes a side at least."""
     number = np.full(levels[-1][0].shape, -1)
     found, count = [], 0
@@ -201,8 +202,8 @@ class Clusters:
     """
 
     influence: Influence
-    contact: Mask
-    zone: Mask
+    contact: Flags
+    zone: Flags
     stiffness: Array
     weight: float
 
@@ -264,14 +265,14 @@ class Clusters:
         found, (columns, rows) = self._back(vector), self._low
         return found - columns @ (rows @ found)
 
-    def serves(self, contact: Mask, zone: Mask) -> bool:
+    def serves(self, contact: Flags, zone: Flags) -> bool:
         """Whether these are the clusters for a contact and a zone, or are but for few nodes at its rim."""
         if (zone & ~self.zone).any():
             return False
         changed = self._first != contact[self.zone]
         return int(changed.sum()) <= CHANGES and int((changed & ~self.single).sum()) <= HIDDEN
 
-    def renew(self, contact: Mask, stiffness: Array) -> None:
+    def renew(self, contact: Flags, stiffness: Array) -> None:
         """Go over to another contact, and another v″, given on all nodes, where it differs by more than matters."""
         held, now = contact[self.zone], stiffness[self.zone]
         same = held == self.held

@@ -16,7 +16,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .arrays import Array
+from contbranch.arrays import Array
+
 from .crossings import Crossings, find_crossings
 from .newton import Equilibrium
 from .problem import GridProblem

@@ -19,7 +19,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .arrays import Array, Integers, Mask
+from contbranch.arrays import Array, Flags, Integers
+
 from .lattice import Lattice
 
 __all__ = ["REACH", "Crossings", "find_crossings"]
@@ -67,8 +68,8 @@ class Crossings:
     fraction: Array
     wall_pressure: Array
     gap: Array
-    inside: Mask
-    outside: Mask
+    inside: Flags
+    outside: Flags
 
     @property
     def area(self) -> float:
@@ -127,7 +128,7 @@ class Crossings:
         return self.node_area * (outwards @ self.weight) / np.where(share > 0.0, share, 1.0), share
 
 
-def find_crossings(lattice: Lattice, contact: Mask, wall_pressure: Array, gap: Array) -> Crossings:
+def find_crossings(lattice: Lattice, contact: Flags, wall_pressure: Array, gap: Array) -> Crossings:
     """Collect the crossings of the rim with the lines of a lattice.
 
     Parameters
@@ -179,7 +180,7 @@ def _wrapped(lattice: Lattice, numbers: Integers) -> Integers:
     return np.minimum(folded, 2 * n - 1 - folded)
 
 
-def _smoothed(contact: Mask) -> Array:
+def _smoothed(contact: Flags) -> Array:
     field = contact.astype(np.float64)
     for _ in range(_SMOOTHINGS):
         rows = 0.25 * (field[:-2] + 2.0 * field[1:-1] + field[2:])

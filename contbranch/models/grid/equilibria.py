@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
+from contbranch.arrays import Array, Flags
 from contbranch.continuation import CorrectionError, Event, Outcome, Point, StopAt
 from contbranch.continuation.follow import Branch
 from contbranch.continuation.problem import Solution
@@ -39,7 +40,6 @@ from contbranch.results.diagram import ModeShape, State
 from contbranch.results.profile import Profile
 
 from .arcs import pressed
-from .arrays import Array, Mask
 from .landing import land
 from .measure import Direction, Measure, Stretch, following, quietly
 from .modes import Modes
@@ -331,7 +331,7 @@ class LatticeProblem(EquilibriumProblem):
         u, load = first.u + share * (last.u - first.u), first.load + share * (last.load - first.load)
         contact = first.contact if share < 0.5 else last.contact
 
-        def found(u: Array, load: float, contact: Mask, settings: Settings) -> Equilibrium | None:
+        def found(u: Array, load: float, contact: Flags, settings: Settings) -> Equilibrium | None:
             start = np.where(contact, -self.nodes.heights, u)
             state = newton(self.nodes, start, load, hold, contact, settings)
             room = BESIDE * (bounds[1] - bounds[0])  # a row that has the value itself is known as well as it is solved

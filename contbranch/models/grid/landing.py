@@ -21,7 +21,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .arrays import Array, Mask
+from contbranch.arrays import Array, Flags
+
 from .linear import Border, Linear
 from .newton import Equilibrium, Hold, Settings, hold_control, newton, rms, tangent
 from .problem import Fields, GridProblem
@@ -52,7 +53,7 @@ class _Place(NamedTuple):
     """A trial state out of the wall, the nodes that the wall holds, the force, its residual, and the energy."""
 
     fields: Fields
-    held: Mask
+    held: Flags
     force: Array
     residual: float
     energy: float

@@ -23,7 +23,8 @@ from typing import Literal
 import numpy as np
 import scipy
 
-from .arrays import Array
+from contbranch.arrays import Array
+
 from .transforms import EVEN, Counter, Parity, Transform, wavenumbers
 
 __all__ = ["IMAGE_SUM", "Kind", "Lattice"]

@@ -23,7 +23,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .arrays import Array, Mask
+from contbranch.arrays import Array, Flags
+
 from .problem import GridProblem
 
 __all__ = ["Border", "Change", "Linear"]
@@ -88,7 +89,7 @@ class Border:
             return own
         return own + (row * float(change.field.sum()) if isinstance(row, float) else float(np.vdot(row, change.field)))
 
-    def on(self, zone: Mask) -> Array:
+    def on(self, zone: Flags) -> Array:
         """The entries on the nodes of a zone, and that of δd."""
         return np.append(np.broadcast_to(self.along, zone.shape)[zone], self.across)
 
@@ -105,7 +106,7 @@ class Linear:
     border : Border
     """
 
-    def __init__(self, problem: GridProblem, stiffness: Array, contact: Mask, border: Border) -> None:
+    def __init__(self, problem: GridProblem, stiffness: Array, contact: Flags, border: Border) -> None:
         self.problem, self.held = problem, border
         stiffness = np.where(contact, 0.0, stiffness)
         size = np.abs(stiffness)

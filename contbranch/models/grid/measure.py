@@ -18,9 +18,9 @@ from operator import itemgetter
 import numpy as np
 import scipy
 
+from contbranch.arrays import Array
 from contbranch.control import Control
 
-from .arrays import Array
 from .newton import Equilibrium, Hold, Settings, Sketch, newton
 from .problem import GridProblem
 

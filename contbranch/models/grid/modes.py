@@ -12,13 +12,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from contbranch.arrays import Array
 from contbranch.contact.height_map import HeightMap
 from contbranch.continuation import CorrectionError, Outcome
 from contbranch.curve.problem import Count
 from contbranch.results.diagram import ModeShape
 
 from .angular import angular_content, mode_shape
-from .arrays import Array
 from .newton import Equilibrium
 from .resolution import concavity
 from .setup import Setup

@@ -18,9 +18,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from contbranch.arrays import Array, Flags
 from contbranch.control import Control
 
-from .arrays import Array, Mask
 from .linear import Border, Change, Linear
 from .problem import Fields, GridProblem
 
@@ -151,7 +151,7 @@ class Equilibrium:
     """
 
     fields: Fields
-    contact: Mask
+    contact: Flags
     residual: float
     displacement: float
     converged: bool
@@ -185,7 +185,7 @@ class Sketch(NamedTuple):
 
     u: Array
     load: float
-    contact: Mask
+    contact: Flags
 
 
 def newton(
@@ -193,7 +193,7 @@ def newton(
     u: Array | Fields,
     load: float,
     hold: Hold,
-    contact: Mask | None = None,
+    contact: Flags | None = None,
     settings: Settings = Settings(),
 ) -> Equilibrium:
     """Solve for an equilibrium from a trial state.
@@ -264,15 +264,15 @@ class _Trial:
     """
 
     fields: Fields
-    contact: Mask
+    contact: Flags
     residual: float
     merit: float
     rounding: float
-    kept: Mask
+    kept: Flags
     frozen: bool = False
 
     @staticmethod
-    def at(problem: GridProblem, fields: Fields, contact: Mask, frozen: bool = False) -> _Trial:
+    def at(problem: GridProblem, fields: Fields, contact: Flags, frozen: bool = False) -> _Trial:
         excess = fields.excess
         missed = problem.stiffest * np.where(contact, problem.heights + fields.u, 0.0)
         kept = contact & ((excess > missed) | frozen)
@@ -282,7 +282,7 @@ class _Trial:
         rounding = problem.rounding(fields.u) / size
         return _Trial(fields, contact, own + wall, own + LONGER * wall, rounding, kept, frozen)
 
-    def moved(self, problem: GridProblem, change: Change, length: float, kept: Mask, wall: bool) -> _Trial:
+    def moved(self, problem: GridProblem, change: Change, length: float, kept: Flags, wall: bool) -> _Trial:
         """The trial state after a part of a step; what overlaps then joins the contact."""
         before = self.fields
         u, load = before.u + length * change.field, before.load + length * change.load

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from contbranch.arrays import Array
 from contbranch.results.profile import CellFields, Profile
 
-from .arrays import Array
 from .lattice import Lattice
 from .newton import Equilibrium
 from .problem import GridProblem

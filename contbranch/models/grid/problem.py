@@ -14,9 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from contbranch.arrays import Array, Flags
 from contbranch.contact.interactions import Interaction
 
-from .arrays import Array, Mask
 from .clusters import Clusters, Influence
 from .lattice import Lattice
 from .transforms import Counter, Transform
@@ -118,7 +118,7 @@ class GridProblem:
         """K̂ of the shortest wave of the lattice."""
         return float(np.pi / math.sqrt(2.0) / self.lattice.spacing)
 
-    def clusters(self, contact: Mask, stiffness: Array, zone: Mask, made: Mask) -> Clusters:
+    def clusters(self, contact: Flags, stiffness: Array, zone: Flags, made: Flags) -> Clusters:
         """The linearised equations on clusters of nodes: those used last, where they serve.
 
         Parameters
@@ -166,12 +166,12 @@ class GridProblem:
         energy[near], pressure[near], stiffness[near] = response.energy, response.pressure, response.stiffness
         return energy, pressure, stiffness
 
-    def fields(self, u: Array, load: float, contact: Mask | None = None) -> Fields:
+    def fields(self, u: Array, load: float, contact: Flags | None = None) -> Fields:
         """Evaluate everything at a trial state, with the law at the wall where it is in contact; one pair."""
         # K does not see the mean: without it rounding is that of the deformation, however far away the tip is.
         return self.evaluated(u, load, self.stiffness(u - u.mean()) + load / self.lattice.area, contact)
 
-    def evaluated(self, u: Array, load: float, elastic: Array, contact: Mask | None) -> Fields:
+    def evaluated(self, u: Array, load: float, elastic: Array, contact: Flags | None) -> Fields:
         """Everything at a trial state whose pressure K u + F/A is known."""
         gap = self.heights + u
         if contact is not None:

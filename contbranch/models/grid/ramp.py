@@ -14,10 +14,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from contbranch.arrays import Array
 from contbranch.contact.interaction_law import terms_of
 from contbranch.contact.interactions import Interaction, MaugisDugdale
-
-from .arrays import Array
 
 __all__ = ["RampedDugdale", "jump_message", "on_lattice", "ramp_errors", "ramp_message"]
 

@@ -17,12 +17,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from contbranch.arrays import Array
 from contbranch.contact.height_map import HeightMap
 from contbranch.contact.interactions import Interaction
 from contbranch.errors import InputError
 from contbranch.grid_size import LEAST_GRID
 
-from .arrays import Array
 from .lattice import Lattice
 from .newton import Equilibrium
 from .problem import GridProblem

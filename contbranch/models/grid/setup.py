@@ -7,12 +7,12 @@ from functools import cached_property
 
 import numpy as np
 
+from contbranch.arrays import Array
 from contbranch.contact.contact import Contact
 from contbranch.contact.height_map import HeightMap
 from contbranch.contact.interactions import Interaction
 from contbranch.errors import InputError
 
-from .arrays import Array
 from .lattice import Kind, Lattice
 from .observables import weights
 from .problem import GridProblem

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from contbranch.arrays import Array
 from contbranch.contact.contact import Contact
 from contbranch.contact.tip_shape import inverse
 from contbranch.contact.tips import Parabola
@@ -17,7 +18,6 @@ from contbranch.errors import InputError, ModelError
 from contbranch.grid_size import nearest_fast
 from contbranch.watch import kept, over, patient
 
-from .arrays import Array
 from .lattice import Kind
 from .resolution import DECAYED, LOUD, border_energy, needed_grid, rounded_up, smallest_on_border, warn
 from .setup import Setup

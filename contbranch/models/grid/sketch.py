@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from contbranch.arrays import Array, Flags
 from contbranch.contact.contact import Contact
 from contbranch.contact.height_map import HeightMap
 from contbranch.contact.tips import Parabola
@@ -19,7 +20,6 @@ from contbranch.curve.trace import Request
 from contbranch.errors import InputError, ModelError
 from contbranch.results.diagram import State
 
-from .arrays import Array, Mask
 from .lattice import Lattice
 from .newton import Sketch
 from .setup import Setup
@@ -71,7 +71,7 @@ def copied(setup: Setup, state: State) -> Sketch | None:
     return _sketch(setup, state, gap, (gap <= 0.0) & np.isfinite(setup.problem.heights))
 
 
-def _sketch(setup: Setup, state: State, gap: Array, contact: Mask) -> Sketch:
+def _sketch(setup: Setup, state: State, gap: Array, contact: Flags) -> Sketch:
     """A trial state by its gap, and where that is not known the field of a point force."""
     lattice, heights = setup.lattice, setup.problem.heights
     far = -state.displacement + state.load / (math.pi * np.maximum(_distance(lattice), lattice.spacing))

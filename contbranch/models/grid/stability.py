@@ -29,7 +29,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from .arrays import Array
+from contbranch.arrays import Array
+
 from .newton import Equilibrium
 from .problem import GridProblem
 from .transforms import EVEN, Parity, Transform

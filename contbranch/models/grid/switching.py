@@ -19,7 +19,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .arrays import Array, Mask
+from contbranch.arrays import Array, Flags
+
 from .lattice import Lattice
 from .newton import Equilibrium, Hold, Settings, newton
 from .problem import GridProblem
@@ -222,7 +223,7 @@ def kept_symmetry(lattice: Lattice, sector: Sector, swapped: bool) -> Image:
     return lambda values: mirrored(lattice, values, other)
 
 
-def has_symmetry(spectrum: Spectrum, kept: Image) -> Mask:
+def has_symmetry(spectrum: Spectrum, kept: Image) -> Flags:
     """Which variations are rather even than odd under a symmetry of the whole lattice."""
     return np.array([np.vdot(vector, kept(vector)) > 0.0 for vector in spectrum.vectors], dtype=bool)
 

@@ -13,11 +13,10 @@ from typing import Literal
 import numpy as np
 import pyfftw
 
+from contbranch.arrays import Array
 from contbranch.curve.problem import Work
 from contbranch.results.diagram import Cost
 from contbranch.watch import check
-
-from .arrays import Array
 
 __all__ = ["EVEN", "Counter", "Parity", "Transform", "wavenumbers"]
 

@@ -14,7 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .arrays import Array, Mask
+from contbranch.arrays import Array, Flags
+
 from .transforms import Transform
 
 __all__ = ["Precision", "Variation", "lowest"]
@@ -69,7 +70,7 @@ class Variation:
         I.
     """
 
-    def __init__(self, transform: Transform, elastic: Array, stiffness: Array, free: Mask) -> None:
+    def __init__(self, transform: Transform, elastic: Array, stiffness: Array, free: Flags) -> None:
         self.transform = transform
         self.shape = free.shape
         self.size = free.size

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from contbranch.arrays import Array
 from contbranch.continuation import CorrectionError, End, EventPoint, Outcome, Point, StopAt
 from contbranch.continuation.follow import Branch
 from contbranch.curve.angle import in_passing, short_way
@@ -26,7 +27,6 @@ from contbranch.curve.events import Ceiling, Folds
 from contbranch.watch import finishing, kept, over
 
 from .arcs import arcs, onward
-from .arrays import Array
 from .averaging import JOINT, averaged, half_width, turned
 from .keeping import Keeping
 from .measure import Direction, Measure, Stretch, lagrange, predicted

@@ -17,9 +17,8 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-from contbranch.arrays import Array, Indices
+from contbranch.arrays import Array, Flags, Indices
 from contbranch.contact.interaction_law import terms_of
 from contbranch.contact.tips import Tip
 from contbranch.continuation import Linearisation, Point
@@ -189,7 +188,7 @@ class RingEquations(EquilibriumProblem):
         """Drop what has been kept to save work, matrices mostly; it is made again when it is asked for."""
         self._recent = []
 
-    def resting(self, grid: Grid) -> tuple[NDArray[np.bool_], Array]:
+    def resting(self, grid: Grid) -> tuple[Flags, Array]:
         """Which nodes rest, and their levels."""
         levels = [self.setting.law.levels[region.index] if region.rests else 0.0 for region in self.layout.regions]
         rests = [region.rests for region in self.layout.regions]

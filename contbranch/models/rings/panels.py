@@ -21,9 +21,8 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
-from contbranch.arrays import Array, Indices
+from contbranch.arrays import Array, Flags, Indices
 from contbranch.models.quadrature import gauss, legendre_values, panel_rule
 
 __all__ = ["Grid", "Panels"]
@@ -243,7 +242,7 @@ class Grid:
         return radius, area, self.rule.to_legendre.T @ legendre_values(self.order, 2 * x - 1)
 
     # -- elastic response ---------------------------------------------------------------------------------------------
-    def _near(self, r: Array) -> NDArray[np.bool_]:
+    def _near(self, r: Array) -> Flags:
         """Which panels are near radii, (M, P); that to infinity is near all within."""
         distance = np.maximum(0.0, np.maximum(self.inner - r[:, None], r[:, None] - self.outer))
         return np.asarray(distance < NEAR * self.length)
