@@ -19,7 +19,7 @@ from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.curve.augmented import STEPS, Augmented, Condition, Fold, Held, Locus, Other, augmented, direction
 from contbranch.curve.events import Margin, rates
 from contbranch.curve.outcome import measured
-from contbranch.curve.problem import equilibrium
+from contbranch.curve.problem import equilibrium, values_of
 from contbranch.curve.refine import Found, by_defect, moved, refine, settled
 from contbranch.errors import ModelError
 from contbranch.results.followed import FollowedPoint, Special
@@ -98,7 +98,7 @@ class Described(Event):
         """How much smaller the gap is."""
         held = augmented(point).held(point)
         problem = equilibrium(held)
-        return problem.described_to - problem.values(held.x, held.parameter).central_gap
+        return problem.described_to - values_of(held).central_gap
 
 
 class Meeting(Event):
@@ -217,7 +217,7 @@ class EventCurve:
         """A point on a discretisation as fine as the curve needs."""
         for _ in range(REMESHES):
             problem = equilibrium(point)
-            if problem.defect(point).relative(problem.values(point.x, point.parameter)) <= self.tolerance:
+            if problem.defect(point).relative(values_of(point)) <= self.tolerance:
                 break
             point = settled(moved(point, problem.resolving(point, self.tolerance)))
         return annotated(point, label="")

@@ -16,7 +16,7 @@ from contbranch.continuation.walk import Across, annotated, corrected_point, poi
 from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.curve.angle import in_passing, short_way
 from contbranch.curve.passages import BESIDES, Search, Seen
-from contbranch.curve.problem import Rates, equilibrium
+from contbranch.curve.problem import Rates, equilibrium, rates_of, values_of
 
 __all__ = ["NEGATIVE", "Balanced", "Ceiling", "FoldEvent", "Folds", "Margin", "Reached", "Slopes", "rates"]
 
@@ -39,11 +39,7 @@ TINY = 1e-300
 
 def rates(point: Point) -> tuple[float, float]:
     """Rates of load and displacement along the unit tangent."""
-    return _along(point)[:2]
-
-
-def _along(point: Point) -> Rates:
-    return equilibrium(point).rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
+    return rates_of(point)[:2]
 
 
 class Slopes:
@@ -60,7 +56,7 @@ class Slopes:
         """All rates at a point."""
         state = id(point.x), id(point.problem)
         if state not in self._known:
-            self._known[state] = point, _along(point)
+            self._known[state] = point, rates_of(point)
         known, found = self._known[state]
         if known.tangent_x is point.tangent_x:
             return found
@@ -120,7 +116,7 @@ class Reached(Event):
 
     def value(self, point: Point) -> float:
         """What is controlled minus its target."""
-        values = equilibrium(point).values(point.x, point.parameter)
+        values = values_of(point)
         if self.control is None:
             return values.contact_radius - self.target
         return self.control.weighted(values.load, values.displacement) - self.target
@@ -197,7 +193,7 @@ class Ceiling(Event):
         return None
 
     def _rate(self, point: Point) -> float:
-        return Reached(self.control, self.target).rate(_along(point))
+        return Reached(self.control, self.target).rate(rates_of(point))
 
     def _foretold(self, segment: Segment, arrive: float) -> float:
         """Where the cubic through values and slopes at both ends of a step is zero."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from contbranch.continuation import CorrectionError, Point
 from contbranch.control import Control
-from contbranch.curve.problem import Rates, equilibrium
+from contbranch.curve.problem import equilibrium, rates_of, values_of
 from contbranch.curve.refine import Found, further, moved, numbers, settled
 from contbranch.errors import ModelError
 from contbranch.results.diagram import Exponent, LocalExponent, Window
@@ -54,17 +54,15 @@ class _Side:
 
     def sample(self, point: Point) -> tuple[float, float, float, float]:
         """Control, order parameter and their rates at a point of the curve."""
-        problem = equilibrium(point)
         load, displacement, radius, gap = numbers(point)
-        rates: Rates = problem.rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
+        rates = rates_of(point)
         control = self.control.value(load, displacement), self.control.value(rates.load, rates.displacement)
         order = (radius, rates.contact_radius) if self.contact else (gap, rates.central_gap)
         return control[0], order[0], control[1], order[1]
 
     def left(self, point: Point) -> float:
         """The error of a point, relative to its values."""
-        problem = equilibrium(point)
-        return problem.defect(point).relative(problem.values(point.x, point.parameter))
+        return equilibrium(point).defect(point).relative(values_of(point))
 
     def served(self, point: Point, tolerance: float, known: float) -> tuple[Point, float]:
         """The point on a discretisation that serves a tolerance, where the present one is far better or worse, and the
@@ -145,7 +143,7 @@ def _samples(found: Found, control: Control, ahead: Point | None) -> Iterator[tu
     errors = control.value(*found.error[:2]), found.error[2 if side.contact else 3]
     near, left, relative, direction, travelled = side.origin, side.tolerance, side.tolerance, 0, 0.0
     # Towards growing contact, or (without contact) a shrinking gap.
-    rates = equilibrium(near).rates(near.x, near.parameter, near.tangent_x, near.tangent_parameter)
+    rates = rates_of(near)
     if (rates.contact_radius if side.contact else -rates.central_gap) < 0:
         near = near.turned()
     last = (0.0,) * 4

@@ -13,7 +13,7 @@ from contbranch.arrays import Array, Integers
 from contbranch.continuation import CorrectionError, Point
 from contbranch.control import Control
 from contbranch.curve.outcome import RawEvent
-from contbranch.curve.problem import AstrayError, Values, equilibrium
+from contbranch.curve.problem import AstrayError, Values, equilibrium, rates_of, values_of
 from contbranch.curve.quasi_static import Stop, next_along
 from contbranch.curve.refine import Found
 from contbranch.curve.solve import Crossing, before, crossing, energy_at, seen, state_on
@@ -139,7 +139,7 @@ class CurveWalk:
         errors = [fold.state.error for fold in self._folds.values() if self.control.of(fold.state) == value]
         missed = max((self.control.weighted(error["load"], error["displacement"]) for error in errors), default=0.0)
         point = found.point
-        moves = equilibrium(point).rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
+        moves = rates_of(point)
         pace = abs(self.control.weighted(moves.load, moves.displacement))
         if not missed or not pace:
             return found
@@ -207,7 +207,7 @@ class CurveWalk:
             pieces = [self._joined(*ends) for ends in pairwise(stops)]
             return work_along(begin.place, pieces, end.place, self._allowed)
         except CorrectionError:
-            there, here = (equilibrium(point).values(point.x, point.parameter) for point in (end.place, begin.place))
+            there, here = (values_of(point) for point in (end.place, begin.place))
             return there.energy - here.energy
 
     @cached_property

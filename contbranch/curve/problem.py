@@ -37,7 +37,9 @@ __all__ = [
     "alike",
     "equilibrium",
     "oriented",
+    "rates_of",
     "valued",
+    "values_of",
 ]
 
 STEPS = Options(
@@ -592,10 +594,19 @@ def equilibrium(point: Point) -> EquilibriumProblem:
     raise TypeError(f"{type(problem).__name__} is not an EquilibriumProblem")
 
 
+def values_of(point: Point) -> Values:
+    """What is seen of a point's state."""
+    return equilibrium(point).values(point.x, point.parameter)
+
+
+def rates_of(point: Point) -> Rates:
+    """The rates of that along the unit tangent."""
+    return equilibrium(point).rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
+
+
 def valued(point: Point) -> Point:
     """The point with the values of its state."""
-    problem = equilibrium(point)
-    return replace(point, observables=problem.values(point.x, point.parameter)._asdict())
+    return replace(point, observables=values_of(point)._asdict())
 
 
 def alike(values: Values, one: Rates, other: Rates) -> bool:

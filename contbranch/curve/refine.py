@@ -13,7 +13,7 @@ from contbranch.continuation.bordered import Bordered
 from contbranch.continuation.newton import evaluating
 from contbranch.continuation.walk import corrected_point, unit_tangent
 from contbranch.curve.events import FoldEvent, Reached
-from contbranch.curve.problem import EquilibriumProblem, Rates, equilibrium
+from contbranch.curve.problem import EquilibriumProblem, Rates, equilibrium, rates_of, values_of
 from contbranch.errors import ModelError
 
 __all__ = [
@@ -101,7 +101,7 @@ class _Place:
 
 def numbers(point: Point) -> Four:
     """Load, displacement, contact radius and central gap of a point."""
-    return equilibrium(point).values(point.x, point.parameter)[:4]
+    return values_of(point)[:4]
 
 
 def moved(point: Point, problem: EquilibriumProblem) -> Point:
@@ -368,7 +368,7 @@ def _held(found: Found, event: Reached) -> Found:
     missed = event.left_out(point) + problem.rounding * max(1.0, abs(event.target))
     if missed == 0.0:
         return found
-    rates = problem.rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
+    rates = rates_of(point)
     steepness = abs(event.rate(rates)) or math.inf
     held = "contact_radius" if event.control is None else event.control.kind
     load, displacement, radius, gap = (
@@ -518,7 +518,7 @@ def _compared(place: _Place, finer: tuple[float, Four] | None, accuracy: float) 
     parameter, there = finer or (point.parameter, here)
     problem = equilibrium(point)
     floor = problem.rounding + (FLOOR * accuracy if finer else 0.0)
-    moves = problem.rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
+    moves = rates_of(point)
     left_out = problem.left_out(point.x, point.parameter)
 
     def error(a: float, b: float, rate: float, besides: float = 0.0) -> float:

@@ -17,7 +17,7 @@ from contbranch.control import LOAD, Control
 from contbranch.curve.events import Balanced, FoldEvent, Margin, Reached
 from contbranch.curve.exponents import critical_exponent, sampled_exponent
 from contbranch.curve.outcome import RawCurve, RawEvent, no_curve
-from contbranch.curve.problem import equilibrium, valued
+from contbranch.curve.problem import equilibrium, rates_of, valued
 from contbranch.curve.refine import Found, at_parameter, by_defect, moved, refine, settled
 from contbranch.curve.symmetry import Breaking, critical_eigenvalues, has_modes, merged, symmetry_breaking
 from contbranch.curve.trace import Request
@@ -260,7 +260,7 @@ def _foretold(ahead: Point, event: Balanced) -> Point:
     place = radius - event.value(ahead) / 2.0
     if problem.slope(ahead.x, ahead.parameter) is None or not 0.0 < place < radius:
         return ahead
-    rates = problem.rates(ahead.x, ahead.parameter, ahead.tangent_x, ahead.tangent_parameter)
+    rates = rates_of(ahead)
     power = radius * ahead.tangent_parameter / (ahead.parameter * rates.contact_radius)  # of the radius, next to touch
     try:
         return at_parameter(replace(ahead, parameter=ahead.parameter * (place / radius) ** power, observables={}))

@@ -12,7 +12,7 @@ from contbranch.arrays import Array
 from contbranch.continuation import CorrectionError, Point
 from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.curve.events import Reached
-from contbranch.curve.problem import Rates, equilibrium
+from contbranch.curve.problem import Rates, equilibrium, rates_of, values_of
 from contbranch.curve.refine import Found, moved, numbers, refine, settled
 from contbranch.curve.track import Track, between
 from contbranch.errors import ModelError
@@ -140,9 +140,7 @@ def _beside(track: Track, piece: int, event: Reached, found: Found) -> list[Poin
 
 def _aside(point: Point, event: Reached, change: float) -> Point:
     """Where what is reached has changed by so much: ahead if that is positive."""
-    problem = equilibrium(point)
-    rates = problem.rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
-    length = change / (abs(event.rate(rates)) or math.inf)
+    length = change / (abs(event.rate(rates_of(point))) or math.inf)
     x, p = point.x + length * point.tangent_x, point.parameter + length * point.tangent_parameter
     return replace(point, x=x, parameter=p, observables={})
 
@@ -180,9 +178,8 @@ def state_on(track: Track, crossing: Crossing, given: Mapping[str, float] | None
 def state_apart(found: Found, controls: Sequence[Control], given: Mapping[str, float] | None = None) -> State:
     """The same for a state off the curve: its Morse indices by inertia and by the slope dF/dd."""
     point = found.point
-    problem = equilibrium(point)
-    held = problem.unstable(point.x, point.parameter)
-    rates = problem.rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
+    held = equilibrium(point).unstable(point.x, point.parameter)
+    rates = rates_of(point)
     return _state(found, [held + _freed(control, rates) for control in controls], given or {})
 
 
@@ -227,7 +224,7 @@ def energy_at(found: Found) -> tuple[float, float]:
     """
     point = found.point
     problem = equilibrium(point)
-    here = problem.values(point.x, point.parameter)
+    here = values_of(point)
     rounding = ROUNDING * problem.rounding * max(1.0, abs(here.energy))
     finer = problem.compared()
     if finer is problem:
@@ -244,5 +241,5 @@ def energy_at(found: Found) -> tuple[float, float]:
 
 def seen(point: Point) -> State:
     """A point of the curve as a state without profile and indices, as a path shows it."""
-    load, displacement, radius, gap, energy = equilibrium(point).values(point.x, point.parameter)
+    load, displacement, radius, gap, energy = values_of(point)
     return State(load, displacement, radius, max(gap, 0.0), energy, 0, 0, 0.0)

@@ -13,7 +13,7 @@ from contbranch.arrays import Array
 from contbranch.continuation import Point
 from contbranch.continuation.walk import point_on
 from contbranch.curve.events import rates
-from contbranch.curve.problem import equilibrium
+from contbranch.curve.problem import values_of
 from contbranch.curve.refine import OPTIONS
 from contbranch.curve.track import piece
 
@@ -100,7 +100,7 @@ class Piece:
 
 def own(point: Point) -> tuple[float, float]:
     """Displacement and load of a point on its own discretisation."""
-    values = equilibrium(point).values(point.x, point.parameter)
+    values = values_of(point)
     return values.displacement, values.load
 
 

@@ -37,6 +37,7 @@ from contbranch.curve.problem import (
     alike,
     equilibrium,
     oriented,
+    rates_of,
     valued,
 )
 from contbranch.curve.refine import OPTIONS
@@ -167,8 +168,7 @@ def regained(resolution: Resolution, contact: Contact, disc: Disc) -> Point:
         raise ModelError("another state was found with one disc of contact")
     if not _margin(point) > -TOLERATED:
         raise ModelError("the state is not admissible with one disc of contact")
-    own = problem.rates(point.x, u, point.tangent_x, point.tangent_parameter)
-    return point if alike(found, own, disc.along) else point.turned()
+    return point if alike(found, rates_of(point), disc.along) else point.turned()
 
 
 class ContactProblem(MeshedContact):
@@ -657,12 +657,5 @@ def _disc(point: Point) -> Disc:
             found[inside] = equations.inner_pressure(fields, r[inside])
         return found
 
-    along = problem.rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
-    return Disc(
-        a,
-        point.observables["central_gap"],
-        equations.displacement(fields),
-        np.hypot(mesh.edges[1:], a),
-        pressure,
-        along,
-    )
+    displacement, radii = equations.displacement(fields), np.hypot(mesh.edges[1:], a)
+    return Disc(a, point.observables["central_gap"], displacement, radii, pressure, rates_of(point))

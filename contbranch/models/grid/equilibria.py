@@ -33,6 +33,7 @@ from contbranch.curve.problem import (
     Succession,
     Values,
     equilibrium,
+    values_of,
 )
 from contbranch.curve.refine import moved
 from contbranch.errors import ModelError
@@ -604,7 +605,7 @@ class LatticeProblem(EquilibriumProblem):
         self, begin: Equilibrium, fold: Point, control: Control, direction: int, others: Sequence[Point]
     ) -> int | None:
         """As `relaxed`, from a state near the fold."""
-        value = control.value(*equilibrium(fold).values(fold.x, fold.parameter)[:2])
+        value = control.value(*values_of(fold)[:2])
         error = np.nan_to_num(np.abs(equilibrium(fold).defect(fold)[:2]), posinf=0.0).tolist()
         push = control.value(*error) + 1e-6 * max(1.0, abs(value))
         end = None

@@ -24,6 +24,7 @@ from contbranch.continuation import CorrectionError, End, EventPoint, Outcome, P
 from contbranch.continuation.follow import Branch
 from contbranch.curve.angle import in_passing, short_way
 from contbranch.curve.events import Ceiling, Folds
+from contbranch.curve.problem import rates_of
 from contbranch.watch import finishing, kept, over
 
 from .arcs import arcs, onward
@@ -382,7 +383,7 @@ class Walker:
         before, after = self.places[-2:]
         change = after.state.u - before.state.u, after.state.load - before.state.load
         point = self.problem.tangential(self.problem.point(after.state, change))
-        load, displacement, *_ = self.problem.rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
+        load, displacement, *_ = rates_of(point)
         turned = []
         for control in self.folds.controls:
             values = [control.value(place.state.load, place.state.displacement) for place in (before, after)]

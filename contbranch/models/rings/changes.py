@@ -14,7 +14,7 @@ from contbranch.continuation.edge import Range
 from contbranch.continuation.follow import follow
 from contbranch.continuation.newton import border, evaluating, linearise, solve
 from contbranch.curve.events import Margin
-from contbranch.curve.problem import Rates, Succession, alike, equilibrium, oriented
+from contbranch.curve.problem import Rates, Succession, alike, equilibrium, oriented, rates_of, values_of
 from contbranch.errors import ModelError
 
 from .constraints import ROUNDING, Breach, begun, least_margin
@@ -148,9 +148,7 @@ def vanished(points: Sequence[Point], region: int | None = None) -> Succession:
 
 def beyond(points: Sequence[Point], event: Point) -> int:
     """How many of the last rows do not lie before an event, as another model tells it; at least one."""
-    problem, count = equilibrium(event), 1
-    values = problem.values(event.x, event.parameter)
-    rates = problem.rates(event.x, event.parameter, event.tangent_x, event.tangent_parameter)
+    values, rates, count = values_of(event), rates_of(event), 1
     for row in reversed(points[1:-1]):
         ahead = (row.observables[name] - getattr(values, name) for name in Rates._fields)
         if not alike(values, Rates(*ahead), rates):

@@ -9,7 +9,7 @@ import numpy as np
 
 from contbranch.arrays import Array
 from contbranch.continuation import Point
-from contbranch.curve.problem import Rates
+from contbranch.curve.problem import Rates, rates_of, values_of
 
 from .equations import rings
 
@@ -48,8 +48,8 @@ def disc_of(point: Point) -> Disc | None:
     if not problem.layout.single:
         return None
     fields = problem.fields(point.x, point.parameter)
-    _, displacement, radius, gap, _ = problem.values(point.x, point.parameter)
+    _, displacement, radius, gap, _ = values_of(point)
     ends = fields.grid.breaks[:, 1]
-    along = problem.rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
+    along = rates_of(point)
     radii = ends[np.isfinite(ends) & (ends > radius)]
     return Disc(radius, gap, displacement, radii, lambda r: fields.grid.interpolate(fields.pressure, r), along)

@@ -9,7 +9,7 @@ import numpy as np
 from contbranch.contact.interactions import Interaction
 from contbranch.contact.tips import Tip
 from contbranch.continuation import CorrectionError, Point
-from contbranch.curve.problem import Work, alike, oriented
+from contbranch.curve.problem import Work, alike, oriented, rates_of, values_of
 from contbranch.errors import ModelError
 
 from .constraints import begun
@@ -68,6 +68,4 @@ def taken_over(
     found = rings(point)
     if found.margins(point.x, point.parameter)["breach"] <= 0:
         raise ModelError("the state handed over is not admissible")
-    values = found.values(point.x, point.parameter)
-    own = found.rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
-    return point if alike(values, own, disc.along) else point.turned()
+    return point if alike(values_of(point), rates_of(point), disc.along) else point.turned()
