@@ -29,9 +29,7 @@ functions that vanish in the contact, and on the sector m the first term is ``½
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -45,9 +43,7 @@ from .equations import Equations, Fields, lower_gram, negative_eigenvalues, uppe
 from .modal import ModeSpace, inner_mode_pressure
 
 __all__ = [
-    "CriticalMode",
     "counted",
-    "critical_eigenvalue",
     "eigenvalues",
     "mode_shape",
     "settled",
@@ -56,36 +52,10 @@ __all__ = [
 
 # Largest mode number examined, where nothing settles the larger ones before.
 LARGEST_MODE = 32
-# The finer mesh has an error of its own.
-SAFETY = 3.0
-# Rounding of an eigenvalue, relative to the largest of the matrix, and of the gap, relative to the displacement.
+# Rounding of the gap, relative to the displacement.
 ROUNDING = 1e-14
 # Radii inside the contact at which the pressure of a mode is given, in units of a; it is singular at the rim.
 INSIDE = np.sin(np.pi / 2 * np.arange(40) / 40)
-
-
-@dataclass(frozen=True)
-class CriticalMode:
-    """The largest eigenvalue of T_m at one state, and its mode.
-
-    Attributes
-    ----------
-    mode : int
-        m.
-    eigenvalue, error : float
-        The equilibrium is stable against m if and only if the eigenvalue is below 1.
-    t, h : array (N,)
-        The mode in the Abel transform, at the nodes ``t = √(a² + tau²)``, in the scale of `shape`.
-    shape : ModeShape
-        Gap and pressure against the radius; the largest change of the gap is 1.
-    """
-
-    mode: int
-    eigenvalue: float
-    error: float
-    t: Array
-    h: Array
-    shape: ModeShape
 
 
 def settled(equations: Equations, fields: Fields, unstable: int | None = None) -> bool:
@@ -119,7 +89,7 @@ def _has_supersolution(equations: Equations, fields: Fields, t: Array) -> bool:
     return info == 0 and bool((plane @ h > 0).all())
 
 
-def unstable_count(equations: Equations, fields: Fields, m: int, finely: bool = True) -> int:
+def unstable_count(equations: Equations, fields: Fields, m: int) -> int:
     """n_m: the number of eigenvalues of T_m above 1, by inertia.
 
     For v'' ≥ 0 the form is a sum of squares on the trial functions (panel polynomials), so that a stiff film cannot
@@ -129,11 +99,7 @@ def unstable_count(equations: Equations, fields: Fields, m: int, finely: bool = 
     ----------
     m : int
         At least 1.
-    finely : bool
-        Whether the state is carried to the finer mesh.
     """
-    if finely:
-        equations, fields = _finer(equations, fields)
     matrix = -_form(ModeSpace.of(equations, fields), m)
     matrix.flat[:: len(matrix) + 1] += 1.0
     return negative_eigenvalues(matrix)
@@ -162,7 +128,7 @@ def counted(
 
     def number(m: int) -> int:
         if m not in known:
-            known[m] = unstable_count(equations, fields, m, finely=False)
+            known[m] = unstable_count(equations, fields, m)
         return known[m]
 
     guess = min(len(near), limit)
@@ -193,32 +159,20 @@ def eigenvalues(equations: Equations, fields: Fields, m: int, count: int = 1) ->
     return _largest(ModeSpace.of(equations, fields), m, count)[0]
 
 
-def critical_eigenvalue(equations: Equations, fields: Fields, m: int, index: int = 1) -> CriticalMode:
-    """The largest eigenvalue of T_m = B_m k A_m (or the one numbered `index`, from the largest), and its mode.
-
-    The error estimate is the difference to the finer mesh, with the state corrected there by one Newton step.
-
-    Raises
-    ------
-    ValueError
-        If m < 1 or index < 1.
-    """
-    if m < 1 or index < 1:
-        raise ValueError(f"m = {m}, index = {index}; must be at least 1")
-    space = ModeSpace.of(equations, fields)
-    values, vectors = _largest(space, m, index)
-    finer = _corrected(*_finer(equations, fields))
-    fine = eigenvalues(*finer, m, index)
-    value = float(values[index - 1])
-    error = SAFETY * abs(float(fine[index - 1]) - value) + ROUNDING * max(1.0, abs(value)) * math.sqrt(len(vectors))
-    t, h, shape = _shape(space, m, vectors[:, index - 1])
-    return CriticalMode(m, value, error, t, h, shape)
-
-
 def mode_shape(equations: Equations, fields: Fields, m: int, index: int = 1) -> ModeShape:
-    """Gap and pressure of the mode that belongs to the eigenvalue numbered `index`."""
+    """Gap and pressure of the mode of the eigenvalue numbered `index`; the largest change of the gap is 1."""
     space = ModeSpace.of(equations, fields)
-    return _shape(space, m, _largest(space, m, index)[1][:, index - 1])[2]
+    vector = _largest(space, m, index)[1][:, index - 1]
+    gap = space.plane(m) @ vector
+    scale = 1 / gap[np.argmax(np.abs(gap))]
+    vector, gap = scale * vector, scale * gap
+    pressure = -space.stiffness * gap
+    a, r = space.radius, np.hypot(space.radius, space.rho)
+    if a > 0:
+        inside = a * INSIDE
+        pressure = np.concatenate([inner_mode_pressure(space, m, vector, inside), pressure])
+        gap, r = np.concatenate([np.zeros_like(inside), gap]), np.concatenate([inside, r])
+    return ModeShape(m, r, gap, pressure)
 
 
 def _form(space: ModeSpace, m: int) -> Array:
@@ -232,29 +186,3 @@ def _largest(space: ModeSpace, m: int, count: int) -> tuple[Array, Array]:
     count = min(count, size)
     values, vectors = eigh(matrix, subset_by_index=(size - count, size - 1), check_finite=False)
     return values[::-1], vectors[:, ::-1]
-
-
-def _finer(equations: Equations, fields: Fields) -> tuple[Equations, Fields]:
-    """The state carried to the finer mesh."""
-    return equations.finer, equations.finer.fields(equations.mesh.to_finer @ fields.h, fields.y)
-
-
-def _corrected(equations: Equations, fields: Fields) -> tuple[Equations, Fields]:
-    """The state after one Newton step at fixed contact coordinate."""
-    step = np.linalg.solve(equations.jacobian(fields), -fields.residual)
-    return equations, equations.fields(fields.h + step, fields.y)
-
-
-def _shape(space: ModeSpace, m: int, vector: Array) -> tuple[Array, Array, ModeShape]:
-    """Nodes t, h there, and the shape, scaled so that the largest change of the gap is 1."""
-    gap = space.plane(m) @ vector
-    scale = 1 / gap[np.argmax(np.abs(gap))]
-    vector, gap = scale * vector, scale * gap
-    pressure = -space.stiffness * gap
-    a, r = space.radius, np.hypot(space.radius, space.rho)
-    t, h = space.nodal(m, vector)
-    if a > 0:
-        inside = a * INSIDE
-        pressure = np.concatenate([inner_mode_pressure(space, m, vector, inside), pressure])
-        gap, r = np.concatenate([np.zeros_like(inside), gap]), np.concatenate([inside, r])
-    return t, h, ModeShape(m, r, gap, pressure)

@@ -91,22 +91,6 @@ class ModeSpace:
         inner = solve_triangular(self._factor(m), vector[:even], lower=True, trans="T")
         return inner, vector[even:] / np.sqrt(self._outer_weights())
 
-    def nodal(self, m: int, vector: Array) -> tuple[Array, Array]:
-        """``t = √(a² + tau²)`` and h at the nodes of the mesh, (N,) each."""
-        mesh = self.mesh
-        t = np.hypot(self.radius, mesh.nodes)
-        inner, outer = self.coefficients(m, vector)
-        local = 2 * (mesh.nodes[: mesh.order] / mesh.innermost) ** 2 - 1
-        values = inner @ chebyshev_values(mesh.rule.even_order, local)
-        return t, np.concatenate([values * (t[: mesh.order] / mesh.innermost) ** (m % 2), outer])
-
-    def vector(self, m: int, values: Array) -> Array:
-        """Components of a function with nodal `values`, (N,): the inverse of `nodal`."""
-        n, mesh = self.mesh.order, self.mesh
-        t = np.hypot(self.radius, mesh.nodes[:n])
-        inner = mesh.rule.to_even @ (values[:n] / (t / mesh.innermost) ** (m % 2))
-        return np.concatenate([self._factor(m).T @ inner, values[n:] * np.sqrt(self._outer_weights())])
-
     def _outer_weights(self) -> Array:
         """Weights of ∫ dt on all panels but the innermost."""
         n, mesh = self.mesh.order, self.mesh
