@@ -260,12 +260,11 @@ def adapted_edges(
     bad = errors > share
     bad[1:] |= edges[2:] > GROWTH * edges[1:-1]
     superfluous = _mergeable(lambda edges: guide(stretch * edges), edges, errors, MERGE * share)
-    if math.isinf(equations.kink):
-        return np.sort(np.concatenate([np.delete(edges, superfluous), cuts(edges, unit.bounded)[bad]]))
-    gaps = equations.mesh.interpolate(fields.gap, stretch * edges)
-    superfluous = superfluous[np.abs(gaps[superfluous] - equations.kink) > AT_KINK * equations.kink]
+    if math.isfinite(equations.kink):
+        gaps = equations.mesh.interpolate(fields.gap, stretch * edges)
+        superfluous = superfluous[np.abs(gaps[superfluous] - equations.kink) > AT_KINK * equations.kink]
     found = np.sort(np.concatenate([np.delete(edges, superfluous), cuts(edges, unit.bounded)[bad]]))
-    return _kinked(equations, fields, found, stretch) if unit.bounded else found
+    return _kinked(equations, fields, found, stretch) if unit.bounded and math.isfinite(equations.kink) else found
 
 
 def cuts(edges: Array, bounded: bool) -> Array:

@@ -28,7 +28,7 @@ from .adapt import adapted_edges, needed_reach
 from .equations import Equations
 from .mesh import mesh_on
 
-__all__ = ["Relaxed", "Release"]
+__all__ = ["Release"]
 
 # To leave the fold, the load is moved on by this share of the interaction's own, a displacement by that of its range.
 NUDGE = 1e-4
@@ -44,16 +44,6 @@ PUSHES, ARRIVED = (1.0, 10.0, 100.0), 0.1
 TOLERANCE = 1e-4
 # Where attraction and repulsion all but cancel, the load is this small a share of what either could carry, or smaller.
 SMALLEST_SHARE = 1e-7
-
-
-@dataclass(frozen=True)
-class Relaxed:
-    """Where the flow has come to rest: contact parameter y, load and displacement; `settled` if it has."""
-
-    y: float
-    load: float
-    displacement: float
-    settled: bool
 
 
 class _State:
@@ -105,10 +95,10 @@ class Release:
     scale: float
     control: Control
     direction: int
-    guarded: bool = False
+    guarded: bool
 
-    def end(self, push: float = 1.0, others: Sequence[float] = ()) -> Relaxed:
-        """Where it comes to rest.
+    def end(self, push: float, others: Sequence[float]) -> float | None:
+        """The contact parameter y at which it comes to rest; None if it does not.
 
         Parameters
         ----------
@@ -137,10 +127,10 @@ class Release:
             if self.guarded and float(state.fields.gap.min()) < 0.0:
                 break
             if step >= LONGEST:
-                return Relaxed(state.y, state.load, state.displacement, True)
+                return state.y
             step *= min(3.0, max(0.5, AIM / max(moved, 1e-12)))
             step = min(step, LONGEST)
-        return Relaxed(state.y, state.load, state.displacement, False)
+        return None
 
     def _held(self, state: _State, push: float) -> tuple[float, _Held]:
         """How small the forces at play are, as a share of what the interaction could carry, and what is held."""
@@ -163,13 +153,13 @@ class Release:
         """
         for push in PUSHES:
             end = self.end(push, others)
-            if not end.settled:
+            if end is None:
                 return None
-            apart = [_moved(y, end.y, self.scale, far=0.0) for y in others]
+            apart = [_moved(y, end, self.scale, far=0.0) for y in others]
             nearest = int(np.argmin(apart))
             if apart[nearest] <= ARRIVED:
                 return nearest
-            if _moved(self.y, end.y, self.scale, far=0.0) > ARRIVED:
+            if _moved(self.y, end, self.scale, far=0.0) > ARRIVED:
                 return None  # it has left the fold
         return None
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
@@ -14,8 +13,6 @@ if TYPE_CHECKING:
     from .problem import RingProblem
 
 __all__ = ["Rings"]
-
-Progress = Callable[[float, str], None]
 
 
 @dataclass(frozen=True)
