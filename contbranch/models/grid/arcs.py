@@ -204,7 +204,7 @@ class _Follower:
             end = self.corner(state, u, load, target)
             if end is None or way.measure.apart(end, state) > most:
                 return None
-            if way.direction.value(end.u - state.u, end.load - state.load) < -1e-9:
+            if way.direction.value(*end.beyond(state)) < -1e-9:
                 return None
             first = self.first(state, end, target)
             if first is None or first == target:
@@ -214,7 +214,7 @@ class _Follower:
 
     def _middle(self, begin: Equilibrium, end: Equilibrium, way: _Way) -> Equilibrium:
         """The state half the way along an arc."""
-        change = end.u - begin.u, end.load - begin.load
+        change = end.beyond(begin)
         size = way.measure.norm(*change)
         if size < SHORT:
             return begin

@@ -67,7 +67,7 @@ class BranchProblem(LatticeProblem):
     def begin(self) -> Point:
         """The first state, towards the second."""
         first, last = self.switched.states
-        return self.point(first, (last.u - first.u, last.load - first.load))
+        return self.point(first, last.beyond(first))
 
     def finer(self) -> Self:
         """Itself: another lattice does not tell what breaks the symmetry of the branch."""

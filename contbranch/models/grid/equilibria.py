@@ -236,7 +236,7 @@ class LatticeProblem(EquilibriumProblem):
             second = newton(nodes, first.u - step, first.load, hold, None, self.settings)
         if not (first.converged and second.converged):
             raise CorrectionError(Outcome.START_FAILED, "(Far away there is no equilibrium; try a finer grid.)")
-        return self.point(first, (second.u - first.u, second.load - first.load))
+        return self.point(first, second.beyond(first))
 
     @property
     def cornered(self) -> bool:
@@ -292,7 +292,7 @@ class LatticeProblem(EquilibriumProblem):
         # Over a row of nodes: single arcs ripple.
         row = samples.ends[-1] - self.setup.lattice.spacing
         begin = next((state for radius, state in reversed(samples.states) if radius < row), samples.states[0][1])
-        return problem.point(end, (end.u - begin.u, end.load - begin.load))
+        return problem.point(end, end.beyond(begin))
 
     def before(self, control: Control, value: float) -> Point | None:
         """Farther away than the start, where nothing but a rigid shift changes; a load does not tell states there.
@@ -350,8 +350,7 @@ class LatticeProblem(EquilibriumProblem):
                     state = state or found(near.u, near.load, near.contact, softer)
         if state is None:
             raise CorrectionError(Outcome.STEP_TOO_SMALL, "(No equilibrium was found between two rows.)")
-        change = (last.u - first.u).ravel(), last.load - first.load
-        return self.point(state, change)
+        return self.point(state, last.beyond(first))
 
     def next_to(self, average: AveragedProblem) -> LatticeProblem:
         """The same problem for states next to an average, which knows errors that coarser lattices do not tell."""

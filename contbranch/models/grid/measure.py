@@ -64,7 +64,7 @@ class Measure:
 
     def apart(self, one: Equilibrium, other: Equilibrium) -> float:
         """The distance of two states."""
-        return self.norm(one.u - other.u, one.load - other.load)
+        return self.norm(*one.beyond(other))
 
     def product(self, u: Array, load: float, v: Array, other: float) -> float:
         """Inner product of two steps."""
@@ -90,7 +90,7 @@ class Direction:
     @staticmethod
     def between(begin: Equilibrium, end: Equilibrium, length: float) -> Direction:
         """The covector of the step from one state to another."""
-        return Direction.along(Measure.at(begin, length), end.u - begin.u, end.load - begin.load)
+        return Direction.along(Measure.at(begin, length), *end.beyond(begin))
 
     def value(self, u: Array, load: float) -> float:
         """Progress at a field and load."""

@@ -174,6 +174,10 @@ class Equilibrium:
         """The unknown field."""
         return self.fields.u
 
+    def beyond(self, other: Equilibrium) -> tuple[Array, float]:
+        """The step from another state: changes of field and load."""
+        return self.u - other.u, self.load - other.load
+
 
 def settings_for(accuracy: float) -> Settings:
     """Tolerances for states of an accuracy."""

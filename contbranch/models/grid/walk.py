@@ -181,7 +181,7 @@ class Walker:
     def _add(self, place: Place, event: str = "") -> Point:
         """Put a row in its place, with its fields, from which profiles are made when they are asked for."""
         before = self.places[-2].state if len(self.places) > 1 else place.state
-        point = self.problem.point(place.state, (place.state.u - before.u, place.state.load - before.load))
+        point = self.problem.point(place.state, place.state.beyond(before))
         point = replace(point, x=self.kept(point.x), tangent_x=self.kept(point.tangent_x))
         self._put(Row(place.arc, point, event))
         return point
@@ -339,8 +339,7 @@ class Walker:
         """Append the folds of controls with their senses, of which places on both sides and one between are known."""
         if not turned:
             return
-        change = after.state.u - before.state.u, after.state.load - before.state.load
-        way = Direction.along(Measure.at(middle.state, self.setup.length), *change)
+        way = Direction.along(Measure.at(middle.state, self.setup.length), *after.state.beyond(before.state))
         known = [place.state for place in self.places[-4:] if place.arc >= 0.0]
         if self._chained and self.hops:  # a step passes few corners
             known = [*self._corners(before.state, middle.state, after.state, way), *known]
@@ -381,8 +380,7 @@ class Walker:
     def _turns_late(self) -> None:
         """Locate the folds between the last two states before first touch, by the tangent there."""
         before, after = self.places[-2:]
-        change = after.state.u - before.state.u, after.state.load - before.state.load
-        point = self.problem.tangential(self.problem.point(after.state, change))
+        point = self.problem.tangential(self.problem.point(after.state, after.state.beyond(before.state)))
         load, displacement, *_ = rates_of(point)
         turned = []
         for control in self.folds.controls:
@@ -507,7 +505,7 @@ class Walker:
         if not found.converged:
             return None
         miss = measure.norm(found.u - u, found.load - load)
-        change = found.u - last.u, found.load - last.load
+        change = found.beyond(last)
         distance = measure.norm(*change)
         cosine = direction.value(*change) / (distance * measure.norm(*rate)) if distance > 0 else 0.0
         # A step shorter than what may be missed could be a leap; corners of a chain are found by themselves.
