@@ -79,12 +79,10 @@ class Crease:
     def row(self, mesh: Mesh) -> tuple[slice, Array, float]:
         """The nodes of the panel on which it lies, what their gaps are multiplied by, and what is taken off to say how
         far it is from its place."""
-        panel = int(np.searchsorted(mesh.edges[1:-1], self.place))
-        local = (self.place - mesh.edges[panel]) / mesh.half[panel] - 1.0
-        row = mesh.rule.lagrange(np.array([local]))[0]
+        nodes, row = mesh.row(self.place)
         if self.order:
-            row = row @ mesh.rule.derivative / mesh.half[panel]
-        return slice(panel * mesh.order, (panel + 1) * mesh.order), row / self.slope, self.value / self.slope
+            row = row @ mesh.rule.derivative / mesh.half[nodes.start // mesh.order]
+        return nodes, row / self.slope, self.value / self.slope
 
 
 def velocities(creases: Sequence[Crease], resting: tuple[float, float] | None, mesh: Mesh) -> tuple[Array, Array]:

@@ -105,26 +105,20 @@ class Front:
 
     def off(self, unit: Mesh, equations: Equations, fields: Fields, sigma: float) -> float:
         """How far the gap at the front is from its own."""
-        nodes, row = self._row(unit)
+        nodes, row = unit.row(self.place)
         return float(row @ fields.gap[nodes]) - self.gap
 
     def derivatives(self, unit: Mesh, equations: Equations, fields: Fields) -> tuple[Array, float, float]:
         """Those of `off` with respect to h, (N,), to σ and to y."""
-        nodes, row = self._row(unit)
+        nodes, row = unit.row(self.place)
         rates = equations.spread(fields, self.power), equations.slopes(fields)
         spread, slope = (row @ rate[0][nodes] for rate in rates)
         return lifted(equations, fields, nodes, row), float(spread), float(slope)
 
     def passing(self, unit: Mesh, gap: Array) -> float:
         """That of `off` where the gap at the nodes changes by so much."""
-        nodes, row = self._row(unit)
+        nodes, row = unit.row(self.place)
         return float(row @ gap[nodes])
-
-    def _row(self, mesh: Mesh) -> tuple[slice, Array]:
-        """The nodes of the panel on which the front lies, and their weights in a value at its place."""
-        panel = int(np.searchsorted(mesh.edges[1:-1], self.place))
-        local = (self.place - mesh.edges[panel]) / mesh.half[panel] - 1.0
-        return slice(panel * mesh.order, (panel + 1) * mesh.order), mesh.rule.lagrange(np.array([local]))[0]
 
     def anchored(self, equations: Equations, fields: Fields, about: float = 0.0) -> float:
         """ln s for which the front lies where a state has its gap; nearest to `about`."""
@@ -280,7 +274,7 @@ def steepest(seen: tuple[Equations, Fields], present: Front | None, unit: Mesh, 
     slope = mesh.derivative(fields.gap) * (mesh.edges[-1] / unit.edges[-1])
     serving = None
     if present is not None:
-        nodes, row = present._row(unit)
+        nodes, row = unit.row(present.place)
         # Where the gap comes to rest at the front, its place would turn round, and with it the curve.
         serving = present if abs(row @ slope[nodes]) * present.width > RESTS * present.gap else None
     stiffness = np.abs(fields.stiffness)

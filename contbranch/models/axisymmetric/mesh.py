@@ -284,6 +284,12 @@ class Mesh:
         own = values.reshape(self.panels, self.order) / self.half[:, None]
         return (own @ self.rule.derivative).ravel()
 
+    def row(self, place: float) -> tuple[slice, Array]:
+        """The nodes of the panel on which a place lies, and their weights in a value there."""
+        panel = int(np.searchsorted(self.edges[1:-1], place))
+        local = (place - self.edges[panel]) / self.half[panel] - 1.0
+        return slice(panel * self.order, (panel + 1) * self.order), self.rule.lagrange(np.array([local]))[0]
+
     def _lagrange(self, points: Array) -> tuple[Indices, Array]:
         """Panel of each point, and what it takes of the panel's nodal values: (P,), (P, n); 0 beyond the last edge."""
         panel = np.searchsorted(self.edges[1:-1], points, side="right")
