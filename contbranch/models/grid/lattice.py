@@ -25,7 +25,7 @@ import scipy
 
 from contbranch.arrays import Array
 
-from .transforms import EVEN, Counter, Parity, Transform, wavenumbers
+from .transforms import EVEN, Counter, Sector, Transform, wavenumbers
 
 __all__ = ["IMAGE_SUM", "Kind", "Lattice"]
 
@@ -108,7 +108,7 @@ class Lattice:
         whole[: self.inside, : self.inside] = values
         return whole
 
-    def symbol(self, parity: tuple[Parity, Parity] | None) -> Array:
+    def symbol(self, parity: Sector | None) -> Array:
         """K̂ at every coefficient of a transform."""
         q = wavenumbers(self.size, self.spacing, parity)
         if self.kind == "periodic":
@@ -119,14 +119,14 @@ class Lattice:
         stiffness[nowhere] = 0.0
         return stiffness
 
-    def held_symbol(self, parity: tuple[Parity, Parity] | None) -> Array:
+    def held_symbol(self, parity: Sector | None) -> Array:
         """K̂ with the stiffness 1/(C A) of the mean, which is that of the far field where its displacement is held."""
         symbol = self.symbol(parity)
         if parity in (None, EVEN):
             symbol[0, 0] = 1.0 / (self.compliance * self.area)
         return symbol
 
-    def transform(self, counter: Counter, threads: int = 1, parity: tuple[Parity, Parity] = EVEN) -> Transform:
+    def transform(self, counter: Counter, threads: int = 1, parity: Sector = EVEN) -> Transform:
         """Plans for fields on this lattice."""
         return Transform(self.size, parity if self.quarter else None, threads, counter)
 
@@ -134,7 +134,7 @@ class Lattice:
         """The same lattice without symmetry."""
         return Lattice(self.kind, self.edge, self.grid, quarter=False)
 
-    def unfold(self, values: Array, parity: tuple[Parity, Parity] = EVEN) -> Array:
+    def unfold(self, values: Array, parity: Sector = EVEN) -> Array:
         """A field of the quarter on the array of the whole lattice, padding included."""
         if not self.quarter:
             return np.array(values)

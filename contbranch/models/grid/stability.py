@@ -33,12 +33,10 @@ from contbranch.arrays import Array
 
 from .newton import Equilibrium
 from .problem import GridProblem
-from .transforms import EVEN, Parity, Transform
+from .transforms import EVEN, Sector, Transform
 from .variation import Precision, Variation, lowest
 
 __all__ = ["SECTORS", "Sector", "Spectrum", "Stability", "as_stability"]
-
-Sector = tuple[Parity, Parity]
 
 # In the order of their lowest eigenvalues.
 SECTORS: tuple[Sector, ...] = (EVEN, ("odd", "even"), ("even", "odd"), ("odd", "odd"))

@@ -18,11 +18,12 @@ from contbranch.curve.problem import Work
 from contbranch.results.diagram import Cost
 from contbranch.watch import check
 
-__all__ = ["EVEN", "Counter", "Parity", "Transform", "wavenumbers"]
+__all__ = ["EVEN", "Counter", "Parity", "Sector", "Transform", "wavenumbers"]
 
 Parity = Literal["even", "odd"]
+Sector = tuple[Parity, Parity]
 
-EVEN: tuple[Parity, Parity] = ("even", "even")
+EVEN: Sector = ("even", "even")
 
 _FORWARD = {"even": "FFTW_REDFT10", "odd": "FFTW_RODFT10"}
 _INVERSE = {"even": "FFTW_REDFT01", "odd": "FFTW_RODFT01"}
@@ -46,7 +47,7 @@ class Counter(Work):
         return Cost(0.0, self.newton, self.equilibrium, self.stability)
 
 
-def wavenumbers(nodes: int, spacing: float, parity: tuple[Parity, Parity] | None) -> Array:
+def wavenumbers(nodes: int, spacing: float, parity: Sector | None) -> Array:
     """|q| of every coefficient of a transform, (m, m) for a quarter with m nodes a side, (M, M/2+1) for the whole.
 
     Parameters
@@ -84,7 +85,7 @@ class Transform:
     """
 
     nodes: int
-    parity: tuple[Parity, Parity] | None = EVEN
+    parity: Sector | None = EVEN
     threads: int = 1
     counter: Counter = field(default_factory=Counter)
 
