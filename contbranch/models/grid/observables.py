@@ -7,7 +7,6 @@ tip's heights are not.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -21,7 +20,6 @@ from .problem import GridProblem
 __all__ = [
     "CUBES",
     "CellFields",
-    "CentralGap",
     "cell_fields",
     "central_gap",
     "far_field_error",
@@ -44,31 +42,23 @@ _LEADING, _HIGHER = 1.1, 5.0
 _MIDPOINT = np.array([150.0, -25.0, 3.0]) / 128.0
 
 
-@dataclass(frozen=True)
-class CentralGap:
-    """Gap at the tip's apex and the error estimate of its interpolation between the nodes."""
-
-    value: float
-    error: float
-
-
 def interpolate(lattice: Lattice, values: Array, x: float, y: float) -> float:
     """The trigonometric interpolant of a field (even, on a quarter) at a point, coordinates from the middle."""
     return float(weights(lattice, x) @ values @ weights(lattice, y))
 
 
-def central_gap(problem: GridProblem, equilibrium: Equilibrium) -> CentralGap:
-    """Gap at the middle of the cell, where the tip has its apex: 0 in contact."""
+def central_gap(problem: GridProblem, equilibrium: Equilibrium) -> tuple[float, float]:
+    """Gap at the middle of the cell, where the tip has its apex: 0 in contact; the error of its interpolation there."""
     half = problem.lattice.grid // 2
     around = slice(0, 1) if problem.lattice.quarter else slice(half - 1, half + 1)
     if equilibrium.contact[around, around].all():
-        return CentralGap(0.0, 0.0)
+        return 0.0, 0.0
     u = equilibrium.u
     gap = interpolate(problem.lattice, u, 0.0, 0.0)
     nearest = u[:3, :3] if problem.lattice.quarter else _folded(u[half - 3 : half + 3, half - 3 : half + 3])
     # An interpolant of an order that any smooth profile deserves; the trigonometric one is better.
     error = abs(float(_MIDPOINT @ nearest @ _MIDPOINT) - gap)
-    return CentralGap(max(gap, 0.0), error)
+    return max(gap, 0.0), error
 
 
 def smallest_gap(equilibrium: Equilibrium) -> float:

@@ -69,8 +69,7 @@ def read(setup: Setup, state: Equilibrium, cell: bool = True) -> Reading:
     elif isinstance(setup.contact.tip, HeightMap):
         gap = smallest_gap(state)
     else:
-        centre = central_gap(problem, state)
-        gap, gap_error = centre.value, centre.error
+        gap, gap_error = central_gap(problem, state)
         if gap == 0.0:
             radius_error = setup.lattice.spacing  # a contact so small that it has no node
     if cell and radius == 0.0:  # at the rim of a contact what a ramp adds and takes is nearly the same
