@@ -18,6 +18,11 @@ AnyArray = NDArray[Any]
 Columns = Mapping[str, AnyArray]
 
 
+def magnitude(values: Array) -> float:
+    """The largest absolute value; 0 of none."""
+    return float(np.abs(values).max(initial=0.0))
+
+
 def plain(value: Any) -> Any:
     """Return a value, with all that it holds, as JSON can hold it: None in place of NaN and infinity.
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.linalg import lapack
 
-from contbranch.arrays import Array, Indices
+from contbranch.arrays import Array, Indices, magnitude
 from contbranch.curve.problem import Defect
 from contbranch.models.fronts import SMOOTH
 from contbranch.models.quadrature import gauss_between
@@ -68,11 +68,11 @@ def defect_error(equations: Equations, fields: Fields, solve: Solver | None = No
     for _ in range(STEPS):
         fine = fine_equations.fields(mesh.to_finer @ h, fields.y)
         residual = mesh.from_finer(fine.residual)
-        if not float(np.abs(residual).max()) < left:
+        if not magnitude(residual) < left:
             break
-        left = CONTRACTS * float(np.abs(residual).max())
+        left = CONTRACTS * magnitude(residual)
         step = -solve(residual)
-        if float(np.abs(fields.stiffness).max()) * mesh.edges[-1] > STIFF:  # rounding in the matrix would rule
+        if magnitude(fields.stiffness) * mesh.edges[-1] > STIFF:  # rounding in the matrix would rule
             step -= solve(residual + equations.multiplied(fields, step))
         shift = float(equations.rim_row @ step)
         displacement = fine_equations.displacement(fine) - equations.displacement(fields) + shift
@@ -81,8 +81,8 @@ def defect_error(equations: Equations, fields: Fields, solve: Solver | None = No
         longer = fine_equations.mesh.nodes > mesh.edges[-1]  # where h, carried over, is 0 and the residual all there is
         load -= 2 * float(fine.rim.weights[longer] @ fine.residual[longer])
         h = h + step
-        found.append((load, displacement, float(np.abs(h - fields.h).max())))
-        if not float(np.abs(step).max()) > SOFT * float(np.abs(residual).max()):
+        found.append((load, displacement, magnitude(h - fields.h)))
+        if not magnitude(step) > SOFT * magnitude(residual):
             break
     return Defect(*(max(column, key=abs) for column in zip(*(found[1:] or found), strict=True)))
 
@@ -99,16 +99,16 @@ def finer_error(equations: Equations, fields: Fields) -> Defect | None:
     solve, last, found = factorised(fine_equations.jacobian(fine)), math.inf, []
     for _ in range(STEPS):
         step = -solve(fine.residual)
-        if not float(np.abs(step).max()) < GROWS * last:
+        if not magnitude(step) < GROWS * last:
             step = -factorised(fine_equations.jacobian(fine))(fine.residual)
-        h, size = h + step, float(np.abs(step).max())
+        h, size = h + step, magnitude(step)
         if not size < GROWS * last:
             return None
         last = size
         fine = fine_equations.fields(h, fields.y)
         load = fine_equations.load(fine) - equations.load(fields)
         displacement = fine_equations.displacement(fine) - equations.displacement(fields)
-        found.append((load, displacement, float(np.abs(h - start).max())))
+        found.append((load, displacement, magnitude(h - start)))
     return Defect(*(max(column, key=abs) for column in zip(*found, strict=True)))
 
 
@@ -146,7 +146,7 @@ def factorised(matrix: Array) -> Solver:
 
 
 def _small(off: Array, wanted: Array) -> bool:
-    return float(np.abs(off).max()) < SIMILAR * float(np.abs(wanted).max())
+    return magnitude(off) < SIMILAR * magnitude(wanted)
 
 
 def roughness(equations: Equations, fields: Fields, edges: Array, within: float) -> Array:
@@ -158,7 +158,7 @@ def roughness(equations: Equations, fields: Fields, edges: Array, within: float)
     mesh, n = equations.mesh, equations.mesh.order
     nodes = gauss_between(edges[:-1], edges[1:], n)[0].ravel()
     tails = np.abs(mesh.interpolate(fields.stiffness, nodes).reshape(-1, n) @ mesh.rule.to_legendre[-2:].T).max(axis=1)
-    share = tails / (SMOOTH * max(float(np.abs(fields.stiffness).max()), 1e-300))
+    share = tails / (SMOOTH * max(magnitude(fields.stiffness), 1e-300))
     return np.where(edges[1:] < within, share, 0.0)
 
 
@@ -196,7 +196,7 @@ def panel_errors(equations: Equations, fields: Fields, edges: Array | None = Non
         tail = coefficients[:, -2:].max(axis=1)
         relative = np.divide(tail, largest, out=np.zeros_like(tail), where=largest > 0)
         total += 2 * np.pi * rho * length * weight * tail * np.minimum(1.0, 10 * relative)
-    misfit = float(np.abs(rule.to_even[-2:] @ profile[:n]).max())
+    misfit = magnitude(rule.to_even[-2:] @ profile[:n])
     response = min(2 * np.pi * float(mesh.weights @ (mesh.nodes * np.abs(fields.stiffness))), 2 * float(mesh.edges[-1]))
     total[0] += misfit * response
     return total

@@ -35,7 +35,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.linalg import eigh, lapack
 
-from contbranch.arrays import Array
+from contbranch.arrays import Array, magnitude
 from contbranch.curve.problem import Count
 from contbranch.results.diagram import ModeShape
 
@@ -71,7 +71,7 @@ def settled(equations: Equations, fields: Fields, unstable: int | None = None) -
     t = np.hypot(fields.rim.radius, equations.mesh.nodes)
     with np.errstate(invalid="ignore", divide="ignore"):  # a tip of finite extent: then nothing compares
         blunt = equations.tip.transform_derivative(t) / t
-        rounding = ROUNDING * float(np.abs(fields.h).max())
+        rounding = ROUNDING * magnitude(fields.h)
         if bool((np.diff(fields.gap) > -rounding).all()) and bool((np.diff(blunt) <= 1e-12 * np.abs(blunt[1:])).all()):
             return True
     return _has_supersolution(equations, fields, t)

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from contbranch.arrays import Array
+from contbranch.arrays import Array, magnitude
 from contbranch.continuation.problem import UnresolvedError
 from contbranch.errors import ModelError
 
@@ -146,7 +146,7 @@ def creases_of(
         Steps count, too, where their distance from the rim differs from the front's by this factor.
     """
     nodes, chosen, fresh = mesh.nodes, list[Crease](), 1 + max((crease.key for crease in followed), default=-1)
-    steep = np.abs(nodes * mesh.derivative(fields.pressure)) / max(float(np.abs(fields.pressure).max()), 1e-300)
+    steep = np.abs(nodes * mesh.derivative(fields.pressure)) / max(magnitude(fields.pressure), 1e-300)
     firm = np.maximum(steep, np.abs(nodes * fields.stiffness) / (FIRM / STEEP))
     found = [(place, 1, 0.0, bend, math.sqrt(range_ / abs(bend))) for place, bend in _turns(mesh, fields.gap)]
     if math.isfinite(steps):

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import lapack
 
-from contbranch.arrays import Array
+from contbranch.arrays import Array, magnitude
 from contbranch.contact.interactions import Interaction
 from contbranch.contact.tips import Tip
 from contbranch.contact.validity import energy_pole
@@ -591,7 +591,7 @@ class Equations:
     def on_wall(self, fields: Fields, scale: float, pressure: float) -> float:
         """What the wall bears of a pressure, in units of the interaction's largest."""
         own = self.contact_pressure()
-        return (pressure - own) / max(abs(own), float(np.abs(fields.pressure).max()), 1 / scale)
+        return (pressure - own) / max(abs(own), magnitude(fields.pressure), 1 / scale)
 
     def _lowest(self, fields: Fields) -> tuple[float, float]:
         """The lowest interior minimum of the gap that is no ripple of rounding, and its radius; infinite without."""

@@ -15,7 +15,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from contbranch.arrays import Array
+from contbranch.arrays import Array, magnitude
 from contbranch.models.fronts import BEGINS, ENDS, FLATTER, STIFF
 
 from .adapt import needed_reach
@@ -279,7 +279,7 @@ def steepest(seen: tuple[Equations, Fields], present: Front | None, unit: Mesh, 
         serving = present if abs(row @ slope[nodes]) * present.width > RESTS * present.gap else None
     stiffness = np.abs(fields.stiffness)
     stiff = float((stiffness * np.maximum(mesh.nodes, radius)).max())
-    steep = np.abs(mesh.nodes * mesh.derivative(fields.pressure)) / max(float(np.abs(fields.pressure).max()), 1e-300)
+    steep = np.abs(mesh.nodes * mesh.derivative(fields.pressure)) / max(magnitude(fields.pressure), 1e-300)
     place = int(np.argmax(steep))
     if not (stiff > FAR_OUT * STIFF or float(stiffness.max()) * radius > STIFF or steep[place] > STEEP):
         return serving

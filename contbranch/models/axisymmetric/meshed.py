@@ -8,7 +8,7 @@ from typing import Self
 
 import numpy as np
 
-from contbranch.arrays import Array
+from contbranch.arrays import Array, magnitude
 from contbranch.continuation import Adaptation, Point
 from contbranch.continuation.problem import UnresolvedError
 from contbranch.curve.problem import Defect, EquilibriumProblem, Values
@@ -204,7 +204,7 @@ class MeshedContact(MovingContact):
             found = trial.solve_at(carried, p, enough=NEARLY)  # it is corrected by who asked
             change, told = found - carried, trial.told(problem)
             moves = trial.growth(found) * change[: trial.size], trial.moving(change, found)
-            moved = min(float(np.abs(by[told]).max(initial=0.0)) for by in moves)
+            moved = min(magnitude(by[told]) for by in moves)
             away = np.abs(change[trial.size :])
             away[1:] /= [crease.place for crease in trial.creases]
             astray = bool((away > STRETCHED).any()) or trial.lost(found, p)
@@ -228,7 +228,7 @@ class MeshedContact(MovingContact):
         )
 
     def _stiff(self, fields: Fields) -> bool:
-        return float(np.abs(fields.stiffness).max()) * self.resolution.moving > STIFF
+        return magnitude(fields.stiffness) * self.resolution.moving > STIFF
 
     def within(self, x: Array, p: float) -> float:
         """Radius within which v'' has to be smooth: where a stiff contact may give way, a film as far as it bears much.
@@ -487,17 +487,17 @@ class MeshedContact(MovingContact):
                 return best
             solve = factorised(self.jacobian(x, p))
             step = solve(-self.residual(x, p))
-            change = float(np.abs(step).max())
+            change = magnitude(step)
             if change >= 0.7 * size:
                 stalls += 1
-                if stalls == STALLS or change < 1e-8 * max(1.0, float(np.abs(x).max())):
+                if stalls == STALLS or change < 1e-8 * max(1.0, magnitude(x)):
                     return best  # rounding, which a matrix that is all but singular blows up
             x = x + step
             self.corrected(x, p, solve)
             if not change < 1e3 * max(1.0, size):
                 return best
             best, size = x, change
-            if change < enough * max(1.0, float(np.abs(x).max())):
+            if change < enough * max(1.0, magnitude(x)):
                 return best
         return best
 

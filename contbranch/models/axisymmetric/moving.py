@@ -10,7 +10,7 @@ from typing import Self
 
 import numpy as np
 
-from contbranch.arrays import Array
+from contbranch.arrays import Array, magnitude
 from contbranch.contact.contact import Contact
 from contbranch.continuation import Linearisation
 from contbranch.curve.problem import Defect, EquilibriumProblem, Work
@@ -307,7 +307,7 @@ class MovingContact(EquilibriumProblem):
             return solve if found is x else None
         n, solved = self.size, solve
         pushed = np.column_stack([solve(one) for one in np.eye(x.size)[n:]])
-        if not float(np.linalg.svd(pushed[n:], compute_uv=False)[-1]) > TINY_PIVOT * float(np.abs(pushed).max()):
+        if not float(np.linalg.svd(pushed[n:], compute_uv=False)[-1]) > TINY_PIVOT * magnitude(pushed):
             return None
 
         def held(f: Array) -> Array:  # with the mesh where it is

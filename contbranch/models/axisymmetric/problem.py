@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from contbranch.arrays import Array
+from contbranch.arrays import Array, magnitude
 from contbranch.contact.contact import Contact
 from contbranch.continuation import (
     Balance,
@@ -428,8 +428,8 @@ class ContactProblem(MeshedContact):
 
     def _settled(self, x: Array, p: float) -> bool:
         """Whether Newton's method has found a solution."""
-        off = float(np.abs(self.residual(x, p)).max())
-        return off <= SETTLED * float(np.abs(x).max()) and not self.lost(x, p)
+        off = magnitude(self.residual(x, p))
+        return off <= SETTLED * magnitude(x) and not self.lost(x, p)
 
     def _open(self, x: Array, p: float) -> bool:
         """Whether the gap opens at the rim, as it must under a flat tip, where a ring may be passed over."""
@@ -528,7 +528,7 @@ class ContactProblem(MeshedContact):
             load, displacement = load + own[0], displacement + own[1]
         if 0.0 <= p < TINY and equations.interaction is not None:
             parts = abs(float(equations.rim_row @ h_rate))
-            if abs(displacement) > max(MOVING * parts, AT_ALL * float(np.abs(h_rate).max())):
+            if abs(displacement) > max(MOVING * parts, AT_ALL * magnitude(h_rate)):
                 load = self._slope(x, equations, fields) * displacement
         if equations.contact:
             return Rates(load, displacement, equations.coordinate.slopes(fields.y)[0] * y_rate, 0.0)
@@ -613,7 +613,7 @@ class ContactProblem(MeshedContact):
 
     def answer(self, x: Array) -> float:
         """The length on which elasticity answers the interaction at first touch."""
-        return 0.5 / max(1.0, float(np.abs(self.fields(x, 0.0).stiffness).max()))
+        return 0.5 / max(1.0, magnitude(self.fields(x, 0.0).stiffness))
 
     def resists(self, x: Array) -> bool:
         """Whether the film at first touch is so stiff that a contact has a kink of its own."""

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from contbranch.arrays import Array
+from contbranch.arrays import Array, magnitude
 from contbranch.control import Control
 from contbranch.watch import check
 
@@ -252,7 +252,7 @@ def _newton(state: _State, equations: Equations, y: float, s: float, held: _Held
             return None
         if not np.isfinite(change).all():
             return None
-        deformed, moved = float(np.abs(change[:n]).max()), abs(float(change[n]))
+        deformed, moved = magnitude(change[:n]), abs(float(change[n]))
         size = deformed + moved
         if size > 1e3 * max(1.0, last):
             return None
@@ -263,6 +263,6 @@ def _newton(state: _State, equations: Equations, y: float, s: float, held: _Held
         if not equations.contact and y > 0.0:
             return None  # the surfaces meet: the step ends in contact
         # Far away all deformations are tiny, and so is what tells one state from the next: their errors are relative.
-        if deformed < 1e-9 * float(np.abs(h).max()) and moved < 1e-9 * max(1.0, abs(y)):
+        if deformed < 1e-9 * magnitude(h) and moved < 1e-9 * max(1.0, abs(y)):
             return _State(equations, h, y) if y > floor else None
     return None

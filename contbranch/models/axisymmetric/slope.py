@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from contbranch.arrays import Array
+from contbranch.arrays import Array, magnitude
 
 from .adapt import Solver
 from .equations import Equations, Fields
@@ -49,7 +49,7 @@ def _made_good(equations: Equations, fields: Fields, f: Array, solve: Solver) ->
     answer, before = solve(f), np.inf
     while True:
         change = solve(f - equations.multiplied(fields, answer))
-        missed = float(np.abs(change).max())
+        missed = magnitude(change)
         if not missed < FALLS * before:
-            return answer if missed <= MISSED * float(np.abs(answer).max()) else None
+            return answer if missed <= MISSED * magnitude(answer) else None
         answer, before = answer + change, missed

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
-from contbranch.arrays import Array, Flags
+from contbranch.arrays import Array, Flags, magnitude
 from contbranch.continuation import CorrectionError, Event, Outcome, Point, StopAt
 from contbranch.continuation.follow import Branch
 from contbranch.continuation.problem import Solution
@@ -310,7 +310,7 @@ class LatticeProblem(EquilibriumProblem):
         with quietly():
             found = newton(self.nodes, u, near.load, control_held(self.nodes, control, value), None, self.sharp)
         # Residuals are relative to the pressure, of which rounding leaves little out there.
-        if not found.converged and not found.residual * float(np.abs(found.fields.elastic).max()) <= NOTHING:
+        if not found.converged and not found.residual * magnitude(found.fields.elastic) <= NOTHING:
             raise CorrectionError(Outcome.START_FAILED, f"where the control is {value:.6g}")
         return self.point(found, (start.tangent_x, start.tangent_parameter))
 
@@ -529,7 +529,7 @@ class LatticeProblem(EquilibriumProblem):
         metric = other.metric(there.x)
         size = metric.norm(other, there.tangent_x, there.tangent_parameter)
         row = metric.row(other, there.tangent_x / size, there.tangent_parameter / size)
-        ahead = STEP * self.scale / float(np.abs(there.tangent_x).max())
+        ahead = STEP * self.scale / magnitude(there.tangent_x)
         try:
             found = []
             for step in (0.0, ahead):
@@ -624,8 +624,8 @@ class LatticeProblem(EquilibriumProblem):
 
     def _apart(self, one: Equilibrium, other: Equilibrium) -> float:
         """Largest difference between two states' gaps, relative to the law's range."""
-        return float(np.abs(one.u - other.u).max()) / self.scale
+        return magnitude(one.u - other.u) / self.scale
 
     def away(self, point: Point, state: Equilibrium) -> float:
         """The same of a point's state and another."""
-        return float(np.abs(point.x - state.u.ravel()).max()) / self.scale
+        return magnitude(point.x - state.u.ravel()) / self.scale

@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from contbranch.arrays import Array, Flags
+from contbranch.arrays import Array, Flags, magnitude
 
 from .linear import Border, Linear
 from .newton import Equilibrium, Hold, Settings, hold_control, newton, rms, tangent
@@ -125,7 +125,7 @@ class _Relaxation:
         """A small change of u at random."""
         noise = np.where(place.held, 0.0, np.random.default_rng(seed).standard_normal(self.problem.shape))
         change = self.problem.transform.filter(self.problem.smoother(1.0 / self.range), noise)
-        return 0.1 * self.range / float(np.abs(change).max()) * change
+        return 0.1 * self.range / magnitude(change) * change
 
 
 def stable(problem: GridProblem, state: Equilibrium, hold: Hold) -> bool:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from contbranch.arrays import Array, Flags
+from contbranch.arrays import Array, Flags, magnitude
 
 from .transforms import Transform
 
@@ -222,4 +222,4 @@ def _errors(values: Array, bounds: Array) -> Array:
         gap = np.abs(others - values[j]).min() - bound
         if gap > 0.0:
             errors[j] = min(bound, bound**2 / gap)
-    return errors + ROUNDING * max(1.0, float(np.abs(values).max()))
+    return errors + ROUNDING * max(1.0, magnitude(values))

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from contbranch.arrays import Array
+from contbranch.arrays import Array, magnitude
 from contbranch.continuation import CorrectionError, Event, Point, StopAt
 from contbranch.continuation.edge import Range
 from contbranch.continuation.follow import follow
@@ -72,8 +72,8 @@ def born(point: Point) -> Succession:
     if breach.region == 0 and breach.radius == 0.0 and breach.new in problem.layout.regions[1:2]:
         fields = problem.fields(point.x, point.parameter)
         hole = fields.gap[fields.grid.of_node == 0] - problem.setting.law.levels[breach.new.index]
-        told = max(SHALLOW * problem.scale, ROUNDING * float(np.abs(fields.lift).max()))
-        if float(np.abs(hole).max()) < told:  # it closes before a disc in it can be told
+        told = max(SHALLOW * problem.scale, ROUNDING * magnitude(fields.lift))
+        if magnitude(hole) < told:  # it closes before a disc in it can be told
             return vanished([point], 0)
     kind, message = change(problem, breach, growing=True)
     start = begun(seeded(point, breach))
@@ -206,7 +206,7 @@ def uncertain(point: Point) -> float:
     problem, at = rings(point), linearise(rings(point), point.x, point.parameter)
     row = problem.metric(point.x).row(problem, point.tangent_x, point.tangent_parameter)
     dx, _ = solve(border(problem, point.x, point.parameter, at, row), -at[0], 0.0, point.parameter)
-    return float(np.abs(dx[dx.size - problem.edges :]).max()) / narrowest(point)
+    return magnitude(dx[dx.size - problem.edges :]) / narrowest(point)
 
 
 def carried(problem: RingEquations, fields: Fields, layout: Layout, edges: Array) -> tuple[RingEquations, Array]:

@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 from numpy.polynomial import legendre
 
-from contbranch.arrays import Array
+from contbranch.arrays import Array, magnitude
 from contbranch.continuation import Point
 from contbranch.models.quadrature import panel_rule, peak_pressure
 
@@ -94,7 +94,7 @@ def breaches(problem: RingEquations, fields: Fields) -> Iterator[Breach]:
     """The interior extrema of gaps and pressures against their bounds, in every region."""
     law = problem.setting.law
     scale = problem.setting.scale
-    largest = max(float(np.abs(fields.pressure).max(initial=0.0)), 1e-300)
+    largest = max(magnitude(fields.pressure), 1e-300)
     for k, region in enumerate(problem.layout.regions):
         if k >= fields.grid.region[-1] + 1:
             continue
@@ -155,7 +155,7 @@ def _extrema(
     at = at or partial(grid.interpolate, margin)
     inner_edge, outer_edge = region > 0, region < problem.layout.edges
     jumps = [e for e in (region - 1, region) if 0 <= e < problem.layout.edges and problem.layout.jump(e)]
-    noise = EDGE_NOISE * float(np.abs(values).max()) + ROUNDING
+    noise = EDGE_NOISE * magnitude(values) + ROUNDING
     for edge in jumps:
         low, high = problem.setting.law.bounds(problem.layout.jump_level(edge))
         noise = max(noise, PASSES * (high - low) * NARROW_RING * float(grid.edges[-1]) / problem.setting.scale)

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from contbranch.arrays import Array
+from contbranch.arrays import Array, magnitude
 from contbranch.contact.interaction_law import terms_of
 from contbranch.contact.interactions import Interaction, MaugisDugdale, Response, Sum
 
@@ -81,7 +81,7 @@ class BandedLaw:
 
         Newton's method, for pressures that fall with the gap, no farther than a few of its first steps.
         """
-        gap, scale, room = near, float(np.abs(pressure).max(initial=0.0)), np.full(near.shape, math.inf)
+        gap, scale, room = near, magnitude(pressure), np.full(near.shape, math.inf)
         for _ in range(INVERSIONS):
             _, answer, stiffness = self.evaluate(band, gap)
             off = answer - pressure

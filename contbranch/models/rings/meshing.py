@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from contbranch.arrays import Array
+from contbranch.arrays import Array, magnitude
 from contbranch.models.fronts import CORE, SMOOTH
 
 from .equations import Fields, RingEquations
@@ -150,15 +150,15 @@ def unresolved(problem: RingEquations, fields: Fields) -> Array:
     A narrow ring bears next to nothing of the load, but its inequality is judged by the sign of that; 0 where more is.
     """
     grid, found = fields.grid, np.zeros(fields.grid.count)
-    largest = float(np.abs(fields.pressure).max(initial=0.0))
+    largest = magnitude(fields.pressure)
     for k, region in enumerate(problem.layout.regions[: grid.region[-1] + 1]):
         if region.rests:
             own = grid.region == k
             least = problem.setting.law.bounds(region.index)[0]
             borne = fields.pressure.reshape(grid.count, -1)[own] - least
             tail = np.abs(grid.coefficients(fields.pressure)[own, -2:]).max(axis=1)
-            tail -= ROUNDING * float(np.abs(fields.lift).max()) / np.diff(grid.breaks[own])[:, 0]
-            most = float(np.abs(borne).max())
+            tail -= ROUNDING * magnitude(fields.lift) / np.diff(grid.breaks[own])[:, 0]
+            most = magnitude(borne)
             found[own] = np.maximum(tail, 0.0) / max(most, 1e-300) if most < LITTLE * largest else 0.0
     return found
 
@@ -171,7 +171,7 @@ def roughness(fields: Fields) -> Array:
     grid, largest = fields.grid, float(fields.pressure.max(initial=0.0))
     tails = np.abs(grid.coefficients(fields.stiffness)[:, -2:]).max(axis=1)
     bears = (fields.pressure > CORE * largest).reshape(grid.count, -1).any(axis=1) & (largest > 0.0)
-    return np.where(bears, tails, 0.0) / (SMOOTH * max(float(np.abs(fields.stiffness).max(initial=0.0)), 1e-300))
+    return np.where(bears, tails, 0.0) / (SMOOTH * max(magnitude(fields.stiffness), 1e-300))
 
 
 def adapted(problem: RingEquations, fields: Fields, tolerance: float) -> Panels | None:

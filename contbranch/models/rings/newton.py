@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from contbranch.arrays import Array
+from contbranch.arrays import Array, magnitude
 from contbranch.continuation import CorrectionError, Options, Outcome, Point
 from contbranch.continuation.newton import border, correct, linearise, residual
 from contbranch.curve.problem import oriented
@@ -53,11 +53,11 @@ def solved(problem: RingEquations, x: Array, d: float, row: Row) -> tuple[Array,
             return done.x, done.parameter
         room, change = (np.diff(vector[x.size - count :], prepend=0.0) for vector in (x, dx))
         share = min(1.0, 0.3 / max(float((np.abs(change) / room).max(initial=0.0)), 1e-300))
-        before = float(np.abs(at[0]).max())
+        before = magnitude(at[0])
         for _ in range(HALVINGS):
             trial = x + share * dx, d + share * dd
             try:
-                after = float(np.abs(residual(problem, *trial)).max())
+                after = magnitude(residual(problem, *trial))
             except CorrectionError:
                 after = math.inf
             if after < GROWS * before:

@@ -7,9 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Self
 
-import numpy as np
-
-from contbranch.arrays import Array
+from contbranch.arrays import Array, magnitude
 from contbranch.contact.contact import Contact
 from contbranch.continuation import Adaptation, Options, Point
 from contbranch.continuation.metric import Balance
@@ -170,7 +168,7 @@ class RingProblem(RingEquations):
         dx, dd = solve(border(fine, x, point.parameter, at, row), -at[0], 0.0, point.parameter)
         fields = fine.fields(x, point.parameter)
         load = fine.load(fields) + fine.load_rate(fields, dx) - self.load(self.fields(point.x, point.parameter))
-        return Defect(load, dd, float(np.abs(dx[fields.grid.size :][: self.layout.edges]).max(initial=0.0)))
+        return Defect(load, dd, magnitude(dx[fields.grid.size :][: self.layout.edges]))
 
     @property
     def rounding(self) -> float:
