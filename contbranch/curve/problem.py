@@ -29,6 +29,7 @@ __all__ = [
     "AstrayError",
     "Defect",
     "EquilibriumProblem",
+    "Four",
     "Rates",
     "Search",
     "Succession",
@@ -41,6 +42,9 @@ __all__ = [
     "valued",
     "values_of",
 ]
+
+# Of load, displacement, contact radius and central gap.
+Four = tuple[float, float, float, float]
 
 STEPS = Options(
     angle=0.3,
@@ -426,7 +430,7 @@ class EquilibriumProblem(Problem):
         """The discretisation with which single states are compared for their errors."""
         return self.finer()
 
-    def stated(self, point: Point, event: Event | None) -> tuple[float, float, float, float] | None:
+    def stated(self, point: Point, event: Event | None) -> Four | None:
         """Errors of load, displacement, radius and gap of an event that needs no refinement; None: see `finer`.
 
         Parameters
@@ -436,7 +440,7 @@ class EquilibriumProblem(Problem):
         """
         return None
 
-    def left_out(self, x: Array, p: float) -> tuple[float, float, float, float]:
+    def left_out(self, x: Array, p: float) -> Four:
         """Errors of load, displacement, radius and gap that finer discretisations have, too."""
         return 0.0, 0.0, 0.0, 0.0
 

@@ -13,15 +13,13 @@ from contbranch.continuation.bordered import Bordered
 from contbranch.continuation.newton import evaluating
 from contbranch.continuation.walk import corrected_point, unit_tangent
 from contbranch.curve.events import FoldEvent, Reached
-from contbranch.curve.problem import EquilibriumProblem, Rates, equilibrium, rates_of, values_of
+from contbranch.curve.problem import EquilibriumProblem, Four, Rates, equilibrium, rates_of, values_of
 from contbranch.errors import ModelError
 
 __all__ = [
-    "OPTIONS", "Beside", "Found", "Four", "at_parameter", "further", "moved", "numbers", "refine", "settled",
+    "OPTIONS", "Beside", "Found", "at_parameter", "further", "moved", "numbers", "refine", "settled",
     "upright",
 ]  # fmt: skip
-
-Four = tuple[float, float, float, float]
 
 OPTIONS = Options(tolerance=1e-13, noise=1e8, patience=5)
 # The finer discretisation has an error of its own, and its event is found to first order only.

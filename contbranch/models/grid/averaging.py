@@ -26,7 +26,7 @@ from contbranch.arrays import Array
 from contbranch.continuation import Options, Point
 from contbranch.continuation.problem import Linearisation
 from contbranch.control import Control
-from contbranch.curve.problem import STEPS, Count, Defect, EquilibriumProblem, Rates, Succession, Values
+from contbranch.curve.problem import STEPS, Count, Defect, EquilibriumProblem, Four, Rates, Succession, Values
 from contbranch.results.profile import Profile
 
 from .arcs import Arc, arcs, onward
@@ -349,7 +349,7 @@ class AveragedProblem(EquilibriumProblem):
             along += abs(radius - p) + (control.weighted(*off) / rate if rate else math.inf)
         return np.array([*(off + np.abs(slopes) * along), along, 0.0])
 
-    def left_out(self, x: Array, p: float) -> tuple[float, float, float, float]:
+    def left_out(self, x: Array, p: float) -> Four:
         """What the scatter of the arcs, the radius, and the beginning of the contact leave open, and the cell does."""
         fit, spacing = self.fit, self.fit.spacing
         error = np.array([np.interp(p, fit.centres, own) for own in fit.scatter[:, :2].T])

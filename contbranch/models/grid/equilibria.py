@@ -29,6 +29,7 @@ from contbranch.curve.problem import (
     Count,
     Defect,
     EquilibriumProblem,
+    Four,
     Rates,
     Succession,
     Values,
@@ -466,7 +467,7 @@ class LatticeProblem(EquilibriumProblem):
             moved = np.where(stays, -other.nodes.heights, moved)
         return np.ravel(moved)
 
-    def left_out(self, x: Array, p: float) -> tuple[float, float, float, float]:
+    def left_out(self, x: Array, p: float) -> Four:
         """What the cell leaves out, and what reading off the nodes does."""
         return self.reading(x, p).errors
 
@@ -550,7 +551,7 @@ class LatticeProblem(EquilibriumProblem):
         load, displacement, _, _ = self.difference(point)
         return Defect(load, displacement, 0.0)
 
-    def stated(self, point: Point, event: Event | None) -> tuple[float, float, float, float] | None:
+    def stated(self, point: Point, event: Event | None) -> Four | None:
         """By the lattice with half the nodes a side; events without contact by that with twice as many."""
         if not self.wall and isinstance(event, FoldEvent | Margin):
             error = self._moved(point, event)

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from contbranch.contact.height_map import HeightMap
+from contbranch.curve.problem import Four
 
 from .contact_area import contact_area
 from .newton import Equilibrium
@@ -37,7 +38,7 @@ class Reading(NamedTuple):
     gap_error: float = 0.0
 
     @property
-    def errors(self) -> tuple[float, float, float, float]:
+    def errors(self) -> Four:
         """Those of load, displacement, contact radius and central gap."""
         return self.load_error, self.displacement_error, self.radius_error, self.gap_error
 

@@ -13,7 +13,7 @@ from contbranch.continuation import Adaptation, Options, Point
 from contbranch.continuation.metric import Balance
 from contbranch.continuation.newton import border, linearise, solve
 from contbranch.control import Control
-from contbranch.curve.problem import STEPS, Count, Defect, Succession
+from contbranch.curve.problem import STEPS, Count, Defect, Four, Succession
 from contbranch.models.fronts import ENDURES, lasts
 from contbranch.results.profile import Profile
 
@@ -175,7 +175,7 @@ class RingProblem(RingEquations):
         """Rounding errors of values."""
         return ROUNDING
 
-    def left_out(self, x: Array, p: float) -> tuple[float, float, float, float]:
+    def left_out(self, x: Array, p: float) -> Four:
         """What jumps in place of narrow rings leave out."""
         share = JUMP * NARROW_RING**2 * self.layout.jumps
         load, displacement, radius, gap = (share * max(1.0, abs(value)) for value in self.values(x, p)[:4])
