@@ -72,13 +72,13 @@ def defect_error(equations: Equations, fields: Fields, solve: Solver | None = No
             break
         left = CONTRACTS * magnitude(residual)
         step = -solve(residual)
-        if magnitude(fields.stiffness) * mesh.edges[-1] > STIFF:  # rounding in the matrix would rule
+        if magnitude(fields.stiffness) * mesh.end > STIFF:  # rounding in the matrix would rule
             step -= solve(residual + equations.multiplied(fields, step))
         shift = float(equations.rim_row @ step)
         displacement = fine_equations.displacement(fine) - equations.displacement(fields) + shift
         load = fine_equations.load(fine) - equations.load(fields)
         load += 2 * (float(fields.rim.weights @ step) + fields.rim.radius * shift)
-        longer = fine_equations.mesh.nodes > mesh.edges[-1]  # where h, carried over, is 0 and the residual all there is
+        longer = fine_equations.mesh.nodes > mesh.end  # where h, carried over, is 0 and the residual all there is
         load -= 2 * float(fine.rim.weights[longer] @ fine.residual[longer])
         h = h + step
         found.append((load, displacement, magnitude(h - fields.h)))
@@ -197,7 +197,7 @@ def panel_errors(equations: Equations, fields: Fields, edges: Array | None = Non
         relative = np.divide(tail, largest, out=np.zeros_like(tail), where=largest > 0)
         total += 2 * np.pi * rho * length * weight * tail * np.minimum(1.0, 10 * relative)
     misfit = magnitude(rule.to_even[-2:] @ profile[:n])
-    response = min(2 * np.pi * float(mesh.weights @ (mesh.nodes * np.abs(fields.stiffness))), 2 * float(mesh.edges[-1]))
+    response = min(2 * np.pi * float(mesh.weights @ (mesh.nodes * np.abs(fields.stiffness))), 2 * float(mesh.end))
     total[0] += misfit * response
     return total
 
@@ -212,7 +212,7 @@ def needed_reach(equations: Equations, fields: Fields, tolerance: float) -> floa
     """
     mesh = equations.mesh
     if equations.interaction is None:
-        return float(mesh.edges[-1])
+        return float(mesh.end)
     length = abs(equations.displacement(fields)) + equations.interaction.range
     carried = np.abs(equations.load_beyond(fields)) * np.minimum(1.0, length / np.abs(fields.gap))
     response = 2 * (fields.rim.radius + np.sqrt(2 * length))
@@ -220,8 +220,8 @@ def needed_reach(equations: Equations, fields: Fields, tolerance: float) -> floa
     beyond = np.flatnonzero(~(left_out <= tolerance))
     last = int(beyond[-1]) if len(beyond) else -1
     if last + 1 == mesh.size:
-        return 1.5 * float(mesh.edges[-1])
-    least = 0.0 if equations.contact else min(float(mesh.edges[-1]), felt(equations.tip, equations.interaction))
+        return 1.5 * float(mesh.end)
+    least = 0.0 if equations.contact else min(float(mesh.end), felt(equations.tip, equations.interaction))
     return max(float(mesh.nodes[last + 1]) if len(beyond) else float(mesh.edges[1]), least)
 
 
@@ -243,7 +243,7 @@ def adapted_edges(
         Radius within which panels have to be smooth besides.
     """
     share = tolerance / 6
-    edges, stretch = unit.edges, equations.mesh.edges[-1] / unit.edges[-1]
+    edges, stretch = unit.edges, equations.mesh.end / unit.end
     reach /= stretch
 
     def guide(joined: Array | None = None) -> Array:

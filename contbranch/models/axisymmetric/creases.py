@@ -94,10 +94,10 @@ def velocities(creases: Sequence[Crease], resting: tuple[float, float] | None, m
         What stays between them where it is: a front.
     """
     # Next to the mesh's end, which stays, less is held than a crease is wide.
-    last = [(crease.place + float(mesh.edges[-1])) / 2 for crease in creases]
+    last = [(crease.place + float(mesh.end)) / 2 for crease in creases]
     held = [(c.place - c.half, min(c.place + c.half, most)) for c, most in zip(creases, last, strict=True)]
     spans = sorted([*held, resting] if resting else held)
-    knots = np.array([mesh.innermost, *itertools.chain(*spans), mesh.edges[-1]])
+    knots = np.array([mesh.innermost, *itertools.chain(*spans), mesh.end])
     rates = [
         np.interp(mesh.edges, knots, [0.0, *itertools.chain(*((float(span == own),) * 2 for span in spans)), 0.0])
         for own in held
@@ -166,7 +166,7 @@ def creases_of(
             continue
         if known:  # what it is known by stays
             place, value, slope = known.place, known.value, known.slope
-        others = [front, mesh.edges[-1], *(crease.place for crease in chosen)]
+        others = [front, mesh.end, *(crease.place for crease in chosen)]
         room = SHARE * min(place - mesh.innermost, *(abs(place - other) for other in others))
         if room > width:
             key = known.key if known else fresh + len(chosen)

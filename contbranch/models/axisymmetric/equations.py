@@ -136,7 +136,7 @@ class _Tail:
     """
 
     def __init__(self, tip: Tip, mesh: Mesh, radius: float) -> None:
-        self.radius, self.ends = radius, math.hypot(float(mesh.edges[-1]), radius)
+        self.radius, self.ends = radius, math.hypot(float(mesh.end), radius)
         node = math.hypot(float(mesh.nodes[-1]), radius)
         nodes, weights = gauss(TAIL_NODES)
         x = (nodes + 1) / 2
@@ -467,7 +467,7 @@ class Equations:
     def _at_end(self, fields: Fields) -> tuple[float, float, float]:
         """Rates with ln of the stretch: of the last gap, by where it is; of load and shift that the mesh takes over."""
         tail, tip, a = self._tail_of(fields), self.tip, fields.rim.radius
-        rho, edge = float(self.mesh.nodes[-1]), float(self.mesh.edges[-1])
+        rho, edge = float(self.mesh.nodes[-1]), float(self.mesh.end)
         node, own = math.hypot(rho, a), self._own_displacement(fields)
         lift = float(fields.gap[-1]) + own - tail.last
         rise = (float(tip.height_derivative(node)) - lift / node) * rho * rho / node
@@ -609,7 +609,7 @@ class Equations:
         lowest = inner[np.argmin(gap[inner])]
         if not gap[lowest] < gap[:lowest].max() - RIPPLE * (abs(self._own_displacement(fields)) + abs(gap[lowest])):
             return math.inf, 0.0
-        least, low, high = float(gap[lowest]), nodes[lowest - 1], [*nodes, mesh.edges[-1]][lowest + 1]
+        least, low, high = float(gap[lowest]), nodes[lowest - 1], [*nodes, mesh.end][lowest + 1]
         for _ in range(ZOOMS):
             places = np.linspace(low, high, BETWEEN)
             between = mesh.interpolate(fields.gap, places)

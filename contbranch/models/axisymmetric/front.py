@@ -271,7 +271,7 @@ def steepest(seen: tuple[Equations, Fields], present: Front | None, unit: Mesh, 
     mesh = equations.mesh
     if present is not None and not present.film and _pressed(equations, fields):
         present, unit = None, mesh  # a film's is another
-    slope = mesh.derivative(fields.gap) * (mesh.edges[-1] / unit.edges[-1])
+    slope = mesh.derivative(fields.gap) * (mesh.end / unit.end)
     serving = None
     if present is not None:
         nodes, row = unit.row(present.place)
@@ -295,7 +295,7 @@ def steepest(seen: tuple[Equations, Fields], present: Front | None, unit: Mesh, 
     at, own = float(unit.nodes[place]), float(fields.gap[place])
     width = own / abs(float(slope[place]))
     power = present.power if present else equations.tip.apex_exponent * float(fields.pressure[0] > 0.0)
-    growth = float(mesh.edges[-1] / unit.edges[-1]) ** power
+    growth = float(mesh.end / unit.end) ** power
     weights = unit.weights * _near(unit, at, width)
     return Front(at, own, width, float(weights @ (fields.h / growth) ** 2), power)
 

@@ -67,7 +67,7 @@ class Mesh:
         nodes, weights = gauss_between(self.edges[:-1], self.edges[1:], order)
         self.nodes, self.weights = nodes.ravel(), weights.ravel()
         self.size = len(self.nodes)
-        self.innermost = float(self.edges[1])
+        self.innermost, self.end = float(self.edges[1]), self.edges[-1]
         self.stretch = 1.0
 
     @cached_property
@@ -80,7 +80,7 @@ class Mesh:
         grading = [0.0, FINER_GRADING * self.innermost]
         order = self.order + max(3, self.order // FINER_ORDER_SHARE)
         if self.bounded:
-            outer = self.edges[-1] - FINER_GRADING * (self.edges[-1] - self.edges[-2]) * np.array([1.0, 0.0])
+            outer = self.end - FINER_GRADING * (self.end - self.edges[-2]) * np.array([1.0, 0.0])
             edges = np.concatenate([grading, self.edges[1:-1], outer])
         else:
             edges = np.concatenate([grading, self.edges[1:], FINER_REACH * self.edges[-1:]])
@@ -91,7 +91,7 @@ class Mesh:
         mesh = copy.copy(self)
         mesh.forget()
         mesh.source = self, factor
-        for name in ("edges", "half", "nodes", "weights", "innermost", "stretch"):
+        for name in ("edges", "end", "half", "nodes", "weights", "innermost", "stretch"):
             setattr(mesh, name, factor * getattr(self, name))
         return mesh
 
@@ -293,8 +293,8 @@ class Mesh:
     def _lagrange(self, points: Array) -> tuple[Indices, Array]:
         """Panel of each point, and what it takes of the panel's nodal values: (P,), (P, n); 0 beyond the last edge."""
         panel = np.searchsorted(self.edges[1:-1], points, side="right")
-        rows = self.rule.lagrange((np.minimum(points, self.edges[-1]) - self.edges[panel]) / self.half[panel] - 1.0)
-        rows[points > self.edges[-1]] = 0.0
+        rows = self.rule.lagrange((np.minimum(points, self.end) - self.edges[panel]) / self.half[panel] - 1.0)
+        rows[points > self.end] = 0.0
         return panel, rows
 
 

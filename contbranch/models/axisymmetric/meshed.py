@@ -188,7 +188,7 @@ class MeshedContact(MovingContact):
         allowed = resolution.tolerance * max(1.0, abs(equations.load(fields)))
         reach = self._reach(equations, fields, 0.1 * allowed)
         error = self.relative_error(x, p, shown=True)
-        served = not self.rough(x, p) and error <= resolution.tolerance and reach <= equations.mesh.edges[-1]
+        served = not self.rough(x, p) and error <= resolution.tolerance and reach <= equations.mesh.end
         if served:
             if error > FINE * resolution.tolerance or mesh.panels <= 6:
                 return self, x
@@ -257,7 +257,7 @@ class MeshedContact(MovingContact):
         if found is None or isinstance(found, Kink):
             return found
         (equations, fields), now, same = self.seen(x, p), self.placed(x).mesh, self._as_moved(found)
-        stretch = equations.mesh.edges[-1] / now.edges[-1]
+        stretch = equations.mesh.end / now.end
         unit = stretch if same else 1.0
         followed = [crease.stretched(stretch, 0.0) for crease in self._creases_at(x)]
         weight = found.weight if isinstance(found, Front) else float(equations.mesh.weights @ fields.h**2)
@@ -317,12 +317,12 @@ class MeshedContact(MovingContact):
         unit, tolerance = self.placed(x).mesh, self.resolution.tolerance if tolerance is None else tolerance
         allowed = tolerance * max(1.0, abs(equations.load(fields)))
         reach = self._reach(equations, fields, 0.03 * allowed)
-        end = equations.mesh.edges[-1]
+        end = equations.mesh.end
         sharpness = self.sharpness
         if reach > end:
             # The solution is not known out there: lengthen first, judge the panels in the next round.
             count = int(np.ceil(np.log2(reach / end)))
-            edges = np.append(unit.edges, unit.edges[-1] * (reach / end) ** (np.arange(1, count + 1) / count))
+            edges = np.append(unit.edges, unit.end * (reach / end) ** (np.arange(1, count + 1) / count))
         else:
             sharpness = self._sharpened(x, p, tolerance)
             edges = adapted_edges(equations, fields, SLACK * allowed / sharpness, reach, unit, self.within(x, p))
@@ -339,9 +339,9 @@ class MeshedContact(MovingContact):
         """How long the mesh is to be; a front lies on it."""
         mesh = equations.mesh
         if mesh.bounded:
-            return float(mesh.edges[-1])
-        front = self.front.place / self.equations.mesh.edges[-1] if isinstance(self.front, Front) else 0.0
-        return max(needed_reach(equations, fields, tolerance), front * float(mesh.edges[-1]))
+            return float(mesh.end)
+        front = self.front.place / self.equations.mesh.end if isinstance(self.front, Front) else 0.0
+        return max(needed_reach(equations, fields, tolerance), front * float(mesh.end))
 
     def on(
         self, mesh: Mesh, x: Array, p: float, sharpness: float | None = None, solve: bool = True
@@ -417,7 +417,7 @@ class MeshedContact(MovingContact):
         about = float(x[n]) if self.front and self._as_moved(front) else 0.0
         shift = about if kept else front.anchored(*self.seen(x, p), about)
         places = {crease.key: crease.place for crease in self._creases_at(x)}
-        stretch, beyond = float(mesh.edges[-1] / self.equations.mesh.edges[-1]), math.exp(shift)
+        stretch, beyond = float(mesh.end / self.equations.mesh.end), math.exp(shift)
 
         def place(crease: Crease) -> float:
             if crease.key in places:

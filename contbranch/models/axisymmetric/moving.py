@@ -221,7 +221,7 @@ class MovingContact(EquilibriumProblem):
     def _motion(self, equations: Equations) -> tuple[Array, Array]:
         """Rates of the edges and nodes of a mesh with the motions of the creases, (m, P + 1) and (m, N)."""
         assert self._carried is not None
-        stretch = equations.mesh.edges[-1] / self.equations.mesh.edges[-1]
+        stretch = equations.mesh.end / self.equations.mesh.end
         return stretch * self._carried[0], stretch * self._carried[1]
 
     def parameter_derivative(self, x: Array, p: float) -> Array:

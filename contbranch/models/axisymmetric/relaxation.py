@@ -184,7 +184,7 @@ def _remeshed(state: _State, share: float) -> _State:
     equations, fields = state.equations, state.fields
     allowed = TOLERANCE * share * state.strength
     reach = needed_reach(equations, fields, 0.1 * allowed)
-    end = float(equations.mesh.edges[-1])
+    end = float(equations.mesh.end)
     edges = np.append(equations.mesh.edges, reach) if reach > 1.05 * end else None
     if edges is None:
         edges = adapted_edges(equations, fields, 0.1 * allowed, max(reach, 0.5 * end), equations.mesh)
