@@ -71,7 +71,7 @@ def born(point: Point) -> Succession:
     problem = rings(point)
     if breach.region == 0 and breach.radius == 0.0 and breach.new in problem.layout.regions[1:2]:
         fields = problem.fields(point.x, point.parameter)
-        hole = fields.gap[fields.grid.of_node == 0] - problem.setting.law.levels[breach.new.index]
+        hole = fields.gap[fields.grid.of_node == 0] - problem.law.levels[breach.new.index]
         told = max(SHALLOW * problem.scale, ROUNDING * magnitude(fields.lift))
         if magnitude(hole) < told:  # it closes before a disc in it can be told
             return vanished([point], 0)
@@ -234,16 +234,16 @@ def seeded(point: Point, breach: Breach) -> Point:
     room = min(
         *([] if centre else [breach.radius - before]),
         after - breach.radius,
-        max(edges[-1] if len(edges) else 0.0, math.sqrt(problem.setting.scale)),
+        max(edges[-1] if len(edges) else 0.0, math.sqrt(problem.scale)),
     )
     if breach.new.rests:  # no wider than the dip in which surfaces meet
-        apart = abs(fields.gap - problem.setting.law.levels[breach.new.index]) > DEEP * problem.scale
+        apart = abs(fields.gap - problem.law.levels[breach.new.index]) > DEEP * problem.scale
         room = min(room, float(abs(grid.r[apart & (grid.of_node == breach.region)] - breach.radius).min(initial=room)))
     seeds = [(centre, share * room) for share in SEEDS]
     if breach.region == 0 and not centre:  # the disc that fills a ring soon, at once where that is too small to be told
-        place = 0 if breach.radius < TOLD * math.sqrt(problem.setting.scale) else len(seeds)
+        place = 0 if breach.radius < TOLD * math.sqrt(problem.scale) else len(seeds)
         seeds[place:place] = [(True, share * breach.radius) for share in FILLED]
-    tip, doubtful, least = problem.setting.tip, list[tuple[float, Point]](), 0.0
+    tip, doubtful, least = problem.tip, list[tuple[float, Point]](), 0.0
     cusp = CUSP / max(tip.apex_exponent - 1.0, TINY)
     for inside, half in seeds:
         if least and (half <= least or inside != centre):

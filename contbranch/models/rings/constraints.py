@@ -67,7 +67,7 @@ class Breach:
 def begun(point: Point) -> Point:
     """The point as the start of a piece of curve, with the widths at which its regions vanish, and its own origin."""
     problem = rings(point)
-    edges, tip = point.x[point.x.size - problem.edges :][: problem.layout.edges], problem.setting.tip
+    edges, tip = point.x[point.x.size - problem.edges :][: problem.layout.edges], problem.tip
     shares = problem.widths(edges) / edges[-1] if len(edges) else edges
     widths = []
     for k, share in enumerate(shares):
@@ -76,7 +76,7 @@ def begun(point: Point) -> Point:
         if joins and k == len(shares) - 1 and math.isfinite(tip.extent):  # counts by its height: caps end steeply
             least = 1 - tip.radius_at((1 - NARROWEST) * float(tip.height(np.float64(tip.extent)))) / tip.extent
         widths.append(float(min(least, SHRUNK * share)))
-    origin = -min(problem.setting.law.levels, key=lambda level: abs(level + problem.origin + point.parameter))
+    origin = -min(problem.law.levels, key=lambda level: abs(level + problem.origin + point.parameter))
     own = problem.laid_out(problem.layout, problem.panels, tuple(widths), origin)
     return replace(point, problem=own, parameter=point.parameter + (problem.origin - origin))
 
@@ -92,8 +92,8 @@ def narrowness(problem: RingEquations, fields: Fields) -> float:
 
 def breaches(problem: RingEquations, fields: Fields) -> Iterator[Breach]:
     """The interior extrema of gaps and pressures against their bounds, in every region."""
-    law = problem.setting.law
-    scale = problem.setting.scale
+    law = problem.law
+    scale = problem.scale
     largest = max(magnitude(fields.pressure), 1e-300)
     for k, region in enumerate(problem.layout.regions):
         if k >= fields.grid.region[-1] + 1:
@@ -101,8 +101,8 @@ def breaches(problem: RingEquations, fields: Fields) -> Iterator[Breach]:
         if region.rests:
             low, high = law.bounds(region.index)
             pressure = fields.pressure
-            if problem.layout == Layout((region,), True) and problem.setting.tip.apex_exponent < 2:
-                pressure = np.append(pressure, peak_pressure(problem.setting.tip, float(fields.grid.edges[0])))
+            if problem.layout == Layout((region,), True) and problem.tip.apex_exponent < 2:
+                pressure = np.append(pressure, peak_pressure(problem.tip, float(fields.grid.edges[0])))
             yield from _extrema(problem, fields, k, (pressure - low) / largest, Region(False, region.index))
             if math.isfinite(high):
                 upper = Region(False, region.index - 1)
@@ -134,7 +134,7 @@ def least_margin(problem: RingEquations, fields: Fields) -> Breach | None:
 
 def _apart(problem: RingEquations, fields: Fields, level: float, sign: int, r: Array) -> Array:
     """How far the gap is from a level at radii, above it or (sign −1) below, in units of the range."""
-    return sign * (problem.rise_at(fields, r) - problem.origin - level) / problem.setting.scale
+    return sign * (problem.rise_at(fields, r) - problem.origin - level) / problem.scale
 
 
 def _extrema(
@@ -157,8 +157,8 @@ def _extrema(
     jumps = [e for e in (region - 1, region) if 0 <= e < problem.layout.edges and problem.layout.jump(e)]
     noise = EDGE_NOISE * magnitude(values) + ROUNDING
     for edge in jumps:
-        low, high = problem.setting.law.bounds(problem.layout.jump_level(edge))
-        noise = max(noise, PASSES * (high - low) * NARROW_RING * float(grid.edges[-1]) / problem.setting.scale)
+        low, high = problem.law.bounds(problem.layout.jump_level(edge))
+        noise = max(noise, PASSES * (high - low) * NARROW_RING * float(grid.edges[-1]) / problem.scale)
     share = float(problem.widths(grid.edges)[region] / grid.edges[-1]) if outer_edge else 1.0
     narrow = share < NARROW
     if problem.layout.regions[region].rests:

@@ -128,7 +128,8 @@ class RingEquations(EquilibriumProblem):
     leaves: bool = False
 
     def __post_init__(self) -> None:
-        self.scale, self.work = self.setting.scale, self.setting.work
+        setting = self.setting
+        self.tip, self.law, self.scale, self.work = setting.tip, setting.law, setting.scale, setting.work
         self._recent: list[Fields] = []
 
     @property
@@ -160,7 +161,7 @@ class RingEquations(EquilibriumProblem):
         if same is not None:
             grid, response, lift = same.grid, same.response, same.lift
         else:
-            inside = self.layout.whole or not count or edges[-1] < self.setting.tip.extent
+            inside = self.layout.whole or not count or edges[-1] < self.tip.extent
             if count and not (edges[0] > 0 and np.all(np.diff(edges) > 0) and inside):
                 raise ModelError("the edges of the contact are not in order")
             if self._recent:
@@ -168,7 +169,7 @@ class RingEquations(EquilibriumProblem):
             grid = Grid(self.panels, edges, self.layout.bounded)
             response = grid.response()
             lift = response @ pressure
-        rise = self.setting.tip.height(grid.r) + lift - p
+        rise = self.tip.height(grid.r) + lift - p
         gap = rise - self.origin
         if self.panels.front:  # where the gap comes to rest there, its place would turn round, and with it the curve
             outside = int(grid.r.searchsorted(edges[-1]))
@@ -178,7 +179,7 @@ class RingEquations(EquilibriumProblem):
         for k, region in enumerate(self.layout.regions):
             if not region.rests:
                 own = grid.of_node == k
-                answer = self.setting.law.evaluate(region.index, gap[own])
+                answer = self.law.evaluate(region.index, gap[own])
                 law_pressure[own], stiffness[own] = answer.pressure, answer.stiffness
         found = Fields(x, p, grid, pressure, lift, rise, gap, law_pressure, stiffness, response)
         self._recent = [found, *self._recent[: RECENT - 1]]
@@ -190,7 +191,7 @@ class RingEquations(EquilibriumProblem):
 
     def resting(self, grid: Grid) -> tuple[Flags, Array]:
         """Which nodes rest, and their levels."""
-        levels = [self.setting.law.levels[region.index] if region.rests else 0.0 for region in self.layout.regions]
+        levels = [self.law.levels[region.index] if region.rests else 0.0 for region in self.layout.regions]
         rests = [region.rests for region in self.layout.regions]
         return np.array(rests)[grid.of_node], np.array(levels)[grid.of_node]
 
@@ -200,20 +201,20 @@ class RingEquations(EquilibriumProblem):
         Next to a resting region the pressure, extrapolated to the edge, is the floating region's; at a jump the gap is
         the level's, and its own at a front; the edge of the tip stays where it is.
         """
-        grid, count, law = fields.grid, self.edges, self.setting.law
+        grid, count, law = fields.grid, self.edges, self.law
         residual, rows = np.zeros(count), np.zeros((count, grid.size))
         moves, shifts = np.zeros((count, count)), np.zeros(count)
         for edge in range(count):
             front = edge == self.layout.edges
             if self.layout.ends(edge):
-                residual[edge], moves[edge, edge] = grid.edges[edge] - self.setting.tip.extent, 1.0
+                residual[edge], moves[edge, edge] = grid.edges[edge] - self.tip.extent, 1.0
             elif front or self.layout.jump(edge):
                 radius = np.float64(grid.anchors[edge])
                 rows[edge], moves[edge] = grid.at_edge(edge, fields.pressure)
                 level = self.panels.front if front else law.levels[self.layout.jump_level(edge)]
-                rise = float(self.setting.tip.height(radius)) + float(rows[edge] @ fields.pressure) - fields.parameter
+                rise = float(self.tip.height(radius)) + float(rows[edge] @ fields.pressure) - fields.parameter
                 residual[edge] = rise - (level + self.origin)
-                moves[edge, edge] += float(self.setting.tip.height_derivative(radius))
+                moves[edge, edge] += float(self.tip.height_derivative(radius))
                 shifts[edge] = -1.0
             else:
                 side, floating = self.layout.neighbour(edge)
@@ -250,7 +251,7 @@ class RingEquations(EquilibriumProblem):
                 firm = np.flatnonzero((fields.grid.of_node == k) & (fields.stiffness * reach > FIRM))
                 if region.rests or not firm.size:
                     continue
-                gap, stiffness = self.setting.law.gap(region.index, fields.pressure[firm], fields.gap[firm])
+                gap, stiffness = self.law.gap(region.index, fields.pressure[firm], fields.gap[firm])
                 found = stiffness > 0.0
                 firm = firm[found]
                 residual[firm] = fields.gap[firm] - gap[found]
@@ -275,7 +276,7 @@ class RingEquations(EquilibriumProblem):
         """d(gap at the nodes)/d(edges), the nodes moving with the edges, (N, E)."""
         grid = fields.grid
         moves = grid.moved(fields.pressure)
-        slope = self.setting.tip.height_derivative(grid.r)
+        slope = self.tip.height_derivative(grid.r)
         for edge in range(self.edges):
             moves[:, edge] += slope * grid.motion(edge)[0]
         return moves
@@ -310,7 +311,7 @@ class RingEquations(EquilibriumProblem):
 
     def metric(self, x: Array) -> Metric:
         """Lengths relative to the state (without pressure: to one), and to the range or a share of a tip's height."""
-        tall = TALL * float(self.setting.tip.height(x[-1])) if self.edges else 0.0
+        tall = TALL * float(self.tip.height(x[-1])) if self.edges else 0.0
         return Metric(math.sqrt(self.inner(x, x)) or 1.0, max(self.scale, tall))
 
     # -- observables --------------------------------------------------------------------------------------------------
@@ -326,7 +327,7 @@ class RingEquations(EquilibriumProblem):
 
     def interaction(self, fields: Fields) -> float:
         """V_fr, the law's tail included; where the pressure is constant, panels know nothing of a rough tip's gap."""
-        grid, law = fields.grid, self.setting.law
+        grid, law = fields.grid, self.law
         radius, area, values = grid.divided(PARTS)
         total = 0.0
         for k, region in enumerate(self.layout.regions):
@@ -335,7 +336,7 @@ class RingEquations(EquilibriumProblem):
                 total += law.energy(region.index) * float(area[own].sum())
             else:
                 lift = fields.lift.reshape(grid.count, -1)[own] @ values
-                gap = self.setting.tip.height(radius[own]) + lift - (fields.parameter + self.origin)
+                gap = self.tip.height(radius[own]) + lift - (fields.parameter + self.origin)
                 total += float((area[own] * law.evaluate(region.index, gap).energy).sum())
         return total
 
@@ -353,22 +354,22 @@ class RingEquations(EquilibriumProblem):
         """Gap at r = 0."""
         first = self.layout.regions[0]
         if first.rests:
-            return self.setting.law.levels[first.index]
+            return self.law.levels[first.index]
         return self.apex(fields) - self.origin
 
     def apex(self, fields: Fields) -> float:
         """`Fields.rise` at r = 0, where the ring integral is 2 ∫ p ds."""
         lift = 2 * float(fields.grid.weights @ fields.pressure)
-        return float(self.setting.tip.height(np.float64(0.0))) + lift - fields.parameter
+        return float(self.tip.height(np.float64(0.0))) + lift - fields.parameter
 
     def rise_at(self, fields: Fields, r: Array) -> Array:
         """`Fields.rise` at any radii above zero."""
-        return self.setting.tip.height(r) + fields.grid.lift_at(r, fields.pressure) - fields.parameter
+        return self.tip.height(r) + fields.grid.lift_at(r, fields.pressure) - fields.parameter
 
     def ends(self, edges: Array) -> Array:
         """Where regions end: at the edges and, if nothing is felt beyond them, where the tip ends."""
-        free = self.layout.bounded and not self.layout.whole and math.isfinite(self.setting.tip.extent)
-        return np.append(edges, self.setting.tip.extent) if free else edges
+        free = self.layout.bounded and not self.layout.whole and math.isfinite(self.tip.extent)
+        return np.append(edges, self.tip.extent) if free else edges
 
     def widths(self, edges: Array) -> Array:
         """Widths of the regions that end somewhere."""
@@ -468,7 +469,7 @@ class RingEquations(EquilibriumProblem):
         low, high = grid.r[inside[-1] : inside[-1] + 2]
         for _ in range(HALVINGS):
             middle = np.array([(low + high) / 2])
-            gap = self.setting.tip.height(middle) + grid.interpolate(fields.lift, middle) - fields.parameter
+            gap = self.tip.height(middle) + grid.interpolate(fields.lift, middle) - fields.parameter
             low, high = (middle[0], high) if gap[0] - self.origin < front else (low, middle[0])
         return float(low)
 

@@ -25,7 +25,7 @@ RISES, CLOSE = 0.25, 1e-3
 
 def at_kink(problem: RingEquations, fields: Fields) -> bool:
     """Whether the gap rises through a kink of the law outside of all edges."""
-    law, grid = problem.setting.law.smooth, fields.grid
+    law, grid = problem.law.smooth, fields.grid
     if problem.layout.bounded or law is None or not math.isfinite(law.kink):
         return False
     gap = fields.gap[_outside(problem, grid)]
@@ -41,13 +41,13 @@ def _outside(problem: RingEquations, grid: Grid) -> Indices:
 def steepest(problem: RingEquations, fields: Fields) -> float:
     """The gap at the front of a state: the present one as long as it serves, or where the pressure is steepest; 0."""
     grid, present = fields.grid, problem.panels.front
-    if problem.layout.bounded or problem.setting.law.smooth is None:
+    if problem.layout.bounded or problem.law.smooth is None:
         return 0.0
     if at_kink(problem, fields):
-        return problem.setting.law.smooth.kink
+        return problem.law.smooth.kink
     own = _outside(problem, grid)
     r, last = grid.r[own], float(grid.edges[-1]) if len(grid.edges) else 0.0
-    if not np.abs(fields.stiffness[own]).max(initial=0.0) * problem.setting.tip.radius_at(problem.scale) > STIFF:
+    if not np.abs(fields.stiffness[own]).max(initial=0.0) * problem.tip.radius_at(problem.scale) > STIFF:
         return 0.0
     slope, rise = (grid.slopes(values, r, grid.of_node[own]) for values in (fields.pressure, fields.gap))
     steep = np.abs((r * r - last * last) / r * slope) / np.abs(fields.pressure).max()

@@ -154,7 +154,7 @@ def unresolved(problem: RingEquations, fields: Fields) -> Array:
     for k, region in enumerate(problem.layout.regions[: grid.region[-1] + 1]):
         if region.rests:
             own = grid.region == k
-            least = problem.setting.law.bounds(region.index)[0]
+            least = problem.law.bounds(region.index)[0]
             borne = fields.pressure.reshape(grid.count, -1)[own] - least
             tail = np.abs(grid.coefficients(fields.pressure)[own, -2:]).max(axis=1)
             tail -= ROUNDING * magnitude(fields.lift) / np.diff(grid.breaks[own])[:, 0]
@@ -182,7 +182,7 @@ def adapted(problem: RingEquations, fields: Fields, tolerance: float) -> Panels 
     errors = panel_errors(problem, fields)
     share = tolerance * max(1.0, abs(problem.load(fields))) / max(4.0, len(errors) ** 0.5)
     errors = np.maximum(errors, share * np.maximum(unresolved(problem, fields) / RESOLVED, roughness(fields)))
-    grid, tip = fields.grid, problem.setting.tip
+    grid, tip = fields.grid, problem.tip
     if problem.layout.regions[0].rests and tip.apex_exponent >= 2 and grid.breaks[0, 1] > TINIEST * grid.edges[0]:
         # a disc may open there
         peak = np.abs(grid.coefficients(fields.pressure)[0])
@@ -195,7 +195,7 @@ def adapted(problem: RingEquations, fields: Fields, tolerance: float) -> Panels 
 
     def widest(k: int) -> float:
         """The longest first panel of a piece: what happens at its edge is as narrow as what lies beyond it."""
-        if problem.setting.law.smooth is None:  # pressures around are constant
+        if problem.law.smooth is None:  # pressures around are constant
             return math.inf
         return GROWTH * roots[k ^ 1] / (roots[k] if k < len(panels.halves) else 1.0)
 

@@ -51,13 +51,13 @@ class RingProblem(RingEquations):
     @property
     def convex(self) -> bool:
         """Steps of the pressure are repulsive ones."""
-        smooth = self.setting.law.smooth
+        smooth = self.law.smooth
         return smooth is None or smooth.convex
 
     @property
     def pieced(self) -> bool:
         """Whether the law is: where its pieces meet is no end of panels."""
-        return self.setting.law.interaction is not None and self.setting.law.interaction.pieced
+        return self.law.interaction is not None and self.law.interaction.pieced
 
     # -- the curve ----------------------------------------------------------------------------------------------------
     def start(self, control: Control) -> Point:
@@ -94,7 +94,7 @@ class RingProblem(RingEquations):
         known = {"breach": 1.0 if breach is None else min(breach.margin, 1.0), "narrow": narrowness(self, fields)}
         if self.leaves:
             known["alone"] = ALONE - known["breach"]
-        extent, resting = self.setting.tip.extent, [region.rests for region in self.layout.regions[: self.layout.edges]]
+        extent, resting = self.tip.extent, [region.rests for region in self.layout.regions[: self.layout.edges]]
         return known | (
             {"tip-edge": WHOLE - max(fields.grid.edges[resting], default=0.0) / extent} if math.isfinite(extent) else {}
         )
@@ -124,9 +124,9 @@ class RingProblem(RingEquations):
         rising = self.load_rate(fields, point.tangent_x)
         if not (middle.rests and middle.index and rising > 0.0):
             return False
-        left = self.setting.law.bounds(middle.index)[1] - float(fields.pressure[0])
+        left = self.law.bounds(middle.index)[1] - float(fields.pressure[0])
         rate = float(point.tangent_x[0]) * self.load(fields) / rising
-        return lasts(self.setting.tip, point.parameter + self.origin, left, rate)
+        return lasts(self.tip, point.parameter + self.origin, left, rate)
 
     # -- discretisations ----------------------------------------------------------------------------------------------
     def adapt(self, x: Array, p: float) -> Adaptation | None:

@@ -103,10 +103,10 @@ def farther(problem: RingEquations, control: Control, value: float) -> Point | N
 
 def apart(problem: RingEquations, d: float) -> Point:
     """The state at a displacement at which nothing rests, on its way towards the wall."""
-    law = problem.setting.law
-    edges = np.full(problem.edges, problem.setting.tip.extent)
+    law = problem.law
+    edges = np.full(problem.edges, problem.tip.extent)
     r = Grid(problem.panels, edges, problem.layout.bounded).r
-    pressure = law.evaluate(law.outermost, problem.setting.tip.height(r) - d).pressure
+    pressure = law.evaluate(law.outermost, problem.tip.height(r) - d).pressure
     ahead = np.zeros(r.size + len(edges)), 1.0
     x, d = solved(problem, np.concatenate([pressure, edges]), d, ahead)
     return resolved(oriented(problem, x, d, ahead), (0 * edges, 1.0))
@@ -114,7 +114,7 @@ def apart(problem: RingEquations, d: float) -> Point:
 
 def at_rest(problem: RingEquations, radius: float) -> Point:
     """A tiny disc, or ring, of a radius, on which the gap rests at the end of the law's range, on its way to grow."""
-    setting, law = problem.setting, problem.setting.law
+    setting, law = problem.setting, problem.law
     inside, rests = Region(False, law.outermost - 1), Region(True, law.outermost)
     steep = float(setting.tip.height_derivative(np.float64(radius)))
     width = CLOSING * math.exp(-math.pi * steep / (2 * law.pressure(law.outermost - 1, law.outermost)))
@@ -140,7 +140,7 @@ def at_rest(problem: RingEquations, radius: float) -> Point:
 
 def _with_edges(problem: RingEquations, layout: Layout, edges: Array) -> Point:
     """The state with a given outermost edge."""
-    law = problem.setting.law
+    law = problem.law
     order = order_for(problem.setting.tolerance)
     panels = Panels(order, (BOUNDED,) * (2 * layout.edges - 1))
     trial = problem.laid_out(layout, panels, origin=-law.levels[-1])

@@ -27,7 +27,7 @@ def change(problem: RingEquations, breach: Breach, growing: bool) -> tuple[str, 
     centre = breach.radius == 0.0
     place = "at the centre" if centre else f"on a ring of radius {breach.radius:.6g} (reduced)"
     level = (new if new.rests else around).index
-    where = "the wall" if level == 0 else f"a gap of {problem.setting.law.levels[level]:.6g} (reduced)"
+    where = "the wall" if level == 0 else f"a gap of {problem.law.levels[level]:.6g} (reduced)"
     if new.rests:
         verb, shape = "comes to rest at" if growing else "leaves", ""
         alone = not any(region.rests and region.index == 0 for region in problem.layout.regions)
